@@ -1,0 +1,17 @@
+"""Errors of the compensation layer, by cause."""
+
+
+class CompensationError(Exception):
+    """Base of everything that this layer raises on purpose; anything else is a bug of ours."""
+
+
+class TableError(CompensationError):
+    """A correction table that must not be used: it is refused whole."""
+
+
+class SettingsError(CompensationError):
+    """Settings of an axis that contradict each other or its table."""
+
+
+class OutOfTableError(CompensationError):
+    """A position outside the table of an axis whose policy is ``refuse``."""

@@ -1,0 +1,126 @@
+"""Numbers that govern one axis, with their defaults. Lengths are in the units of the axis."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from gateway.compensation.units import Units
+
+DEFAULT_HYSTERESIS_MM: Final = 0.001
+DEFAULT_HYSTERESIS_COUNTS: Final = 2
+"""Hysteresis is the larger of 2 counts and 1 µm (the semantics of Fagor's REVEHYST, P99)."""
+DEFAULT_MAX_CORRECTION_MM: Final = 0.5
+DEFAULT_MAX_SLOPE: Final = 0.01
+DEFAULT_FRESH_MS: Final = 20.0
+DEFAULT_RELOAD_DISTANCE_MM: Final = 1.0
+REVERSAL_PER_DIFFERENCE: Final = 5.0
+REVERSAL_PER_HYSTERESIS: Final = 20.0
+RELOAD_PER_DIFFERENCE: Final = 4.0
+"""A sin² blend over D adds a slope of at most (π/2)·difference/D; 4 keeps it below 0.4."""
+
+
+class Setpoints(Enum):
+    """How the controller commands the axis."""
+
+    TARGETS = "targets"
+    STREAM = "stream"
+
+
+class ReversalKind(Enum):
+    """What a reversal's blend advances with."""
+
+    STEP = "step"
+    DISTANCE = "distance"
+    TIME_MS = "time_ms"
+    CYCLES = "cycles"
+
+
+class OutsideKind(Enum):
+    """What holds outside the table."""
+
+    HOLD = "hold"
+    FADE = "fade"
+    ZERO = "zero"
+    REFUSE = "refuse"
+
+
+@dataclass(frozen=True, slots=True)
+class Reversal:
+    """Blend between the branches; ``amount`` is a length, milliseconds or cycles, after its kind."""
+
+    kind: ReversalKind
+    amount: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """Policy outside the table; ``fade_length`` belongs to ``fade``."""
+
+    kind: OutsideKind = OutsideKind.HOLD
+    fade_length: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """Share of the table that is applied, 0 to 1, for each direction."""
+
+    forward: float = 1.0
+    backward: float = 1.0
+
+
+class BacklashKind(Enum):
+    """Where the lost motion of a unidirectional table is put.
+
+    ``two-sided``: half of it each way (LinuxCNC). ``homed-forward`` / ``homed-backward``: nothing in the
+    direction in which homing took it up, all of it in the other (Mint).
+    """
+
+    TWO_SIDED = "two-sided"
+    HOMED_FORWARD = "homed-forward"
+    HOMED_BACKWARD = "homed-backward"
+
+
+@dataclass(frozen=True, slots=True)
+class Backlash:
+    """Constant lost motion, only for unidirectional tables; ``width`` > 0 in units."""
+
+    width: float
+    kind: BacklashKind
+
+
+@dataclass(frozen=True, slots=True)
+class AxisSettings:
+    """Everything the maths of one axis needs to know besides its table.
+
+    ``counts = zero_counts + counts_per_unit * (nominal + machine_offset)``; the table and ``travel`` are in
+    machine positions, that is ``nominal + machine_offset``.
+    """
+
+    units: Units
+    counts_per_unit: float
+    zero_counts: float = 0.0
+    machine_offset: float = 0.0
+    travel: tuple[float, float] | None = None
+    travel_margin: float = DEFAULT_MAX_CORRECTION_MM
+    setpoints: Setpoints = Setpoints.TARGETS
+    hysteresis: float = DEFAULT_HYSTERESIS_MM
+    reversal: Reversal | None = None
+    """None: ``step`` in targets, the default distance in stream."""
+    reload_distance: float = DEFAULT_RELOAD_DISTANCE_MM
+    outside: Outside = Outside()
+    modulo: float = 0.0
+    """Length of one turn of a rotary axis, 0 for a linear one."""
+    gain: Gain = Gain()
+    backlash: Backlash | None = None
+    max_correction: float = DEFAULT_MAX_CORRECTION_MM
+    max_slope: float = DEFAULT_MAX_SLOPE
+    max_speed: float = 0.0
+    """Units per second; 0 when unknown."""
+    fresh_ms: float = DEFAULT_FRESH_MS
+    home_approach: int = 0
+    """+1 forward, -1 backward, 0 unknown: the branch in force after homing."""
+
+
+def default_hysteresis(units: Units, counts_per_unit: float) -> float:
+    """Return the larger of 2 counts and 1 µm, in ``units``."""
+    return max(DEFAULT_HYSTERESIS_COUNTS / abs(counts_per_unit), units.from_mm(DEFAULT_HYSTERESIS_MM))

@@ -1,0 +1,159 @@
+"""The correction table: what every dialect is turned into.
+
+``corrected = nominal + correction``. Every foreign sign convention has been converted by the reader of its
+dialect before a table exists; nothing that uses a table knows about signs any more.
+"""
+
+from array import array
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Final
+
+from gateway.compensation.errors import TableError
+from gateway.compensation.units import Units
+
+EVEN_GRID_TOLERANCE: Final = 1e-9
+"""A grid counts as even when every point lies within this fraction of a step from its even place."""
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectionTable:
+    """Corrections of one axis over machine position, separate for each direction of travel.
+
+    All arrays hold doubles in ``units``; positions ascend strictly; between points the curve is a straight
+    line. ``forward`` holds while the machine position grows, ``backward`` while it shrinks.
+
+    Build one with :func:`make_table`, which checks it.
+    """
+
+    positions: Sequence[float]
+    forward: Sequence[float]
+    backward: Sequence[float]
+    units: Units
+    even_step: float
+    """Distance of neighbouring points when the grid is even, else 0."""
+
+    @property
+    def first(self) -> float:
+        """Lowest position of the table, in its units."""
+        return self.positions[0]
+
+    @property
+    def last(self) -> float:
+        """Highest position of the table, in its units."""
+        return self.positions[-1]
+
+    @property
+    def is_unidirectional(self) -> bool:
+        """Whether both directions carry the same corrections."""
+        return self.forward is self.backward or list(self.forward) == list(self.backward)
+
+    def segment(self, position: float) -> int:
+        """Index of the point that begins the segment around ``position``, clipped to the table.
+
+        >>> make_table([0, 1, 2], [0, 0, 0], [0, 0, 0], Units.MM).segment(1.0)
+        1
+        """
+        last_segment = len(self.positions) - 2
+        if self.even_step:
+            index = int((position - self.positions[0]) / self.even_step)
+            # The division may land one segment off beside a point; the comparisons below are exact.
+            index = 0 if index < 0 else min(index, last_segment)
+            if position < self.positions[index] and index:
+                return index - 1
+            if index < last_segment and position >= self.positions[index + 1]:
+                return index + 1
+            return index
+        return max(0, min(bisect_right(self.positions, position) - 1, last_segment))
+
+    def max_slope(self) -> float:
+        """Largest |change of correction / distance| of either direction, without a unit."""
+        return max(
+            abs(curve[i + 1] - curve[i]) / (self.positions[i + 1] - self.positions[i])
+            for curve in (self.forward, self.backward)
+            for i in range(len(self.positions) - 1)
+        )
+
+    def max_correction(self) -> float:
+        """Largest |correction| of either direction, in the table's units."""
+        return max(max(map(abs, self.forward)), max(map(abs, self.backward)))
+
+    def max_reversal(self) -> float:
+        """Largest |forward - backward|, in the table's units."""
+        return max(abs(f - b) for f, b in zip(self.forward, self.backward, strict=True))
+
+    def in_units(self, units: Units) -> "CorrectionTable":
+        """Return the same table in other units.
+
+        Raises:
+            ValueError: between a length and an angle.
+        """
+        if units is self.units:
+            return self
+        factor = self.units.convert_factor(units)
+        return make_table(
+            [x * factor for x in self.positions],
+            [c * factor for c in self.forward],
+            [c * factor for c in self.backward],
+            units,
+        )
+
+
+def make_table(
+    positions: Sequence[float], forward: Sequence[float], backward: Sequence[float], units: Units
+) -> CorrectionTable:
+    """Check and build a table from points in ascending order.
+
+    Raises:
+        TableError: fewer than two points, lists of different length, a number that is not finite, positions
+            that do not ascend strictly, or a correction that changes by as much as the position does
+            (slope >= 1: the map could not be inverted).
+
+    >>> make_table([0, 10], [0.0, 0.01], [0.0, -0.01], Units.MM).max_slope()
+    0.001
+    """
+    if not len(positions) == len(forward) == len(backward):
+        raise TableError(
+            f"{len(positions)} positions, {len(forward)} forward and {len(backward)} backward corrections: "
+            "the three lists must be of one length"
+        )
+    if len(positions) < 2:
+        raise TableError(f"{len(positions)} point(s): a table needs at least 2")
+    for name, values in (("position", positions), ("forward", forward), ("backward", backward)):
+        for index, number in enumerate(values):
+            if not isfinite(number):
+                raise TableError(f"{name} of point {index + 1} is {number}, not a finite number")
+    for index in range(1, len(positions)):
+        if positions[index] <= positions[index - 1]:
+            raise TableError(
+                f"position of point {index + 1} ({positions[index]}) does not lie above point {index} "
+                f"({positions[index - 1]})"
+            )
+    forward_array = array("d", forward)
+    backward_array = forward_array if list(forward) == list(backward) else array("d", backward)
+    position_array = array("d", positions)
+    table = CorrectionTable(position_array, forward_array, backward_array, units, _even_step(position_array))
+    _check_slope(table)
+    return table
+
+
+def _even_step(positions: Sequence[float]) -> float:
+    step = (positions[-1] - positions[0]) / (len(positions) - 1)
+    start = positions[0]
+    furthest = max(abs(x - (start + i * step)) for i, x in enumerate(positions))
+    return step if furthest <= step * EVEN_GRID_TOLERANCE else 0.0
+
+
+def _check_slope(table: CorrectionTable) -> None:
+    positions = table.positions
+    for name, curve in (("forward", table.forward), ("backward", table.backward)):
+        for i in range(len(positions) - 1):
+            slope = (curve[i + 1] - curve[i]) / (positions[i + 1] - positions[i])
+            if not -1.0 < slope < 1.0 or abs(slope) == inf:
+                raise TableError(
+                    f"{name} correction changes by {curve[i + 1] - curve[i]:.9g} between "
+                    f"{positions[i]:.9g} and {positions[i + 1]:.9g}: a slope of {slope:.4g}, "
+                    "which must stay below 1"
+                )

@@ -1,0 +1,1 @@
+"""``gateway.toml`` to frozen, checked objects; every error names file, key, value and what is allowed."""

@@ -1,0 +1,1 @@
+"""Register maps of drives: the schema, and later the shipped profiles."""

@@ -1,0 +1,1 @@
+"""Sans-IO: the only place where compensation meets Modbus."""

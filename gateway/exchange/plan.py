@@ -1,0 +1,87 @@
+"""What the exchange needs to know, checked and frozen before it runs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from gateway.compensation.settings import AxisSettings
+from gateway.compensation.table import CorrectionTable
+from gateway.modbus.registers import BitField, PositionField
+
+
+class CompensationMode(Enum):
+    """``shadow`` computes and shows everything and writes the original."""
+
+    ON = "on"
+    SHADOW = "shadow"
+    OFF = "off"
+
+
+class Reference(Enum):
+    """How the gateway knows that the axis knows where it is."""
+
+    ABSOLUTE = "absolute"
+    DRIVE_BIT = "drive-bit"
+    HOMING = "homing"
+    SET_POSITION = "set-position"
+
+
+class Role(Enum):
+    """What a controller may do. ``monitor`` may only read."""
+
+    MOTION = "motion"
+    OPERATOR = "operator"
+    MONITOR = "monitor"
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerPlan:
+    """One controller as the exchange sees it."""
+
+    name: str
+    role: Role = Role.MOTION
+    timeout_ms: float = 1000.0
+    """After this the controller has given up on a request (W5, W7)."""
+    serial: bool = False
+    """RTU controllers get silence where TCP ones get exceptions 0x0A and 0x0B."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisPlan:
+    """One axis: its place on the bus, its registers, its numbers and its table."""
+
+    name: str
+    unit_id: int
+    settings: AxisSettings
+    table: CorrectionTable | None
+    compensation: CompensationMode
+    referenced: Reference
+    command: tuple[PositionField, ...]
+    actual: tuple[PositionField, ...] = ()
+    commanded: tuple[PositionField, ...] = ()
+    bits: Mapping[str, BitField] = field(default_factory=dict)
+    write_function: int = 16
+    """16, or 6 for drives that take no FC16."""
+    max_registers: int = 123
+    """Most registers that the drive takes in one frame."""
+    safe_read: bool = True
+    """Positions and bits may be read by the gateway itself (W8)."""
+    added_frames: bool = True
+    exception_writes_nothing: bool = False
+    """The profile says ``exception = "nothing-written"`` (M7)."""
+    table_name: str = ""
+    table_format: str = ""
+    table_digest: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LineTiming:
+    """Times of one bus, in milliseconds."""
+
+    response_timeout_ms: float = 1000.0
+    drain_ms: float = 0.0
+    """Silence that must follow a time-out; 0: ``response_timeout_ms`` (W6). RTU only."""
+    turnaround_ms: float = 100.0
+    """Pause after a broadcast (Modbus over serial line V1.02, 2.4.1: typically 100 to 200 ms)."""
+    gap_ms: float = 0.0
+    """Silence that a drive needs before each request, beyond 3.5 characters (Delta: 10 ms)."""

@@ -1,0 +1,1 @@
+"""What is handed from the configuration to the relay."""

@@ -1,0 +1,35 @@
+"""The whole checked configuration in plain objects: what the relay runs from."""
+
+from dataclasses import dataclass
+from ipaddress import IPv4Network, IPv6Network
+
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerLink:
+    """A controller and where it connects. ``allow`` empty: any address that reaches the listener."""
+
+    plan: ControllerPlan
+    endpoint: TcpEndpoint | SerialEndpoint
+    allow: tuple[IPv4Network | IPv6Network, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LinePlan:
+    """One bus of drives with the controllers that may use it."""
+
+    name: str
+    drives: TcpEndpoint | SerialEndpoint
+    controllers: tuple[ControllerLink, ...]
+    axes: tuple[AxisPlan, ...]
+    timing: LineTiming
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayPlan:
+    """Everything the relay needs."""
+
+    name: str
+    lines: tuple[LinePlan, ...]

@@ -1,0 +1,1 @@
+"""Pure maths: laser readings to tables."""

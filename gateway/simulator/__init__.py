@@ -1,0 +1,1 @@
+"""Simulated drives with real screws, a controller, a laser and a serial wire with a baud rate."""

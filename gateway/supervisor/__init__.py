@@ -1,0 +1,1 @@
+"""Process 2: tables, MQTT, HTTP, metrics, page. Filled by a later release."""

@@ -1,0 +1,1 @@
+"""Pure text: one file per dialect, text <-> correction table; lints; explain."""

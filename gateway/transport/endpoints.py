@@ -1,0 +1,36 @@
+"""Where a controller or a bus of drives is reached: plain data, checked by the configuration."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class TcpEndpoint:
+    """A TCP address. ``rtu`` is True for a serial device server that carries raw RTU frames."""
+
+    host: str
+    port: int
+    rtu: bool = False
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{host}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
+class SerialEndpoint:
+    """A serial port with its character format."""
+
+    device: str
+    baudrate: int = 19200
+    parity: str = "N"
+    """``N``, ``E`` or ``O``."""
+    data_bits: int = 8
+    stop_bits: int = 1
+
+    @property
+    def bits_per_character(self) -> int:
+        """Bits on the wire for one byte: start, data, parity and stop bits."""
+        return 1 + self.data_bits + (self.parity != "N") + self.stop_bits
+
+    def __str__(self) -> str:
+        return self.device
