@@ -15,3 +15,7 @@ class SettingsError(CompensationError):
 
 class OutOfTableError(CompensationError):
     """A position outside the table of an axis whose policy is ``refuse``."""
+
+
+class OutsideTravelError(CompensationError):
+    """A corrected position beyond the axis's travel and its margin."""

@@ -67,6 +67,11 @@ class Gain:
     forward: float = 1.0
     backward: float = 1.0
 
+    @property
+    def is_even(self) -> bool:
+        """Whether both directions get the same share."""
+        return self.forward == self.backward
+
 
 class BacklashKind(Enum):
     """Where the lost motion of a unidirectional table is put.

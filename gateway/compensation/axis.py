@@ -1,0 +1,267 @@
+"""One axis: the state of its direction and blends, what a target becomes, what a reading means.
+
+:meth:`AxisCompensation.plan` only computes; :meth:`AxisCompensation.commit` makes it so once the drive has
+accepted the target. Between the two nothing has happened, and a refused target leaves no trace.
+"""
+
+from typing import Final, NamedTuple
+
+from gateway.compensation.blend import shape, share_of, towards
+from gateway.compensation.correction_map import IDENTITY, CorrectionMap
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, changeover_distance
+from gateway.compensation.direction import Direction, Travel, follow
+from gateway.compensation.errors import OutOfTableError, OutsideTravelError
+from gateway.compensation.readback import Readback, after_target
+from gateway.compensation.settings import AxisSettings, OutsideKind, Setpoints
+
+NS_PER_MS: Final = 1_000_000
+JUST_BELOW: Final = 1.0 - 1e-6
+"""A distance of exactly the hysteresis must count as one, whatever floating point makes of it."""
+
+
+class Place(NamedTuple):
+    """Where an axis is, in nominal counts.
+
+    ``is_reached`` tells the last accepted target, known to be reached, from a measured position: only a
+    measured one is compared with hysteresis. ``is_assumed``: nothing proved it.
+    """
+
+    nominal_counts: float
+    is_reached: bool
+    is_assumed: bool = False
+
+
+class State(NamedTuple):
+    """Everything that a target leaves behind. ``position`` is the last nominal machine position."""
+
+    position: float | None = None
+    travel: Travel = Travel(Direction.UNKNOWN, 0.0)
+    progress: float = Direction.UNKNOWN.goal
+    spec: CorrectionSpec = NOTHING
+    previous: CorrectionSpec | None = None
+    change: float = 1.0
+    change_distance: float = 0.0
+    is_unsure: bool = False
+    at_ns: int = 0
+
+
+class Move(NamedTuple):
+    """What a target would do: a correction, and the state that accepting it leads to."""
+
+    nominal_counts: float
+    correction_counts: float
+    correction_map: CorrectionMap
+    state: State
+
+
+class Accepted(NamedTuple):
+    """The last target that the drive accepted."""
+
+    nominal_counts: float
+    corrected_counts: float
+
+
+class AxisCompensation:
+    """Compensation of one axis. Positions cross its border in counts, nominal or corrected.
+
+    ``counts = zero_counts + counts_per_unit * (nominal + machine_offset)``
+    """
+
+    def __init__(self, settings: AxisSettings) -> None:
+        self.settings = settings
+        self._hysteresis = settings.hysteresis * JUST_BELOW
+        self.state = State()
+        self.readback = Readback(settings.counts_per_unit, settings.zero_counts)
+        self.accepted: Accepted | None = None
+        """None when nothing was commanded yet, or nobody knows what the drive holds."""
+        self._wanted = NOTHING
+        self._wanted_distance = settings.reload_distance
+        self._standing_counts: float | None = None
+        self._map_key: tuple[object, ...] = ()
+        self._map = IDENTITY
+
+    @property
+    def correction_map(self) -> CorrectionMap:
+        """The correction that the last accepted target was given."""
+        return self.readback.correction_map
+
+    @property
+    def is_passing(self) -> bool:
+        """Whether nothing is corrected and nothing is asked for: words go through as they are."""
+        state = self.state
+        return self._wanted is NOTHING and state.spec is NOTHING and state.previous is None
+
+    @property
+    def is_blending(self) -> bool:
+        """Whether a reversal or a change-over is under way."""
+        state = self.state
+        return state.previous is not None or state.spec is not self._wanted or _is_reversing(state)
+
+    def machine_position(self, counts: float) -> float:
+        """Machine position, in units, of a count of either frame."""
+        return (counts - self.settings.zero_counts) / self.settings.counts_per_unit
+
+    def is_outside(self, counts: float) -> bool:
+        """Whether the table wanted does not reach this nominal position."""
+        curve = self._wanted.curve
+        return curve is not None and not curve.covers(self.machine_position(counts))
+
+    def want(self, spec: CorrectionSpec) -> None:
+        """Ask for another correction; it comes into force with different targets, never by itself."""
+        if spec is not self._wanted:
+            self._wanted = spec
+            self._measure_change()
+
+    def assume_offset(self, actual_counts: float, nominal_counts: float) -> None:
+        """Take the offset in force when setpoints begin to stream: where the drive is, less the command.
+
+        More than ``max_correction`` cannot be a correction; then nothing is in force.
+        """
+        offset = (actual_counts - nominal_counts) / self.settings.counts_per_unit
+        spec = CorrectionSpec(offset=offset) if abs(offset) <= self.settings.max_correction else NOTHING
+        self.state = self.state._replace(spec=spec, previous=None, change=1.0)
+        self._measure_change()
+
+    def lose_reference(self) -> None:
+        """Pass 1:1 from now on: positions mean nothing until the axis is referenced again."""
+        self.state = State()
+        self.accepted = None
+        self._wanted = NOTHING
+        self._standing_counts = None
+        self.readback = Readback(self.settings.counts_per_unit, self.settings.zero_counts)
+
+    def find_reference(self, spec: CorrectionSpec) -> None:
+        """The axis knows where it is: want ``spec``, on the branch that homing ended on."""
+        approach = Direction(self.settings.home_approach)
+        self.state = State(travel=Travel(approach, 0.0), progress=approach.goal)
+        self.want(spec)
+
+    def forget_target(self) -> None:
+        """Nobody knows any more which target the drive holds; the next one is never taken for a repeat."""
+        self.accepted = None
+
+    def observe(self, actual_counts: float) -> None:
+        """Note where the drive says it is; the readback's fade begins there."""
+        self._standing_counts = actual_counts
+
+    def plan(self, nominal_counts: float, place: Place | None, now_ns: int) -> Move:
+        """Work out what a target becomes. Nothing changes until :meth:`commit`.
+
+        Args:
+            nominal_counts: the target as commanded.
+            place: where the axis is, when that is known; only used where the drive profiles the move.
+            now_ns: monotonic time.
+
+        Raises:
+            OutOfTableError: outside the table of an axis whose policy is ``refuse``.
+            OutsideTravelError: the corrected position leaves the travel by more than the margin.
+        """
+        position = self.machine_position(nominal_counts)
+        if self.settings.setpoints is Setpoints.STREAM:
+            state = self._stream(position, now_ns)
+        else:
+            state = self._target(position, place, now_ns)
+        self._check_covered(state, position)
+        correction_map = self._map_of(state)
+        correction = correction_map.correction(position)
+        if not correction_map.is_identity:
+            self._check_travel(position, correction)
+        return Move(nominal_counts, correction * self.settings.counts_per_unit, correction_map, state)
+
+    def commit(self, move: Move, corrected_counts: float) -> None:
+        """Take a planned target as accepted by the drive, with the counts that it was sent."""
+        standing = self._standing_counts
+        if standing is None:
+            standing = self.accepted.corrected_counts if self.accepted else corrected_counts
+        self.readback = after_target(
+            self.readback, move.correction_map, move.nominal_counts, corrected_counts, standing
+        )
+        self.state = move.state
+        self.accepted = Accepted(move.nominal_counts, corrected_counts)
+        self._standing_counts = None
+
+    def _measure_change(self) -> None:
+        if self.settings.setpoints is Setpoints.STREAM:
+            self._wanted_distance = changeover_distance(self.state.spec, self._wanted, self.settings)
+
+    def _target(self, position: float, place: Place | None, now_ns: int) -> State:
+        direction = self.state.travel.direction
+        if place is not None:
+            distance = position - self.machine_position(place.nominal_counts)
+            least = 0.0 if place.is_reached else self._hysteresis
+            if distance and abs(distance) >= least:
+                direction = Direction.FORWARD if distance > 0 else Direction.BACKWARD
+        return State(
+            position=position,
+            travel=Travel(direction, position),
+            progress=direction.goal,
+            spec=self._wanted,
+            is_unsure=place is None or place.is_assumed,
+            at_ns=now_ns,
+        )
+
+    def _stream(self, position: float, now_ns: int) -> State:
+        state = self.state
+        distance = 0.0 if state.position is None else abs(position - state.position)
+        elapsed_ms = (now_ns - state.at_ns) / NS_PER_MS if state.position is not None and distance else 0.0
+        travel = state.travel if state.position is not None else Travel(state.travel.direction, position)
+        travel = follow(travel, position, self._hysteresis)
+        state = state._replace(position=position, travel=travel, is_unsure=False, at_ns=now_ns)
+        if state.previous is not None:  # one blend at a time: a reversal waits for the change-over
+            return _advance_change(state, distance)
+        goal = travel.direction.goal
+        if _is_reversing(state):
+            share = share_of(state.spec.reversal, distance, elapsed_ms) if state.spec.curve else 1.0
+            return state._replace(progress=towards(state.progress, goal, share))
+        if state.spec is not self._wanted:
+            return state._replace(
+                previous=state.spec, spec=self._wanted, change=0.0, change_distance=self._wanted_distance
+            )
+        return state
+
+    def _map_of(self, state: State) -> CorrectionMap:
+        key = (state.spec, state.previous, state.change, state.progress)
+        if key != self._map_key:
+            forward_share = shape(state.progress)
+            weight = 1.0 if state.previous is None else shape(state.change)
+            terms = state.spec.terms(forward_share, weight)
+            offset = state.spec.offset * weight
+            if state.previous is not None:
+                terms += state.previous.terms(forward_share, 1.0 - weight)
+                offset += state.previous.offset * (1.0 - weight)
+            self._map = CorrectionMap(terms, offset)
+            self._map_key = key
+        return self._map
+
+    def _check_covered(self, state: State, position: float) -> None:
+        curve = state.spec.curve
+        if self.settings.outside.kind is OutsideKind.REFUSE and curve and not curve.covers(position):
+            raise OutOfTableError(
+                f"machine position {position:.6g} lies outside the table "
+                f'({curve.table.first:g} to {curve.table.last:g}) and outside = "refuse"'
+            )
+
+    def _check_travel(self, position: float, correction: float) -> None:
+        if self.settings.travel is None:
+            return
+        low, high = self.settings.travel
+        margin = self.settings.travel_margin
+        slack = margin + 0.5 / abs(self.settings.counts_per_unit)  # half a count is rounding
+        corrected = position + correction
+        if not low - slack <= corrected <= high + slack:
+            raise OutsideTravelError(
+                f"corrected machine position {corrected:.6g} leaves the travel {low:g} to {high:g} "
+                f"by more than travel_margin = {margin:g} {self.settings.units.value}"
+            )
+
+
+def _is_reversing(state: State) -> bool:
+    direction = state.travel.direction
+    return direction is not Direction.UNKNOWN and state.progress != direction.goal
+
+
+def _advance_change(state: State, distance: float) -> State:
+    change = towards(state.change, 1.0, distance / state.change_distance if state.change_distance else 1.0)
+    if change >= 1.0:
+        return state._replace(previous=None, change=1.0)
+    return state._replace(change=change)

@@ -1,0 +1,142 @@
+"""One table as two piecewise linear functions of machine position, with what holds outside and on each turn.
+
+Everything is answered as a *piece*: the stretch of straight line around a position. The correction is a point
+on it, the exact inverse solves it, and sums of curves intersect their pieces.
+"""
+
+from math import floor, inf
+from typing import Final, NamedTuple
+
+from gateway.compensation.errors import TableError
+from gateway.compensation.settings import Outside, OutsideKind
+from gateway.compensation.table import CorrectionTable
+
+CLOSURE_TOLERANCE: Final = 1e-9
+"""How well both ends of a turn must agree: corrections in units, the turn relative to itself."""
+HOLD: Final = Outside()
+
+
+class Piece(NamedTuple):
+    """A straight stretch of both branches: from ``low`` to ``high``, in machine units.
+
+    ``forward`` and ``backward`` are the corrections at ``reference``, the slopes are per unit.
+    """
+
+    low: float
+    high: float
+    reference: float
+    forward: float
+    backward: float
+    forward_slope: float
+    backward_slope: float
+
+
+class Curve:
+    """The corrections of one table at any machine position.
+
+    Args:
+        table: in the units of the axis.
+        outside: policy beyond the ends. ``refuse`` reads like ``hold`` here: refusing is the axis's business.
+        modulo: length of one turn, 0 for a linear axis.
+
+    Raises:
+        TableError: a turn that the table does not cover exactly or that does not close, or a fade so short
+            that its slope would reach 1.
+    """
+
+    __slots__ = ("_above", "_below", "_fade", "_modulo", "_outside", "max_correction", "table")
+
+    def __init__(self, table: CorrectionTable, outside: Outside = HOLD, modulo: float = 0.0) -> None:
+        self.table = table
+        self._outside = outside.kind
+        self._modulo = modulo
+        self._fade = outside.fade_length if outside.kind is OutsideKind.FADE else 0.0
+        self.max_correction = table.max_correction()
+        if modulo:
+            check_closes(table, modulo)
+        elif self._fade:
+            _check_fade(table, self._fade)
+        self._below = (table.forward[0], table.backward[0])
+        self._above = (table.forward[-1], table.backward[-1])
+
+    def covers(self, position: float) -> bool:
+        """Whether the table itself, not the policy outside it, answers for this machine position."""
+        return bool(self._modulo) or self.table.first <= position <= self.table.last
+
+    def knots(self) -> list[float]:
+        """Return every position at which a piece ends."""
+        knots = list(self.table.positions)
+        if self._fade:
+            knots = [knots[0] - self._fade, *knots, knots[-1] + self._fade]
+        return knots
+
+    def piece(self, position: float) -> Piece:
+        """Return the straight stretch around a machine position; at a knot, the one that begins there."""
+        table = self.table
+        turn = 0.0
+        if self._modulo:
+            turn = floor((position - table.first) / self._modulo) * self._modulo
+            position -= turn
+        elif not table.first <= position <= table.last:
+            return self._piece_outside(position)
+        i = table.segment(position)
+        low = table.positions[i]
+        high = table.positions[i + 1]
+        width = high - low
+        forward = table.forward[i]
+        backward = table.backward[i]
+        return Piece(
+            low + turn,
+            high + turn,
+            low + turn,
+            forward,
+            backward,
+            (table.forward[i + 1] - forward) / width,
+            (table.backward[i + 1] - backward) / width,
+        )
+
+    def _piece_outside(self, position: float) -> Piece:
+        is_below = position < self.table.first
+        end = self.table.first if is_below else self.table.last
+        forward, backward = self._below if is_below else self._above
+        if self._outside is OutsideKind.ZERO:
+            forward = backward = 0.0
+        elif self._fade:
+            far = end - self._fade if is_below else end + self._fade
+            if is_below is (position >= far):
+                slope = 1.0 / (end - far)
+                low, high = (far, end) if is_below else (end, far)
+                return Piece(low, high, end, forward, backward, forward * slope, backward * slope)
+            end, forward, backward = far, 0.0, 0.0
+        return Piece(
+            -inf if is_below else end, end if is_below else inf, position, forward, backward, 0.0, 0.0
+        )
+
+
+def check_closes(table: CorrectionTable, modulo: float) -> None:
+    """Check that a table covers one turn exactly and ends where it began.
+
+    Raises:
+        TableError: naming the range found, or the corrections that differ.
+    """
+    covered = table.last - table.first
+    if abs(covered - modulo) > CLOSURE_TOLERANCE * modulo:
+        raise TableError(
+            f"a table of a rotary axis must cover one turn of {modulo:g} exactly; "
+            f"this one covers {covered:.9g}, from {table.first:g} to {table.last:g}"
+        )
+    for name, curve in (("forward", table.forward), ("backward", table.backward)):
+        if abs(curve[0] - curve[-1]) > CLOSURE_TOLERANCE:
+            raise TableError(
+                f"the {name} correction is {curve[0]:.9g} at {table.first:g} but {curve[-1]:.9g} a turn on: "
+                "both ends of a turn must carry the same correction"
+            )
+
+
+def _check_fade(table: CorrectionTable, fade_length: float) -> None:
+    largest = max(abs(c) for curve in (table.forward, table.backward) for c in (curve[0], curve[-1]))
+    if largest >= fade_length:
+        raise TableError(
+            f"a correction of {largest:.6g} at the end of the table cannot fade out over {fade_length:g}: "
+            "its slope must stay below 1"
+        )
