@@ -1,6 +1,7 @@
 """Hypothesis strategies for tables and settings, shared by the tests of the compensation."""
 
 from itertools import pairwise
+from typing import Any
 
 from hypothesis import strategies as st
 
@@ -34,6 +35,6 @@ def tables(draw: st.DrawFn, max_slope: float = 0.95, max_points: int = 12) -> Co
 COUNTS_PER_UNIT = st.floats(0.5, 1e6).flatmap(lambda k: st.sampled_from([k, -k]))
 
 
-def plain_settings(counts_per_unit: float = 1000.0, **more: object) -> AxisSettings:
+def plain_settings(counts_per_unit: float = 1000.0, **more: Any) -> AxisSettings:
     """Settings without travel limits."""
-    return AxisSettings(Units.MM, counts_per_unit, **more)  # type: ignore[arg-type]
+    return AxisSettings(Units.MM, counts_per_unit, **more)

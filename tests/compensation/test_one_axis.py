@@ -1,16 +1,25 @@
 """One axis: targets, streams, change-overs, and a readback that returns what was commanded."""
 
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.compensation.axis import AxisCompensation, Place
-from gateway.compensation.correction_spec import spec_of_table
+from gateway.compensation.correction_spec import CorrectionSpec, spec_of_table
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError, SettingsError
 from gateway.compensation.limits import motion_report
-from gateway.compensation.settings import Gain, Outside, OutsideKind, Reversal, ReversalKind, Setpoints
+from gateway.compensation.settings import (
+    AxisSettings,
+    Gain,
+    Outside,
+    OutsideKind,
+    Reversal,
+    ReversalKind,
+    Setpoints,
+)
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from tests.compensation.compensation_strategies import COUNTS_PER_UNIT, plain_settings, tables
@@ -20,7 +29,7 @@ LOST_MOTION = make_table([0, 100], [0.01, 0.01], [-0.01, -0.01], Units.MM)
 MS = 1_000_000
 
 
-def axis_with(table: CorrectionTable, counts_per_unit: float = 1000.0, **more: object) -> AxisCompensation:
+def axis_with(table: CorrectionTable, counts_per_unit: float = 1000.0, **more: Any) -> AxisCompensation:
     axis = AxisCompensation(plain_settings(counts_per_unit, **more))
     axis.find_reference(spec_of_table(table, axis.settings))
     return axis
@@ -170,7 +179,7 @@ def test_a_moving_axis_reads_monotonically_and_ends_exact(table: CorrectionTable
         standing, nominal = goal, target
 
 
-def stream_axis(table: CorrectionTable = LOST_MOTION, **more: object) -> AxisCompensation:
+def stream_axis(table: CorrectionTable = LOST_MOTION, **more: Any) -> AxisCompensation:
     return axis_with(table, setpoints=Setpoints.STREAM, **more)
 
 
@@ -208,7 +217,8 @@ def test_the_default_reversal_is_five_times_the_largest_difference() -> None:
     axis = stream_axis()
     assert axis.state.spec.curve is None
     wanted = spec_of_table(LOST_MOTION, axis.settings)
-    assert wanted.reversal == Reversal(ReversalKind.DISTANCE, pytest.approx(0.1))
+    assert wanted.reversal.kind is ReversalKind.DISTANCE
+    assert wanted.reversal.amount == pytest.approx(0.1)
 
 
 def test_a_reversal_that_would_turn_the_axis_round_is_lengthened() -> None:
@@ -281,7 +291,8 @@ def test_losing_the_reference_passes_one_to_one() -> None:
 def test_motion_report_bounds_what_the_table_adds() -> None:
     ramp = make_table([0, 100], [0.0, 0.1], [-0.02, 0.08], Units.MM)
     jump = motion_report(*_spec_and_settings(ramp, max_speed=200.0))
-    assert (jump.largest_step, jump.added_speed) == (pytest.approx(0.02), pytest.approx(0.2))
+    assert jump.largest_step == pytest.approx(0.02)
+    assert jump.added_speed == pytest.approx(0.2)
     blended = motion_report(
         *_spec_and_settings(
             ramp, setpoints=Setpoints.STREAM, reversal=Reversal(ReversalKind.TIME_MS, 20.0), max_speed=100.0
@@ -293,6 +304,6 @@ def test_motion_report_bounds_what_the_table_adds() -> None:
     assert blended.largest_step == 0.0
 
 
-def _spec_and_settings(table: CorrectionTable, **more: object):  # type: ignore[no-untyped-def]
+def _spec_and_settings(table: CorrectionTable, **more: Any) -> tuple[CorrectionSpec, AxisSettings]:
     chosen = plain_settings(**more)
     return spec_of_table(table, chosen), chosen

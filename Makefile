@@ -1,0 +1,34 @@
+# Each target sets up what it needs on a fresh machine. `make` alone lists them.
+BIN := .venv/bin
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test check bench fmt clean
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## a virtual environment with the package and its tools
+	@tools/bootstrap.sh
+
+demo: setup ## see a worn machine become accurate
+	@$(BIN)/pitch-gateway demo
+
+test: setup check ## everything: checks, unit, property and end-to-end tests
+	$(BIN)/python -m pytest
+
+check: setup ## formatting, lint, types, layers, doctests
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest --quiet --doctest-modules gateway
+
+bench: setup ## measure the hot path, as ratios in one run
+	$(BIN)/python -m bench.hot_path
+
+fmt: setup ## the only target that edits
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean: ## remove what the other targets made
+	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

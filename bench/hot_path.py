@@ -1,0 +1,138 @@
+"""What the hot path costs, as ratios inside one run: rounds of all candidates interleaved, medians printed.
+
+Run with ``make bench``. Ratios travel between machines; the absolute figures beside them do not.
+"""
+
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import sin
+
+from gateway.compensation.correction_map import CorrectionMap, Term
+from gateway.compensation.curve import Curve
+from gateway.compensation.settings import AxisSettings, Setpoints
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference
+from gateway.modbus.registers import PositionField, RegisterType
+from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
+
+ROUNDS = 15
+CALLS = 2_000
+COMMAND = PositionField(0x6201, RegisterType.INT32)
+
+
+@dataclass
+class Candidate:
+    """One thing to measure: ``call(i)`` is made ``CALLS`` times a round."""
+
+    name: str
+    call: Callable[[int], object]
+    ns: list[float] = field(default_factory=list)
+
+    def round(self) -> None:
+        call = self.call
+        start = time.perf_counter_ns()
+        for i in range(CALLS):
+            call(i)
+        self.ns.append((time.perf_counter_ns() - start) / CALLS)
+
+    @property
+    def median_ns(self) -> float:
+        return statistics.median(self.ns)
+
+
+class _Wire:
+    """Port and link in one that frame as the relay does and throw the bytes away."""
+
+    is_serial = True
+    plan = ControllerPlan("cnc", serial=True)
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        encode_rtu(unit_id, pdu)
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        encode_rtu(unit_id, pdu)
+
+    def abandon(self) -> None:
+        """Nothing is expected here."""
+
+
+def correction_at(points: int, *, is_even: bool) -> Callable[[int], object]:
+    step = 1000.0 / (points - 1)
+    positions = [i * step for i in range(points)]
+    if not is_even:
+        positions = [x + 0.2 * step * (i % 2) for i, x in enumerate(positions)]
+    curve = [0.02 * sin(x / 50) for x in positions]
+    table = make_table(positions, curve, [c - 0.01 for c in curve], Units.MM)
+    correction = CorrectionMap((Term(Curve(table), 1.0, 0.0),)).correction
+    return lambda i: correction(i * 0.37)
+
+
+def rewritten_write() -> Callable[[int], object]:
+    table = make_table([0, 500, 1000], [0.0, 0.02, 0.0], [-0.02, 0.0, -0.02], Units.MM)
+    plan = AxisPlan(
+        "x", 1, AxisSettings(Units.MM, 1000.0, setpoints=Setpoints.STREAM), table, CompensationMode.ON,
+        Reference.ABSOLUTE, (COMMAND,), added_frames=False,
+    )  # fmt: skip
+    wire = _Wire()
+    line = LineExchange([plan], LineTiming(), wire, lambda event: None)
+    line.link_up(0)
+    requests, replies = RtuRequestDecoder(), RtuReplyDecoder()
+    frames = [
+        encode_rtu(1, b"\x10\x62\x01\x00\x02\x04" + COMMAND.pack(counts)) for counts in range(0, 200_000, 100)
+    ]
+    echo = encode_rtu(1, b"\x10\x62\x01\x00\x02")
+
+    def call(i: int) -> None:
+        for unit_id, pdu in requests.feed(frames[i], i):
+            line.request(wire, 0, unit_id, pdu, i)
+            replies.expect(unit_id, pdu)
+        for unit_id, pdu in replies.feed(echo, i):
+            line.reply(unit_id, pdu, i)
+
+    return call
+
+
+def passed_read() -> Callable[[int], object]:
+    wire = _Wire()
+    line = LineExchange([], LineTiming(), wire, lambda event: None)
+    line.link_up(0)
+    requests, replies = RtuRequestDecoder(), RtuReplyDecoder()
+    frame = encode_rtu(1, b"\x03\x10\x03\x00\x01")
+    answer = encode_rtu(1, b"\x03\x02\x00\x07")
+
+    def call(i: int) -> None:
+        for unit_id, pdu in requests.feed(frame, i):
+            line.request(wire, 0, unit_id, pdu, i)
+            replies.expect(unit_id, pdu)
+        for unit_id, pdu in replies.feed(answer, i):
+            line.reply(unit_id, pdu, i)
+
+    return call
+
+
+def main() -> None:
+    candidates = [
+        Candidate("correction, 1 000 points, even grid", correction_at(1_000, is_even=True)),
+        Candidate("correction, 100 000 points, even grid", correction_at(100_000, is_even=True)),
+        Candidate("correction, 1 000 points, free grid", correction_at(1_000, is_even=False)),
+        Candidate("correction, 100 000 points, free grid", correction_at(100_000, is_even=False)),
+        Candidate("a whole exchange that holds no position, RTU bytes to bytes and back", passed_read()),
+        Candidate("a whole corrected FC16 exchange, RTU bytes to bytes and back", rewritten_write()),
+    ]
+    for _ in range(ROUNDS):
+        for candidate in candidates:
+            candidate.round()
+    base = candidates[0].median_ns
+    out = sys.stdout.write
+    out(f"{'':70} {'ratio':>7} {'µs':>8}\n")
+    for candidate in candidates:
+        out(f"{candidate.name:70} {candidate.median_ns / base:7.2f} {candidate.median_ns / 1000:8.2f}\n")
+
+
+if __name__ == "__main__":
+    main()

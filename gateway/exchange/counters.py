@@ -1,0 +1,18 @@
+"""Counters of one line."""
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class LineCounters:
+    """Numbers since the start."""
+
+    exchanges: int = 0
+    timeouts: int = 0
+    exceptions: int = 0
+    late: int = 0
+    """Frames or bytes that came when nothing was expected any more."""
+    refused: int = 0
+    withdrawn: int = 0
+    broadcasts: int = 0
+    added_reads: int = 0

@@ -1,0 +1,31 @@
+"""What the exchange reports besides counters. The catalogue of kinds is complete: documents list it."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class EventKind(Enum):
+    """Kind of an event; the value is the name that logs and status show."""
+
+    LINE_UP = "line-up"
+    LINE_DOWN = "line-down"
+    DRIVE_SILENT = "drive-silent"
+    """A drive did not answer in time, after one that did."""
+    DRIVE_ANSWERS = "drive-answers"
+    AXIS_REFERENCED = "axis-referenced"
+    REFERENCE_LOST = "reference-lost"
+    DIRECTION_UNSURE = "direction-unsure"
+    """Where the axis is could not be told; it keeps its branch."""
+    REFUSED_VALUE = "refused-value"
+    WITHDRAWN = "withdrawn"
+    """A request was not sent, because its controller had given up on it."""
+    LATE_REPLY = "late-reply"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One thing that happened; ``detail`` is a sentence for the operator."""
+
+    kind: EventKind
+    axis: str | None = None
+    detail: str = ""

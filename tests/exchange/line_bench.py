@@ -1,0 +1,203 @@
+"""A line on the bench: a controller's port, a link that records, and a drive that is plain memory."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from gateway.compensation.settings import AxisSettings, Setpoints
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.exchange.events import Event
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
+from gateway.modbus.registers import PositionField, RegisterType, WordOrder
+
+MS = 1_000_000
+MOVE_MS = 1000.0
+CNC = ControllerPlan("cnc")
+LOST_MOTION = make_table([0, 100], [0.01, 0.01], [-0.01, -0.01], Units.MM)
+"""20 µm of backlash: 10 counts more going forward, 10 less going backward at 1000 counts per mm."""
+COMMAND = PositionField(0x0606, RegisterType.INT32, WordOrder.LOW_FIRST)
+ACTUAL = PositionField(0x0520, RegisterType.INT32, WordOrder.LOW_FIRST)
+
+
+def axis_plan(**changes: Any) -> AxisPlan:
+    """An axis of 1000 counts per mm on unit id 1; keyword arguments replace settings or parts of the plan."""
+    names = set(AxisSettings.__dataclass_fields__)
+    settings = AxisSettings(Units.MM, 1000.0, max_speed=200.0, hysteresis=0.002)
+    settings = replace(settings, **{k: v for k, v in changes.items() if k in names})
+    plan = AxisPlan(
+        name="x",
+        unit_id=1,
+        settings=settings,
+        table=LOST_MOTION,
+        compensation=CompensationMode.ON,
+        referenced=Reference.ABSOLUTE,
+        command=(COMMAND,),
+        actual=(ACTUAL,),
+    )
+    return replace(plan, **{k: v for k, v in changes.items() if k not in names})
+
+
+def stream_plan(**changes: Any) -> AxisPlan:
+    """The same axis fed with a setpoint each cycle."""
+    return axis_plan(setpoints=Setpoints.STREAM, **changes)
+
+
+@dataclass
+class Port:
+    """A controller that records what it is answered."""
+
+    plan: ControllerPlan = CNC
+    replies: list[tuple[int, int, bytes]] = field(default_factory=list)
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        self.replies.append((transaction_id, unit_id, pdu))
+
+    def take(self) -> bytes:
+        """Return the PDU of the only reply and forget it."""
+        assert len(self.replies) == 1, [r[2].hex(" ") for r in self.replies]
+        return self.replies.pop()[2]
+
+
+@dataclass
+class Link:
+    """The way to the drives: records what is sent."""
+
+    is_serial: bool = True
+    sent: list[tuple[int, bytes]] = field(default_factory=list)
+    abandoned: int = 0
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        self.sent.append((unit_id, pdu))
+
+    def abandon(self) -> None:
+        self.abandoned += 1
+
+    def take(self) -> bytes:
+        """Return the PDU of the only request and forget it."""
+        assert len(self.sent) == 1, [pdu.hex(" ") for _, pdu in self.sent]
+        return self.sent.pop()[1]
+
+
+class Memory:
+    """A drive that is plain memory, written and read by FC03, FC04, FC06, FC16, FC22 and FC23."""
+
+    def __init__(self) -> None:
+        self.words: dict[int, int] = {}
+
+    def read(self, address: int, quantity: int) -> bytes:
+        return b"".join(self.words.get(address + i, 0).to_bytes(2, "big") for i in range(quantity))
+
+    def write(self, address: int, data: bytes) -> None:
+        for i in range(len(data) // 2):
+            self.words[address + i] = int.from_bytes(data[2 * i : 2 * i + 2], "big")
+
+    def answer(self, pdu: bytes) -> bytes:
+        function, address = pdu[0], int.from_bytes(pdu[1:3], "big")
+        if function in (3, 4):
+            data = self.read(address, int.from_bytes(pdu[3:5], "big"))
+            return bytes((function, len(data))) + data
+        if function == 6:
+            self.write(address, pdu[3:5])
+            return pdu
+        if function == 16:
+            self.write(address, pdu[6:])
+            return pdu[:5]
+        if function == 22:
+            and_mask, or_mask = int.from_bytes(pdu[3:5], "big"), int.from_bytes(pdu[5:7], "big")
+            word = self.words.get(address, 0)
+            self.words[address] = (word & and_mask) | (or_mask & ~and_mask & 0xFFFF)
+            return pdu
+        if function == 23:
+            self.write(int.from_bytes(pdu[5:7], "big"), pdu[10:])
+            data = self.read(address, int.from_bytes(pdu[3:5], "big"))
+            return bytes((23, len(data))) + data
+        return bytes((function | 0x80, 1))
+
+    def put(self, place: PositionField, counts: float) -> None:
+        self.write(place.address, place.pack(counts))
+
+    def get(self, place: PositionField) -> float:
+        return place.unpack(self.read(place.address, place.words))
+
+
+class Bench:
+    """One line with one controller and a drive that answers at once, or not at all."""
+
+    def __init__(
+        self, *plans: AxisPlan, timing: LineTiming | None = None, serial: bool = True, tcp_drive: bool = False
+    ) -> None:
+        self.link = Link(is_serial=not tcp_drive)
+        self.events: list[Event] = []
+        self.line = LineExchange(plans, timing or LineTiming(), self.link, self.events.append)
+        self.port = Port(ControllerPlan("cnc", serial=serial))
+        self.memory = Memory()
+        self.seen: list[bytes] = []
+        """Every PDU that the drive received."""
+        self.now_ns = 1_000 * MS
+        self.line.link_up(self.now_ns)
+        self.serve()
+
+    def wait(self, ms: float) -> None:
+        """Let time pass."""
+        self.now_ns += int(ms * MS)
+        self.line.tick(self.now_ns)
+
+    def serve(self) -> None:
+        """Let the drive answer everything that was sent, one after the other."""
+        while self.link.sent:
+            unit_id, pdu = self.link.sent.pop(0)
+            self.seen.append(pdu)
+            reply = self.memory.answer(pdu)
+            self.now_ns += MS
+            if unit_id:
+                self.line.reply(unit_id, reply, self.now_ns)
+
+    def serve_reads(self) -> None:
+        """Let the drive answer a read that the gateway added, and nothing else."""
+        while self.link.sent and self.link.sent[0][1][0] == 3:
+            unit_id, pdu = self.link.sent.pop(0)
+            self.seen.append(pdu)
+            self.line.reply(unit_id, self.memory.answer(pdu), self.now_ns)
+
+    def send(self, pdu: bytes, port: Port | None = None, unit_id: int = 1, transaction_id: int = 7) -> None:
+        """Send a request without letting the drive answer."""
+        self.line.request(port or self.port, transaction_id, unit_id, pdu, self.now_ns)
+
+    def ask(self, pdu: bytes) -> bytes:
+        """Send a request, let the drive answer, return the controller's reply."""
+        self.send(pdu)
+        self.serve()
+        return self.port.take()
+
+    def move(self, counts: float, place: PositionField = COMMAND) -> bytes:
+        """Command a position with FC16 and let the axis get there; return what the drive was told."""
+        assert self.ask(write(place, counts)) == write(place, counts)[:5]
+        told = self.memory.get(place)
+        self.memory.put(ACTUAL, told)
+        self.wait(MOVE_MS)
+        return self.seen[-1]
+
+    def actual(self) -> float:
+        """Read the actual position as the controller does."""
+        return ACTUAL.unpack(self.ask(read(ACTUAL))[2:])
+
+    def kinds(self) -> list[str]:
+        """Names of the events so far."""
+        return [event.kind.value for event in self.events]
+
+
+def write(place: PositionField, counts: float) -> bytes:
+    """FC16 that writes a whole position."""
+    data = place.pack(counts)
+    return bytes((16,)) + place.address.to_bytes(2, "big") + bytes((0, place.words, len(data))) + data
+
+
+def read(place: PositionField, function: int = 3) -> bytes:
+    """FC03 or FC04 that reads a whole position."""
+    return bytes((function,)) + place.address.to_bytes(2, "big") + bytes((0, place.words))
+
+
+def monitor() -> Port:
+    """A second controller that may only read."""
+    return Port(ControllerPlan("hmi", role=Role.MONITOR))

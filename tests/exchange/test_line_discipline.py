@@ -1,0 +1,295 @@
+"""Who may send, what happens when nobody answers, and what is never sent."""
+
+import pytest
+
+from gateway.exchange.plan import ControllerPlan, LineTiming
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, monitor, read, write
+
+OTHER = bytes.fromhex("03 0700 0001")
+
+
+def test_one_exchange_at_a_time_and_the_next_goes_out_with_the_reply() -> None:
+    bench = Bench()
+    bench.send(OTHER, transaction_id=1)
+    bench.send(bytes.fromhex("03 0701 0001"), Port(ControllerPlan("second")), transaction_id=2)
+    assert len(bench.link.sent) == 1
+    bench.line.reply(1, bytes.fromhex("03 02 0000"), bench.now_ns)
+    assert bench.link.sent[1] == (1, bytes.fromhex("03 0701 0001"))
+    assert bench.port.replies == [(1, 1, bytes.fromhex("03 02 0000"))]
+
+
+def test_pipelined_tcp_requests_are_answered_in_order() -> None:
+    bench = Bench(serial=False)
+    for number in range(5):
+        bench.send(OTHER, transaction_id=number)
+    bench.serve()
+    assert [reply[0] for reply in bench.port.replies] == [0, 1, 2, 3, 4]
+
+
+def test_motion_goes_before_monitors() -> None:
+    bench = Bench(serial=False)
+    hmi = monitor()
+    bench.send(OTHER)
+    bench.send(bytes.fromhex("03 0001 0001"), hmi)
+    bench.send(bytes.fromhex("03 0002 0001"))
+    bench.serve()
+    assert [pdu[2] for pdu in bench.seen] == [0, 2, 1]
+
+
+@pytest.mark.parametrize(("serial", "replies"), [(False, [(7, 1, bytes.fromhex("83 0B"))]), (True, [])])
+def test_a_silent_drive_is_0x0b_on_tcp_and_silence_on_a_serial_line(
+    serial: bool, replies: list[tuple[int, int, bytes]]
+) -> None:
+    bench = Bench(serial=serial)
+    bench.send(OTHER)
+    bench.wait(999)
+    assert bench.port.replies == []
+    bench.wait(1)
+    assert bench.port.replies == replies
+    assert bench.link.abandoned == 1
+    assert bench.line.counters.timeouts == 1
+
+
+def test_the_gateway_is_never_less_patient_than_the_controller() -> None:
+    bench = Bench(timing=LineTiming(response_timeout_ms=100))
+    patient = Port(ControllerPlan("plc", timeout_ms=3000))
+    bench.send(OTHER, patient)
+    bench.wait(2999)
+    assert bench.link.abandoned == 0
+    bench.wait(1)
+    assert bench.link.abandoned == 1
+
+
+def test_after_a_time_out_nothing_goes_to_a_serial_line_until_it_was_silent() -> None:
+    bench = Bench(serial=False, timing=LineTiming(drain_ms=50))
+    bench.send(OTHER)
+    bench.wait(1000)
+    bench.link.sent.clear()
+    bench.send(bytes.fromhex("03 0701 0001"))
+    assert bench.link.sent == []
+    bench.wait(40)
+    bench.line.stray(bench.now_ns)  # the late reply: silence counts from here
+    bench.wait(49)
+    assert bench.link.sent == []
+    bench.wait(1)
+    assert bench.link.sent == [(1, bytes.fromhex("03 0701 0001"))]
+
+
+def test_after_a_time_out_a_tcp_drive_is_asked_at_once() -> None:
+    bench = Bench(serial=False, tcp_drive=True)
+    bench.send(OTHER)
+    bench.send(bytes.fromhex("03 0701 0001"), Port(ControllerPlan("second", timeout_ms=5000)))
+    bench.wait(1000)
+    assert bench.link.sent[1:] == [(1, bytes.fromhex("03 0701 0001"))]
+
+
+def test_a_serial_controller_that_repeats_withdraws_what_it_sent_before() -> None:
+    bench = Bench()
+    busy = Port(ControllerPlan("hmi"))
+    bench.send(OTHER, busy)
+    bench.send(bytes.fromhex("06 0700 0001"))
+    bench.send(bytes.fromhex("06 0700 0001"))
+    bench.serve()
+    assert bench.seen == [OTHER, bytes.fromhex("06 0700 0001")]
+    assert bench.kinds()[-1] == "withdrawn"
+
+
+def test_a_reply_whose_serial_controller_went_on_is_not_given_to_its_next_request() -> None:
+    bench = Bench()
+    bench.send(OTHER)
+    bench.send(bytes.fromhex("03 0701 0001"))
+    bench.line.reply(1, bytes.fromhex("03 02 1111"), bench.now_ns)
+    assert bench.port.replies == []
+    bench.line.reply(1, bytes.fromhex("03 02 2222"), bench.now_ns)
+    assert bench.port.take() == bytes.fromhex("03 02 2222")
+
+
+def test_a_closed_connection_withdraws_its_requests() -> None:
+    bench = Bench(serial=False)
+    gone = Port(ControllerPlan("plc"))
+    bench.send(OTHER)
+    bench.send(write(COMMAND, 5), gone)
+    bench.line.controller_gone(gone, bench.now_ns)
+    bench.serve()
+    assert bench.seen == [OTHER]
+
+
+def test_a_request_older_than_its_controllers_patience_is_not_sent() -> None:
+    bench = Bench(serial=False)
+    hasty = Port(ControllerPlan("plc", timeout_ms=50))
+    bench.send(OTHER)
+    bench.send(write(COMMAND, 5), hasty)
+    bench.wait(60)
+    bench.serve()
+    assert bench.seen == [OTHER]
+    assert hasty.replies == []
+
+
+@pytest.mark.parametrize("pdu", ["06 0700 0001", "10 0700 0001 02 0001", "05 0001 FF00", "2B 0D 00", "41"])
+def test_a_monitor_may_only_read(pdu: str) -> None:
+    bench = Bench()
+    hmi = monitor()
+    request = bytes.fromhex(pdu)
+    bench.send(request, hmi)
+    assert bench.link.sent == []
+    assert hmi.take() == bytes((request[0] | 0x80, 1))
+
+
+@pytest.mark.parametrize("pdu", ["03 0700 0001", "04 0700 0001", "01 0000 0001", "2B 0E 01 00", "07", "11"])
+def test_a_monitor_may_read(pdu: str) -> None:
+    bench = Bench()
+    bench.send(bytes.fromhex(pdu), monitor())
+    assert bench.link.take() == bytes.fromhex(pdu)
+
+
+def test_too_many_waiting_requests_are_answered_busy() -> None:
+    bench = Bench(serial=False)
+    for number in range(34):
+        bench.send(OTHER, transaction_id=number)
+    assert bench.port.replies == [(33, 1, bytes.fromhex("83 06"))]
+
+
+def test_a_line_that_is_down_answers_0x0a_on_tcp_and_nothing_on_a_serial_line() -> None:
+    bench = Bench(serial=False)
+    bench.send(OTHER, transaction_id=1)
+    bench.send(OTHER, transaction_id=2)
+    bench.line.link_down(bench.now_ns)
+    # the first was on the wire and may have been executed; the second was never sent
+    assert bench.port.replies == [(1, 1, bytes.fromhex("83 0B")), (2, 1, bytes.fromhex("83 0A"))]
+    bench.send(OTHER, transaction_id=3)
+    assert bench.port.replies[-1] == (3, 1, bytes.fromhex("83 0A"))
+    quiet = Port(ControllerPlan("cnc", serial=True))
+    bench.send(OTHER, quiet)
+    assert quiet.replies == []
+
+
+def test_a_broadcast_is_not_answered_and_the_line_rests_for_the_turnaround() -> None:
+    bench = Bench(timing=LineTiming(turnaround_ms=100))
+    bench.send(bytes.fromhex("06 0700 0001"), unit_id=0)
+    assert bench.link.sent == [(0, bytes.fromhex("06 0700 0001"))]
+    bench.link.sent.clear()
+    bench.send(OTHER)
+    assert bench.link.sent == []
+    bench.wait(100)
+    assert bench.link.take() == OTHER
+    assert bench.port.replies == []
+
+
+def test_a_broadcast_position_is_never_sent() -> None:
+    bench = Bench(axis_plan())
+    bench.send(write(COMMAND, 5), unit_id=0)
+    assert bench.link.sent == []
+    assert bench.kinds()[-1] == "refused-value"
+
+
+def test_stopping_finishes_the_exchange_on_the_wire_and_sends_nothing_new() -> None:
+    bench = Bench(serial=False)
+    bench.send(OTHER, transaction_id=1)
+    bench.send(OTHER, transaction_id=2)
+    bench.line.stop(bench.now_ns)
+    idle_before = bench.line.is_idle
+    bench.serve()
+    assert (idle_before, bench.line.is_idle) == (False, True)
+    assert [reply[0] for reply in bench.port.replies] == [1]
+    bench.send(OTHER)
+    assert bench.link.sent == []
+
+
+def test_a_position_that_leaves_the_travel_is_refused_and_answered_on_serial_lines_too() -> None:
+    bench = Bench(axis_plan(travel=(0.0, 100.0)))
+    bench.move(50_000)
+    frames = len(bench.seen)
+    for request in (write(COMMAND, 200_000), write(COMMAND, -51_000)):
+        assert bench.ask(request) == bytes.fromhex("90 04")
+    assert all(pdu[0] == 3 for pdu in bench.seen[frames:])
+    assert bench.kinds()[-1] == "refused-value"
+    assert bench.actual() == 50_000
+
+
+def test_a_corrected_value_that_does_not_fit_its_register_is_refused_never_wrapped() -> None:
+    bench = Bench(axis_plan())
+    assert bench.ask(write(COMMAND, 2**31 - 5)) == bytes.fromhex("90 04")
+    assert "2147483647" in bench.events[-1].detail
+
+
+def test_an_echo_that_is_not_what_was_sent_passes_untouched_and_is_no_acknowledgement() -> None:
+    bench = Bench(axis_plan())
+    bench.move(50_000)
+    bench.send(write(COMMAND, 60_000))
+    bench.serve_reads()
+    assert bench.link.take() == write(COMMAND, 60_010)
+    bench.line.reply(1, bytes.fromhex("10 0606 0000"), bench.now_ns)  # Makerbase reports failure so
+    assert bench.port.take() == bytes.fromhex("10 0606 0000")
+    assert bench.line.axes[0].compensation.accepted is None
+
+
+@pytest.mark.parametrize("code", [0x01, 0x27, 0x29, 33, 35])
+def test_exception_codes_pass_as_they_are(code: int) -> None:
+    bench = Bench(axis_plan())
+    bench.send(write(COMMAND, 60_000))
+    bench.serve_reads()
+    bench.link.take()
+    bench.line.reply(1, bytes((0x90, code)), bench.now_ns)
+    assert bench.port.take() == bytes((0x90, code))
+
+
+def test_after_an_exception_the_same_target_is_decided_anew() -> None:
+    bench = Bench(axis_plan())
+    bench.move(50_000)
+    bench.send(write(COMMAND, 20_000))
+    bench.serve_reads()
+    bench.link.take()
+    bench.line.reply(1, bytes.fromhex("90 04"), bench.now_ns)
+    bench.port.take()
+    bench.wait(30)
+    bench.ask(write(COMMAND, 20_000))
+    assert bench.seen[-2] == read(ACTUAL)
+    assert bench.seen[-1] == write(COMMAND, 19_990)
+
+
+def test_an_exception_that_writes_nothing_leaves_the_state_as_it_was() -> None:
+    bench = Bench(axis_plan(exception_writes_nothing=True))
+    bench.move(50_000)
+    bench.send(write(COMMAND, 20_000))
+    bench.serve_reads()
+    bench.link.take()
+    bench.line.reply(1, bytes.fromhex("90 04"), bench.now_ns)
+    accepted = bench.line.axes[0].compensation.accepted
+    assert accepted is not None
+    assert accepted.nominal_counts == 50_000
+
+
+def test_a_silent_drive_during_the_added_read_means_that_nothing_was_written() -> None:
+    bench = Bench(axis_plan(), serial=False)
+    bench.send(write(COMMAND, 20_000))
+    assert bench.link.take() == read(ACTUAL)
+    bench.wait(1000)
+    assert bench.link.sent == []
+    assert bench.port.take() == bytes.fromhex("90 0B")
+
+
+def test_replies_of_other_units_do_not_answer() -> None:
+    bench = Bench(serial=False)
+    bench.send(OTHER, unit_id=1)
+    bench.line.reply(2, bytes.fromhex("03 02 0000"), bench.now_ns)
+    assert bench.port.replies == []
+    assert not bench.line.is_idle
+
+
+def test_silence_is_reported_once_per_change() -> None:
+    bench = Bench(serial=False, tcp_drive=True)
+    for _ in range(3):
+        bench.send(OTHER)
+        bench.wait(1000)
+    bench.link.sent.clear()
+    bench.port.replies.clear()
+    bench.ask(OTHER)
+    assert bench.kinds() == ["line-up", "drive-silent", "drive-answers"]
+
+
+def test_deadlines_lie_ahead_and_end_with_the_exchange() -> None:
+    bench = Bench(serial=False)
+    bench.send(OTHER)
+    assert bench.line.deadline_ns == bench.now_ns + 1000 * MS
+    bench.serve()
+    assert bench.line.deadline_ns is None

@@ -1,0 +1,141 @@
+"""Halves, masks, cuts: whatever part is written or read, the drive sees whole corrected positions."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
+
+
+def moved(counts: int = 50_000) -> Bench:
+    bench = Bench(axis_plan())
+    bench.move(counts)
+    return bench
+
+
+def test_a_low_half_alone_renders_the_whole_position_and_keeps_the_fc06_form() -> None:
+    bench = moved()
+    # 50 000 = 0x0000C350; low word becomes 0xC738 = 51 000, forward from 50 000: 51 010 = 0xC742
+    assert bench.ask(bytes.fromhex("06 0606 C738")) == bytes.fromhex("06 0606 C738")
+    assert bench.seen[-1] == bytes.fromhex("10 0606 0002 04 C742 0000")
+
+
+def test_a_high_half_alone_renders_the_whole_position() -> None:
+    bench = moved()
+    # 0x0001C350 = 115 536, outside the table: hold, +10 = 0x0001C35A
+    assert bench.ask(bytes.fromhex("06 0607 0001")) == bytes.fromhex("06 0607 0001")
+    assert bench.seen[-1] == bytes.fromhex("10 0606 0002 04 C35A 0001")
+
+
+def test_a_half_of_an_unknown_position_is_completed_from_the_drive() -> None:
+    bench = Bench(axis_plan())
+    bench.memory.put(COMMAND, 0x00010005)
+    bench.ask(bytes.fromhex("06 0606 0009"))
+    assert bench.seen[0] == read(COMMAND)
+    assert bench.memory.get(COMMAND) == 0x00010009 + 10
+
+
+def test_a_half_of_an_unknown_position_is_refused_where_nothing_may_be_read() -> None:
+    bench = Bench(axis_plan(added_frames=False))
+    assert bench.ask(bytes.fromhex("06 0606 0009")) == bytes.fromhex("86 04")
+    assert bench.seen == []
+    assert "the rest is not known" in bench.events[-1].detail
+
+
+def test_a_block_that_ends_inside_a_position_is_widened() -> None:
+    bench = moved()
+    request = bytes.fromhex("10 0604 0003 06 1111 2222 C738")
+    assert bench.ask(request) == request[:5]
+    assert bench.seen[-1] == bytes.fromhex("10 0604 0004 08 1111 2222 C742 0000")
+
+
+def test_a_drives_exception_to_a_recast_half_comes_back_in_the_controllers_function() -> None:
+    bench = moved()
+    bench.memory.put(ACTUAL, 50_010)
+    bench.ask(read(ACTUAL))
+    bench.wait(1)
+    bench.send(bytes.fromhex("06 0606 0001"))
+    bench.link.take()
+    bench.line.reply(1, bytes.fromhex("90 03"), bench.now_ns)
+    assert bench.port.take() == bytes.fromhex("86 03")
+
+
+def test_fc22_is_applied_to_the_nominal_word() -> None:
+    bench = moved()
+    # nominal low word 0xC350: and 0xFF00, or 0x0038 → 0xC338 = 49 976, backward: 49 966 = 0xC32E
+    request = bytes.fromhex("16 0606 FF00 0038")
+    assert bench.ask(request) == request
+    assert bench.seen[-1] == bytes.fromhex("10 0606 0002 04 C32E 0000")
+
+
+def test_fc23_corrects_what_it_writes_and_turns_back_what_it_reads() -> None:
+    bench = moved()
+    # writes 60 000 = 0xEA60 and reads the command back: the write comes first
+    reply = bench.ask(bytes.fromhex("17 0606 0002 0606 0002 04 EA60 0000"))
+    assert bench.seen[-1] == bytes.fromhex("17 0606 0002 0606 0002 04 EA6A 0000")
+    assert reply == bytes.fromhex("17 04 EA60 0000")
+
+
+def test_a_cut_read_is_widened_and_cut_again() -> None:
+    bench = moved()
+    low = bench.ask(bytes.fromhex("03 0520 0001"))
+    assert bench.seen[-1] == bytes.fromhex("03 0520 0002")
+    assert low == bytes.fromhex("03 02 C350")
+    assert bench.ask(bytes.fromhex("03 0521 0003")) == bytes.fromhex("03 06 0000 0000 0000")
+    assert bench.seen[-1] == bytes.fromhex("03 0520 0004")
+
+
+def test_a_cut_read_beyond_the_drives_limit_is_refused() -> None:
+    bench = Bench(axis_plan(max_registers=4))
+    assert bench.ask(bytes.fromhex("03 0521 0004")) == bytes.fromhex("83 02")
+    assert bench.seen == []
+
+
+def test_writing_a_register_that_reports_a_position_is_refused() -> None:
+    bench = Bench(axis_plan())
+    assert bench.ask(write(ACTUAL, 0)) == bytes.fromhex("90 02")
+    assert bench.seen == []
+
+
+@pytest.mark.parametrize(
+    "lie",
+    [
+        "10 0606 0002 02 C350",
+        "10 0606 0003 04 C350 0000",
+        "10 0606 0002 04 C350",
+        "10 0605 0001 04 C350 0000",
+    ],
+)
+def test_a_write_whose_counts_lie_about_a_position_is_refused(lie: str) -> None:
+    bench = Bench(axis_plan())
+    assert bench.ask(bytes.fromhex(lie)) == bytes.fromhex("90 03")
+    assert bench.seen == []
+
+
+@settings(max_examples=150)
+@given(
+    st.lists(st.tuples(st.sampled_from(["low", "high", "mask", "whole"]), st.integers(0, 65535)), max_size=12)
+)
+def test_any_sequence_of_parts_leaves_the_drive_with_the_corrected_whole(
+    writes: list[tuple[str, int]],
+) -> None:
+    bench = moved(1000)
+    nominal = 1000
+    for kind, number in writes:
+        word = number.to_bytes(2, "big")
+        if kind == "low":
+            bench.ask(bytes.fromhex("06 0606") + word)
+            nominal = nominal & ~0xFFFF | number
+        elif kind == "high":
+            bench.ask(bytes.fromhex("06 0607") + (number & 0xFF).to_bytes(2, "big"))
+            nominal = nominal & 0xFFFF | (number & 0xFF) << 16
+        elif kind == "mask":
+            bench.ask(bytes.fromhex("16 0606 00FF") + word)
+            nominal = nominal & ~0xFFFF | (nominal & 0x00FF) | (number & 0xFF00)
+        else:
+            bench.ask(write(COMMAND, number))
+            nominal = number
+        assert bench.memory.get(COMMAND) in (nominal + 10, nominal - 10)
+        bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
+        assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == nominal
+        assert bench.actual() == nominal
