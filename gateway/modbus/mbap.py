@@ -1,0 +1,107 @@
+"""Modbus/TCP: the MBAP header and the frames of a byte stream (Messaging on TCP/IP Guide V1.0b, 3.1.3)."""
+
+from dataclasses import dataclass
+from struct import Struct
+from struct import error as struct_error
+from typing import Final
+
+from gateway.modbus.errors import FrameError
+from gateway.modbus.pdu import MAX_PDU
+
+HEADER: Final = Struct(">HHHB")
+"""Transaction id, protocol id (0), length of what follows it, unit id."""
+HEADER_SIZE: Final = 7
+COUNTED_FROM: Final = 6
+"""The length field counts from here: unit id and PDU."""
+SHORTEST_LENGTH: Final = 2
+LONGEST_LENGTH: Final = 1 + MAX_PDU
+
+_unpack_header = HEADER.unpack_from
+_pack_header = HEADER.pack
+
+Adu = tuple[int, int, bytes]
+"""Transaction id, unit id, PDU."""
+
+
+def encode_mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
+    """Return a frame. Raises FrameError when an id or the length of the PDU is out of range.
+
+    >>> encode_mbap(1, 255, bytes.fromhex("03 32 00 00 02")).hex(" ")
+    '00 01 00 00 00 06 ff 03 32 00 00 02'
+    """
+    size = len(pdu)
+    if not 0 < size <= MAX_PDU:
+        raise FrameError(f"a PDU of {size} bytes cannot be framed: it has 1 to {MAX_PDU}")
+    try:
+        return _pack_header(transaction_id, 0, size + 1, unit_id) + pdu
+    except struct_error:
+        raise FrameError(
+            f"transaction id {transaction_id} must be in 0 … 65535, unit id {unit_id} in 0 … 255"
+        ) from None
+
+
+@dataclass(slots=True)
+class MbapCounters:
+    """What a decoder met besides good frames."""
+
+    skipped_frames: int = 0
+    """Whole frames of another protocol id."""
+    bad_headers: int = 0
+    """Headers with an impossible length; everything received with them was dropped."""
+    dropped_bytes: int = 0
+    """All bytes that belong to no frame passed on."""
+
+
+class MbapDecoder:
+    """Bytes of one connection in, frames out; for requests and replies alike. Never raises.
+
+    TCP loses nothing, so a header with an impossible length means that the other side does not speak
+    Modbus/TCP, or lost its count. There is nothing to find the next frame by: what has arrived is dropped and
+    counted in ``counters.bad_headers``, and decoding begins anew with the next data. Closing the connection
+    is up to the caller.
+    """
+
+    __slots__ = ("_buffer", "counters")
+
+    def __init__(self) -> None:
+        self._buffer = b""
+        self.counters = MbapCounters()
+
+    def feed(self, data: bytes) -> list[Adu]:
+        """Return the frames that ``data`` completes, in their order."""
+        if self._buffer:
+            data = self._buffer + data
+        size = len(data)
+        if size > HEADER_SIZE:
+            transaction_id, protocol_id, length, unit_id = _unpack_header(data)
+            if length == size - COUNTED_FROM and protocol_id == 0 and length <= LONGEST_LENGTH:
+                self._buffer = b""
+                return [(transaction_id, unit_id, data[HEADER_SIZE:])]
+        return self._split(data)
+
+    def reset(self) -> None:
+        """Forget the beginning of a frame: the connection is a new one."""
+        self._buffer = b""
+
+    def _split(self, data: bytes) -> list[Adu]:
+        frames: list[Adu] = []
+        start = 0
+        size = len(data)
+        while size - start >= HEADER_SIZE:
+            transaction_id, protocol_id, length, unit_id = _unpack_header(data, start)
+            if not SHORTEST_LENGTH <= length <= LONGEST_LENGTH:
+                self.counters.bad_headers += 1
+                self.counters.dropped_bytes += size - start
+                start = size
+                break
+            end = start + COUNTED_FROM + length
+            if end > size:
+                break
+            if protocol_id == 0:
+                frames.append((transaction_id, unit_id, data[start + HEADER_SIZE : end]))
+            else:
+                self.counters.skipped_frames += 1
+                self.counters.dropped_bytes += end - start
+            start = end
+        self._buffer = data[start:]
+        return frames

@@ -1,0 +1,129 @@
+"""Fields in registers: how a position lies in 16-bit words, and single bits of status words.
+
+Bytes inside a word are big-endian for every drive known to us; what differs is the order of the words.
+``high-first`` has the most significant word at the lowest address, ``low-first`` the least significant one.
+"""
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+from gateway.modbus.errors import RegisterFieldError, RegisterRangeError
+from gateway.modbus.words import Codec, codec_of
+
+__all__ = ["BitField", "PositionField", "RegisterRangeError", "RegisterType", "WordOrder"]
+
+ADDRESSES: Final = 0x10000
+BITS_OF_A_WORD: Final = 16
+
+
+class WordOrder(Enum):
+    """Which word of a field lies at its lowest address."""
+
+    HIGH_FIRST = "high-first"
+    LOW_FIRST = "low-first"
+
+
+class RegisterType(Enum):
+    """What a field holds. Signed integers are two's complement, ``float32`` is IEEE 754 single precision."""
+
+    INT16 = "int16"
+    UINT16 = "uint16"
+    INT32 = "int32"
+    UINT32 = "uint32"
+    INT48 = "int48"
+    INT64 = "int64"
+    FLOAT32 = "float32"
+
+    @property
+    def words(self) -> int:
+        """How many registers the type fills.
+
+        >>> RegisterType.INT48.words
+        3
+        """
+        return codec_of(self.value, low_first=False).words
+
+    @property
+    def is_float(self) -> bool:
+        """Whether raw values are floating point numbers."""
+        return self is RegisterType.FLOAT32
+
+
+@dataclass(frozen=True, slots=True)
+class PositionField:
+    """One position in a drive's registers: counts = raw × ``scale``.
+
+    The address is the one on the wire, counted from 0.
+
+    >>> target = PositionField(0x6F00, RegisterType.INT32, WordOrder.LOW_FIRST)
+    >>> target.pack(0x00085555).hex(" ")
+    '55 55 00 08'
+    >>> hex(target.unpack(bytes.fromhex("55 55 00 08")))
+    '0x85555'
+    """
+
+    address: int
+    type: RegisterType
+    order: WordOrder = WordOrder.HIGH_FIRST
+    scale: float = 1.0
+    _codec: Codec = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        codec = codec_of(self.type.value, low_first=self.order is WordOrder.LOW_FIRST)
+        object.__setattr__(self, "_codec", codec)
+        if not 0 <= self.address <= ADDRESSES - codec.words:
+            last = ADDRESSES - codec.words
+            raise RegisterFieldError(f"address {self.address} of an {self.type.value} is not in 0 … {last}")
+        if not math.isfinite(self.scale) or self.scale == 0.0:
+            raise RegisterFieldError(
+                f"scale {self.scale} is not allowed: give the counts per raw step, finite and not 0"
+            )
+
+    @property
+    def words(self) -> int:
+        """How many registers the field fills."""
+        return self._codec.words
+
+    @property
+    def end(self) -> int:
+        """The first address behind the field."""
+        return self.address + self._codec.words
+
+    def unpack(self, data: bytes, offset: int = 0) -> int | float:
+        """Return the raw value that starts at byte ``offset`` of ``data``.
+
+        Raises RegisterDataError when ``data`` ends inside the field. A float32 may be NaN or infinite.
+        """
+        return self._codec.unpack(data, offset)
+
+    def pack(self, raw: float) -> bytes:
+        """Return the bytes of a raw value in the order of the wire.
+
+        Raises RegisterRangeError when the field cannot hold it: out of range, not finite, a fraction for an
+        integer, a bool.
+        """
+        return self._codec.pack(raw)
+
+
+@dataclass(frozen=True, slots=True)
+class BitField:
+    """One bit of one register; bit 0 is the least significant.
+
+    >>> BitField(0x1003, 6).is_set(0x0040)
+    True
+    """
+
+    address: int
+    bit: int
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.address < ADDRESSES:
+            raise RegisterFieldError(f"address {self.address} of a bit is not in 0 … {ADDRESSES - 1}")
+        if not 0 <= self.bit < BITS_OF_A_WORD:
+            raise RegisterFieldError(f"bit {self.bit} of register {self.address} is not in 0 … 15")
+
+    def is_set(self, word: int) -> bool:
+        """Whether the bit is set in the register's value."""
+        return bool(word >> self.bit & 1)

@@ -1,0 +1,107 @@
+"""What both RTU decoders share: bytes that wait for the rest of their frame, silence, and counters."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from gateway.modbus.errors import FrameError
+from gateway.modbus.lengths import MIN_ADU
+
+Frame = tuple[int, bytes]
+"""Unit id and PDU."""
+
+SILENCE_CHARACTERS: Final = 3.5
+FAST_ABOVE_BAUD: Final = 19200
+FAST_SILENCE_NS: Final = 1_750_000
+USB_PAUSE_NS: Final = 30_000_000
+"""USB adapters hand bytes over up to 16 ms apart, in the middle of a frame too: two of their pauses."""
+
+
+def silence_ns(baudrate: int, bits_per_character: int = 11) -> int:
+    """Return the silence between two frames in ns: 3.5 characters, a fixed 1.75 ms above 19200 Bd.
+
+    Modbus over serial line V1.02, 2.5.1.1. Bits are counted with start, parity and stop bits.
+
+    >>> silence_ns(9600)
+    4010417
+    >>> silence_ns(115200)
+    1750000
+    """
+    if baudrate > FAST_ABOVE_BAUD:
+        return FAST_SILENCE_NS
+    return round(SILENCE_CHARACTERS * bits_per_character * 1e9 / baudrate)
+
+
+@dataclass(slots=True)
+class RtuCounters:
+    """What a decoder met besides good frames, since it was made."""
+
+    crc_errors: int = 0
+    """Lost frames: runs of at least four bytes of which no frame could be made."""
+    dropped_bytes: int = 0
+    """Bytes that belong to no frame, without those below."""
+    glitch_bytes: int = 0
+    """Zero bytes outside of frames, as an RS-485 driver makes when it is switched."""
+    oversized: int = 0
+    """Times that more bytes than a frame can have came without one."""
+    foreign: int = 0
+    """Whole frames on the drive side that answer another unit or another function."""
+    stray_bytes: int = 0
+    """Bytes on the drive side while nothing was expected."""
+    echoes: int = 0
+    """Own requests heard back."""
+
+
+class RtuDecoder:
+    """Bytes that wait, the moment of the last one, and what becomes of them when the line is silent.
+
+    After ``silence_ns`` without a byte what has arrived is looked at for a frame that silence ends. What is
+    no frame then may still become one, because USB adapters make pauses of their own: it is kept until
+    ``give_up_ns`` after the last byte.
+    """
+
+    __slots__ = ("_buffer", "_give_up_ns", "_last_byte_ns", "_silence_ns", "counters", "deadline_ns")
+
+    def __init__(self, silence_ns: int = FAST_SILENCE_NS, give_up_ns: int | None = None) -> None:
+        """Both in ns after the last byte; ``give_up_ns`` is by default 30 ms after the silence."""
+        self._silence_ns = silence_ns
+        self._give_up_ns = silence_ns + USB_PAUSE_NS if give_up_ns is None else give_up_ns
+        if not 0 <= self._silence_ns <= self._give_up_ns:
+            raise FrameError(f"give_up_ns {give_up_ns} must not be shorter than silence_ns {silence_ns}")
+        self._buffer = b""
+        self._last_byte_ns = 0
+        self.deadline_ns: int | None = None
+        """When ``on_silence`` wants to be called; every byte puts it off. None: nothing waits."""
+        self.counters = RtuCounters()
+
+    def on_silence(self, now_ns: int) -> list[Frame]:
+        """Return the frames that silence ended. Too early a call changes nothing (some timers fire early)."""
+        if self.deadline_ns is None or now_ns < self.deadline_ns:
+            return []
+        has_given_up = now_ns - self._last_byte_ns >= self._give_up_ns
+        frames = self._settle(has_given_up=has_given_up)
+        if has_given_up:
+            self._drop(len(self._buffer))
+        self.deadline_ns = self._last_byte_ns + self._give_up_ns if self._buffer else None
+        return frames
+
+    def reset(self) -> None:
+        """Forget what waits: the line is a new one."""
+        self._buffer = b""
+        self.deadline_ns = None
+
+    def _settle(self, *, has_given_up: bool) -> list[Frame]:
+        raise NotImplementedError
+
+    def _await_silence(self, now_ns: int) -> None:
+        self._last_byte_ns = now_ns
+        self.deadline_ns = now_ns + self._silence_ns if self._buffer else None
+
+    def _drop(self, count: int) -> None:
+        """Throw the first ``count`` waiting bytes away, and count them for what they are."""
+        dropped = self._buffer[:count]
+        self._buffer = self._buffer[count:]
+        if any(dropped):
+            self.counters.dropped_bytes += len(dropped)
+            self.counters.crc_errors += len(dropped) >= MIN_ADU
+        else:
+            self.counters.glitch_bytes += len(dropped)

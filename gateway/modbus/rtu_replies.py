@@ -1,0 +1,177 @@
+"""RTU replies out of a byte stream: the side on which the gateway is the master.
+
+One reply is expected at a time. It carries the unit id of its request and its function code, or a byte with
+bit 7 set for an exception (some drives set that byte to 0x81 whatever was asked). It ends where its own bytes
+say, with the request as the context, and its check sum decides; never at the first length whose check sum
+happens to be good, which one reply in some two hundred has too early.
+"""
+
+from gateway.modbus.crc import append_crc, crc16, is_intact
+from gateway.modbus.lengths import MAX_ADU, MIN_ADU, NEEDS_MORE, NO_FRAME, UNTIL_SILENCE, reply_length
+from gateway.modbus.pdu import EXCEPTION_BIT
+from gateway.modbus.rtu_line import FAST_SILENCE_NS, Frame, RtuDecoder
+
+
+class RtuReplyDecoder(RtuDecoder):
+    r"""Bytes from the drives in, at most one reply for each request out. Never raises.
+
+    With ``echo`` the adapter hears what it sends: the request comes back first, and is taken out.
+
+    >>> decoder = RtuReplyDecoder()
+    >>> decoder.expect(1, bytes.fromhex("03 02 00 00 02"))
+    >>> decoder.feed(bytes.fromhex("01 03 04 00 B1 1F 40 A3 D4"), now_ns=0)
+    [(1, b'\x03\x04\x00\xb1\x1f@')]
+    """
+
+    __slots__ = ("_echo", "_has_echo", "_is_answered", "_request", "_unit_id")
+
+    def __init__(
+        self, silence_ns: int = FAST_SILENCE_NS, give_up_ns: int | None = None, *, echo: bool = False
+    ) -> None:
+        super().__init__(silence_ns, give_up_ns)
+        self._has_echo = echo
+        self._echo = b""
+        self._unit_id = 0
+        self._request = b""
+        self._is_answered = False
+
+    @property
+    def is_expecting(self) -> bool:
+        """Whether a reply is expected."""
+        return bool(self._request)
+
+    @property
+    def stray_bytes(self) -> int:
+        """Bytes so far that came while nothing was expected: compare it before and after ``feed``."""
+        return self.counters.stray_bytes
+
+    def expect(self, unit_id: int, request_pdu: bytes) -> None:
+        """Expect the reply to this request, and nothing else. To be called when the request is sent."""
+        if self._buffer:
+            self.cancel()
+        self._unit_id = unit_id
+        self._request = request_pdu
+        if self._has_echo:
+            self._echo = append_crc(bytes((unit_id,)) + request_pdu)
+
+    def cancel(self) -> None:
+        """Expect nothing any more: whatever arrives from now on is stray."""
+        self._drop(len(self._buffer))
+        self._expect_nothing()
+        self._is_answered = False
+
+    def reset(self) -> None:
+        """Forget what waits and what is expected: the line is a new one."""
+        super().reset()
+        self._expect_nothing()
+        self._is_answered = False
+
+    def feed(self, data: bytes, now_ns: int) -> list[Frame]:
+        """Return the reply, if ``data`` completes it."""
+        if not self._buffer and not self._echo and self._is_ours(data):
+            length = reply_length(self._request, data)
+            if length == len(data) and crc16(data) == 0:
+                self._request = b""
+                self._is_answered = True
+                return [(data[0], data[1:-2])]
+        return self._append(data, now_ns)
+
+    def _is_ours(self, data: bytes, start: int = 0) -> bool:
+        """Whether unit id and function byte at ``start`` are those of the expected reply."""
+        if len(data) < start + 2 or data[start] != self._unit_id or not self._request:
+            return False
+        function = data[start + 1]
+        return function == self._request[0] or function >= EXCEPTION_BIT
+
+    def _append(self, data: bytes, now_ns: int) -> list[Frame]:
+        if not self._request:
+            self._count_stray(data)
+            return []
+        self._buffer += data
+        frames = self._take_reply() if self._pass_echo() else []
+        most = MAX_ADU + len(self._echo)
+        if len(self._buffer) > most:
+            self.counters.oversized += 1
+            self._drop(len(self._buffer) - most)
+        self._await_silence(now_ns)
+        return frames
+
+    def _pass_echo(self) -> bool:
+        """Take the own request out of what waits; False while it may still be coming in."""
+        if not self._echo:
+            return True
+        start = self._buffer.find(self._echo)
+        if start < 0:
+            return len(self._buffer) >= len(self._echo)
+        self._drop(start)
+        self._buffer = self._buffer[len(self._echo) :]
+        self._echo = b""
+        self.counters.echoes += 1
+        return True
+
+    def _take_reply(self) -> list[Frame]:
+        """Take the first whole good reply, unless an earlier byte may begin one that is still incomplete."""
+        start = 0
+        while start < len(self._buffer):
+            length = self._intact_length(start)
+            if length > 0 and self._is_ours(self._buffer, start):
+                return [self._take(start, length)]
+            if length > 0:
+                self._skip_foreign(start, length)
+                start = 0
+            elif length != NO_FRAME and self._is_ours(self._buffer, start):
+                break
+            else:
+                start += 1
+        return []
+
+    def _settle(self, *, has_given_up: bool) -> list[Frame]:
+        """Take what is a reply now that the line is silent, wherever it begins."""
+        for start in range(len(self._buffer) - MIN_ADU + 1):
+            if not self._is_ours(self._buffer, start):
+                continue
+            length = self._intact_length(start)
+            if length <= 0 and (has_given_up or length != NEEDS_MORE):
+                rest = self._buffer[start:]
+                length = len(rest) if len(rest) <= MAX_ADU and is_intact(rest) else UNTIL_SILENCE
+            if length > 0:
+                return [self._take(start, length)]
+        return []
+
+    def _intact_length(self, start: int) -> int:
+        """Return the length of the good reply at ``start``, or a constant: NO_FRAME with a bad check sum."""
+        length = reply_length(self._request, self._buffer, start)
+        if length <= 0:
+            return length
+        end = start + length
+        if end > len(self._buffer):
+            return NEEDS_MORE
+        return length if is_intact(self._buffer[start:end]) else NO_FRAME
+
+    def _take(self, start: int, length: int) -> Frame:
+        """Take the reply; what stands before it is noise, what follows it answers nothing."""
+        self._drop(start)
+        frame = self._buffer[0], self._buffer[1 : length - 2]
+        rest = self._buffer[length:]
+        self._expect_nothing()
+        self._is_answered = True
+        self._count_stray(rest)
+        return frame
+
+    def _skip_foreign(self, start: int, length: int) -> None:
+        self._drop(start)
+        self._buffer = self._buffer[length:]
+        self.counters.foreign += 1
+
+    def _count_stray(self, data: bytes) -> None:
+        # Zeros behind a reply come from a switching driver; after a time-out they may be part of a reply.
+        if self._is_answered and not any(data):
+            self.counters.glitch_bytes += len(data)
+        else:
+            self.counters.stray_bytes += len(data)
+
+    def _expect_nothing(self) -> None:
+        self._request = b""
+        self._echo = b""
+        self._buffer = b""
+        self.deadline_ns = None

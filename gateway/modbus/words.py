@@ -1,0 +1,179 @@
+"""Numbers to words and back: one codec for each register type and word order, made once at import.
+
+One ``Struct`` reads or writes a whole field, so that a position on the hot path costs a call and no loop.
+"""
+
+import struct
+from collections.abc import Callable
+from typing import Final, NoReturn, Protocol
+
+from gateway.modbus.errors import RegisterDataError, RegisterRangeError
+
+FLOAT32_MAX: Final = (2.0 - 2.0**-23) * 2.0**127
+"""Largest number of IEEE 754 single precision, 3.4028235e38."""
+WORD_BITS: Final = 16
+WORD_MASK: Final = 0xFFFF
+
+
+class Codec(Protocol):
+    """One register type in one word order."""
+
+    @property
+    def words(self) -> int:
+        """How many registers the type fills."""
+        ...
+
+    def unpack(self, data: bytes, offset: int) -> int | float:
+        """Read the value that starts at byte ``offset``, or raise RegisterDataError."""
+        ...
+
+    def pack(self, raw: float) -> bytes:
+        """Write a value, or raise RegisterRangeError."""
+        ...
+
+
+class _Base:
+    """What all codecs share: their name, their size, and being copied by name."""
+
+    __slots__ = ("_low_first", "_name", "_struct", "words")
+
+    def __init__(self, name: str, layout: str, *, low_first: bool) -> None:
+        self._name = name
+        self._low_first = low_first
+        self._struct = struct.Struct(layout)
+        self.words = self._struct.size // 2
+
+    def __reduce__(self) -> tuple[Callable[[str, bool], Codec], tuple[str, bool]]:
+        return _codec_by_key, (self._name, self._low_first)
+
+    def _too_short(self, data: bytes, offset: int) -> NoReturn:
+        raise RegisterDataError(
+            f"{self._name} fills {self._struct.size} bytes from byte {offset}, but there are only {len(data)}"
+        )
+
+
+class _Integer(_Base):
+    """Integers that are one C type in wire order: every type of one word, and the high-first ones."""
+
+    __slots__ = ("_largest", "_smallest")
+
+    def __init__(self, name: str, layout: str, *, low_first: bool) -> None:
+        super().__init__(name, layout, low_first=low_first)
+        bits = WORD_BITS * self.words
+        is_signed = not name.startswith("u")
+        self._smallest = -(1 << (bits - 1)) if is_signed else 0
+        self._largest = self._smallest + (1 << bits) - 1
+
+    def unpack(self, data: bytes, offset: int) -> int:
+        """See ``Codec``."""
+        try:
+            value: int = self._struct.unpack_from(data, offset)[0]
+        except struct.error:
+            self._too_short(data, offset)
+        return value
+
+    def pack(self, raw: float) -> bytes:
+        """See ``Codec``."""
+        return self._struct.pack(self._checked(raw))
+
+    def _checked(self, raw: float) -> int:
+        if type(raw) is int and self._smallest <= raw <= self._largest:
+            return raw
+        limits = f"whole numbers from {self._smallest} to {self._largest}"
+        raise RegisterRangeError(f"{raw!r} does not fit {self._name}: it holds {limits}")
+
+
+class _LowFirstPair(_Integer):
+    """Two words, the least significant first: the usual case, worth its own two lines."""
+
+    __slots__ = ()
+
+    def unpack(self, data: bytes, offset: int) -> int:
+        """See ``Codec``."""
+        try:
+            low, high = self._struct.unpack_from(data, offset)
+        except struct.error:
+            self._too_short(data, offset)
+        value: int = high << WORD_BITS | low
+        return value
+
+    def pack(self, raw: float) -> bytes:
+        """See ``Codec``."""
+        number = self._checked(raw)
+        return self._struct.pack(number & WORD_MASK, number >> WORD_BITS)
+
+
+class _Words(_Integer):
+    """Any number of words in either order, of which the most significant carries the sign."""
+
+    __slots__ = ()
+
+    def unpack(self, data: bytes, offset: int) -> int:
+        """See ``Codec``."""
+        try:
+            words = self._struct.unpack_from(data, offset)
+        except struct.error:
+            self._too_short(data, offset)
+        value = 0
+        for word in reversed(words) if self._low_first else words:
+            value = value << WORD_BITS | word
+        return value
+
+    def pack(self, raw: float) -> bytes:
+        """See ``Codec``."""
+        number = self._checked(raw)
+        low_first = [number >> WORD_BITS * place & WORD_MASK for place in range(self.words - 1)]
+        low_first.append(number >> WORD_BITS * (self.words - 1))
+        return self._struct.pack(*(low_first if self._low_first else reversed(low_first)))
+
+
+class _Float32(_Base):
+    """Single precision. Packing rounds to the nearest, and refuses what would become infinite."""
+
+    __slots__ = ()
+
+    def unpack(self, data: bytes, offset: int) -> float:
+        """See ``Codec``."""
+        end = offset + 4
+        if offset < 0 or len(data) < end:
+            self._too_short(data, offset)
+        if self._low_first:
+            data = data[offset + 2 : end] + data[offset : offset + 2]
+            offset = 0
+        value: float = self._struct.unpack_from(data, offset)[0]
+        return value
+
+    def pack(self, raw: float) -> bytes:
+        """See ``Codec``."""
+        if isinstance(raw, bool) or not -FLOAT32_MAX <= raw <= FLOAT32_MAX:
+            limits = f"finite numbers from {-FLOAT32_MAX:.8g} to {FLOAT32_MAX:.8g}"
+            raise RegisterRangeError(f"{raw!r} does not fit {self._name}: it holds {limits}")
+        high_first = self._struct.pack(raw)
+        return high_first[2:] + high_first[:2] if self._low_first else high_first
+
+
+_CODECS: Final[dict[tuple[str, bool], Codec]] = {
+    ("int16", False): _Integer("int16", ">h", low_first=False),
+    ("int16", True): _Integer("int16", ">h", low_first=True),
+    ("uint16", False): _Integer("uint16", ">H", low_first=False),
+    ("uint16", True): _Integer("uint16", ">H", low_first=True),
+    ("int32", False): _Integer("int32", ">i", low_first=False),
+    ("int32", True): _LowFirstPair("int32", ">Hh", low_first=True),
+    ("uint32", False): _Integer("uint32", ">I", low_first=False),
+    ("uint32", True): _LowFirstPair("uint32", ">HH", low_first=True),
+    ("int48", False): _Words("int48", ">hHH", low_first=False),
+    ("int48", True): _Words("int48", ">HHh", low_first=True),
+    ("int64", False): _Integer("int64", ">q", low_first=False),
+    ("int64", True): _Words("int64", ">HHHh", low_first=True),
+    ("float32", False): _Float32("float32", ">f", low_first=False),
+    ("float32", True): _Float32("float32", ">f", low_first=True),
+}
+
+
+def codec_of(name: str, *, low_first: bool) -> Codec:
+    """Return the one codec of a register type in a word order."""
+    return _CODECS[name, low_first]
+
+
+def _codec_by_key(name: str, low_first: bool) -> Codec:
+    return _CODECS[name, low_first]

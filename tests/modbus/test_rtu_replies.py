@@ -1,0 +1,211 @@
+"""Replies from the drives: exceptions of their own kind, noise, echoes, other units, late bytes."""
+
+import random
+
+import pytest
+
+from gateway.modbus.crc import append_crc, is_intact
+from gateway.modbus.rtu import RtuReplyDecoder
+
+MS = 1_000_000
+READ = bytes.fromhex("03 02 00 00 02")
+REPLY = bytes.fromhex("01 03 04 00 B1 1F 40 A3 D4")
+WRITE = bytes.fromhex("06 31 00 00 0F")
+ECHO = bytes.fromhex("01 06 31 00 00 0F C7 32")
+
+
+def frame_of(wire: bytes) -> tuple[int, bytes]:
+    return wire[0], wire[1:-2]
+
+
+def expecting(request: bytes, unit_id: int = 1, *, echo: bool = False) -> RtuReplyDecoder:
+    decoder = RtuReplyDecoder(silence_ns=2 * MS, give_up_ns=30 * MS, echo=echo)
+    decoder.expect(unit_id, request)
+    return decoder
+
+
+@pytest.mark.parametrize("function", [0x81, 0x83, 0x90, 0xFF])
+def test_any_function_byte_with_bit_7_is_passed_on_as_an_exception(function: int) -> None:
+    # Kinco answers a refused read of holding registers with 0x81
+    wire = append_crc(bytes((1, function, 0x02)))
+    assert expecting(READ).feed(wire, 0) == [frame_of(wire)]
+
+
+def test_vendors_exception_codes_are_passed_on() -> None:
+    for code in (0x08, 0x21, 0x27, 0x29, 0xFF):
+        wire = append_crc(bytes((1, 0x83, code)))
+        assert expecting(READ).feed(wire, 0) == [frame_of(wire)]
+
+
+def test_a_read_reply_of_another_size_is_framed_by_its_own_byte_count() -> None:
+    wire = append_crc(bytes.fromhex("01 03 02 00 B1"))
+    assert expecting(READ).feed(wire, 0) == [frame_of(wire)]
+
+
+def test_a_valid_check_sum_on_a_shorter_prefix_does_not_end_a_reply() -> None:
+    # About one random reply in 230 has such a prefix: taking the first good check sum cuts it.
+    generator = random.Random(7)
+    trapped = 0
+    for _ in range(2000):
+        words = generator.randrange(30, 60)
+        wire = append_crc(bytes((1, 3, 2 * words)) + generator.randbytes(2 * words))
+        if not any(is_intact(wire[:size]) for size in range(5, len(wire))):
+            continue
+        trapped += 1
+        for size in range(1, len(wire)):
+            decoder = expecting(bytes((3, 0, 0, 0, words)))
+            early = decoder.feed(wire[:size], 0) + decoder.on_silence(2 * MS)
+            assert early == []
+            assert decoder.feed(wire[size:], 10 * MS) == [frame_of(wire)]
+    assert trapped >= 3
+
+
+def test_a_reply_of_another_unit_is_dropped_and_counted() -> None:
+    decoder = expecting(READ, unit_id=2)
+    wire = append_crc(b"\x02" + REPLY[1:-2])
+    assert decoder.feed(REPLY, 0) == []
+    assert decoder.counters.foreign == 1
+    assert decoder.is_expecting
+    assert decoder.feed(wire, 1) == [frame_of(wire)]
+    assert decoder.counters.dropped_bytes == 0
+
+
+def test_a_foreign_reply_glued_before_the_own_one_is_dropped() -> None:
+    decoder = expecting(READ, unit_id=2)
+    wire = append_crc(b"\x02" + REPLY[1:-2])
+    assert decoder.feed(REPLY + wire, 0) == [frame_of(wire)]
+    assert decoder.counters.foreign == 1
+
+
+def test_a_reply_to_another_function_is_no_reply() -> None:
+    decoder = expecting(READ)
+    assert decoder.feed(ECHO, 0) == []
+    assert decoder.counters.foreign == 1
+    assert decoder.feed(REPLY, 1) == [frame_of(REPLY)]
+
+
+def test_a_corrupt_reply_does_not_come_out() -> None:
+    decoder = expecting(READ)
+    assert decoder.feed(REPLY[:5] + b"\x00" + REPLY[6:], 0) == []
+    assert decoder.on_silence(2 * MS) == []
+    assert decoder.on_silence(30 * MS) == []
+    assert (decoder.counters.crc_errors, decoder.counters.dropped_bytes) == (1, 9)
+    assert decoder.is_expecting
+
+
+def test_usb_pauses_inside_a_reply_do_not_break_it() -> None:
+    decoder = expecting(READ)
+    decoder.feed(REPLY[:3], 0)
+    assert decoder.on_silence(2 * MS) == []
+    assert decoder.feed(REPLY[3:], 16 * MS) == [frame_of(REPLY)]
+    assert decoder.deadline_ns is None
+
+
+def test_noise_that_looks_like_the_beginning_is_passed_at_silence() -> None:
+    # "01 03 F0" announces 245 bytes
+    decoder = expecting(READ)
+    assert decoder.feed(b"\x01\x03\xf0" + REPLY, 0) == []
+    assert decoder.on_silence(2 * MS) == [frame_of(REPLY)]
+    assert decoder.counters.dropped_bytes == 3
+
+
+def test_an_unknown_function_ends_by_silence_that_every_byte_puts_off() -> None:
+    request = bytes.fromhex("2B 0D 00 00 00 60 41 00 00 00 02")
+    wire = append_crc(b"\x01\x2b\x0d" + bytes(range(120)))
+    decoder = expecting(request)
+    for at in range(len(wire)):
+        assert decoder.feed(wire[at : at + 1], at * MS) == []
+        assert decoder.deadline_ns == (at + 2) * MS
+        assert decoder.on_silence((at + 1) * MS) == []
+    assert decoder.on_silence((len(wire) + 2) * MS) == [frame_of(wire)]
+
+
+def test_an_unknown_function_behind_noise_is_found() -> None:
+    decoder = expecting(b"\x41\x01")
+    wire = append_crc(bytes.fromhex("01 41 AA BB CC"))
+    decoder.feed(b"\x00\xff" + wire, 0)
+    assert decoder.on_silence(2 * MS) == [frame_of(wire)]
+
+
+def test_a_reply_with_a_byte_count_of_zero_and_data_passes_at_silence() -> None:
+    wire = append_crc(bytes.fromhex("01 03 00 00 B1 1F 40"))
+    decoder = expecting(READ)
+    assert decoder.feed(wire, 0) == []
+    assert decoder.on_silence(2 * MS) == [frame_of(wire)]
+
+
+def test_diagnostics_come_back_in_their_own_length() -> None:
+    wire = append_crc(bytes.fromhex("01 08 00 00 A5 37 11 22"))
+    assert expecting(wire[1:-2]).feed(wire, 0) == [frame_of(wire)]
+
+
+@pytest.mark.parametrize("pieces", [1, 2, 3, 5, 99])
+def test_an_echo_of_the_own_request_is_taken_out(pieces: int) -> None:
+    # The echo of a write of one register is the same bytes as its reply.
+    decoder = expecting(WRITE, echo=True)
+    stream = ECHO + ECHO
+    step = -(-len(stream) // pieces)
+    frames = [f for at in range(0, len(stream), step) for f in decoder.feed(stream[at : at + step], at)]
+    assert frames == [frame_of(ECHO)]
+    assert (decoder.counters.echoes, decoder.stray_bytes) == (1, 0)
+
+
+def test_an_echo_alone_is_no_reply() -> None:
+    decoder = expecting(WRITE, echo=True)
+    assert decoder.feed(ECHO, 0) == []
+    assert decoder.deadline_ns is None
+    assert decoder.is_expecting
+
+
+def test_an_echo_behind_noise_is_taken_out() -> None:
+    decoder = expecting(READ, echo=True)
+    echo = append_crc(b"\x01" + READ)
+    assert decoder.feed(b"\x00" + echo + b"\xff" + REPLY, 0) == [frame_of(REPLY)]
+    assert decoder.counters.echoes == 1
+
+
+def test_a_reply_is_found_where_the_echo_was_damaged() -> None:
+    decoder = expecting(READ, echo=True)
+    echo = append_crc(b"\x01" + READ)
+    assert decoder.feed(echo[:-1] + b"\x55" + REPLY, 0) == [frame_of(REPLY)]
+
+
+def test_bytes_that_answer_nothing_are_stray() -> None:
+    decoder = RtuReplyDecoder()
+    assert decoder.feed(REPLY, 0) == []
+    assert decoder.stray_bytes == len(REPLY)
+    assert decoder.deadline_ns is None
+
+
+def test_a_late_reply_is_stray_after_cancelling() -> None:
+    decoder = expecting(READ)
+    decoder.feed(REPLY[:4], 0)
+    decoder.cancel()
+    assert not decoder.is_expecting
+    assert decoder.deadline_ns is None
+    assert decoder.feed(REPLY[4:], 1) == []
+    assert (decoder.counters.dropped_bytes, decoder.stray_bytes) == (4, 5)
+
+
+def test_zeros_after_cancelling_are_stray_too() -> None:
+    # They may be the middle of a late reply: the line is not silent.
+    decoder = expecting(READ)
+    decoder.cancel()
+    decoder.feed(b"\x00\x00", 0)
+    assert decoder.stray_bytes == 2
+
+
+def test_what_was_left_over_does_not_begin_the_next_reply() -> None:
+    decoder = expecting(READ)
+    decoder.feed(REPLY[:4], 0)
+    decoder.expect(1, WRITE)
+    assert decoder.feed(ECHO, 1) == [frame_of(ECHO)]
+
+
+def test_endless_noise_is_bounded() -> None:
+    decoder = expecting(READ)
+    for at in range(50):
+        decoder.feed(b"\x01\x03\xf0" * 100, at)
+    assert decoder.counters.dropped_bytes >= 50 * 300 - 512
+    decoder.reset()
+    assert not decoder.is_expecting
