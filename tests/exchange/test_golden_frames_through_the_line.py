@@ -46,6 +46,8 @@ MODE_DECIDES = {"mks stop", "oriental BLV-R direct data, 14 regs from 0x005A"}
 
 def plan_of(name: str, unit_id: int) -> AxisPlan:
     command, actual = MAPS[name.split(maxsplit=1)[0]]
+    if name in MODE_DECIDES:
+        command = PositionField(0xFF00, INT32)
     return axis_plan(
         unit_id=unit_id, command=(command,), actual=(actual,), added_frames=False, home_approach=1
     )
