@@ -1,1 +1,45 @@
-"""Pure text: one file per dialect, text <-> correction table; lints; explain."""
+"""Pure text: one file per dialect, text <-> correction table; lints; explain.
+
+The sign is the same in all of them: what a file calls its value is turned into the amount that is ADDED to a
+commanded position. A reader infers only what the file proves; the rest it is told, or it refuses.
+"""
+
+from gateway.tabfile.context import FileContext, HomeSide, V1Layout
+from gateway.tabfile.decoded import Decoded, LoadedTable, SourceRow
+from gateway.tabfile.dialects import DIALECTS, Dialect, dialect_named
+from gateway.tabfile.errors import ContextError, Problem, TabFileError
+from gateway.tabfile.explanation import Explanation, explain
+from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.load import dialect_of, inspect_table, parse_table, read_table
+from gateway.tabfile.names import FoundTable, TableState, axis_of_name, find_axis_tables, find_table
+from gateway.tabfile.writing import WriteOptions, Written
+
+__all__ = [
+    "DIALECTS",
+    "ContextError",
+    "Decoded",
+    "Dialect",
+    "Explanation",
+    "FileContext",
+    "FoundTable",
+    "HomeSide",
+    "Lint",
+    "LoadedTable",
+    "Problem",
+    "Severity",
+    "SourceRow",
+    "TabFileError",
+    "TableState",
+    "V1Layout",
+    "WriteOptions",
+    "Written",
+    "axis_of_name",
+    "dialect_named",
+    "dialect_of",
+    "explain",
+    "find_axis_tables",
+    "find_table",
+    "inspect_table",
+    "parse_table",
+    "read_table",
+]

@@ -1,0 +1,168 @@
+"""What ``pitch-gateway table`` prints: rich tables for people, plain data for programs."""
+
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import typer
+
+from gateway.tabfile import Explanation, Lint, LoadedTable, SourceRow
+from gateway.tabfile.explanation import DirectionExplained
+
+PLAIN_WIDTH = 140
+"""Columns of a rich table that does not go to a terminal."""
+
+
+def print_json(data: dict[str, object]) -> None:
+    """Print plain data as JSON on stdout."""
+    typer.echo(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+def print_lines(lines: Iterable[str], *, err: bool = False) -> None:
+    """Print lines as they are."""
+    for line in lines:
+        typer.echo(line, err=err)
+
+
+def finding_line(file: str, lint: Lint) -> str:
+    """Render a remark as one line: place, severity, code, message."""
+    place = file if lint.line is None else f"{file}:{lint.line}"
+    return f"{place}: {lint.severity.value} {lint.code} {lint.message}"
+
+
+def summary(loaded: LoadedTable) -> dict[str, object]:
+    """Return what ``show`` says about a table besides its points."""
+    table = loaded.table
+    return {
+        "file": loaded.file,
+        "format": loaded.format,
+        "sha256": loaded.sha256,
+        "units": table.units.value,
+        "file_unit": loaded.source.value_unit,
+        "axis": loaded.source.axis,
+        "points": len(table.positions),
+        "range": [table.first, table.last],
+        "unidirectional": table.is_unidirectional,
+        "max_correction": table.max_correction(),
+        "max_reversal": table.max_reversal(),
+        "max_slope": table.max_slope(),
+        "forward_rule": loaded.source.forward_rule,
+        "backward_rule": loaded.source.backward_rule,
+        "decisions": list(loaded.source.decisions),
+        "lints": [lint.to_json() for lint in loaded.lints],
+    }
+
+
+def row_json(row: SourceRow) -> dict[str, object]:
+    """Return one point as plain data."""
+    return row._asdict()
+
+
+def show_text(loaded: LoadedTable, limit: int) -> None:
+    """Print a table for a person; of its points the first ``limit``, 0 for all."""
+    for key, item in summary(loaded).items():
+        if key not in ("lints", "decisions") and item is not None:
+            typer.echo(f"{key:15} {_plain(item)}")
+    unit, file_unit = loaded.table.units.value, loaded.source.value_unit
+    rows = loaded.source.rows[:limit] if limit else loaded.source.rows
+    headings = [f"position ({unit})", f"forward ({unit})", f"backward ({unit})"]
+    headings += [f"forward ({file_unit})", f"backward ({file_unit})", "lines"]
+    _print_table(headings, [_row_cells(row) for row in rows])
+    if len(rows) < len(loaded.source.rows):
+        typer.echo(f"{len(loaded.source.rows) - len(rows)} more points: --limit 0 shows all")
+    print_remarks(loaded)
+
+
+def explain_text(loaded: LoadedTable, explanation: Explanation) -> None:
+    """Print for a person what a table does at one position."""
+    table = loaded.table
+    unit = table.units.value
+    typer.echo(
+        f"{loaded.file}: {loaded.format}, {len(table.positions)} points from {table.first:g} to "
+        f"{table.last:g} {unit}"
+    )
+    if explanation.outside:
+        typer.echo(
+            f"{explanation.at:g} {unit} is outside the table, {explanation.outside.value} it: the axis's "
+            "'outside' policy decides; hold (the default) gives the end values below"
+        )
+    ahead, back = explanation.forward, explanation.backward
+    forward_cells = _direction_cells(loaded, ahead, is_forward=True)
+    backward_cells = _direction_cells(loaded, back, is_forward=False)
+    rows = [
+        (label, one, other) for (label, one), (_, other) in zip(forward_cells, backward_cells, strict=True)
+    ]
+    headings = (
+        f"at {explanation.at:g} {unit}",
+        "forward (towards greater positions)",
+        "backward (towards smaller positions)",
+    )
+    _print_table(headings, rows, right=False)
+    print_remarks(loaded)
+
+
+def print_remarks(loaded: LoadedTable) -> None:
+    """Print how open questions were settled, and every lint."""
+    print_lines(f"decided: {decision}" for decision in loaded.source.decisions)
+    print_lines(finding_line(loaded.file, lint) for lint in loaded.lints)
+
+
+def _direction_cells(
+    loaded: LoadedTable, direction: DirectionExplained, *, is_forward: bool
+) -> list[tuple[str, str]]:
+    unit, file_unit = loaded.table.units.value, loaded.source.value_unit
+    ends = (direction.low, direction.high)
+    values = [row.forward_value if is_forward else row.backward_value for row in ends]
+    lines = [row.forward_line if is_forward else row.backward_line for row in ends]
+    places = [
+        f"{row.position:g} ({f'line {line}' if line else 'not listed'})"
+        for row, line in zip(ends, lines, strict=True)
+    ]
+    cells = [
+        ("segment", " to ".join(places[: 1 if direction.low is direction.high else 2])),
+        ("file values there", " to ".join(f"{value:g}" for value in values)),
+        ("file value here", _with_unit(direction.file_value, file_unit)),
+        ("sign rule", direction.rule),
+        ("added", f"{direction.correction:+.9g} {unit}"),
+        ("corrected", f"{direction.corrected:.9g} {unit}"),
+    ]
+    if direction.counts is not None:
+        cells.append(("counts", f"{direction.counts} (without correction {direction.nominal_counts})"))
+    return cells
+
+
+def _row_cells(row: SourceRow) -> Sequence[str]:
+    lines = {line for line in (row.forward_line, row.backward_line) if line is not None}
+    return (
+        f"{row.position:.6g}",
+        f"{row.forward:+.8f}",
+        f"{row.backward:+.8f}",
+        f"{row.forward_value:g}",
+        f"{row.backward_value:g}",
+        ", ".join(map(str, sorted(lines))) or "not listed",
+    )
+
+
+def _print_table(headings: Sequence[str], rows: Iterable[Sequence[str]], *, right: bool = True) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table()
+    for heading in headings:
+        table.add_column(Text(heading), justify="right" if right else "left")
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH)
+    console.print(table)
+
+
+def _with_unit(number: float, unit: str) -> str:
+    return f"{number:.9g} {f'x {unit}' if unit[0].isdigit() else unit}"
+
+
+def _plain(item: Any) -> str:
+    if isinstance(item, list):
+        return " to ".join(f"{part:g}" for part in item)
+    return f"{item:.6g}" if isinstance(item, float) else str(item)

@@ -1,0 +1,242 @@
+"""Centroid .tab version 1 (CNC7 6.00 to 7.17): one direction, encoder counts of the old control.
+
+Grammar, after Centroid TB058 ("Version 7.17 File contents") and the description by CNC Services Northwest::
+
+    file   := header value{N}          one to a line, no blank lines
+    header := N TOTAL                  two whole numbers
+    value  := whole number
+
+TOTAL is the measured travel and each value the amount to add, both in encoder counts of the old control:
+revolutions per unit x counts per revolution x (DRO - measured), negated where that control's Dir Rev is Y.
+Read with one signed scale k (counts per machine unit, negative for Dir Rev), travel and values both come out
+with the right sign, and Dir Rev is never needed again. One value serves both directions: lost motion is not
+in the file.
+
+The two sources lay the points out differently. "listed": N points, the first is home (CNC Services).
+"implicit": N intervals, home is not listed and has no correction (TB058). A first value that is not 0 proves
+the second, because home is the zero of the measurement; else the layout whose interval is a round length is
+proven if the other's is not. Where neither is proven, the file is refused.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import MM_PER_INCH, Units
+from gateway.tabfile.context import FileContext, V1Layout
+from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.fields import INTEGER_ALLOWED, to_integer
+from gateway.tabfile.ranges import check_home, check_range, check_start
+from gateway.tabfile.readings import Reading, describe_both
+from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.writing import WriteOptions, Written, even_step, home_side, unwritable
+
+NAME: Final = "centroid-1"
+TITLE: Final = "Centroid version 1 (CNC7 6.00 to 7.17), one direction, encoder counts"
+ROUND_MM: Final = 1.0
+ROUND_INCH: Final = 0.05
+ROUND_DEGREE: Final = 1.0
+"""Intervals that people choose are multiples of these; no other intervals count as round."""
+ROUND_TOLERANCE: Final = 2e-6
+"""An error of TOTAL, one count or this fraction of it, spread over all intervals, still counts as round."""
+MAX_PROBLEMS: Final = 20
+
+
+@dataclass(frozen=True, slots=True)
+class _Counts:
+    """The file as it stands."""
+
+    total: int
+    values: tuple[int, ...]
+    lines: tuple[int, ...]
+
+
+def recognise(first_line: str) -> bool:
+    """Whether the first line is exactly two whole numbers."""
+    fields = first_line.split()
+    return len(fields) == 2 and all(to_integer(field) is not None for field in fields)
+
+
+def read(source: SourceText, context: FileContext) -> Decoded:
+    """Read the file with the scale, units and layout that the context tells.
+
+    Raises:
+        TabFileError: a line that is not grammar, a wrong number of values, no scale or no units told, a
+        layout
+            that nothing proves, a range that does not fit the travel.
+    """
+    counts = _parse(source)
+    scale, units = _scale(source, context)
+    layout, decision = _decide_layout(source, counts, scale, units, context)
+    rows = _rows(counts, scale, layout)
+    reading = Reading(f"file_counts_per_unit {scale:g}", rows, units)
+    mirror = Reading(f"file_counts_per_unit {-scale:g}", _rows(counts, -scale, layout), units)
+    check_range(
+        source, reading, mirror, context, "the right file_counts_per_unit (negative for Dir Rev) and travel"
+    )
+    check_home(source, rows, context)
+    check_start(source, rows, context)
+    rule = "value / file_counts_per_unit is added; one value for both directions"
+    return Decoded(rows, units, context, "counts", rule, rule, decisions=(decision,))
+
+
+def _parse(source: SourceText) -> _Counts:
+    header, *body = source.lines
+    size, total = (to_integer(field) or 0 for field in header.text.split())
+    if size < 1 or total == 0:
+        raise source.error(
+            f"header {shown(header.text)}",
+            "number of values >= 1, then a total travel other than 0",
+            line=header.number,
+        )
+    values, problems = [], []
+    for line in body:
+        value = to_integer(line.text)
+        if value is None:
+            problems.append(_bad_value(source, line))
+        else:
+            values.append(value)
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+    if len(body) != size:
+        at = body[size].number if len(body) > size else source.last_line
+        raise source.error(
+            f"{len(body)} values", f"{size}, as the header on line {header.number} says", line=at
+        )
+    return _Counts(total, tuple(values), tuple(line.number for line in body))
+
+
+def _bad_value(source: SourceText, line: Line) -> Problem:
+    found = shown(line.text) if line.text else "a blank line between the values"
+    return source.problem(found, INTEGER_ALLOWED, line=line.number)
+
+
+def _scale(source: SourceText, context: FileContext) -> tuple[float, Units]:
+    if context.units is None:
+        raise source.error("a version 1 file, which states no units", "units of the axis: mm, inch or degree")
+    if context.file_counts_per_unit is None:
+        raise source.error(
+            "a version 1 file, which holds encoder counts, and no file_counts_per_unit",
+            f"file_counts_per_unit = counts of the OLD control per {context.units.value} (counts per "
+            "revolution x revolutions per unit), negative where its Dir Rev was Y",
+        )
+    return context.file_counts_per_unit, context.units
+
+
+def _rows(counts: _Counts, scale: float, layout: V1Layout) -> tuple[SourceRow, ...]:
+    """Return the points in ascending order; lengths are counts / scale."""
+    length = counts.total / scale
+    listed = layout is V1Layout.LISTED
+    intervals = len(counts.values) - 1 if listed else len(counts.values)
+    home = [] if listed else [SourceRow(0.0, 0.0, 0.0, 0.0, 0.0, None, None)]
+    rows = home + [
+        # + 0.0 turns the -0.0 of a negative scale into 0.0
+        SourceRow(
+            index * length / intervals + 0.0,
+            value / scale + 0.0,
+            value / scale + 0.0,
+            value,
+            value,
+            line,
+            line,
+        )
+        for index, (value, line) in enumerate(zip(counts.values, counts.lines, strict=True), start=len(home))
+    ]
+    return tuple(rows if length > 0 else reversed(rows))
+
+
+def _decide_layout(
+    source: SourceText, counts: _Counts, scale: float, units: Units, context: FileContext
+) -> tuple[V1Layout, str]:
+    size = len(counts.values)
+    if context.v1_layout is not None:
+        if context.v1_layout is V1Layout.LISTED and size == 1:
+            raise source.error("one value, told v1_layout listed", "at least 2 values, or v1_layout implicit")
+        return context.v1_layout, f"layout {context.v1_layout.value}: told by v1_layout"
+    if counts.values[0] != 0:
+        return V1Layout.IMPLICIT, (
+            f"layout implicit: the first value is {counts.values[0]}, and home itself has no correction"
+        )
+    if size == 1:
+        return V1Layout.IMPLICIT, "layout implicit: one value makes no interval unless home stands beside it"
+    length = abs(counts.total / scale)
+    tolerance = max(1 / abs(scale), ROUND_TOLERANCE * length)
+    listed_round = _is_round(length, size - 1, tolerance, units)
+    implicit_round = _is_round(length, size, tolerance, units)
+    listed_step, implicit_step = (f"{length / n:.6g} {units.value}" for n in (size - 1, size))
+    if listed_round and not implicit_round:
+        return (
+            V1Layout.LISTED,
+            f"layout listed: an interval of {listed_step} is round, {implicit_step} is not",
+        )
+    if implicit_round and not listed_round:
+        return (
+            V1Layout.IMPLICIT,
+            f"layout implicit: an interval of {implicit_step} is round, {listed_step} is not",
+        )
+    readings = [Reading(f"v1_layout {w.value}", _rows(counts, scale, w), units) for w in V1Layout]
+    raise source.error(
+        f"a layout that nothing proves: intervals of {listed_step} (first value is home) and "
+        f"{implicit_step} (home not listed) are {'both' if listed_round else 'neither'} round",
+        "v1_layout = 'listed' or 'implicit'",
+        readings=describe_both(*readings),
+    )
+
+
+def _is_round(length: float, intervals: int, tolerance: float, units: Units) -> bool:
+    interval = length / intervals
+    if units is Units.DEGREE:
+        steps = [ROUND_DEGREE]
+    elif units is Units.MM:
+        steps = [ROUND_MM, ROUND_INCH * MM_PER_INCH]
+    else:
+        steps = [ROUND_MM / MM_PER_INCH, ROUND_INCH]
+    return any(
+        round(interval / step) >= 1 and abs(interval - round(interval / step) * step) <= tolerance / intervals
+        for step in steps
+    )
+
+
+def write(table: CorrectionTable, options: WriteOptions) -> Written:
+    """Write the table; home must be an end of it, and the points must be evenly spaced.
+
+    A table with two directions is averaged, values are rounded to whole counts.
+
+    The layout is that of TB058 ("implicit") unless told otherwise.
+
+    Raises:
+        TabFileError: no scale told, 0 is no end of the table, a correction at home (which would make the file
+            read as the other layout).
+    """
+    scale = options.file_counts_per_unit
+    if scale is None:
+        raise unwritable(NAME, "no counts per unit of the old control", "state them: version 1 holds counts")
+    even_step(table, NAME)
+    home_first = home_side(table, NAME) > 0
+    total = round((table.last if home_first else table.first) * scale)
+    means = [(f + b) / 2 for f, b in zip(table.forward, table.backward, strict=True)]
+    values = [round(mean * scale) for mean in (means if home_first else reversed(means))]
+    layout = options.v1_layout or V1Layout.IMPLICIT
+    if values[0] != 0:
+        raise unwritable(
+            NAME,
+            f"a correction of {values[0]} counts at home",
+            "0 at home: subtract it from the whole table first",
+        )
+    if layout is V1Layout.IMPLICIT:
+        del values[0]
+    if total == 0:
+        raise unwritable(
+            NAME, f"a travel of less than one count at {scale:g} counts per unit", "a larger scale"
+        )
+    losses = [f"values are whole counts: a resolution of {1 / abs(scale):.6g} {table.units.value}"]
+    if not table.is_unidirectional:
+        losses.append(
+            "one correction for both directions: the mean is written, lost motion of up to "
+            f"{table.max_reversal():.6g} {table.units.value} is not in the file"
+        )
+    losses.append(f"units and layout are not in the file: read it with v1_layout {layout.value}")
+    text = "".join(f"{line}\r\n" for line in (f"{len(values)} {total}", *values))
+    context = FileContext(units=table.units, file_counts_per_unit=scale, v1_layout=layout)
+    return Written(text, tuple(losses), replace(context, axis=options.axis))

@@ -1,0 +1,355 @@
+"""Centroid .tab version 2 (CNC7 7.50 and up, CNC10 below 2.61): two directions, tenths or microns.
+
+Grammar, after Centroid TB058 ("File Format") and the description by CNC Services Northwest::
+
+    file   := header value{N+1} separator value{N+1}
+    header := "2" N STEP UNITS F5 F6 [";" comment]
+    value  := decimal number, -999.9999 to 999.9999     one to a line
+    separator := ";" anything                           "; backward data"
+
+N counts intervals, so each list has N + 1 values. STEP is in machine units; UNITS is 20 (inch, values in
+0.0001 inch) or 21 (mm, values in microns). A value is target - measured and is added as it stands. The first
+list holds for motion in the positive direction, the second for the negative; both begin at the most negative
+position. Text after ";" is ignored, but a line of nothing else may stand only around the lists, not inside
+one. A file without the separator is accepted, with a remark, if it has exactly 2(N + 1) values.
+
+Where does the first point lie? CNC Services: F6 is its machine position and F5 the encoder counts of the
+whole travel. TB058: F5 and F6 are the constants 1 and 0, and the start follows from the travel limits, which
+are not in the file. So: a told ``file_start`` is obeyed; F5 other than 1 means F6, once F5 has passed as a
+number of counts; "1 0" means the travel limits of the axis; anything else is refused.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import floor, inf
+from typing import Final
+
+from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
+from gateway.tabfile.context import FileContext
+from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
+from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.names import axis_of_comment
+from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, unused_options
+from gateway.tabfile.readings import Reading, describe_both
+from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.writing import WriteOptions, Written, even_step, unwritable
+
+NAME: Final = "centroid-2"
+TITLE: Final = "Centroid version 2 (CNC7 7.50 and up, CNC10 below 2.61), two directions, tenths or microns"
+MAX_VALUE: Final = 999.9999
+MIN_INTERVALS: Final = 2
+COUNTS_TOLERANCE: Final = 1e-4
+"""F5 / travel may differ from the told counts per unit by 0.01 %."""
+GRID_TOLERANCE: Final = 1e-6
+MIN_LARGEST_VALUE: Final = 0.01
+"""A file whose values all stay below this was written in inches or mm instead of tenths or microns."""
+MAX_PROBLEMS: Final = 20
+_UNITS: Final = {20: Units.INCH, 21: Units.MM}
+_CODES: Final = {units: code for code, units in _UNITS.items()}
+_VALUES_PER_UNIT: Final = {Units.INCH: 1e4, Units.MM: 1e3}
+_VALUE_UNITS: Final = {Units.INCH: "0.0001 inch", Units.MM: "µm"}
+_HEADER: Final = "2 N STEP UNITS F5 F6 ; comment"
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    line: int
+    intervals: int
+    step: float
+    units: Units
+    counts: float
+    """F5"""
+    position: float
+    """F6"""
+    comment: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """Position of the first point, and why; ``other`` would be the next best."""
+
+    position: float
+    reason: str
+    remarks: tuple[Lint, ...] = ()
+
+
+def recognise(first_line: str) -> bool:
+    """Whether six or more numbers begin with 2."""
+    fields = first_line.partition(";")[0].split()
+    return len(fields) >= 6 and fields[0] == "2" and all(to_decimal(field) is not None for field in fields)
+
+
+def read(source: SourceText, context: FileContext) -> Decoded:
+    """Read the file and decide where its first point lies.
+
+    Raises:
+        TabFileError: a line that is not grammar, a wrong number of values, a value out of range, a start that
+            nothing proves, a count of encoder pulses or a range that does not fit the axis.
+    """
+    header = _parse_header(source)
+    forward, backward, remarks = _parse_lists(source, header)
+    context = context_in_file_units(source, context, header.units)
+    start = _decide_start(source, header, (forward, backward), context)
+    rows = _rows(header, forward, backward, start.position)
+    mirror = _reading(header, forward, backward, start.position - header.intervals * header.step)
+    reading = _reading(header, forward, backward, start.position)
+    check_range(
+        source, reading, mirror, context, f"file_start = {mirror.rows[0].position:g} or the right travel"
+    )
+    check_home(source, rows, context)
+    unused = ("v1_layout", "file_counts_per_unit") if header.counts == 1 else ("v1_layout",)
+    rule = "value = target - measured, added as it stands; {} list (towards {} positions)"
+    return Decoded(
+        rows,
+        header.units,
+        context,
+        _VALUE_UNITS[header.units],
+        rule.format("first", "greater"),
+        rule.format("second", "smaller"),
+        comment_axis=axis_of_comment(header.comment),
+        plausible=(MIN_LARGEST_VALUE, inf),
+        decisions=(start.reason,),
+        remarks=(*remarks, *start.remarks, *unused_options(context, NAME, *unused)),
+    )
+
+
+def _parse_header(source: SourceText) -> _Header:
+    line = source.lines[0]
+    content, _, comment = line.text.partition(";")
+    fields = content.split()
+    if len(fields) != 6:
+        raise source.error(f"{len(fields)} header fields", f"6: {_HEADER}", line=line.number)
+    intervals, code = to_integer(fields[1]), to_integer(fields[3])
+    step, counts, position = (to_decimal(fields[index]) or 0.0 for index in (2, 4, 5))
+    if intervals is None or intervals < MIN_INTERVALS:
+        allowed = f"a whole number of intervals, at least {MIN_INTERVALS}"
+        raise source.error(f"field 2 (N) {shown(fields[1])}", allowed, line=line.number)
+    if step <= 0:
+        raise source.error(f"field 3 (STEP) {shown(fields[2])}", "a distance above 0", line=line.number)
+    if code not in _UNITS:
+        raise source.error(f"field 4 (UNITS) {shown(fields[3])}", "20 (inch) or 21 (mm)", line=line.number)
+    return _Header(line.number, intervals, step, _UNITS[code], counts, position, comment)
+
+
+def _parse_lists(source: SourceText, header: _Header) -> tuple[list[Line], list[Line], tuple[Lint, ...]]:
+    """Return the value lines of both lists, in the order of the file."""
+    size = header.intervals + 1
+    values: list[Line] = []
+    comments: list[tuple[int, int]] = []
+    """Values before a comment line, and its line."""
+    problems: list[Problem] = []
+    for line in source.lines[1:]:
+        text = line.text.partition(";")[0].strip()
+        if text:
+            values.append(Line(line.number, text))
+            problems.extend(_value_problems(source, line.number, text))
+        elif line.text:
+            comments.append((len(values), line.number))
+        else:
+            problems.append(source.problem("a blank line", "a value on every line", line=line.number))
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+    _check_counts(source, size, len(values), comments)
+    has_separator = any(before == size for before, _ in comments)
+    missing = Lint(
+        "R1", Severity.WARNING, "no '; backward data' line between the lists: split by their length", None
+    )
+    return values[:size], values[size:], () if has_separator else (missing,)
+
+
+def _value_problems(source: SourceText, line: int, text: str) -> Iterable[Problem]:
+    value = to_decimal(text)
+    if value is None:
+        yield source.problem(shown(text), DECIMAL_ALLOWED, line=line)
+    elif abs(value) > MAX_VALUE:
+        yield source.problem(f"value {text}", f"{-MAX_VALUE} to {MAX_VALUE}", line=line)
+
+
+def _check_counts(source: SourceText, size: int, total: int, comments: Iterable[tuple[int, int]]) -> None:
+    for before, line in comments:
+        if before not in (0, size, 2 * size):
+            found, branch = (before, "forward") if before < size else (before - size, "backward")
+            raise source.error(
+                f"a comment line after {found} {branch} values",
+                f"{size} values in each list (N + 1), then the line between them",
+                line=line,
+            )
+    if total != 2 * size:
+        raise source.error(
+            f"{total} values",
+            f"{2 * size}: N + 1 = {size} forward and {size} backward",
+            line=source.last_line,
+        )
+
+
+def _reading(header: _Header, forward: list[Line], backward: list[Line], start: float) -> Reading:
+    return Reading(f"file_start {start:g}", _rows(header, forward, backward, start), header.units)
+
+
+def _rows(header: _Header, forward: list[Line], backward: list[Line], start: float) -> tuple[SourceRow, ...]:
+    per_unit = _VALUES_PER_UNIT[header.units]
+    rows = []
+    for index, (ahead, back) in enumerate(zip(forward, backward, strict=True)):
+        position = start + index * header.step
+        if abs(position) < GRID_TOLERANCE * header.step:
+            position = 0.0
+        one, other = float(ahead.text), float(back.text)
+        rows.append(
+            SourceRow(position, one / per_unit, other / per_unit, one, other, ahead.number, back.number)
+        )
+    return tuple(rows)
+
+
+def _decide_start(
+    source: SourceText, header: _Header, lists: tuple[list[Line], list[Line]], context: FileContext
+) -> _Start:
+    _check_encoder_counts(source, header, context)
+    if context.file_start is not None:
+        return _Start(context.file_start, f"start {context.file_start:g}: told by file_start")
+    if header.counts != 1:
+        return _Start(
+            header.position, f"start {header.position:g}: field 6, because field 5 holds encoder counts"
+        )
+    if header.position != 0:
+        candidates = [header.position, -header.intervals * header.step]
+        raise _unproven(
+            source,
+            header,
+            lists,
+            candidates,
+            f"fields 5 and 6 of '1 {header.position:g}', which no source describes",
+        )
+    if context.travel is None:
+        candidates = [-header.intervals * header.step, 0.0]
+        raise _unproven(
+            source,
+            header,
+            lists,
+            candidates,
+            "fields 5 and 6 of '1 0', which do not say where the first point lies, and no travel limits",
+        )
+    return _start_from_travel(source, header, lists, context.travel)
+
+
+def _check_encoder_counts(source: SourceText, header: _Header, context: FileContext) -> None:
+    """Check F5 against the old control's scale, or at least against the length, if it is meant as counts."""
+    if header.counts == 1:
+        return
+    length = header.intervals * header.step
+    found = abs(header.counts) / length
+    unit = header.units.value
+    told = context.file_counts_per_unit
+    if told is not None and abs(found - abs(told)) > COUNTS_TOLERANCE * abs(told):
+        raise source.error(
+            f"field 5 of {header.counts:.10g} counts over {length:g} {unit}: {found:.8g} counts per {unit}, "
+            f"told file_counts_per_unit {told:.8g}",
+            f"the same within {COUNTS_TOLERANCE:.2%}",
+            line=header.line,
+        )
+    if told is None and context.file_start is None and found <= 1:
+        raise source.error(
+            f"field 5 of {header.counts:.10g} over {length:g} {unit}, too small for encoder counts",
+            f"1, or more than 1 count per {unit}; or file_start = position of the first point",
+            line=header.line,
+        )
+
+
+def _start_from_travel(
+    source: SourceText, header: _Header, lists: tuple[list[Line], list[Line]], travel: tuple[float, float]
+) -> _Start:
+    """Derive the start as TB058 lays it out: multiples of the step, beginning just inside the travel."""
+    low, high = travel
+    length = header.intervals * header.step
+    told = f"travel {low:g} to {high:g}"
+    if high == 0:
+        fitting = floor(-low / header.step + GRID_TOLERANCE)
+        if header.intervals != fitting:
+            found = f"{header.intervals} intervals of {header.step:g} for {told}, into which {fitting} fit"
+            raise _unproven(source, header, lists, [-length, -fitting * header.step], found)
+        return _Start(-length, f"start {-length:g}: multiples of the step down from 0, {told}")
+    if low == 0:
+        return _Start(0.0, f"start 0: {told}")
+    if length < (high - low) - header.step * (1 + GRID_TOLERANCE):
+        found = f"{header.intervals} intervals of {header.step:g}, which do not reach across {told}"
+        raise _unproven(source, header, lists, [low, high - length], found)
+    message = f"start {low:g} is inferred from {told}: check it, and tell file_start = {low:g} if it is right"
+    return _Start(low, f"start {low:g}: lower end of {told}", (Lint("R2", Severity.WARNING, message),))
+
+
+def _unproven(
+    source: SourceText,
+    header: _Header,
+    lists: tuple[list[Line], list[Line]],
+    starts: Iterable[float],
+    found: str,
+) -> TabFileError:
+    readings = [_reading(header, *lists, start) for start in starts]
+    return source.error(
+        found,
+        "file_start = position of the first point (or the travel limits that the table was made for)",
+        line=header.line,
+        readings=describe_both(readings[0], readings[1]),
+    )
+
+
+def write(table: CorrectionTable, options: WriteOptions) -> Written:
+    """Write the table, with encoder counts and start in the header if the scale is told, else with ``1 0``.
+
+    Values are rounded to 0.0001 tenth or micron.
+
+    Raises:
+        TabFileError: degrees, fewer than 3 points, points that are not evenly spaced, a value out of range, a
+            scale that gives too few counts for the cross-check of a reader.
+    """
+    step = even_step(table, NAME)
+    if table.units not in _CODES:
+        raise unwritable(NAME, f"a table in {table.units.value}", "inch or mm")
+    intervals = len(table.positions) - 1
+    if intervals < MIN_INTERVALS:
+        raise unwritable(NAME, f"{intervals} interval", f"at least {MIN_INTERVALS}")
+    counts, start = _origin(table, options)
+    letter = f" for {options.axis.upper()} axis" if options.axis else ""
+    header = f"2 {intervals} {step:.10g} {_CODES[table.units]} {counts} {start}"
+    lines = [
+        f"{header} ; Ver. 2 compensation tables{letter}",
+        *_value_lines(table, table.forward),
+        "; backward data",
+        *_value_lines(table, table.backward),
+    ]
+    losses = [f"values are rounded to 0.0001 x {_VALUE_UNITS[table.units]}"]
+    if counts == 1:
+        losses.append(f"the start is not in the file: read it with file_start {table.first:g}")
+    context = FileContext(axis=options.axis, file_start=table.first if counts == 1 else None)
+    return Written("".join(f"{line}\n" for line in lines), tuple(losses), context)
+
+
+def _origin(table: CorrectionTable, options: WriteOptions) -> tuple[int, str]:
+    """Return fields 5 and 6."""
+    scale = options.file_counts_per_unit
+    if scale is None:
+        return 1, "0"
+    length = table.last - table.first
+    counts = round(length * scale)
+    if (
+        abs(scale) <= 1
+        or abs(counts - length * scale) > COUNTS_TOLERANCE * abs(length * scale) / 2
+        or counts == 1
+    ):
+        found = f"{length * scale:.6g} counts over the table, too few to be recognised as counts"
+        raise unwritable(NAME, found, "a larger scale, or none")
+    return counts, f"{table.first:.6f}"
+
+
+def _value_lines(table: CorrectionTable, curve: Iterable[float]) -> list[str]:
+    per_unit = _VALUES_PER_UNIT[table.units]
+    lines = []
+    for position, correction in zip(table.positions, curve, strict=True):
+        value = f"{correction * per_unit + 0.0:.4f}"
+        if abs(float(value)) > MAX_VALUE:
+            found = f"{value} x {_VALUE_UNITS[table.units]} at {position:g}"
+            raise unwritable(NAME, found, f"{-MAX_VALUE} to {MAX_VALUE}")
+        lines.append(f"{value:>10}")
+    return lines

@@ -1,0 +1,102 @@
+"""What a file does not say about itself and its axis, told from outside."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+from math import inf
+from typing import Final
+
+from gateway.compensation.settings import DEFAULT_MAX_CORRECTION_MM, DEFAULT_MAX_SLOPE
+from gateway.compensation.units import Units
+from gateway.tabfile.errors import ContextError
+
+MIN_SCALE: Final = 1e-6
+MAX_SCALE: Final = 1e12
+MAX_POSITION: Final = 1e9
+"""Bounds of what can be a machine: beyond them a number is a slip, and sums would lose their digits."""
+
+
+class V1Layout(Enum):
+    """Whether the first value of a version 1 file belongs to home or to the first point away from it."""
+
+    LISTED = "listed"
+    IMPLICIT = "implicit"
+
+
+class HomeSide(Enum):
+    """The end of travel at which the axis homes; the rest of its travel lies on the other side of 0."""
+
+    PLUS = "plus"
+    MINUS = "minus"
+
+
+@dataclass(frozen=True, slots=True)
+class FileContext:
+    """Facts about the axis and about the old control that wrote the file. None: not known.
+
+    Every length is in ``units``, the machine units of the axis, and every scale in counts per that unit. With
+    ``units`` None they are in the units that the file states.
+
+    ``file_counts_per_unit`` belongs to the OLD control (encoder counts per revolution x revolutions per unit,
+    negative where its Dir Rev was Y), ``counts_per_unit`` to the drive that is commanded now. With
+    ``same_units`` a file in other units than ``units`` is refused; otherwise lengths are converted.
+
+    Raises:
+        ContextError: a travel whose ends are not in order, a scale of 0, a number that is not finite.
+    """
+
+    axis: str | None = None
+    units: Units | None = None
+    travel: tuple[float, float] | None = None
+    file_counts_per_unit: float | None = None
+    v1_layout: V1Layout | None = None
+    file_start: float | None = None
+    file_home: HomeSide | None = None
+    counts_per_unit: float | None = None
+    max_correction: float | None = None
+    max_slope: float = DEFAULT_MAX_SLOPE
+    same_units: bool = False
+
+    def __post_init__(self) -> None:
+        """Check what can be checked without a file."""
+        for name in ("file_counts_per_unit", "counts_per_unit"):
+            _check(name, getattr(self, name), lambda scale: MIN_SCALE <= abs(scale) <= MAX_SCALE, "not 0")
+        for name in ("max_correction", "max_slope"):
+            _check(name, getattr(self, name), lambda limit: 0 < limit < inf, "positive")
+        _check("file_start", self.file_start, lambda start: abs(start) < MAX_POSITION, "a position")
+        if self.travel is not None and not -MAX_POSITION < self.travel[0] < self.travel[1] < MAX_POSITION:
+            raise ContextError(f"travel is {list(self.travel)}: it must be [lowest, highest], in this order")
+
+    def in_units(self, file_units: Units) -> "FileContext":
+        """Return the same facts in the units of a file.
+
+        Raises:
+            ValueError: between a length and an angle.
+        """
+        if self.units is None or self.units is file_units:
+            return replace(self, units=file_units)
+        factor = self.units.convert_factor(file_units)
+        return replace(
+            self,
+            units=file_units,
+            travel=None if self.travel is None else (self.travel[0] * factor, self.travel[1] * factor),
+            file_start=None if self.file_start is None else self.file_start * factor,
+            max_correction=None if self.max_correction is None else self.max_correction * factor,
+            file_counts_per_unit=_per(self.file_counts_per_unit, factor),
+            counts_per_unit=_per(self.counts_per_unit, factor),
+        )
+
+    def correction_limit(self, units: Units) -> float:
+        """Largest |correction| that is allowed, in ``units`` (those of this context)."""
+        if self.max_correction is not None:
+            return self.max_correction
+        return units.from_mm(DEFAULT_MAX_CORRECTION_MM)
+
+
+def _check(name: str, number: float | None, is_good: Callable[[float], bool], what: str) -> None:
+    if number is not None and not is_good(number):
+        raise ContextError(f"{name} is {number}: it must be {what} and of a sensible size")
+
+
+def _per(scale: float | None, factor: float) -> float | None:
+    return None if scale is None else scale / factor

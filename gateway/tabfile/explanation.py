@@ -1,0 +1,125 @@
+"""What a table does at one position, and why."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from gateway.tabfile.curves import BRANCHES
+from gateway.tabfile.decoded import LoadedTable, SourceRow
+
+
+class Outside(Enum):
+    """On which side of the table a position lies."""
+
+    BELOW = "below"
+    ABOVE = "above"
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionExplained:
+    """One direction of travel at one position; lengths in the units of the table.
+
+    ``file_value`` is interpolated between the two points, in the unit of the file. ``counts`` is what a
+    drive at ``counts_per_unit`` is told (zero at machine 0, no offsets), ``nominal_counts`` the same without
+    correction.
+    """
+
+    low: SourceRow
+    high: SourceRow
+    file_value: float
+    correction: float
+    corrected: float
+    rule: str
+    nominal_counts: int | None
+    counts: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Both directions; ``outside`` is None on the table, else the corrections are what ``hold`` gives."""
+
+    at: float
+    outside: Outside | None
+    forward: DirectionExplained
+    backward: DirectionExplained
+
+
+def explain(loaded: LoadedTable, at: float, counts_per_unit: float | None = None) -> Explanation:
+    """Explain a machine position ``at``, in the units of the table; ``counts_per_unit`` is the drive's."""
+    table = loaded.table
+    rows = loaded.source.rows
+    if at < table.first:
+        outside, low, high = Outside.BELOW, rows[0], rows[0]
+    elif at > table.last:
+        outside, low, high = Outside.ABOVE, rows[-1], rows[-1]
+    else:
+        index = table.segment(at)
+        outside, low, high = None, rows[index], rows[index + 1]
+    forward, backward = (_direction(loaded, branch, (low, high), at, counts_per_unit) for branch in BRANCHES)
+    return Explanation(at, outside, forward, backward)
+
+
+def _direction(
+    loaded: LoadedTable, branch: str, segment: tuple[SourceRow, SourceRow], at: float, scale: float | None
+) -> DirectionExplained:
+    low, high = segment
+    is_forward = branch == "forward"
+    share = (at - low.position) / (high.position - low.position) if high is not low else 0.0
+    correction = _between(
+        *((low.forward, high.forward) if is_forward else (low.backward, high.backward)), share
+    )
+    values = (
+        (low.forward_value, high.forward_value) if is_forward else (low.backward_value, high.backward_value)
+    )
+    return DirectionExplained(
+        low,
+        high,
+        _between(*values, share),
+        correction,
+        at + correction,
+        loaded.source.forward_rule if is_forward else loaded.source.backward_rule,
+        None if scale is None else round(at * scale),
+        None if scale is None else round((at + correction) * scale),
+    )
+
+
+def _between(low: float, high: float, share: float) -> float:
+    return low * (1 - share) + high * share
+
+
+def to_json(loaded: LoadedTable, explanation: Explanation) -> dict[str, object]:
+    """Return the explanation as plain data; corrections in ``units``."""
+    return {
+        "file": loaded.file,
+        "format": loaded.format,
+        "sha256": loaded.sha256,
+        "at": explanation.at,
+        "units": loaded.table.units.value,
+        "outside": explanation.outside.value if explanation.outside else None,
+        "policy": "hold" if explanation.outside else None,
+        "file_unit": loaded.source.value_unit,
+        "forward": _direction_json(explanation.forward, is_forward=True),
+        "backward": _direction_json(explanation.backward, is_forward=False),
+        "decisions": list(loaded.source.decisions),
+        "lints": [lint.to_json() for lint in loaded.lints],
+    }
+
+
+def _direction_json(direction: DirectionExplained, *, is_forward: bool) -> dict[str, object]:
+    return {
+        "correction": direction.correction,
+        "corrected": direction.corrected,
+        "file_value": direction.file_value,
+        "sign_rule": direction.rule,
+        "segment": [_point_json(row, is_forward=is_forward) for row in (direction.low, direction.high)],
+        "nominal_counts": direction.nominal_counts,
+        "counts": direction.counts,
+    }
+
+
+def _point_json(row: SourceRow, *, is_forward: bool) -> dict[str, object]:
+    return {
+        "position": row.position,
+        "correction": row.forward if is_forward else row.backward,
+        "file_value": row.forward_value if is_forward else row.backward_value,
+        "line": row.forward_line if is_forward else row.backward_line,
+    }

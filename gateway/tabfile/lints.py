@@ -1,0 +1,258 @@
+"""Signs of a mistake in a table that reads well. Every code keeps its meaning for ever.
+
+L1 slope, L2 columns swapped, L3 second list reversed, L4 unit slip, L5 home, L6 outlier, L7 below resolution,
+L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size. Readers add
+R1 separator missing, R2 start inferred, R3 option without meaning.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from statistics import fmean, median
+from typing import Final
+
+from gateway.compensation.table import CorrectionTable
+from gateway.tabfile.curves import BRANCHES, corrections, line_of, second_differences, steepest
+from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.names import axis_of_name
+
+REVERSED_ROUGHNESS: Final = 0.5
+"""The reversed second list must fit this much better before it is worth a word."""
+SLIP_VALUE: Final = 0.001
+SLIP_MEDIAN: Final = 0.1
+"""A value below the first among values around the second was probably written in another unit."""
+OUTLIER_FACTOR: Final = 8.0
+OUTLIER_FLOOR_MM: Final = 0.001
+"""Bends below a micron are the rounding of the file, not outliers."""
+UNCOVERED: Final = 1e-5
+"""A stretch below this fraction of the travel is the rounding of a length in counts."""
+NOISE: Final = 1e-9
+"""Rounding of sums, relative to the largest correction."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Subject:
+    """What the checks look at."""
+
+    name: str
+    table: CorrectionTable
+    source: Decoded
+
+    @property
+    def rows(self) -> Sequence[SourceRow]:
+        return self.source.rows
+
+    @property
+    def unit(self) -> str:
+        return self.table.units.value
+
+
+def run_lints(name: str, table: CorrectionTable, source: Decoded) -> tuple[Lint, ...]:
+    """Return what the reader remarked and what every check finds, in the order of the checks."""
+    subject = _Subject(name, table, source)
+    return (*source.remarks, *(lint for check in _CHECKS for lint in check(subject)))
+
+
+def _warning(code: str, message: str, line: int | None = None) -> Lint:
+    return Lint(code, Severity.WARNING, message, line)
+
+
+def _slope(subject: _Subject) -> Iterator[Lint]:
+    limit = subject.source.context.max_slope
+    slope, before, after = steepest(subject.rows)
+    if abs(slope) > limit:
+        message = (
+            f"slope of {slope:.4g} between {before.position:g} and {after.position:g} {subject.unit}, above "
+            f"max_slope {limit:g}: correct the values there, or raise max_slope if the screw is really that "
+            "bad"
+        )
+        yield Lint("L1", Severity.ERROR, message, after.forward_line)
+
+
+def _size(subject: _Subject) -> Iterator[Lint]:
+    limit = subject.source.context.correction_limit(subject.table.units)
+    branch, row = max(
+        ((branch, row) for branch in BRANCHES for row in subject.rows),
+        key=lambda pair: abs(pair[1].forward if pair[0] == "forward" else pair[1].backward),
+    )
+    correction = row.forward if branch == "forward" else row.backward
+    if abs(correction) > limit * (1 + NOISE):
+        message = (
+            f"{branch} correction of {correction:.6g} {subject.unit} at {row.position:g}, above "
+            f"max_correction {limit:.6g}: correct the value (or its unit), or raise max_correction"
+        )
+        yield Lint("L12", Severity.ERROR, message, line_of(row, branch))
+
+
+def _swapped(subject: _Subject) -> Iterator[Lint]:
+    mean = fmean(row.forward - row.backward for row in subject.rows)
+    if mean < -NOISE * subject.table.max_correction():
+        yield _warning(
+            "L2",
+            f"forward - backward is {mean:.6g} {subject.unit} on average: lost motion makes it positive, so "
+            "the columns are probably swapped; swap them, or check the direction of the measurement",
+        )
+
+
+def _reversed(subject: _Subject) -> Iterator[Lint]:
+    forward, backward = (corrections(subject.rows, branch) for branch in BRANCHES)
+    as_given, turned = _roughness(forward, backward), _roughness(forward, backward[::-1])
+    if turned < REVERSED_ROUGHNESS * as_given and as_given > NOISE * subject.table.max_correction():
+        yield _warning(
+            "L3",
+            f"forward - backward is {as_given / turned if turned else float('inf'):.2g} times smoother with "
+            "the backward list turned round: a list logged from the other end? Put both lists in the same "
+            "order",
+        )
+
+
+def _roughness(forward: Sequence[float], backward: Sequence[float]) -> float:
+    differences = [f - b for f, b in zip(forward, backward, strict=True)]
+    return sum(abs(after - before) for before, after in pairwise(differences))
+
+
+def _unit_slip(subject: _Subject) -> Iterator[Lint]:
+    values = [
+        (value, line)
+        for row in subject.rows
+        for value, line in ((row.forward_value, row.forward_line), (row.backward_value, row.backward_line))
+    ]
+    unit = subject.source.value_unit
+    if median(abs(value) for value, _ in values) >= SLIP_MEDIAN:
+        for value, line in values:
+            if 0 < abs(value) < SLIP_VALUE:
+                yield _warning(
+                    "L4",
+                    f"value {value:g} among values of {SLIP_MEDIAN:g} and more, in {unit}: "
+                    "written in another unit? Correct it",
+                    line,
+                )
+    smallest, largest = subject.source.plausible
+    worst, line = max(values, key=lambda pair: abs(pair[0]))
+    if worst and not smallest <= abs(worst) <= largest:
+        bound = f"at least {smallest:g}" if abs(worst) < smallest else f"at most {largest:g}"
+        yield _warning(
+            "L4",
+            f"largest value {worst:g} {unit}, expected {bound}: the values were probably written in another "
+            f"unit; write them in {unit}",
+            line,
+        )
+
+
+def _home(subject: _Subject) -> Iterator[Lint]:
+    """Home is where the measurement is 0 by construction (TB058, table of home cases)."""
+    table = subject.table
+    step = (table.last - table.first) / (len(table.positions) - 1)
+    if abs(table.first) <= NOISE * step:
+        branch, correction, line = "first forward", table.forward[0], subject.rows[0].forward_line
+    elif abs(table.last) <= NOISE * step:
+        branch, correction, line = "last backward", table.backward[-1], subject.rows[-1].backward_line
+    elif table.first < 0 < table.last:
+        index = table.segment(0.0)
+        low, high = table.positions[index : index + 2]
+        share = -low / (high - low)
+        correction = table.forward[index] * (1 - share) + table.forward[index + 1] * share
+        branch, line = "forward", subject.rows[index].forward_line
+    else:
+        return
+    if abs(correction) > NOISE * max(table.max_correction(), NOISE):
+        yield _warning(
+            "L5",
+            f"{branch} correction at home is {correction:.6g} {subject.unit}, not 0: the axis shifts by it; "
+            "subtract it from all values unless the zero of the machine is meant to move",
+            line,
+        )
+
+
+def _outliers(subject: _Subject) -> Iterator[Lint]:
+    branches = BRANCHES[:1] if subject.table.is_unidirectional else BRANCHES
+    for branch in branches:
+        bends = second_differences(subject.rows, branch)
+        if not bends:
+            continue
+        limit = max(OUTLIER_FACTOR * median(bends), subject.table.units.from_mm(OUTLIER_FLOOR_MM))
+        worst = max(range(len(bends)), key=bends.__getitem__)
+        if bends[worst] > limit:
+            row = subject.rows[worst + 1]
+            count = sum(bend > limit for bend in bends)
+            yield _warning(
+                "L6",
+                f"{branch} correction at {row.position:g} {subject.unit} stands out (bend "
+                f"{bends[worst]:.4g}, limit {limit:.4g}; {count} point(s) above it): measure there again",
+                line_of(row, branch),
+            )
+
+
+def _resolution(subject: _Subject) -> Iterator[Lint]:
+    scale = subject.source.context.counts_per_unit
+    largest = subject.table.max_correction()
+    if scale is not None and 0 < largest * abs(scale) < 1:
+        yield _warning(
+            "L7",
+            f"largest correction {largest:.4g} {subject.unit} is {largest * abs(scale):.2g} counts of the "
+            "drive: the table moves nothing; check its units and counts_per_unit",
+        )
+
+
+def _coverage(subject: _Subject) -> Iterator[Lint]:
+    travel = subject.source.context.travel
+    if travel is None:
+        return
+    table, (low, high) = subject.table, travel
+    for start, end, forward, backward in (
+        (low, table.first, table.forward[0], table.backward[0]),
+        (table.last, high, table.forward[-1], table.backward[-1]),
+    ):
+        if end - start > UNCOVERED * (high - low):
+            yield _warning(
+                "L8",
+                f"travel {start:g} to {end:g} {subject.unit} is not covered: what 'outside' says applies "
+                f"there; hold (the default) gives {forward:.6g} forward, {backward:.6g} backward",
+            )
+
+
+def _empty_column(subject: _Subject) -> Iterator[Lint]:
+    empty = [branch for branch in BRANCHES if not any(corrections(subject.rows, branch))]
+    if len(empty) == len(BRANCHES):
+        yield _warning("L9", "all corrections are 0: the table does nothing; fill it or remove it")
+    elif empty:
+        yield _warning(
+            "L9",
+            f"all {empty[0]} corrections are 0: on some controls (Fagor) this means 'as the other "
+            "direction', here it means none; copy the other column if that is meant",
+        )
+
+
+def _axis(subject: _Subject) -> Iterator[Lint]:
+    name = Path(subject.name).name
+    source = subject.source
+    told = source.context.axis
+    claims = [
+        (f"file name {name}", axis_of_name(name)),
+        (f"AXIS {source.axis}", source.axis),
+        (f"the comment (axis {source.comment_axis})", source.comment_axis),
+        (f"the configured axis {told}", told.upper() if told else None),
+    ]
+    stated = [(what, letter) for what, letter in claims if letter is not None]
+    for (what, letter), (other, other_letter) in pairwise(stated):
+        if letter != other_letter:
+            yield _warning(
+                "L10", f"{what} and {other} name different axes: check that this is the right file"
+            )
+
+
+_CHECKS: Final[Sequence[Callable[[_Subject], Iterator[Lint]]]] = (
+    _slope,
+    _swapped,
+    _reversed,
+    _unit_slip,
+    _home,
+    _outliers,
+    _resolution,
+    _coverage,
+    _empty_column,
+    _axis,
+    _size,
+)

@@ -1,0 +1,99 @@
+"""The road from a file to a checked table."""
+
+from pathlib import Path
+
+from gateway.compensation.errors import TableError
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.tabfile.context import FileContext
+from gateway.tabfile.curves import steepest
+from gateway.tabfile.decoded import Decoded, LoadedTable
+from gateway.tabfile.dialects import Dialect, sniff
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.lints import run_lints
+from gateway.tabfile.text import SourceText, decode
+
+
+def read_table(path: Path, context: FileContext) -> LoadedTable:
+    """Read a file as the gateway does: whole or not at all.
+
+    The table is in the machine units of the file (version 1: of the context).
+
+    Raises:
+        TabFileError: everything that :func:`inspect_table` raises, and every lint of severity error, such as
+        a
+            slope or a correction above its limit.
+    """
+    loaded = inspect_table(path, context)
+    if loaded.errors:
+        raise TabFileError(
+            *(Problem(loaded.file, lint.message, "", lint.line, lint.code) for lint in loaded.errors)
+        )
+    return loaded
+
+
+def inspect_table(path: Path, context: FileContext) -> LoadedTable:
+    """Read a file to look at it: lints of severity error are reported, not raised.
+
+    Raises:
+        TabFileError: the file cannot be read, is not of a known dialect, breaks its grammar, does not prove
+            what it means, or makes no table.
+    """
+    return parse_table(read_bytes(path), str(path), context)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises:
+        TabFileError: with the operating system's reason.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise TabFileError(
+            Problem(str(path), error.strerror or str(error), "a file that can be read")
+        ) from error
+
+
+def parse_table(data: bytes, name: str, context: FileContext) -> LoadedTable:
+    """Do what :func:`inspect_table` does with the content of a file.
+
+    Raises:
+        TabFileError: see there.
+    """
+    source = decode(data, name)
+    dialect = sniff(source)
+    decoded = dialect.read(source, context)
+    table = _table(source, decoded)
+    return LoadedTable(name, dialect.name, source.sha256, table, decoded, run_lints(name, table, decoded))
+
+
+def dialect_of(path: Path) -> Dialect:
+    """Return the dialect of a file without reading it as a table.
+
+    Raises:
+        TabFileError: the file cannot be read or is of no known dialect.
+    """
+    return sniff(decode(read_bytes(path), str(path)))
+
+
+def _table(source: SourceText, decoded: Decoded) -> CorrectionTable:
+    slope, before, after = steepest(decoded.rows)
+    if abs(slope) >= 1:
+        raise source.error(
+            f"the correction changes with a slope of {slope:.4g} between {before.position:g} and "
+            f"{after.position:g} {decoded.units.value}",
+            "a slope below 1, or the position could not be read back: a missing sign, a value in the wrong "
+            "unit?",
+            line=after.forward_line,
+            code="L1",
+        )
+    try:
+        return make_table(
+            [row.position for row in decoded.rows],
+            [row.forward for row in decoded.rows],
+            [row.backward for row in decoded.rows],
+            decoded.units,
+        )
+    except TableError as error:
+        raise source.error(str(error), "finite positions that ascend strictly") from error

@@ -1,0 +1,100 @@
+"""Names of table files: which axis one belongs to, and where the file of a name is, in any case.
+
+Software of the old controls: ``CNC7?.TAB`` (CNC7, MS-DOS), ``cnc10?.tab`` (CNC10, Linux), ``cnc-?.tab``
+(CNC11 and CNC12, Windows); ``?`` is the letter of the axis. A name says nothing about the dialect inside.
+Turning compensation off renamed the file to ``.bak``.
+"""
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Final
+
+from gateway.tabfile.errors import Problem, TabFileError
+
+_NAME: Final = re.compile(r"cnc(?:7|10|-)([a-z])\.(?:tab|bak)", re.IGNORECASE)
+_COMMENT: Final = re.compile(r"\b([a-z])[\s-]*axis\b", re.IGNORECASE)
+OFF_SUFFIX: Final = ".bak"
+
+
+class TableState(Enum):
+    """Whether a table stands in its folder: ``off`` means that it was renamed to ``.bak``."""
+
+    PRESENT = "present"
+    OFF = "off"
+    MISSING = "missing"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundTable:
+    """Where a table was found; ``path`` is where it was looked for if it is missing."""
+
+    state: TableState
+    path: Path
+
+
+def axis_of_name(name: str) -> str | None:
+    """Return the axis letter, in upper case, of a file named after the convention, else None.
+
+    >>> [axis_of_name(name) for name in ("cnc10z.tab", "CNC7X.TAB", "cnc-a.tab", "mill.tab")]
+    ['Z', 'X', 'A', None]
+    """
+    match = _NAME.fullmatch(name)
+    return match[1].upper() if match else None
+
+
+def axis_of_comment(comment: str) -> str | None:
+    """Return the letter of the only axis that a comment names, else None.
+
+    >>> axis_of_comment(" Ver. 2 compensation tables for Z axis")
+    'Z'
+    """
+    letters = {letter.upper() for letter in _COMMENT.findall(comment)}
+    return letters.pop() if len(letters) == 1 else None
+
+
+def find_table(folder: Path, name: str) -> FoundTable:
+    """Find a file by its name in any case, or see that it was switched off by renaming it to ``.bak``.
+
+    Raises:
+        TabFileError: the folder cannot be read, or several names in it differ by case only.
+    """
+    wanted = name.lower()
+    matches = _matches(folder, wanted)
+    if matches:
+        return FoundTable(TableState.PRESENT, matches)
+    switched_off = _matches(folder, str(Path(wanted).with_suffix(OFF_SUFFIX)))
+    if switched_off:
+        return FoundTable(TableState.OFF, switched_off)
+    return FoundTable(TableState.MISSING, folder / name)
+
+
+def find_axis_tables(folder: Path, axis: str) -> list[Path]:
+    """Return the ``.tab`` files that the convention gives to an axis, sorted by name.
+
+    Raises:
+        TabFileError: the folder cannot be read.
+    """
+    return [
+        path
+        for path in _entries(folder)
+        if path.suffix.lower() == ".tab" and axis_of_name(path.name) == axis.upper()
+    ]
+
+
+def _matches(folder: Path, wanted: str) -> Path | None:
+    found = [path for path in _entries(folder) if path.name.lower() == wanted]
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found)
+        raise TabFileError(Problem(str(folder), f"{names}, which differ by case only", "one of them"))
+    return found[0] if found else None
+
+
+def _entries(folder: Path) -> list[Path]:
+    try:
+        return sorted(folder.iterdir())
+    except OSError as error:
+        raise TabFileError(
+            Problem(str(folder), error.strerror or str(error), "a folder that can be read")
+        ) from error

@@ -1,0 +1,122 @@
+"""Does the range of a table fit the axis it is meant for? The checks that every dialect shares."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.compensation.units import Units
+from gateway.tabfile.context import FileContext, HomeSide
+from gateway.tabfile.decoded import SourceRow
+from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.readings import Reading, describe_both
+from gateway.tabfile.text import SourceText
+
+MAX_EXCESS: Final = 0.2
+"""A table may stick out of the travel by this fraction of it; beyond, a scale or a start is wrong."""
+TOUCH: Final = 1e-6
+"""Ranges that share no more than this fraction of the travel do not meet."""
+
+
+def context_in_file_units(source: SourceText, context: FileContext, file_units: Units) -> FileContext:
+    """Return the context in the units that the file states.
+
+    Raises:
+        TabFileError: the axis has other units and they must not or cannot be converted.
+    """
+    if context.units in (None, file_units):
+        return context.in_units(file_units)
+    assert context.units is not None
+    if context.same_units:
+        raise source.error(f"units {file_units.value}, told {context.units.value}", f"{file_units.value}")
+    try:
+        return context.in_units(file_units)
+    except ValueError:
+        raise source.error(
+            f"a table in {file_units.value} for an axis in {context.units.value}",
+            "lengths for a linear axis, degrees for a rotary one",
+        ) from None
+
+
+def check_range(
+    source: SourceText, reading: Reading, mirror: Reading, context: FileContext, remedy: str
+) -> None:
+    """Check that the range meets the travel and does not stick far out of it. Without a travel: no check.
+
+    Raises:
+        TabFileError: the range misses the travel (with the mirrored reading beside it if that one meets it),
+            or sticks out of it by more than a fifth of the travel.
+    """
+    if context.travel is None:
+        return
+    low, high = context.travel
+    tell = f"travel {low:g} to {high:g} {reading.units.value}"
+    first, last = _ends(reading)
+    if _overlap(first, last, low, high) <= TOUCH * (high - low):
+        found = f"a table from {first:g} to {last:g} {reading.units.value}, which misses {tell}"
+        if _overlap(*_ends(mirror), low, high) > TOUCH * (high - low):
+            raise source.error(
+                found + " while its mirror meets it", remedy, readings=describe_both(reading, mirror)
+            )
+        raise source.error(found, f"a table of this axis; {remedy}")
+    excess = max(0.0, low - first) + max(0.0, last - high)
+    if excess > MAX_EXCESS * (high - low) * (1 + TOUCH):
+        raise source.error(
+            f"a table from {first:g} to {last:g} {reading.units.value}, which exceeds {tell} by "
+            f"{excess / (high - low):.0%}",
+            f"at most {MAX_EXCESS:.0%} beyond the travel; {remedy}",
+        )
+
+
+def check_home(source: SourceText, rows: Sequence[SourceRow], context: FileContext) -> None:
+    """Check a told home side against the side that the positions prove.
+
+    Raises:
+        TabFileError: the positions lie on the other side of home.
+    """
+    proven = proven_home(rows)
+    if context.file_home is not None and proven not in (None, context.file_home):
+        assert proven is not None
+        raise source.error(
+            f"positions from {rows[0].position:g} to {rows[-1].position:g}, which prove home at the "
+            f"{proven.value} end, but file_home is {context.file_home.value}",
+            f"file_home = {proven.value!r}, or none",
+        )
+
+
+def check_start(source: SourceText, rows: Sequence[SourceRow], context: FileContext) -> None:
+    """Check a told start against a file that proves its own.
+
+    Raises:
+        TabFileError: the file starts elsewhere.
+    """
+    if context.file_start is None:
+        return
+    step = (rows[-1].position - rows[0].position) / (len(rows) - 1)
+    if abs(context.file_start - rows[0].position) > 1e-4 * step:
+        raise source.error(
+            f"a lowest position of {rows[0].position:g}, but file_start is {context.file_start:g}",
+            f"file_start = {rows[0].position:g}, or none",
+        )
+
+
+def proven_home(rows: Sequence[SourceRow]) -> HomeSide | None:
+    """Return the end at which the axis homes if all positions lie on one side of 0, else None."""
+    if rows[-1].position <= 0:
+        return HomeSide.PLUS
+    return HomeSide.MINUS if rows[0].position >= 0 else None
+
+
+def unused_options(context: FileContext, format_name: str, *names: str) -> tuple[Lint, ...]:
+    """Return a remark for each told option that this dialect has no use for."""
+    return tuple(
+        Lint("R3", Severity.WARNING, f"{name} has no meaning for {format_name} and was not used: remove it")
+        for name in names
+        if getattr(context, name) is not None
+    )
+
+
+def _ends(reading: Reading) -> tuple[float, float]:
+    return reading.rows[0].position, reading.rows[-1].position
+
+
+def _overlap(first: float, last: float, low: float, high: float) -> float:
+    return min(last, high) - max(first, low)

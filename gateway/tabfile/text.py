@@ -1,0 +1,116 @@
+"""Bytes of a text file -> lines, as tolerant of encodings as strict about content."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Final
+
+from gateway.tabfile.errors import Problem, TabFileError
+
+MAX_BYTES: Final = 64 * 1024 * 1024
+"""Room for a million points in the widest dialect; more is not a table."""
+DOS_END: Final = "\x1a"
+"""CP/M and DOS editors end a text file with Ctrl-Z."""
+_CONTROL: Final = re.compile("[\x00-\x08\x0b-\x19\x1b-\x1f\x7f]")
+_LINE_END: Final = re.compile("\r\n|\r|\n")
+_UTF16_MARKS: Final = (b"\xff\xfe", b"\xfe\xff")
+SHOWN_CHARACTERS: Final = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line without its end and without blanks around it; ``number`` counts from 1."""
+
+    number: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class SourceText:
+    """A decoded file: its lines from the first to the last that is not blank."""
+
+    name: str
+    lines: tuple[Line, ...]
+    sha256: str
+
+    @property
+    def last_line(self) -> int:
+        """Number of the last line that is not blank."""
+        return self.lines[-1].number
+
+    def problem(
+        self, found: str, allowed: str, *, line: int | None = None, code: str | None = None
+    ) -> Problem:
+        """Return a problem of this file."""
+        return Problem(self.name, found, allowed, line, code)
+
+    def error(
+        self,
+        found: str,
+        allowed: str,
+        *,
+        line: int | None = None,
+        code: str | None = None,
+        readings: Iterable[str] = (),
+    ) -> TabFileError:
+        """Return, for raising, the error of one problem of this file."""
+        return TabFileError(Problem(self.name, found, allowed, line, code, tuple(readings)))
+
+
+def decode(data: bytes, name: str) -> SourceText:
+    """Turn the bytes of a file into lines.
+
+    A byte order mark, CRLF, CR or LF, blank lines around the text and a trailing Ctrl-Z are tolerated; what
+    is not UTF-8 is read as Latin-1 (comments of old editors).
+
+    Raises:
+        TabFileError: the file is empty, binary, UTF-16, longer than 64 MiB, or goes on after its Ctrl-Z.
+    """
+    allowed = "the plain text of a .tab file"
+    if len(data) > MAX_BYTES:
+        raise TabFileError(Problem(name, f"{len(data)} bytes", f"at most {MAX_BYTES} bytes"))
+    if data.startswith(_UTF16_MARKS):
+        raise TabFileError(Problem(name, "UTF-16 text", "plain text (ASCII or UTF-8): save it again as such"))
+    text, *rest = _to_text(data).split(DOS_END, 1)
+    lines = _lines(text)
+    _check_control(lines, name)
+    if rest and rest[0].strip("\x00\x1a \t\r\n"):
+        line = lines[-1].number if lines else 1
+        raise TabFileError(Problem(name, "text after an end-of-file mark (Ctrl-Z)", "nothing after it", line))
+    while lines and not lines[-1].text:
+        lines.pop()
+    first = next((index for index, line in enumerate(lines) if line.text), len(lines))
+    if first == len(lines):
+        found = "no text in it" if data else "an empty file"
+        raise TabFileError(Problem(name, found, allowed))
+    return SourceText(name, tuple(lines[first:]), sha256(data).hexdigest())
+
+
+def _to_text(data: bytes) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _lines(text: str) -> list[Line]:
+    # Not str.splitlines: it also splits at characters that may stand inside a comment.
+    return [Line(number, part.strip(" \t")) for number, part in enumerate(_LINE_END.split(text), start=1)]
+
+
+def _check_control(lines: Iterable[Line], name: str) -> None:
+    for line in lines:
+        control = _CONTROL.search(line.text)
+        if control:
+            found = f"control character 0x{ord(control.group()):02X}: the file is binary"
+            raise TabFileError(Problem(name, found, "the plain text of a .tab file", line.number))
+
+
+def shown(text: str) -> str:
+    """Quote a piece of a file for a message, shortened where it is long.
+
+    >>> shown('2,5')
+    "'2,5'"
+    """
+    return repr(text if len(text) <= SHOWN_CHARACTERS else text[:SHOWN_CHARACTERS] + "…")

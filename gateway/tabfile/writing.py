@@ -1,0 +1,67 @@
+"""What the writers of all dialects share."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from gateway.compensation.table import CorrectionTable
+from gateway.tabfile.context import FileContext, V1Layout
+from gateway.tabfile.errors import Problem, TabFileError
+
+EVEN_TOLERANCE: Final = 1e-4
+"""Every point must lie within this fraction of a step from its even place: the readers allow as much."""
+HOME_TOLERANCE: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class WriteOptions:
+    """What a table does not say but a file must.
+
+    ``axis`` is the letter for the file; ``file_counts_per_unit`` the encoder counts of the control that will
+    read it, per unit of the table, negative where its Dir Rev is Y.
+    """
+
+    axis: str | None = None
+    file_counts_per_unit: float | None = None
+    v1_layout: V1Layout | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """Text of a file, what of the table it does not hold, and what its reader must be told."""
+
+    text: str
+    losses: tuple[str, ...]
+    context: FileContext
+
+
+def unwritable(dialect: str, found: str, allowed: str) -> TabFileError:
+    """Return the error of a table that a dialect cannot hold."""
+    return TabFileError(Problem(f"a {dialect} file", found, allowed))
+
+
+def even_step(table: CorrectionTable, dialect: str) -> float:
+    """Return the distance between neighbouring points.
+
+    Raises:
+        TabFileError: the points are not evenly spaced.
+    """
+    step = (table.last - table.first) / (len(table.positions) - 1)
+    for index, position in enumerate(table.positions):
+        if abs(position - (table.first + index * step)) > EVEN_TOLERANCE * step / 2:
+            raise unwritable(dialect, f"points that are not evenly spaced (at {position:g})", "an even grid")
+    return step
+
+
+def home_side(table: CorrectionTable, dialect: str) -> int:
+    """Return +1 if the table begins at home (0), -1 if it ends there.
+
+    Raises:
+        TabFileError: 0 is neither of its ends.
+    """
+    if abs(table.first) <= HOME_TOLERANCE:
+        return 1
+    if abs(table.last) <= HOME_TOLERANCE:
+        return -1
+    raise unwritable(
+        dialect, f"positions from {table.first:g} to {table.last:g}", "a range that begins or ends at home, 0"
+    )

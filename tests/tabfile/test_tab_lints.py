@@ -1,0 +1,236 @@
+"""Each lint with a table that trips it and one that does not."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.compensation.units import Units
+from gateway.tabfile import FileContext, LoadedTable, Severity, TabFileError, parse_table, read_table
+
+TABLES = Path(__file__).parents[2] / "tables"
+
+
+def codes(loaded: LoadedTable) -> set[str]:
+    return {lint.code for lint in loaded.lints}
+
+
+def tenths(forward: Sequence[float], backward: Sequence[float], **facts: Any) -> LoadedTable:
+    """A version 2 table, a point each inch from 0 upwards, values in tenths."""
+    name = facts.pop("name", "table.tab")
+    comment = facts.pop("comment", "")
+    lines = [f"2 {len(forward) - 1} 1.0 20 1 0 ;{comment}", *map(repr, forward), ";", *map(repr, backward)]
+    return parse_table("\n".join(lines).encode(), name, FileContext(**({"file_start": 0.0} | facts)))
+
+
+def microns(forward: Sequence[float], backward: Sequence[float], **facts: Any) -> LoadedTable:
+    """A version 3 table, a point each 10 mm from 0 upwards, values in mm."""
+    rows = [f"{10 * i} {f!r} {b!r}" for i, (f, b) in enumerate(zip(forward, backward, strict=True))]
+    lines = [
+        "CNC10 TAB FILE VERSION 3",
+        "AXIS X",
+        "UNITS MILLIMETER",
+        "INTERVAL 10",
+        f"ENTRIES {len(rows)}",
+        *rows,
+    ]
+    return parse_table("\n".join(lines).encode(), "table.tab", FileContext(**facts))
+
+
+SOUND = ([0.0, 1.0, 2.0, 3.0, 3.5, 3.0], [-1.0, 0.0, 1.0, 2.0, 2.5, 2.0])
+"""Tenths: a bow with one tenth of lost motion."""
+
+
+def test_sound_table_has_no_lint() -> None:
+    assert codes(tenths(*SOUND, counts_per_unit=25400.0, travel=(0.0, 5.0), axis="x")) == set()
+
+
+def test_l1_slope_above_its_limit_is_an_error_with_the_limit() -> None:
+    # 0.11 mm over 10 mm: 0.011 against 0.01
+    loaded = microns([0.0, 0.11, 0.11], [0.0, 0.11, 0.11])
+    (lint,) = loaded.errors
+    assert (lint.code, lint.line) == ("L1", 7)
+    assert "0.01" in lint.message
+    assert microns([0.0, 0.1, 0.1], [0.0, 0.1, 0.1]).errors == ()
+    assert microns([0.0, 0.11, 0.11], [0.0, 0.11, 0.11], max_slope=0.02).errors == ()
+
+
+def test_l1_slope_of_1_makes_no_table_at_all() -> None:
+    with pytest.raises(TabFileError) as caught:
+        microns([0.0, 10.0, 10.0], [0.0, 0.0, 0.0], max_slope=5.0, max_correction=100.0)
+    assert caught.value.problems[0].code == "L1"
+    assert caught.value.line == 7
+    assert microns([0.0, 9.99, 9.99], [0.0, 0.0, 0.0], max_slope=5.0, max_correction=100.0).errors == ()
+
+
+def test_l2_mean_of_forward_minus_backward_below_0_means_swapped_columns() -> None:
+    forward, backward = SOUND
+    assert "L2" in codes(tenths(backward, forward))
+    assert "L2" not in codes(tenths(forward, forward))
+
+
+@pytest.mark.parametrize(
+    ("name", "facts"),
+    [
+        ("centroid-v2-tb058", {"file_start": -2.5}),
+        ("centroid-v2", {}),
+        ("centroid-v3", {}),
+    ],
+)
+def test_l2_passes_for_every_published_sample(name: str, facts: dict[str, Any]) -> None:
+    loaded = read_table(TABLES / name / "cnc10z.tab", FileContext(**facts))
+    mean = sum(f - b for f, b in zip(loaded.table.forward, loaded.table.backward, strict=True))
+    # +3.67, +2.66 and +2.08 tenths with the published meaning of the columns
+    expected = {"centroid-v2-tb058": 3.6667, "centroid-v2": 2.6652, "centroid-v3": 2.0778}[name]
+    assert mean / len(loaded.table.positions) * 1e4 == pytest.approx(expected, abs=1e-4)
+    assert "L2" not in codes(loaded)
+
+
+def test_l3_backward_list_logged_from_the_other_end() -> None:
+    forward = [0.0, 2.0, 5.0, 9.0, 14.0, 20.0]
+    backward = [-1.0, 1.0, 4.0, 8.0, 13.0, 19.0]
+    assert "L3" in codes(tenths(forward, backward[::-1]))
+    assert "L3" not in codes(tenths(forward, backward))
+
+
+def test_l3_is_silent_where_the_turned_list_is_hardly_smoother() -> None:
+    # CNC Services' sample: 3.93 turned against 4.54 as given, 0.87
+    assert "L3" not in codes(read_table(TABLES / "centroid-v2" / "cnc10z.tab", FileContext()))
+
+
+def test_l4_single_value_in_another_unit() -> None:
+    forward, backward = SOUND
+    slipped = [*backward[:4], 0.0001, backward[5]]
+    (lint,) = (lint for lint in tenths(forward, slipped).lints if lint.code == "L4")
+    assert lint.line == 1 + 6 + 1 + 5
+    assert "L4" not in codes(tenths(forward, [*backward[:4], 0.001, backward[5]]))
+
+
+def test_l4_inches_written_as_tenths() -> None:
+    in_inches = [[value / 1e4 for value in values] for values in SOUND]
+    assert "L4" in codes(tenths(*in_inches))
+    assert "L4" not in codes(tenths([0.0, 0.01, 0.0], [0.0, 0.0, 0.0]))
+
+
+def test_l4_tenths_written_as_inches() -> None:
+    text = (TABLES / "centroid-v3" / "cnc10z.tab").read_text()
+    slipped = text.replace("+0.00014000", "+0.11000000")
+    loaded = parse_table(slipped.encode(), "cnc10z.tab", FileContext())
+    assert {"L4", "L12", "L1"} <= codes(loaded)
+    assert "L4" not in codes(parse_table(text.encode(), "cnc10z.tab", FileContext()))
+
+
+def test_l5_correction_at_home_of_a_home_minus_axis_is_the_first_forward_one() -> None:
+    assert "L5" in codes(tenths([1.0, 1.0, 1.0], [0.0, 0.0, 0.0]))
+    assert "L5" not in codes(tenths([0.0, 1.0, 1.0], [-1.0, -1.0, -1.0]))
+
+
+def test_l5_correction_at_home_of_a_home_plus_axis_is_the_last_backward_one() -> None:
+    assert "L5" in codes(tenths([1.0, 1.0, 1.0], [0.0, 0.0, 1.0], file_start=-2.0))
+    assert "L5" not in codes(tenths([1.0, 1.0, 1.0], [1.0, 1.0, 0.0], file_start=-2.0))
+
+
+def test_l5_correction_at_a_reference_mark_is_the_forward_one_interpolated_at_0() -> None:
+    # points at -0.5 and 0.5: half way between -1 and +1 is 0
+    assert "L5" not in codes(tenths([0.0, -1.0, 1.0], [9.0, 9.0, 9.0], file_start=-1.5))
+    assert "L5" in codes(tenths([0.0, -1.0, 2.0], [9.0, 9.0, 9.0], file_start=-1.5))
+
+
+def test_l6_outlier() -> None:
+    smooth = [0.0, 1.0, 2.1, 3.3, 4.6, 6.0, 7.5, 9.1, 10.8, 12.6, 14.5]
+    # all bends are 0.1 but the three around the spike
+    spiked = [*smooth[:4], 14.6, *smooth[5:]]
+    (lint,) = (lint for lint in tenths(spiked, spiked).lints if lint.code == "L6")
+    assert "at 4 inch" in lint.message
+    assert "L6" not in codes(tenths(smooth, smooth))
+
+
+def test_l6_rounding_of_a_straight_line_is_no_outlier() -> None:
+    straight = [round(i / 3, 4) for i in range(10)]
+    assert "L6" not in codes(tenths(straight, straight))
+
+
+def test_l7_table_below_one_count_of_the_drive() -> None:
+    # 0.24 tenths x 40000 counts per inch = 0.96 counts; 0.25 tenths are one count
+    assert "L7" in codes(tenths([0.0, 0.24, 0.1], [0.0, 0.2, 0.1], counts_per_unit=40000.0))
+    assert "L7" not in codes(tenths([0.0, 0.25, 0.1], [0.0, 0.2, 0.1], counts_per_unit=-40000.0))
+    assert "L7" not in codes(tenths([0.0, 0.24, 0.1], [0.0, 0.2, 0.1]))
+
+
+def test_l8_names_both_stretches_that_are_not_covered() -> None:
+    loaded = tenths(*SOUND, travel=(-0.5, 5.25))
+    messages = [lint.message for lint in loaded.lints if lint.code == "L8"]
+    assert "travel -0.5 to 0 inch" in messages[0]
+    assert "hold (the default) gives 0 forward, -0.0001 backward" in messages[0]
+    assert "travel 5 to 5.25 inch" in messages[1]
+    assert "L8" not in codes(tenths(*SOUND, travel=(0.0, 5.0)))
+
+
+def test_l9_empty_column() -> None:
+    assert "L9" in codes(tenths([0.0, 1.0, 1.0], [0.0, 0.0, 0.0]))
+    assert "L9" in codes(tenths([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]))
+    assert "L9" not in codes(tenths([0.0, 1.0, 1.0], [0.0, 0.0, 0.1]))
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        {"name": "cnc10z.tab", "axis": "x"},
+        {"name": "CNC7Z.TAB", "comment": " for X axis"},
+        {"comment": " Z axis, inches", "axis": "x"},
+    ],
+)
+def test_l10_names_that_contradict_each_other(facts: dict[str, Any]) -> None:
+    assert "L10" in codes(tenths(*SOUND, **facts))
+
+
+def test_l10_names_that_agree() -> None:
+    assert "L10" not in codes(tenths(*SOUND, name="CNC7Z.TAB", comment=" for z axis", axis="z"))
+
+
+def test_l11_positions_out_of_order_are_refused_with_their_line() -> None:
+    text = (TABLES / "centroid-v3" / "cnc10z.tab").read_text().replace("-2.00000000", "-1.50000000")
+    with pytest.raises(TabFileError) as caught:
+        parse_table(text.encode(), "cnc10z.tab", FileContext())
+    assert [(problem.code, problem.line) for problem in caught.value.problems] == [("L11", 10)]
+
+
+def test_l12_correction_above_its_limit_is_an_error() -> None:
+    # 0.5 mm unless told otherwise
+    rising = [0.1 * i for i in range(6)]
+    assert microns(rising, rising, max_slope=0.1).errors == ()
+    too_far = [*rising, 0.51]
+    (lint,) = microns(too_far, too_far, max_slope=0.1).errors
+    assert (lint.code, lint.severity, lint.line) == ("L12", Severity.ERROR, 12)
+    (lint,) = microns(rising, rising, max_slope=0.1, max_correction=0.4).errors
+    assert "0.4" in lint.message
+
+
+def test_limits_are_converted_into_the_units_of_the_file() -> None:
+    # 0.0127 mm is 5 tenths
+    assert tenths([0.0, 5.0, 5.0], [0.0, 5.0, 5.0], units=Units.MM, max_correction=0.0127).errors == ()
+    assert tenths([0.0, 5.1, 5.0], [0.0, 5.0, 5.0], units=Units.MM, max_correction=0.0127).errors
+
+
+def test_the_gateway_refuses_a_table_with_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "cnc10x.tab"
+    path.write_text(
+        "CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 10\nENTRIES 2\n0 0 0\n10 .2 .2\n"
+    )
+    with pytest.raises(TabFileError, match="L1 slope") as caught:
+        read_table(path, FileContext())
+    assert caught.value.line == 7
+
+
+@pytest.mark.parametrize(
+    ("name", "facts"),
+    [
+        ("centroid-v1/CNC7X.TAB", {"units": Units.INCH, "file_counts_per_unit": 64000.0}),
+        ("centroid-v2/cnc10z.tab", {"file_start": -4.5}),
+        ("centroid-v2-tb058/cnc10z.tab", {"file_start": -2.5}),
+        ("centroid-v3/cnc10z.tab", {}),
+    ],
+)
+def test_shipped_samples_load_without_an_error(name: str, facts: dict[str, Any]) -> None:
+    assert read_table(TABLES / name, FileContext(**facts)).errors == ()

@@ -1,0 +1,195 @@
+"""What a writer writes its reader reads back, and what it cannot hold it refuses or says."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.tabfile import (
+    FileContext,
+    TabFileError,
+    V1Layout,
+    WriteOptions,
+    Written,
+    dialect_named,
+    parse_table,
+)
+
+_SIZES = st.integers(min_value=3, max_value=40)
+_STEPS = st.sampled_from([0.5, 1.0, 0.05, 25.0, 2.54, 0.3])
+_UNITS = st.sampled_from([Units.INCH, Units.MM])
+
+
+@st.composite
+def tables(
+    draw: st.DrawFn, *, resolution: dict[Units, float], largest: int, at_home: bool = False
+) -> CorrectionTable:
+    """Even grids whose corrections are whole multiples of the resolution of a dialect."""
+    units, size, step = draw(_UNITS), draw(_SIZES), draw(_STEPS)
+    values = st.lists(st.integers(-largest, largest), min_size=size, max_size=size)
+    forward, backward = draw(values), draw(values)
+    first = -(size - 1) if draw(st.booleans()) else 0
+    if not at_home:
+        first += draw(st.integers(-3, 3))
+    positions = [(first + i) * step for i in range(size)]
+    unit = resolution[units]
+    return make_table(positions, [v * unit for v in forward], [v * unit for v in backward], units)
+
+
+def read_back(written: Written, **facts: Any) -> CorrectionTable:
+    return parse_table(written.text.encode(), "x.tab", replace(written.context, **facts)).table
+
+
+def assert_same(one: CorrectionTable, other: CorrectionTable, within: float = 1e-12) -> None:
+    assert one.units is other.units
+    assert list(one.positions) == pytest.approx(list(other.positions), abs=1e-8)
+    assert list(one.forward) == pytest.approx(list(other.forward), abs=within)
+    assert list(one.backward) == pytest.approx(list(other.backward), abs=within)
+
+
+@given(tables(resolution={Units.INCH: 1e-8, Units.MM: 1e-7}, largest=99_999))
+def test_version_2_with_the_start_outside_the_file(table: CorrectionTable) -> None:
+    written = dialect_named("centroid-2").write(table, WriteOptions())
+    assert_same(read_back(written), table)
+
+
+@given(
+    tables(resolution={Units.INCH: 1e-8, Units.MM: 1e-7}, largest=99_999),
+    st.sampled_from([25400.0, -200000.0]),
+)
+def test_version_2_with_counts_and_start_in_the_file(table: CorrectionTable, scale: float) -> None:
+    written = dialect_named("centroid-2").write(table, WriteOptions(file_counts_per_unit=scale))
+    assert_same(read_back(written, file_counts_per_unit=scale), table)
+
+
+@given(tables(resolution={Units.INCH: 1e-8, Units.MM: 1e-8}, largest=99_999, at_home=True))
+def test_version_3(table: CorrectionTable) -> None:
+    written = dialect_named("centroid-3").write(table, WriteOptions(axis="x"))
+    assert_same(read_back(written), table)
+
+
+@given(
+    tables(resolution={Units.INCH: 1 / 40000, Units.MM: 1 / 40000}, largest=400, at_home=True),
+    st.sampled_from([40000.0, -40000.0]),
+    st.sampled_from(list(V1Layout)),
+)
+def test_version_1_keeps_the_mean_of_both_directions(
+    table: CorrectionTable, scale: float, layout: V1Layout
+) -> None:
+    is_plus = table.first < 0
+    at_home = (table.forward[-1], table.backward[-1]) if is_plus else (table.forward[0], table.backward[0])
+    assume(abs(sum(at_home)) * scale < 0.9)
+    assume(round(sum(at_home) / 2 * scale) == 0)
+    options = WriteOptions(file_counts_per_unit=scale, v1_layout=layout)
+    means = [(f + b) / 2 for f, b in zip(table.forward, table.backward, strict=True)]
+    mean = make_table(table.positions, means, means, table.units)
+    again = read_back(dialect_named("centroid-1").write(table, options))
+    # whole counts: half a count of rounding; positions: half a count of TOTAL
+    assert list(again.forward) == pytest.approx(list(mean.forward), abs=0.51 / 40000)
+    assert list(again.positions) == pytest.approx(list(table.positions), abs=0.51 / 40000)
+
+
+HOME_MINUS = make_table([0.0, 1.0, 2.0], [0.0, 0.0004, 0.0006], [0.0, 0.0002, 0.0004], Units.INCH)
+
+
+def test_version_1_says_that_it_averages_and_rounds() -> None:
+    written = dialect_named("centroid-1").write(HOME_MINUS, WriteOptions(file_counts_per_unit=40000.0))
+    # means 3 and 5 tenths: 12 and 20 counts at 40000 per inch
+    assert written.text == "2 80000\r\n12\r\n20\r\n"
+    assert any("0.0002 inch is not in the file" in loss for loss in written.losses)
+    assert any("0.000025 inch" in loss or "2.5e-05 inch" in loss for loss in written.losses)
+
+
+def test_version_1_with_home_listed() -> None:
+    options = WriteOptions(file_counts_per_unit=-40000.0, v1_layout=V1Layout.LISTED)
+    assert dialect_named("centroid-1").write(HOME_MINUS, options).text == "3 -80000\r\n0\r\n-12\r\n-20\r\n"
+
+
+def test_version_2_texts() -> None:
+    written = dialect_named("centroid-2").write(
+        HOME_MINUS, WriteOptions(axis="z", file_counts_per_unit=25400.0)
+    )
+    assert written.text.splitlines() == [
+        "2 2 1 20 50800 0.000000 ; Ver. 2 compensation tables for Z axis",
+        "    0.0000",
+        "    4.0000",
+        "    6.0000",
+        "; backward data",
+        "    0.0000",
+        "    2.0000",
+        "    4.0000",
+    ]
+
+
+def test_version_3_of_a_home_plus_axis_begins_at_home_with_the_backward_corrections() -> None:
+    table = make_table([-2.0, -1.0, 0.0], [0.3, 0.2, 0.1], [-0.1, -0.2, 0.0], Units.MM)
+    written = dialect_named("centroid-3").write(table, WriteOptions(axis="z"))
+    assert written.text.splitlines()[1:7] == [
+        "AXIS Z",
+        "UNITS MILLIMETER",
+        "INTERVAL 1",
+        "ENTRIES 3",
+        "\t+0.00000000\t+0.00000000\t+0.10000000",
+        "\t-1.00000000\t-0.20000000\t+0.20000000",
+    ]
+
+
+def _table(
+    positions: list[float] | None = None, forward: list[float] | None = None, units: Units = Units.INCH
+) -> CorrectionTable:
+    values = forward or [0.0, 0.0, 0.0]
+    return make_table(positions or [0.0, 1.0, 2.0], values, values, units)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "table", "options", "found"),
+    [
+        ("centroid-1", _table(), WriteOptions(), "no counts per unit"),
+        (
+            "centroid-1",
+            _table([1.0, 2.0, 3.0]),
+            WriteOptions(file_counts_per_unit=1e4),
+            "begins or ends at home",
+        ),
+        (
+            "centroid-1",
+            _table(forward=[0.01, 0, 0]),
+            WriteOptions(file_counts_per_unit=1e4),
+            "100 counts at home",
+        ),
+        ("centroid-1", _table([0.0, 1.0, 3.0]), WriteOptions(file_counts_per_unit=1e4), "not evenly spaced"),
+        ("centroid-1", _table(), WriteOptions(file_counts_per_unit=0.1), "less than one count"),
+        ("centroid-2", _table([0.0, 1.0, 3.0]), WriteOptions(), "not evenly spaced"),
+        ("centroid-2", _table(units=Units.DEGREE), WriteOptions(), "degree"),
+        ("centroid-2", _table(forward=[0.0, 0.1001, 0.0]), WriteOptions(), "1001.0000 x 0.0001 inch at 1"),
+        ("centroid-2", _table(), WriteOptions(file_counts_per_unit=0.5), "too few"),
+        ("centroid-2", make_table([0.0, 1.0], [0, 0], [0, 0], Units.MM), WriteOptions(), "at least 2"),
+        ("centroid-3", _table(), WriteOptions(), "one letter"),
+        ("centroid-3", _table([1.0, 2.0, 3.0]), WriteOptions(axis="x"), "begins or ends at home"),
+        ("centroid-3", _table([-1.0, 0.0, 1.0]), WriteOptions(axis="x"), "begins or ends at home"),
+        ("centroid-3", _table([0.0, 1.0, 3.0]), WriteOptions(axis="x"), "not evenly spaced"),
+        ("centroid-3", _table(units=Units.DEGREE), WriteOptions(axis="x"), "degree"),
+        ("centroid-3", _table([0, 1e-4, 2e-4]), WriteOptions(axis="x"), "8 decimals"),
+    ],
+)
+def test_what_a_dialect_cannot_hold_is_refused(
+    dialect: str, table: CorrectionTable, options: WriteOptions, found: str
+) -> None:
+    with pytest.raises(TabFileError) as caught:
+        dialect_named(dialect).write(table, options)
+    assert found in str(caught.value)
+
+
+def test_unknown_dialect_is_named() -> None:
+    with pytest.raises(TabFileError, match="centroid-1, centroid-2, centroid-3"):
+        dialect_named("centroid-4")
+
+
+def test_context_of_a_reader_is_what_the_file_does_not_say() -> None:
+    written = dialect_named("centroid-2").write(HOME_MINUS, WriteOptions())
+    assert written.context == FileContext(file_start=0.0)
+    assert any("file_start 0" in loss for loss in written.losses)

@@ -1,0 +1,131 @@
+"""Bytes to lines: what old editors leave behind is tolerated, what is no text is refused."""
+
+from contextlib import suppress
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.compensation.units import Units
+from gateway.tabfile import ContextError, FileContext, LoadedTable, TabFileError, parse_table
+
+GOOD = b"CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 10\nENTRIES 2\n0 0 0\n10 0.001 0\n"
+EVERYTHING = FileContext(
+    units=Units.INCH, travel=(-5.0, 5.0), file_counts_per_unit=1000.0, file_start=0.0, counts_per_unit=1000.0
+)
+
+
+def parse(data: bytes, **facts: Any) -> LoadedTable:
+    return parse_table(data, "cnc10x.tab", FileContext(**facts))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        GOOD,
+        GOOD.replace(b"\n", b"\r\n"),
+        GOOD.replace(b"\n", b"\r"),
+        b"\xef\xbb\xbf" + GOOD,
+        GOOD + b"\x1a",
+        GOOD + b"\x1a\x00\x00\r\n\x1a",
+        b"\n \n" + GOOD + b"\n\t\n",
+        GOOD.rstrip(),
+        GOOD.replace(b"AXIS X", b"\tAXIS X  "),
+    ],
+)
+def test_traces_of_old_editors_are_tolerated(data: bytes) -> None:
+    assert list(parse(data).table.forward) == [0.0, 0.001]
+
+
+@pytest.mark.parametrize("word", ["für", "mesuré"])
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+def test_comments_in_either_encoding_are_tolerated(word: str, encoding: str) -> None:
+    text = f"2 2 0.5 20 1 0 ; {word} Z\n1\n1\n1\n; backward data\n0\n0\n0\n"
+    assert parse(text.encode(encoding), file_start=0.0).format == "centroid-2"
+
+
+def test_line_separators_inside_a_comment_do_not_end_the_line() -> None:
+    text = "2 2 0.5 20 1 0 ; one\u2028two\x85three\n1\n1\n1\n; backward data\n0\n0\n0\n"
+    assert parse(text.encode(), file_start=0.0).format == "centroid-2"
+
+
+def test_lines_are_counted_from_the_top_of_the_file() -> None:
+    with pytest.raises(TabFileError) as caught:
+        parse(b"\r\n\r\n" + GOOD.replace(b"0.001", b"x"))
+    assert caught.value.line == 9
+
+
+@pytest.mark.parametrize(
+    ("data", "found"),
+    [
+        (b"", "an empty file"),
+        (b" \r\n\t\n", "no text"),
+        (b"\xef\xbb\xbf", "no text"),
+        (b"\x1a", "no text"),
+        (b"\x7fELF\x02\x01\x01\x00", "binary"),
+        (bytes(range(256)), "binary"),
+        (GOOD.decode().encode("utf-16"), "UTF-16"),
+        (GOOD + b"\x1a20 0.002 0", "text after an end-of-file mark"),
+        (b"# linuxcnc\n0 0 0\n", "unknown first line '# linuxcnc'"),
+        (b"3 9 0.5 20 1 0\n", "unknown first line"),
+        (b"24\n", "unknown first line"),
+        (b"24 1.5\n", "unknown first line"),
+        (b"CNC10 TAB FILE VERSION 2\n", "version 2"),
+    ],
+)
+def test_what_is_no_table_is_refused_by_name(data: bytes, found: str) -> None:
+    with pytest.raises(TabFileError, match=r"cnc10x\.tab") as caught:
+        parse(data, file_start=0.0)
+    assert found in str(caught.value)
+
+
+def test_long_lines_are_shortened_in_messages() -> None:
+    with pytest.raises(TabFileError) as caught:
+        parse(b"x" * 10_000)
+    assert len(str(caught.value)) < 300
+
+
+@given(st.binary(max_size=400))
+def test_arbitrary_bytes_raise_nothing_but_table_errors(data: bytes) -> None:
+    with suppress(TabFileError):
+        parse_table(data, "x.tab", EVERYTHING)
+
+
+_WORDS = (
+    "2 3 0 -1 0.5 20 21 1 ; AXIS X UNITS INCH INTERVAL ENTRIES 1e300 1e-300 -1e308 999999999999999 1_0 nan ٣"
+)
+_TOKENS = st.sampled_from([*_WORDS.split(), "CNC10 TAB FILE VERSION 3", "\t", "\n", "\r\n", "\x1a"])
+
+
+@given(st.lists(_TOKENS, max_size=60).map(" ".join))
+def test_words_of_the_grammars_in_any_order_raise_nothing_but_table_errors(text: str) -> None:
+    with suppress(TabFileError):
+        parse_table(text.encode(), "x.tab", EVERYTHING)
+
+
+@given(
+    st.sampled_from(["2 2 {} 20 1 0\n{}\n{}\n{}\n;\n{}\n{}\n{}", "2 {}\n{}\n{}"]),
+    st.lists(st.one_of(st.floats(), st.integers()).map(repr), min_size=7, max_size=7),
+)
+def test_any_numbers_in_a_sound_frame_raise_nothing_but_table_errors(frame: str, numbers: list[str]) -> None:
+    with suppress(TabFileError):
+        parse_table(frame.format(*numbers).encode(), "x.tab", EVERYTHING)
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        {"travel": (0.0, 0.0)},
+        {"travel": (1.0, -1.0)},
+        {"travel": (0.0, float("inf"))},
+        {"file_counts_per_unit": 0.0},
+        {"file_counts_per_unit": float("nan")},
+        {"counts_per_unit": 0.0},
+        {"file_start": float("inf")},
+        {"max_slope": -0.1},
+    ],
+)
+def test_facts_that_cannot_be_true_are_refused(facts: dict[str, Any]) -> None:
+    with pytest.raises(ContextError):
+        FileContext(**facts)
