@@ -1,0 +1,74 @@
+"""``pitch-gateway check CONFIG``."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from gateway.config.load import Loaded
+    from gateway.config.problems import ConfigErrors, Problem
+
+
+def check(
+    config: Annotated[Path, typer.Argument(help="The configuration, a TOML file.", show_default=False)],
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Find everything that is wrong with a configuration and its tables, at once.
+
+    Each problem is one line on stderr: file and line, key, what was found, what is allowed or what to do.
+    Exit code 0 when the configuration can be run, 1 when it cannot.
+
+    Examples:
+        pitch-gateway check gateway.toml
+
+        pitch-gateway check gateway.toml --json | jq .problems
+    """
+    from gateway.config.load import load
+    from gateway.config.problems import ConfigErrors
+
+    try:
+        loaded = load(config)
+    except ConfigErrors as errors:
+        _say_bad(errors, as_json=as_json)
+        raise typer.Exit(1) from None
+    _say_good(loaded, as_json=as_json)
+
+
+def _say_bad(errors: "ConfigErrors", *, as_json: bool) -> None:
+    if as_json:
+        _say_json(errors.problems, errors.warnings)
+        return
+    for problem in errors.problems:
+        typer.echo(problem, err=True)
+    for warning in errors.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+
+
+def _say_good(loaded: "Loaded", *, as_json: bool) -> None:
+    from gateway.config.summary import summary, summary_lines
+
+    if as_json:
+        _say_json((), loaded.warnings, summary(loaded.plan))
+        return
+    for line in summary_lines(loaded.plan):
+        typer.echo(line)
+    for warning in loaded.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    typer.echo(f"{loaded.path}: good")
+
+
+def _say_json(
+    problems: Sequence["Problem"], warnings: Sequence["Problem"], amounts_to: dict[str, Any] | None = None
+) -> None:
+    result: dict[str, Any] = {
+        "ok": not problems,
+        "problems": [problem.as_dict() for problem in problems],
+        "warnings": [warning.as_dict() for warning in warnings],
+    }
+    if amounts_to is not None:
+        result["summary"] = amounts_to
+    typer.echo(json.dumps(result, indent=2, ensure_ascii=False))

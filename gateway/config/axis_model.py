@@ -1,0 +1,167 @@
+"""``[axis.NAME]``: one axis, its place on the bus, its scale, its table and what is done with it."""
+
+from enum import Enum
+from typing import Annotated
+
+from pydantic import Field
+
+from gateway.compensation import settings
+from gateway.compensation.settings import BacklashKind, Gain, Outside, Setpoints
+from gateway.compensation.units import Units
+from gateway.config.axis_values import GainValue, OutsideValue, ReversalValue
+from gateway.config.values import (
+    Counts,
+    CountsPerUnit,
+    Length,
+    LengthOrZero,
+    Milliseconds,
+    Name,
+    PositiveLength,
+    Travel,
+)
+from gateway.drives.registers import RegisterMap
+from gateway.drives.strict import ByName, ListOf, StrictModel
+from gateway.exchange.plan import CompensationMode, Reference
+from gateway.tabfile import HomeSide, V1Layout
+
+
+class HomeApproach(Enum):
+    """Direction of the last movement of homing."""
+
+    NONE = "none"
+    FORWARD = "forward"
+    BACKWARD = "backward"
+
+    @property
+    def sign(self) -> int:
+        """+1 forward, -1 backward, 0 not known."""
+        return {HomeApproach.NONE: 0, HomeApproach.FORWARD: 1, HomeApproach.BACKWARD: -1}[self]
+
+
+class AddedFrames(Enum):
+    """Whether the gateway may send frames of its own."""
+
+    AUTO = "auto"
+    NEVER = "never"
+
+
+class Late(Enum):
+    """What happens to a target that is over its deadline."""
+
+    FORWARD = "forward"
+    REJECT = "reject"
+
+
+class Unmapped(Enum):
+    """What happens to a write to a position that is not mapped; also to a relative move without a base."""
+
+    REFUSE = "refuse"
+    PASS = "pass"  # noqa: S105 (no password)
+
+
+class StoredMoves(Enum):
+    """What happens to the start of a move whose target the drive keeps."""
+
+    REFUSE = "refuse"
+    UNCORRECTED = "uncorrected"
+
+
+class FagorSense(Enum):
+    """How the error of a Fagor table was meant."""
+
+    ACTUAL_MINUS_COMMAND = "actual_minus_command"
+    COMMAND_MINUS_ACTUAL = "command_minus_actual"
+
+
+class ReloadSpec(StrictModel):
+    """How one table gives way to another while setpoints stream."""
+
+    distance: PositiveLength = Field(description="setpoint travel of the blend, in units")
+
+
+class BacklashSpec(StrictModel):
+    """Constant lost motion beside a table that knows one direction only."""
+
+    width: PositiveLength = Field(description="the lost motion, in units")
+    kind: ByName[BacklashKind] = Field(description="where it is put")
+
+
+class TableOptions(StrictModel):
+    """What a table file cannot prove about itself."""
+
+    file_counts_per_unit: CountsPerUnit | None = Field(
+        default=None, description="encoder counts per unit of the control that the file was made for"
+    )
+    v1_layout: ByName[V1Layout] | None = Field(default=None, description="what the first value belongs to")
+    file_start: Length | None = Field(default=None, description="machine position of the first point")
+    file_home: ByName[HomeSide] | None = Field(default=None, description="the end at which it homes")
+    fagor_sense: ByName[FagorSense] | None = Field(default=None, description="how the error was meant")
+
+
+class AxisSection(StrictModel):
+    """One axis."""
+
+    line: str = Field(description="name of the [line.NAME] that its drive is on")
+    unit_id: Annotated[int, Field(ge=1, le=255)] = Field(description="Modbus unit id of its drive")
+    drive: str | None = Field(default=None, description="a drive profile")
+    registers: RegisterMap | None = Field(default=None, description="the registers of its drive")
+    units: ByName[Units] = Field(description="unit of every length of this axis")
+    counts_per_unit: CountsPerUnit = Field(
+        description="counts of the drive in one unit, negative where it counts down"
+    )
+    zero_counts: Counts = Field(default=0.0, description="count of the drive at machine position 0")
+    machine_offset: Length = Field(default=0.0, description="machine position of the controller's zero")
+    travel: Travel | None = Field(default=None, description="[lowest, highest] machine position")
+    table: str | None = Field(default=None, description="name of its table file")
+    table_options: TableOptions = Field(
+        default=TableOptions(), description="what the file cannot prove about itself"
+    )
+    compensation: ByName[CompensationMode] = Field(
+        default=CompensationMode.ON, description="on, shadow or off"
+    )
+    gain: GainValue = Field(default=Gain(), description="share of the table that is applied, 0 to 1")
+    referenced: ByName[Reference] = Field(description="how it is known that the axis knows where it is")
+    home_approach: ByName[HomeApproach] = Field(
+        default=HomeApproach.NONE, description="direction of the last movement of homing"
+    )
+    setpoints: ByName[Setpoints] = Field(
+        default=Setpoints.TARGETS, description="targets or a stream of setpoints"
+    )
+    max_speed: LengthOrZero = Field(default=0.0, description="highest speed in units/s; 0: not known")
+    hysteresis: LengthOrZero | None = Field(default=None, description="smallest motion that is a reversal")
+    reversal: ReversalValue | None = Field(default=None, description="blend between the branches")
+    reload: ReloadSpec | None = Field(default=None, description="blend from one table to the next")
+    outside: OutsideValue = Field(default=Outside(), description="what holds outside the table")
+    modulo: PositiveLength | None = Field(default=None, description="length of one turn of a rotary axis")
+    max_correction: PositiveLength | None = Field(default=None, description="largest correction allowed")
+    travel_margin: LengthOrZero | None = Field(
+        default=None, description="how far a corrected position may lie outside travel"
+    )
+    max_slope: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+        default=settings.DEFAULT_MAX_SLOPE, description="steepest table allowed"
+    )
+    fresh_ms: Milliseconds = Field(
+        default=settings.DEFAULT_FRESH_MS, description="age in milliseconds up to which a reading counts"
+    )
+    backlash: BacklashSpec | None = Field(default=None, description="constant lost motion")
+    budget_us: Annotated[float, Field(gt=0.0)] | None = Field(
+        default=None, description="latency budget of one exchange in microseconds"
+    )
+    deadline_ms: Milliseconds | None = Field(default=None, description="age at which a target is late")
+    late: ByName[Late] | None = Field(default=None, description="what happens to a late target")
+    unmapped: ByName[Unmapped] = Field(default=Unmapped.REFUSE, description="writes to unmapped positions")
+    stored_moves: ByName[StoredMoves] = Field(
+        default=StoredMoves.REFUSE, description="moves kept by the drive"
+    )
+    relative_unknown: ByName[Unmapped] = Field(
+        default=Unmapped.REFUSE, description="relative moves from an unknown place"
+    )
+    added_frames: ByName[AddedFrames] = Field(
+        default=AddedFrames.AUTO, description="frames that the gateway adds by itself"
+    )
+
+
+class GroupSection(StrictModel):
+    """Axes that carry one beam together."""
+
+    axes: Annotated[ListOf[Name], Field(min_length=2)] = Field(description="the axes of the group")

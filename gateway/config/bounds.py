@@ -1,0 +1,42 @@
+"""The numbers that a field of the schema accepts, in words."""
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Final, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+_WORDS: Final = {"ge": "at least", "gt": "greater than", "le": "at most", "lt": "less than"}
+
+
+def bounds_text(field: FieldInfo) -> str:
+    """Say between which numbers the values of a field lie, "" where nothing bounds them.
+
+    >>> from gateway.config.line_model import ControllerSection
+    >>> bounds_text(ControllerSection.model_fields["timeout_ms"])
+    'greater than 0, at most 3600000'
+    """
+    said = {
+        attribute: f"{words} {_number(limit)}"
+        for constraint in _constraints(field)
+        for attribute, words in _WORDS.items()
+        if isinstance(limit := getattr(constraint, attribute, None), int | float)
+    }
+    return ", ".join(said[attribute] for attribute in _WORDS if attribute in said)
+
+
+def _constraints(part: Any) -> Iterator[Any]:
+    """Yield the constraints of a field and of everything its type is made of."""
+    if isinstance(part, FieldInfo):
+        yield from part.metadata
+        yield from _constraints(part.annotation)
+    elif get_origin(part) is Annotated:
+        for inside in get_args(part):
+            yield from _constraints(inside)
+    else:
+        yield part
+        for inside in get_args(part):
+            yield from _constraints(inside)
+
+
+def _number(bound: float) -> str:
+    return f"{bound:.0f}" if float(bound).is_integer() else f"{bound:g}"

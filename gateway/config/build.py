@@ -1,0 +1,73 @@
+"""Checked models to the plain plan that the relay runs from."""
+
+from collections.abc import Mapping
+
+from gateway.config.axis_model import AddedFrames, AxisSection
+from gateway.config.line_model import ControllerSection, LineSection
+from gateway.config.sections import Sections
+from gateway.config.settings_of import settings_of
+from gateway.config.tables import AxisTable
+from gateway.drives.registers import OnException, RegisterMap
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
+
+
+def build_plan(sections: Sections, tables: Mapping[str, AxisTable]) -> GatewayPlan:
+    """Build the plan of a configuration in which nothing is wrong."""
+    return GatewayPlan(
+        sections.gateway.name,
+        tuple(_line_plan(name, line, sections, tables) for name, line in sections.lines.items()),
+    )
+
+
+def _line_plan(name: str, line: LineSection, sections: Sections, tables: Mapping[str, AxisTable]) -> LinePlan:
+    axes = {axis_name: axis for axis_name, axis in sections.axes.items() if axis.line == name}
+    return LinePlan(
+        name=name,
+        drives=line.drives.endpoint,
+        controllers=tuple(map(_controller_link, line.controllers)),
+        axes=tuple(_axis_plan(axis_name, axis, tables.get(axis_name)) for axis_name, axis in axes.items()),
+        timing=LineTiming(
+            response_timeout_ms=line.response_timeout_ms,
+            drain_ms=line.response_timeout_ms if line.drain_ms is None else line.drain_ms,
+            turnaround_ms=line.turnaround_ms,
+            # Drives share the wire: the one that needs the longest silence sets the pace.
+            gap_ms=max([line.gap_ms, *(_registers(axis).gap_ms for axis in axes.values())]),
+        ),
+    )
+
+
+def _controller_link(controller: ControllerSection) -> ControllerLink:
+    plan = ControllerPlan(
+        controller.name, controller.role, controller.timeout_ms, serial=controller.rtu is not None
+    )
+    return ControllerLink(plan, controller.endpoint, controller.allow)
+
+
+def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None) -> AxisPlan:
+    registers = _registers(axis)
+    return AxisPlan(
+        name=name,
+        unit_id=axis.unit_id,
+        settings=settings_of(axis),
+        table=None if table is None else table.table,
+        compensation=axis.compensation,
+        referenced=axis.referenced,
+        command=tuple(position.field() for position in registers.command),
+        actual=tuple(position.field() for position in registers.actual),
+        commanded=tuple(position.field() for position in registers.commanded),
+        bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
+        write_function=registers.write.code,
+        max_registers=registers.max_registers,
+        safe_read=registers.safe_read,
+        added_frames=axis.added_frames is AddedFrames.AUTO,
+        exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,
+        table_name="" if table is None else table.path.name,
+        table_format="" if table is None else table.source.format,
+        table_digest="" if table is None else table.source.sha256,
+    )
+
+
+def _registers(axis: AxisSection) -> RegisterMap:
+    assert axis.registers is not None, "an axis without registers has been refused"
+    return axis.registers

@@ -1,0 +1,202 @@
+"""What the keys of an axis mean to each other and to the other axes; tables are looked at elsewhere."""
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+
+from gateway.compensation.settings import BacklashKind, OutsideKind, ReversalKind, Setpoints
+from gateway.compensation.units import Units
+from gateway.config.axis_model import AddedFrames, AxisSection, HomeApproach
+from gateway.config.explain import suggest
+from gateway.config.findings import Findings
+from gateway.config.problems import key_text, shown
+from gateway.config.sections import Sections
+from gateway.config.toml_lines import KeyPath
+from gateway.drives.registers import RegisterMap, Span, bit_spans, clashes, position_spans, share_register
+from gateway.exchange.plan import Reference
+from gateway.modbus.errors import RegisterRangeError
+
+
+def check_axes(findings: Findings, sections: Sections) -> None:
+    """Check every axis for itself and against the others on its unit."""
+    for name, axis in (sections.axes | sections.partial_axes).items():
+        path = ("axis", name)
+        _check_line(findings, path, axis)
+        _check_registers(findings, path, axis)
+        _check_reference(findings, path, axis)
+        _check_motion(findings, path, axis)
+        _check_without_table(findings, path, axis)
+    for name, axis in sections.axes.items():
+        path = ("axis", name)
+        _check_modulo(findings, path, axis)
+        _check_travel(findings, path, axis)
+    _check_shared_registers(findings, sections.axes)
+
+
+def _check_line(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    lines = findings.document.tables.get("line", {})
+    names = list(lines) if isinstance(lines, dict) else []
+    if axis.line not in names and not findings.is_refused((*path, "line")):
+        findings.refuse(
+            (*path, "line"), f"there is no [line.{axis.line}]", suggest(axis.line, names or ["[line.NAME]"])
+        )
+
+
+def _check_registers(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    if axis.registers is None:
+        if axis.drive is None and not findings.is_refused((*path, "registers")):
+            key = (*path, "registers")
+            findings.refuse(key, "missing", "needed: which registers of the drive hold positions")
+        return
+    for one, other in clashes(axis.registers):
+        _refuse_shared(findings, (*path, "registers", *other.key), (*path, "registers", *one.key), other, one)
+    for span in position_spans(axis.registers):
+        if span.words > axis.registers.max_registers:
+            findings.refuse(
+                (*path, "registers", "max_registers"),
+                f"max_registers = {axis.registers.max_registers}, "
+                f"but {key_text(span.key)} has {span.words} registers",
+                f"allowed: {span.words} or more",
+            )
+
+
+def _refuse_shared(findings: Findings, key: KeyPath, other_key: KeyPath, span: Span, other: Span) -> None:
+    findings.refuse(
+        key,
+        f"{span} overlaps {other} of {key_text(other_key)}",
+        "a register belongs to one position: check addresses and types",
+    )
+
+
+def _check_shared_registers(findings: Findings, axes: Mapping[str, AxisSection]) -> None:
+    """Two axes of one unit: a position of one may overlap nothing of the other. State bits may be shared."""
+    for (name, axis), (other_name, other) in combinations(axes.items(), 2):
+        if (axis.line, axis.unit_id) != (other.line, other.unit_id):
+            continue
+        if axis.registers is None or other.registers is None:
+            continue
+        for span, other_span in _shared(axis.registers, other.registers):
+            _refuse_shared(
+                findings,
+                ("axis", other_name, "registers", *other_span.key),
+                ("axis", name, "registers", *span.key),
+                other_span,
+                span,
+            )
+
+
+def _shared(one: RegisterMap, other: RegisterMap) -> Iterator[tuple[Span, Span]]:
+    positions, other_positions = position_spans(one), position_spans(other)
+    candidates = (
+        *((p, q) for p in positions for q in (*other_positions, *bit_spans(other))),
+        *((bit, q) for bit in bit_spans(one) for q in other_positions),
+    )
+    return ((p, q) for p, q in candidates if share_register(p, q))
+
+
+def _check_reference(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    if axis.referenced is not Reference.DRIVE_BIT or axis.registers is None:
+        return
+    if axis.registers.bits.homed is None:
+        findings.refuse(
+            (*path, "referenced"),
+            'referenced = "drive-bit" without registers.bits.homed',
+            "name the bit that says that the drive is homed, or use another way to know it",
+        )
+    elif not axis.registers.safe_read or axis.added_frames is AddedFrames.NEVER:
+        findings.warn(
+            (*path, "referenced"),
+            "the gateway may not read the homed bit itself",
+            "the axis stays uncorrected until a controller reads that register; "
+            "allow safe_read and added_frames",
+        )
+
+
+def _check_motion(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    if axis.setpoints is Setpoints.STREAM:
+        return
+    if axis.reversal is not None and axis.reversal.kind is not ReversalKind.STEP:
+        findings.refuse(
+            (*path, "reversal"),
+            f'a {axis.reversal.kind.value} blend with setpoints = "targets"',
+            'allowed: "step": the drive profiles each move, and a blend would end it beside the target',
+        )
+    if axis.reload is not None:
+        findings.warn(
+            (*path, "reload"),
+            'reload has no effect with setpoints = "targets"',
+            "a new table comes into force with the next different target; leave it out",
+        )
+
+
+def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    backlash = axis.backlash
+    if backlash is not None:
+        against = {
+            BacklashKind.HOMED_FORWARD: HomeApproach.BACKWARD,
+            BacklashKind.HOMED_BACKWARD: HomeApproach.FORWARD,
+        }
+        if against.get(backlash.kind) is axis.home_approach:
+            findings.refuse(
+                (*path, "backlash", "kind"),
+                f'kind = "{backlash.kind.value}" with home_approach = "{axis.home_approach.value}"',
+                "both say which way homing ends: they must agree",
+            )
+    if axis.table is not None or findings.is_refused((*path, "table")):
+        return
+    for key in ("backlash", "table_options"):
+        if key in axis.model_fields_set:
+            findings.refuse((*path, key), f"{key} without a table", "name the table file, or leave it out")
+
+
+def _check_modulo(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    if axis.modulo is None:
+        return
+    if axis.table is None and axis.units is not Units.DEGREE:
+        findings.refuse(
+            (*path, "modulo"),
+            f'modulo with units = "{axis.units.value}" and no table',
+            'allowed: units = "degree", or a table that covers exactly one turn',
+        )
+    if axis.outside.kind is not OutsideKind.HOLD:
+        findings.refuse(
+            (*path, "outside"),
+            f"outside = {axis.outside.kind.value} with modulo",
+            "leave it out: a table of one turn has no outside",
+        )
+
+
+def _check_travel(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    if axis.travel is None:
+        if not findings.is_refused((*path, "travel")) and axis.modulo is None:
+            findings.warn(
+                path,
+                "no travel: nothing is known about where the axis may go",
+                "give travel = [lowest, highest]: a corrected position beyond it is then refused",
+            )
+        return
+    if axis.hysteresis is not None and axis.hysteresis >= axis.travel[1] - axis.travel[0]:
+        findings.refuse(
+            (*path, "hysteresis"),
+            f"hysteresis = {axis.hysteresis:g} is as long as travel {shown(list(axis.travel))}",
+            "allowed: a small part of travel, else the direction never changes",
+        )
+    if axis.registers is not None:
+        _check_travel_fits(findings, path, axis, axis.registers, axis.travel)
+
+
+def _check_travel_fits(
+    findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap, travel: tuple[float, float]
+) -> None:
+    for index, position in enumerate(registers.command):
+        for end in travel:
+            counts = axis.zero_counts + axis.counts_per_unit * end
+            raw = counts / position.scale
+            try:
+                position.field().pack(raw if position.type.is_float else round(raw))
+            except RegisterRangeError as error:
+                findings.refuse(
+                    (*path, "registers", "command", index),
+                    f"travel ends at {end:g} {axis.units.value}, that is {counts:.0f} counts: {error}",
+                    "check counts_per_unit, zero_counts, travel, and type and scale of the register",
+                )
+                break

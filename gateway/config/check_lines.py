@@ -1,0 +1,161 @@
+"""What the lines of a configuration may not do to each other: share a port, a device, an address, a name."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from ipaddress import ip_address
+from typing import Final
+
+from gateway.config.findings import Findings
+from gateway.config.line_model import LineSection
+from gateway.config.problems import key_text
+from gateway.config.toml_lines import KeyPath
+from gateway.exchange.plan import Role
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+
+WILDCARDS: Final = frozenset({"0.0.0.0", "::"})  # noqa: S104 (to be recognised, not to be bound)
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """A place in the world, and the key that names it."""
+
+    key: KeyPath
+    place: TcpEndpoint | SerialEndpoint
+
+
+def check_lines(findings: Findings, lines: Mapping[str, LineSection]) -> None:
+    """Check all lines, each for itself and against the others."""
+    drives = [Use(_drives_key(name, line), line.drives.endpoint) for name, line in lines.items()]
+    listeners = [
+        Use(
+            (*_controller_key(findings, name, controller.name, i), "tcp" if controller.tcp else "rtu"),
+            controller.endpoint,
+        )
+        for name, line in lines.items()
+        for i, controller in enumerate(line.controllers)
+    ]
+    for name, line in lines.items():
+        _check_names(findings, name, line)
+        _check_drain(findings, name, line)
+        _check_open_listeners(findings, name, line)
+    ports = [use for use in (*drives, *listeners) if isinstance(use.place, SerialEndpoint)]
+    _check_devices(findings, sorted(ports, key=lambda use: findings.document.lines.of(use.key) or 0))
+    _check_addresses(findings, drives, listeners)
+
+
+def _drives_key(name: str, line: LineSection) -> KeyPath:
+    way = next(way for way in ("rtu", "tcp", "rtu_over_tcp") if getattr(line.drives, way) is not None)
+    return ("line", name, "drives", way)
+
+
+def _controller_key(findings: Findings, line: str, controller: str, index: int) -> KeyPath:
+    """Return the place of a controller in the file, where refused ones before it still count."""
+    raw = findings.document.tables["line"][line].get("controllers", [])
+    same = [
+        i for i, c in enumerate(raw) if isinstance(c, dict) and c.get("name") == controller and i >= index
+    ]
+    return ("line", line, "controllers", same[0] if same else index)
+
+
+def _check_names(findings: Findings, name: str, line: LineSection) -> None:
+    names = [controller.name for controller in line.controllers]
+    for i, controller in enumerate(names):
+        if controller in names[:i]:
+            key = (*_controller_key(findings, name, controller, i), "name")
+            findings.refuse(
+                key, f'a second controller "{controller}"', "give each controller of a line its own name"
+            )
+
+
+def _check_drain(findings: Findings, name: str, line: LineSection) -> None:
+    if line.drain_ms is not None and line.drives.tcp is not None:
+        findings.refuse(
+            ("line", name, "drain_ms"),
+            "drain_ms on Modbus TCP drives",
+            "leave it out: their late replies are known by the transaction id",
+        )
+
+
+def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> None:
+    for controller in line.controllers:
+        if controller.tcp is None or controller.allow or _is_loopback(controller.tcp.host):
+            continue
+        index = line.controllers.index(controller)
+        verb = "read" if controller.role is Role.MONITOR else "move"
+        findings.warn(
+            (*_controller_key(findings, name, controller.name, index), "tcp"),
+            f"whoever reaches {controller.tcp} may {verb} the drives",
+            'name who may connect, as in allow = ["192.168.0.7"], or listen on 127.0.0.1',
+        )
+
+
+def _check_devices(findings: Findings, uses: list[Use]) -> None:
+    """Two names of one device (by-id, by-path, ttyUSB0) are one device."""
+    first: dict[str, KeyPath] = {}
+    for use in uses:
+        device = os.path.realpath(str(use.place))
+        if device in first:
+            findings.refuse(
+                use.key,
+                f"{use.place} is in use by {key_text(first[device])} already",
+                "give each port one use: a serial port serves one controller or one bus of drives",
+            )
+        first.setdefault(device, use.key)
+
+
+def _check_addresses(findings: Findings, drives: list[Use], listeners: list[Use]) -> None:
+    for i, use in enumerate(drives):
+        for other in drives[:i]:
+            if _is_same(use.place, other.place):
+                findings.refuse(
+                    use.key,
+                    f"{use.place} is in use by {key_text(other.key)} already",
+                    "put all drives behind one address into one line",
+                )
+    for i, use in enumerate(listeners):
+        for other in listeners[:i]:
+            if _is_same(use.place, other.place, wildcard_hosts=WILDCARDS):
+                findings.refuse(
+                    use.key,
+                    f"{use.place} is listened on by {key_text(other.key)} already",
+                    "give each controller a port of its own",
+                )
+        for other in drives:
+            if _is_same(use.place, other.place, wildcard_hosts=WILDCARDS):
+                findings.refuse(
+                    use.key,
+                    f"{use.place} is the address of {key_text(other.key)}: the gateway would talk to itself",
+                    "let the controller connect to another port",
+                )
+
+
+def _is_same(
+    one: TcpEndpoint | SerialEndpoint,
+    other: TcpEndpoint | SerialEndpoint,
+    wildcard_hosts: frozenset[str] = frozenset(),
+) -> bool:
+    if isinstance(one, SerialEndpoint) or isinstance(other, SerialEndpoint) or one.port != other.port:
+        return False
+    hosts = (_canonical(one.host), _canonical(other.host))
+    if hosts[0] == hosts[1]:
+        return True
+    for host, against in (hosts, hosts[::-1]):
+        # A listener on every address of this machine takes its loopback address too.
+        if host in wildcard_hosts and (":" in host) == (":" in against):
+            return against in WILDCARDS or _is_loopback(against)
+    return False
+
+
+def _canonical(host: str) -> str:
+    try:
+        return str(ip_address(host))
+    except ValueError:
+        return "127.0.0.1" if host.lower() == "localhost" else host.lower()
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(_canonical(host)).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,185 @@
+"""Whether the table of an axis goes with the other keys of the axis."""
+
+from collections.abc import Mapping
+
+from gateway.compensation.backlash import with_backlash
+from gateway.compensation.correction_spec import reversal_in_force, spec_of_table
+from gateway.compensation.curve import check_closes
+from gateway.compensation.errors import CompensationError, TableError
+from gateway.compensation.settings import AxisSettings, OutsideKind, ReversalKind, Setpoints
+from gateway.compensation.table import CorrectionTable
+from gateway.config.axis_model import AxisSection
+from gateway.config.findings import Findings
+from gateway.config.settings_of import settings_of
+from gateway.config.tables import AxisTable
+from gateway.config.toml_lines import KeyPath
+
+ROUNDING = 1e-9
+"""Share of a limit by which decimal fractions and conversions may exceed it."""
+
+
+def check_tables(
+    findings: Findings, axes: Mapping[str, AxisSection], tables: Mapping[str, AxisTable]
+) -> None:
+    """Check every axis that has a table against it."""
+    for name, found in tables.items():
+        axis = axes[name]
+        path = ("axis", name)
+        settings = settings_of(axis)
+        table = _check_backlash(findings, path, settings, found.table)
+        _check_turn(findings, path, settings, table)
+        _check_outside(findings, path, settings, table)
+        _check_hysteresis(findings, path, axis, settings, table)
+        _check_reversal(findings, path, settings, table)
+        _check_direction(findings, path, axis, table)
+        _check_coverage(findings, path, settings, table)
+        _check_the_rest(findings, path, settings, found.table)
+
+
+def _check_backlash(
+    findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable
+) -> CorrectionTable:
+    """Return the table that will be in force, with its backlash."""
+    if settings.backlash is None:
+        return table
+    if not table.is_unidirectional:
+        findings.refuse(
+            (*path, "backlash"),
+            "backlash with a table of two directions",
+            "leave it out: the difference of the two columns is the backlash",
+        )
+        return table
+    table = with_backlash(table, settings.backlash)
+    if table.max_correction() > settings.max_correction * (1 + ROUNDING):
+        findings.refuse(
+            (*path, "backlash", "width"),
+            f"table and backlash together correct by {table.max_correction():.6g} {settings.units.value}, "
+            f"more than max_correction = {settings.max_correction:.6g}",
+            "check the unit of width; raise max_correction only if the screw is really that bad",
+        )
+    return table
+
+
+def _branches(table: CorrectionTable) -> tuple[tuple[str, list[float]], ...]:
+    return ("forward", list(table.forward)), ("backward", list(table.backward))
+
+
+def _check_turn(findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable) -> None:
+    if not settings.modulo:
+        return
+    try:
+        check_closes(table, settings.modulo)
+    except TableError as error:
+        findings.refuse(
+            (*path, "modulo"), str(error), "allowed: a table that covers exactly one turn with equal ends"
+        )
+
+
+def _check_outside(findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable) -> None:
+    ends = [abs(curve[i]) for _, curve in _branches(table) for i in (0, -1)]
+    largest = max(ends)
+    count = 1.0 / abs(settings.counts_per_unit)
+    unit = settings.units.value
+    if settings.outside.kind is OutsideKind.ZERO and largest > count * (1 + ROUNDING):
+        findings.refuse(
+            (*path, "outside"),
+            f'outside = "zero" where the table ends with a correction of {largest:.6g} {unit}',
+            f'allowed: ends within one count ({count:.6g} {unit}) of 0; use "hold" or {{ fade = LENGTH }}',
+        )
+    length = settings.outside.fade_length
+    if settings.outside.kind is OutsideKind.FADE and largest / length > settings.max_slope * (1 + ROUNDING):
+        findings.refuse(
+            (*path, "outside"),
+            f"a correction of {largest:.6g} {unit} at the end fades over {length:g}, steeper than max_slope",
+            f"allowed: a fade of {largest / settings.max_slope:.6g} {unit} or more",
+        )
+
+
+def _check_hysteresis(
+    findings: Findings, path: KeyPath, axis: AxisSection, settings: AxisSettings, table: CorrectionTable
+) -> None:
+    key = (*path, "hysteresis")
+    unit = settings.units.value
+    what = f"hysteresis = {settings.hysteresis:g} {unit}"
+    if settings.hysteresis >= table.last - table.first:
+        findings.refuse(
+            key,
+            f"{what} is longer than the whole table ({table.last - table.first:g} {unit})",
+            "allowed: a small part of it, else the direction never changes",
+        )
+        return
+    step = min(high - low for low, high in zip(table.positions, list(table.positions)[1:], strict=False))
+    if axis.hysteresis is not None and settings.hysteresis > step:
+        findings.warn(
+            key,
+            f"{what} is longer than the shortest interval of the table ({step:g} {unit})",
+            "a reversal shorter than that keeps the branch it came on",
+        )
+
+
+def _check_reversal(
+    findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable
+) -> None:
+    asked = settings.reversal
+    if settings.setpoints is not Setpoints.STREAM or asked is None or asked.kind is not ReversalKind.DISTANCE:
+        return
+    in_force = reversal_in_force(table, settings, settings.gain)
+    if in_force.amount > asked.amount:
+        findings.warn(
+            (*path, "reversal"),
+            f"a blend over {asked.amount:g} {settings.units.value} would turn the axis round",
+            f"it is made {in_force.amount:.6g} {settings.units.value} long",
+        )
+
+
+def _check_direction(findings: Findings, path: KeyPath, axis: AxisSection, table: CorrectionTable) -> None:
+    registers = axis.registers
+    if axis.setpoints is not Setpoints.TARGETS or table.is_unidirectional or registers is None:
+        return
+    if not registers.actual and registers.bits.done is None:
+        findings.warn(
+            (*path, "registers"),
+            "neither actual nor bits.done is mapped: the direction of a move follows the order of the "
+            "targets and is flagged unsure",
+            "map one of them: a target that comes during a move may take the wrong branch",
+        )
+
+
+_OUTSIDE_WORDS = {
+    OutsideKind.HOLD: "the correction of the end holds there",
+    OutsideKind.FADE: "the correction fades to 0 there",
+    OutsideKind.ZERO: "nothing is corrected there",
+    OutsideKind.REFUSE: "targets there are refused",
+}
+
+
+def _check_coverage(
+    findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable
+) -> None:
+    if settings.travel is None or settings.modulo:
+        return
+    low, high = settings.travel
+    slack = ROUNDING * (high - low)
+    stretches = []
+    if low < table.first - slack:
+        stretches.append(f"{low:g} to {min(table.first, high):g}")
+    if high > table.last + slack:
+        stretches.append(f"{max(table.last, low):g} to {high:g}")
+    if stretches:
+        findings.warn(
+            (*path, "table"),
+            f"L8 the table does not cover travel from {' and from '.join(stretches)} {settings.units.value}",
+            f'outside = "{settings.outside.kind.value}": {_OUTSIDE_WORDS[settings.outside.kind]}',
+        )
+
+
+def _check_the_rest(
+    findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable
+) -> None:
+    """Whatever else the compensation will not take; a known problem of the axis explains it already."""
+    if findings.is_refused(path):
+        return
+    try:
+        spec_of_table(table, settings)
+    except CompensationError as error:
+        findings.refuse((*path, "table"), str(error), "change the table or the settings of the axis")

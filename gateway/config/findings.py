@@ -1,0 +1,49 @@
+"""The problems of one configuration, as they are collected."""
+
+from dataclasses import dataclass, field
+
+from gateway.config.document import Document
+from gateway.config.problems import ConfigErrors, Problem, in_file_order, key_text
+from gateway.config.toml_lines import KeyPath
+
+
+@dataclass(slots=True)
+class Findings:
+    """Collects everything that is wrong with one document, or worth a warning."""
+
+    document: Document
+    problems: list[Problem] = field(default_factory=list)
+    warnings: list[Problem] = field(default_factory=list)
+    _refused: set[KeyPath] = field(default_factory=set)
+
+    def refuse(self, path: KeyPath, found: str, remedy: str) -> None:
+        """Note a problem of the key at ``path``."""
+        self._refused.add(path)
+        self.problems.append(self._problem(path, found, remedy))
+
+    def refuse_elsewhere(self, path: KeyPath, problem: Problem) -> None:
+        """Note a problem in another file, which the key at ``path`` names."""
+        self._refused.add(path)
+        self.problems.append(problem)
+
+    def warn(self, path: KeyPath, found: str, remedy: str) -> None:
+        """Note a warning of the key at ``path``."""
+        self.warnings.append(self._problem(path, found, remedy))
+
+    def is_refused(self, path: KeyPath) -> bool:
+        """Whether this key, something in it or a table around it was refused already."""
+        return any(path[: len(other)] == other or other[: len(path)] == path for other in self._refused)
+
+    def raise_if_any(self) -> None:
+        """Raise everything at once, in the order of the file.
+
+        Raises:
+            ConfigErrors: there are problems.
+        """
+        if self.problems:
+            file = str(self.document.path)
+            raise ConfigErrors(in_file_order(self.problems, file), in_file_order(self.warnings, file))
+
+    def _problem(self, path: KeyPath, found: str, remedy: str) -> Problem:
+        line = self.document.lines.of(path)
+        return Problem(str(self.document.path), key_text(path), found, remedy, line)

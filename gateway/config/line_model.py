@@ -1,0 +1,133 @@
+"""``[line.NAME]``: one bus of drives and the controllers that may use it."""
+
+from enum import Enum
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from gateway.config.values import (
+    Device,
+    Milliseconds,
+    MillisecondsOrZero,
+    Name,
+    Network,
+    RtuOverTcp,
+    Tcp,
+)
+from gateway.drives.strict import ByName, ListOf, StrictModel
+from gateway.exchange.plan import LineTiming, Role
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+
+SERIAL_KEYS = frozenset({"baudrate", "parity", "stop_bits", "data_bits"})
+_TIMING = LineTiming()
+_SERIAL = SerialEndpoint("")
+
+
+class Parity(Enum):
+    """Parity of a serial character."""
+
+    NONE = "none"
+    EVEN = "even"
+    ODD = "odd"
+
+    @property
+    def letter(self) -> str:
+        """The letter that serial ports know it by."""
+        return self.value[0].upper()
+
+
+class _SerialSettings(StrictModel):
+    """The character format of a serial port, and the rule that it belongs to one."""
+
+    rtu: Device | None = Field(default=None, description="path of a serial port that carries Modbus RTU")
+    tcp: Tcp | None = Field(default=None, description="HOST:PORT of Modbus TCP")
+    baudrate: Annotated[int, Field(ge=50, le=12_000_000)] = Field(
+        default=_SERIAL.baudrate, description="bits per second of the serial port"
+    )
+    parity: ByName[Parity] = Field(default=Parity.NONE, description="parity of the serial port")
+    stop_bits: Annotated[int, Field(ge=1, le=2)] = Field(
+        default=_SERIAL.stop_bits, description="stop bits of the serial port"
+    )
+    # RTU carries whole bytes (Modbus over serial line V1.02, 2.5.1).
+    data_bits: Annotated[int, Field(ge=8, le=8)] = Field(
+        default=_SERIAL.data_bits, description="data bits of the serial port; RTU needs 8"
+    )
+
+    def serial_endpoint(self, device: str) -> SerialEndpoint:
+        """Return the serial port with its character format."""
+        return SerialEndpoint(device, self.baudrate, self.parity.letter, self.data_bits, self.stop_bits)
+
+    def _check_one_of(self, ways: tuple[str, ...]) -> None:
+        given = [way for way in ways if getattr(self, way) is not None]
+        if len(given) != 1:
+            raise ValueError(f"allowed: exactly one of {', '.join(ways)}")
+        stray = sorted(SERIAL_KEYS & self.model_fields_set)
+        if stray and given != ["rtu"]:
+            raise ValueError(f"{', '.join(stray)} belong to a serial port (rtu): leave out beside {given[0]}")
+
+
+class DrivesEndpoint(_SerialSettings):
+    """Where the drives are."""
+
+    rtu_over_tcp: RtuOverTcp | None = Field(
+        default=None, description="HOST:PORT of a serial device server that carries raw RTU frames"
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        self._check_one_of(("rtu", "tcp", "rtu_over_tcp"))
+        return self
+
+    @property
+    def endpoint(self) -> TcpEndpoint | SerialEndpoint:
+        """The place in plain data."""
+        place = self.tcp or self.rtu_over_tcp
+        return place if place is not None else self.serial_endpoint(self.rtu or "")
+
+
+class ControllerSection(_SerialSettings):
+    """One controller: where it connects and what it may do."""
+
+    name: Name = Field(description="name of the controller, once in its line")
+    role: ByName[Role] = Field(default=Role.MOTION, description="what the controller may do")
+    timeout_ms: Milliseconds = Field(
+        default=1000.0, description="milliseconds after which this controller gives up on a request"
+    )
+    allow: ListOf[Network] = Field(
+        default=(), description="networks that may connect; none named: whoever reaches the port"
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        self._check_one_of(("rtu", "tcp"))
+        if self.rtu is not None and "allow" in self.model_fields_set:
+            raise ValueError("allow belongs to tcp: leave it out beside rtu")
+        return self
+
+    @property
+    def endpoint(self) -> TcpEndpoint | SerialEndpoint:
+        """The place in plain data."""
+        return self.tcp if self.tcp is not None else self.serial_endpoint(self.rtu or "")
+
+
+class LineSection(StrictModel):
+    """One bus of drives."""
+
+    drives: DrivesEndpoint = Field(description="where the drives are: rtu, tcp or rtu_over_tcp")
+    controllers: Annotated[ListOf[ControllerSection], Field(min_length=1)] = Field(
+        description="one [[line.NAME.controllers]] for each controller"
+    )
+    response_timeout_ms: Milliseconds = Field(
+        default=_TIMING.response_timeout_ms, description="milliseconds that a drive has for its answer"
+    )
+    drain_ms: Milliseconds | None = Field(
+        default=None,
+        description="milliseconds of silence after a time-out before the next request, on RTU drives; "
+        "response_timeout_ms when not given",
+    )
+    turnaround_ms: MillisecondsOrZero = Field(
+        default=_TIMING.turnaround_ms, description="milliseconds of pause after a broadcast"
+    )
+    gap_ms: MillisecondsOrZero = Field(
+        default=_TIMING.gap_ms, description="milliseconds of silence before each request"
+    )

@@ -1,0 +1,55 @@
+"""A configuration file to everything that runs from it, or to everything that is wrong with it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from gateway.config.build import build_plan
+from gateway.config.check_axes import check_axes
+from gateway.config.check_lines import check_lines
+from gateway.config.check_tables import check_tables
+from gateway.config.document import read_document
+from gateway.config.findings import Findings
+from gateway.config.not_built import refuse_what_is_not_built
+from gateway.config.problems import Problem, in_file_order
+from gateway.config.sections import read_sections
+from gateway.config.tables import AxisTable, read_tables
+from gateway.ipc.plan import GatewayPlan
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A configuration in which nothing is wrong."""
+
+    path: Path
+    plan: GatewayPlan
+    tables_folder: Path
+    state_folder: Path
+    tables: Mapping[str, AxisTable]
+    """The table of each axis that has one, with the file it came from."""
+    warnings: tuple[Problem, ...]
+
+
+def load(path: Path) -> Loaded:
+    """Read, check and build a configuration with all its tables.
+
+    Raises:
+        ConfigErrors: everything that is wrong with it, at once.
+    """
+    findings = Findings(read_document(path))
+    sections = read_sections(findings)
+    refuse_what_is_not_built(findings)
+    check_lines(findings, sections.lines)
+    check_axes(findings, sections)
+    tables_folder = path.parent / sections.gateway.tables
+    tables = read_tables(findings, sections, tables_folder)
+    check_tables(findings, sections.axes, tables)
+    findings.raise_if_any()
+    return Loaded(
+        path=path,
+        plan=build_plan(sections, tables),
+        tables_folder=tables_folder,
+        state_folder=path.parent / sections.gateway.state,
+        tables=tables,
+        warnings=in_file_order(findings.warnings, str(path)),
+    )

@@ -1,0 +1,153 @@
+"""The sections of a document as models: as many as can be had, so that all problems are seen at once."""
+
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeVar
+
+from pydantic import ValidationError
+
+from gateway.config.axis_model import AxisSection, GroupSection
+from gateway.config.explain import existing, explain, suggest
+from gateway.config.findings import Findings
+from gateway.config.gateway_model import GatewaySection, HttpSection, MqttSection
+from gateway.config.line_model import LineSection
+from gateway.config.problems import shown
+from gateway.config.toml_lines import KeyPath
+from gateway.config.values import read_name
+from gateway.drives.strict import StrictModel
+
+Model = TypeVar("Model", bound=StrictModel)
+
+SINGLE: Final[Mapping[str, type[StrictModel]]] = {
+    "gateway": GatewaySection,
+    "http": HttpSection,
+    "mqtt": MqttSection,
+}
+NAMED: Final[Mapping[str, type[StrictModel]]] = {
+    "line": LineSection,
+    "axis": AxisSection,
+    "group": GroupSection,
+}
+AXIS_STAND_INS: Final[Mapping[str, Any]] = {
+    "line": "",
+    "unit_id": 1,
+    "units": "mm",
+    "counts_per_unit": 1.0,
+    "referenced": "absolute",
+}
+
+
+@dataclass(slots=True)
+class Sections:
+    """What could be read. A section that is too broken to be looked at is left out; its problem is noted."""
+
+    gateway: GatewaySection = field(default_factory=GatewaySection)
+    lines: dict[str, LineSection] = field(default_factory=dict)
+    axes: dict[str, AxisSection] = field(default_factory=dict)
+    partial_axes: dict[str, AxisSection] = field(default_factory=dict)
+    """Axes that lack a key they need: made whole with stand-ins, to be looked at for what else is wrong."""
+
+
+def read_sections(findings: Findings) -> Sections:
+    """Read every section of the document; what is wrong goes to ``findings``."""
+    tables = findings.document.tables
+    sections = Sections()
+    for name in tables:
+        if name not in SINGLE and name not in NAMED:
+            findings.refuse((name,), "unknown key", suggest(name, [*SINGLE, *NAMED]))
+    for name, model in SINGLE.items():
+        if name in tables:
+            section = read_section(findings, model, tables[name], (name,))
+            if isinstance(section, GatewaySection):
+                sections.gateway = section
+    if "line" not in tables:
+        findings.refuse(("line",), "missing", "needed: at least one [line.NAME], a bus of drives")
+    sections.lines = read_named(findings, "line", LineSection)
+    sections.axes = read_named(findings, "axis", AxisSection)
+    sections.partial_axes = _partial_axes(findings, sections.axes)
+    read_named(findings, "group", GroupSection)
+    return sections
+
+
+def read_named(findings: Findings, kind: str, model: type[Model]) -> dict[str, Model]:
+    """Read all ``[kind.NAME]`` that can be read."""
+    tables = findings.document.tables.get(kind, {})
+    if not isinstance(tables, dict):
+        findings.refuse((kind,), f"found {shown(tables)}", f"allowed: tables [{kind}.NAME]")
+        return {}
+    read: dict[str, Model] = {}
+    for name, raw in tables.items():
+        try:
+            read_name(name)
+        except ValueError as error:
+            findings.refuse((kind, name), f"found the name {shown(name)}", str(error))
+            continue
+        section = read_section(findings, model, raw, (kind, name))
+        if section is not None:
+            read[name] = section
+    return read
+
+
+def _partial_axes(findings: Findings, whole: Mapping[str, AxisSection]) -> dict[str, AxisSection]:
+    tables = findings.document.tables.get("axis", {})
+    raw_axes = tables if isinstance(tables, dict) else {}
+    partial: dict[str, AxisSection] = {}
+    for name, raw in raw_axes.items():
+        if name in whole or not isinstance(raw, dict):
+            continue
+        axis = _as_far_as_good(AxisSection, {**AXIS_STAND_INS, **raw}, AXIS_STAND_INS)
+        if axis is not None:
+            partial[name] = axis
+    return partial
+
+
+def read_section(findings: Findings, model: type[Model], raw: object, path: KeyPath) -> Model | None:
+    """Read one section. Where keys are wrong they are reported, and the rest is read without them.
+
+    Returns:
+        The section as far as it is good, or None when a key that it needs is missing or wrong.
+    """
+    if not isinstance(raw, dict):
+        findings.refuse(path, f"found {shown(raw)}", f"allowed: a table [{'.'.join(map(str, path))}]")
+        return None
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        explain(findings, model, raw, path, error)
+    return _as_far_as_good(model, raw, {})
+
+
+def _as_far_as_good(model: type[Model], raw: dict[str, Any], stand_ins: Mapping[str, Any]) -> Model | None:
+    """Read a section without what is wrong in it: first without the values, then without their keys."""
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        wrong = [place for detail in error.errors() if (place := _to_drop(raw, detail))]
+    for places in (wrong, [place[:1] for place in wrong]):
+        try:
+            return model.model_validate({**stand_ins, **_without(raw, places)})
+        except ValidationError:
+            continue
+    return None
+
+
+def _to_drop(raw: object, detail: Any) -> KeyPath:
+    place = existing(raw, detail)
+    return place[:-1] if detail["type"] == "missing" else place
+
+
+def _without(raw: dict[str, Any], places: list[KeyPath]) -> dict[str, Any]:
+    """Return a copy without these places; the last of a list goes first, so that indexes hold."""
+    copy = deepcopy(raw)
+    for place in sorted(
+        set(places), key=lambda p: [(isinstance(part, int), part) for part in p], reverse=True
+    ):
+        here: Any = copy
+        try:
+            for part in place[:-1]:
+                here = here[part]
+            del here[place[-1]]
+        except (KeyError, IndexError, TypeError):
+            continue  # something around it has gone already
+    return copy

@@ -1,0 +1,44 @@
+"""The numbers of an axis, with the defaults that depend on its units and scale filled in."""
+
+from gateway.compensation.settings import (
+    DEFAULT_MAX_CORRECTION_MM,
+    DEFAULT_RELOAD_DISTANCE_MM,
+    AxisSettings,
+    Backlash,
+    default_hysteresis,
+)
+from gateway.config.axis_model import AxisSection
+
+
+def settings_of(axis: AxisSection) -> AxisSettings:
+    """Return what the compensation of an axis works with."""
+    units = axis.units
+    max_correction = axis.max_correction
+    if max_correction is None:
+        max_correction = units.from_mm(DEFAULT_MAX_CORRECTION_MM)
+    hysteresis = axis.hysteresis
+    if hysteresis is None:
+        hysteresis = default_hysteresis(units, axis.counts_per_unit)
+    return AxisSettings(
+        units=units,
+        counts_per_unit=axis.counts_per_unit,
+        zero_counts=axis.zero_counts,
+        machine_offset=axis.machine_offset,
+        travel=axis.travel,
+        travel_margin=max_correction if axis.travel_margin is None else axis.travel_margin,
+        setpoints=axis.setpoints,
+        hysteresis=hysteresis,
+        reversal=axis.reversal,
+        reload_distance=units.from_mm(DEFAULT_RELOAD_DISTANCE_MM)
+        if axis.reload is None
+        else axis.reload.distance,
+        outside=axis.outside,
+        modulo=axis.modulo or 0.0,
+        gain=axis.gain,
+        backlash=None if axis.backlash is None else Backlash(axis.backlash.width, axis.backlash.kind),
+        max_correction=max_correction,
+        max_slope=axis.max_slope,
+        max_speed=axis.max_speed,
+        fresh_ms=axis.fresh_ms,
+        home_approach=axis.home_approach.sign,
+    )

@@ -1,0 +1,106 @@
+"""What a good configuration amounts to: plain data, and a few lines for a person."""
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+from gateway.compensation.correction_spec import spec_of_table
+from gateway.compensation.limits import MotionReport, motion_report
+from gateway.compensation.table import CorrectionTable
+from gateway.exchange.plan import AxisPlan
+from gateway.ipc.plan import GatewayPlan, LinePlan
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+
+
+def summary(plan: GatewayPlan) -> dict[str, Any]:
+    """Return lines, axes and tables as plain data; lengths in the units of each axis."""
+    return {
+        "gateway": plan.name,
+        "lines": {line.name: _line_summary(line) for line in plan.lines},
+        "axes": {axis.name: _axis_summary(line, axis) for line in plan.lines for axis in line.axes},
+    }
+
+
+def _line_summary(line: LinePlan) -> dict[str, Any]:
+    return {
+        "drives": _place(line.drives),
+        "controllers": {
+            link.plan.name: f"{_place(link.endpoint)}, {link.plan.role.value}" for link in line.controllers
+        },
+    }
+
+
+def _place(endpoint: TcpEndpoint | SerialEndpoint) -> str:
+    if isinstance(endpoint, TcpEndpoint):
+        return f"{'RTU over TCP' if endpoint.rtu else 'TCP'} {endpoint}"
+    character = f"{endpoint.data_bits}{endpoint.parity}{endpoint.stop_bits}"
+    return f"RTU {endpoint} {endpoint.baudrate} {character}"
+
+
+def _axis_summary(line: LinePlan, axis: AxisPlan) -> dict[str, Any]:
+    return {
+        "line": line.name,
+        "unit_id": axis.unit_id,
+        "units": axis.settings.units.value,
+        "counts_per_unit": axis.settings.counts_per_unit,
+        "compensation": axis.compensation.value,
+        "referenced": axis.referenced.value,
+        "setpoints": axis.settings.setpoints.value,
+        "max_speed": axis.settings.max_speed,
+        "table": None if axis.table is None else _table_summary(axis, axis.table),
+    }
+
+
+def _table_summary(axis: AxisPlan, table: CorrectionTable) -> dict[str, Any]:
+    return {
+        "file": axis.table_name,
+        "format": axis.table_format,
+        "sha256": axis.table_digest,
+        "points": len(table.positions),
+        "range": [table.first, table.last],
+        "max_correction": table.max_correction(),
+        "max_reversal": table.max_reversal(),
+        "max_slope": table.max_slope(),
+        "can_cause": asdict(_motion(axis, table)),
+    }
+
+
+def _motion(axis: AxisPlan, table: CorrectionTable) -> MotionReport:
+    return motion_report(spec_of_table(table, axis.settings), axis.settings)
+
+
+def summary_lines(plan: GatewayPlan) -> list[str]:
+    """Return the summary as lines of text."""
+    data = summary(plan)
+    lines = [f"gateway {data['gateway']}"]
+    for name, line in data["lines"].items():
+        lines.append(f"line {name}: drives {line['drives']}")
+        lines += [f"  controller {who}: {where}" for who, where in line["controllers"].items()]
+    for name, axis in data["axes"].items():
+        lines += _axis_lines(name, axis)
+    return lines
+
+
+def _axis_lines(name: str, axis: dict[str, Any]) -> list[str]:
+    scale = f"{axis['counts_per_unit']:g} counts/{axis['units']}"
+    first = f"axis {name}: line {axis['line']}, unit {axis['unit_id']}, {scale}, {axis['setpoints']}, "
+    first += f"referenced {axis['referenced']}, compensation {axis['compensation']}"
+    if axis["table"] is None:
+        return [first, "  no table: positions pass 1:1"]
+    return [first, *_table_lines(axis["table"], axis["units"], axis["max_speed"])]
+
+
+def _table_lines(table: dict[str, Any], unit: str, max_speed: float) -> Iterator[str]:
+    low, high = table["range"]
+    cause = table["can_cause"]
+    yield f"  table {table['file']} ({table['format']}): {table['points']} points, {low:g} to {high:g} {unit}"
+    yield (
+        f"  corrections up to {table['max_correction']:.4g} {unit}, slope up to {table['max_slope']:.3g}, "
+        f"between the directions up to {table['max_reversal']:.4g} {unit}"
+    )
+    at_speed = f"at {max_speed:g} {unit}/s" if max_speed else "(max_speed is not known)"
+    yield (
+        f"  can cause a step of {cause['largest_step']:.4g} {unit} at a reversal, "
+        f"{cause['added_speed']:.4g} {unit}/s of speed and {cause['added_acceleration']:.4g} {unit}/s² of "
+        f"acceleration {at_speed}"
+    )

@@ -1,0 +1,122 @@
+"""From the name of a table in the configuration to the table: the only place that reads table files."""
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Final
+
+from gateway.compensation.table import CorrectionTable
+from gateway.config.axis_model import AxisSection
+from gateway.config.findings import Findings
+from gateway.config.problems import Problem, key_text
+from gateway.config.sections import Sections
+from gateway.config.settings_of import settings_of
+from gateway.config.toml_lines import KeyPath
+from gateway.tabfile import (
+    FileContext,
+    LoadedTable,
+    Severity,
+    TabFileError,
+    TableState,
+    find_table,
+    inspect_table,
+)
+
+COVERAGE_LINT: Final = "L8"
+"""Reported here instead: only the configuration knows which policy holds outside the table."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisTable:
+    """The table of one axis, in the units of the axis, and the file it came from."""
+
+    table: CorrectionTable
+    source: LoadedTable
+    path: Path
+
+
+def read_tables(findings: Findings, sections: Sections, folder: Path) -> dict[str, AxisTable]:
+    """Read the table of every axis that names one; what is wrong goes to ``findings``."""
+    tables: dict[str, AxisTable] = {}
+    for name, axis in (sections.axes | sections.partial_axes).items():
+        if axis.table is None:
+            continue
+        key = ("axis", name, "table")
+        path = _find(findings, key, folder, axis.table)
+        # Without its scale and units an axis cannot say what a table means; that it is there can be said.
+        if path is None or name in sections.partial_axes:
+            continue
+        table = _read(findings, key, path, axis, name)
+        if table is not None:
+            tables[name] = table
+    return tables
+
+
+def _find(findings: Findings, key: KeyPath, folder: Path, name: str) -> Path | None:
+    if not name or "\0" in name or Path(name).name != name:
+        findings.refuse(
+            key, f'found "{name}"', "allowed: the name of a file in the tables folder, without a path"
+        )
+        return None
+    try:
+        found = find_table(folder, name)
+    except TabFileError as error:
+        remedy = "put the tables there, or correct [gateway] tables: it is relative to the configuration file"
+        findings.refuse(key, f"{error.file}: {error.found}", remedy)
+        return None
+    if found.state is TableState.PRESENT:
+        return found.path
+    if found.state is TableState.OFF:
+        what = f"{name} was renamed to {found.path.name}: switching a table off by its name is not built yet"
+        findings.refuse(key, what, 'rename it back and use compensation = "off"')
+        return None
+    findings.refuse(key, f"there is no {name} in {folder}", _near(folder, name))
+    return None
+
+
+def _near(folder: Path, name: str) -> str:
+    names = {path.name.lower(): path.name for path in folder.iterdir()}
+    near = get_close_matches(name.lower(), names, n=3, cutoff=0.5)
+    if near:
+        return f"did you mean {' or '.join(names[n] for n in near)}?"
+    tables = sorted(shown for low, shown in names.items() if low.endswith(".tab"))
+    return f"it holds {', '.join(tables[:10])}" if tables else "put the table file there"
+
+
+def _read(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, name: str) -> AxisTable | None:
+    try:
+        loaded = inspect_table(path, context_of(axis, name))
+    except TabFileError as error:
+        for problem in error.problems:
+            found = "; ".join((problem.found, *_numbered(problem.readings)))
+            place = Problem(str(path), key_text(key), found, f"allowed: {problem.allowed}", problem.line)
+            findings.refuse_elsewhere(key, place)
+        return None
+    for lint in loaded.lints:
+        remark = Problem(str(path), key_text(key), f"{lint.code} {lint.message}", "", lint.line)
+        if lint.severity is Severity.ERROR:
+            findings.refuse_elsewhere(key, remark)
+        elif lint.code != COVERAGE_LINT:
+            findings.warnings.append(remark)
+    return AxisTable(loaded.table.in_units(axis.units), loaded, path)
+
+
+def _numbered(readings: tuple[str, ...]) -> list[str]:
+    return [f"reading {number}: {text}" for number, text in enumerate(readings, start=1)]
+
+
+def context_of(axis: AxisSection, name: str) -> FileContext:
+    """Return what the configuration knows about a table file that the file does not say itself."""
+    options = axis.table_options
+    return FileContext(
+        axis=name.upper() if len(name) == 1 and name.isalpha() else None,
+        units=axis.units,
+        travel=None if axis.modulo else axis.travel,
+        file_counts_per_unit=options.file_counts_per_unit,
+        v1_layout=options.v1_layout,
+        file_start=options.file_start,
+        file_home=options.file_home,
+        counts_per_unit=axis.counts_per_unit,
+        max_correction=settings_of(axis).max_correction,
+        max_slope=axis.max_slope,
+    )

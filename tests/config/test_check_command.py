@@ -1,0 +1,102 @@
+"""``pitch-gateway check``: one line a problem on stderr, exit code 1; a summary when all is well."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+from gateway.cli.check import check
+from tests.config.config_bench import GOOD, edited, line_of, written
+
+
+def run(path: Path, *options: str) -> Result:
+    app = typer.Typer()
+    app.command()(check)
+    return CliRunner().invoke(app, [str(path), *options])
+
+
+def test_a_good_configuration_is_summed_up(tmp_path: Path) -> None:
+    result = run(written(tmp_path))
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert "line xyz: drives RTU /dev/serial/by-id/usb-B 115200 8E1" in result.stdout
+    assert "controller hmi: TCP 127.0.0.1:1502, monitor" in result.stdout
+    assert "table cnc10x.tab (centroid-3): 3 points, -300 to 0 mm" in result.stdout
+    # Largest |correction| 0.02; steepest (0.01 + 0.003)/150; forward - backward at 0: 0.01.
+    assert (
+        "corrections up to 0.02 mm, slope up to 8.67e-05, between the directions up to 0.01 mm"
+        in result.stdout
+    )
+    # At 200 mm/s: 200 × 8.667e-5 = 0.01733 mm/s.
+    assert "a step of 0.01 mm at a reversal, 0.01733 mm/s of speed" in result.stdout
+    assert result.stdout.endswith("gateway.toml: good\n")
+
+
+def test_an_axis_without_a_table_is_summed_up(tmp_path: Path) -> None:
+    result = run(written(tmp_path, edited(('table = "cnc10x.tab"\n', ""))))
+    assert "no table: positions pass 1:1" in result.stdout
+
+
+def test_warnings_do_not_make_it_bad(tmp_path: Path) -> None:
+    result = run(written(tmp_path, edited(("travel = [-300.0, 0.0]\n", ""))))
+    assert result.exit_code == 0
+    assert result.stderr.startswith(f"warning: {tmp_path / 'gateway.toml'}:17: axis.x: no travel")
+
+
+def test_every_problem_is_one_line_on_stderr(tmp_path: Path) -> None:
+    text = edited(("unit_id = 1", "unit_id = 0"), ('role = "monitor"', 'rol = "monitor"'))
+    result = run(written(tmp_path, text))
+    assert (result.exit_code, result.stdout) == (1, "")
+    file = tmp_path / "gateway.toml"
+    assert result.stderr.splitlines() == [
+        f"{file}:{line_of(text, 'rol =')}: line.xyz.controllers[2].rol: unknown key; did you mean role?",
+        f"{file}:{line_of(text, 'unit_id')}: axis.x.unit_id: found 0; allowed: at least 1, at most 255",
+    ]
+
+
+def test_a_missing_file_is_bad_input(tmp_path: Path) -> None:
+    result = run(tmp_path / "none.toml")
+    assert result.exit_code == 1
+    assert result.stderr == f"{tmp_path / 'none.toml'}: no such file; give the path of the configuration\n"
+
+
+def test_json_of_a_good_configuration(tmp_path: Path) -> None:
+    result = run(written(tmp_path), "--json")
+    said: dict[str, Any] = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert (said["ok"], said["problems"], said["warnings"]) == (True, [], [])
+    table = said["summary"]["axes"]["x"]["table"]
+    assert (table["points"], table["range"], table["max_correction"]) == (3, [-300.0, 0.0], 0.02)
+    assert table["can_cause"]["largest_step"] == pytest.approx(0.01)
+
+
+def test_json_of_a_bad_configuration(tmp_path: Path) -> None:
+    text = edited(("unit_id = 1", "unit_id = 0"), ("travel = [-300.0, 0.0]\n", ""))
+    result = run(written(tmp_path, text), "--json")
+    said: dict[str, Any] = json.loads(result.stdout)
+    assert (result.exit_code, result.stderr, said["ok"]) == (1, "", False)
+    assert said["problems"] == [
+        {
+            "file": str(tmp_path / "gateway.toml"),
+            "line": line_of(text, "unit_id"),
+            "column": None,
+            "key": "axis.x.unit_id",
+            "found": "found 0",
+            "remedy": "allowed: at least 1, at most 255",
+        }
+    ]
+    assert said["warnings"] == []
+
+
+def test_the_help_shows_examples() -> None:
+    app = typer.Typer()
+    app.command()(check)
+    assert "pitch-gateway check gateway.toml --json" in CliRunner().invoke(app, ["--help"]).stdout
+
+
+def test_problems_keep_their_words_on_one_line(tmp_path: Path) -> None:
+    result = run(written(tmp_path, GOOD.replace('"mill-1"', '"a\\nb"')))
+    assert result.stderr.count("\n") == 1
+    assert 'found "a\\nb"' in result.stderr

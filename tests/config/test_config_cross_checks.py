@@ -1,0 +1,260 @@
+"""What keys say to each other: lines that share a port, axes that share a register, settings that exclude."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.config.config_bench import GOOD, ONE_WAY, edited, line_of, loaded, only, refused
+
+SECOND_LINE = """
+[line.b]
+drives = { tcp = "192.168.0.20:502" }
+
+[[line.b.controllers]]
+name = "plc"
+tcp = "127.0.0.1:1503"
+"""
+
+SECOND_AXIS = """
+[axis.y]
+line = "xyz"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000
+travel = [0, 100]
+referenced = "absolute"
+registers.command = [{ address = 0x0700, type = "int32" }]
+"""
+
+
+def test_two_lines_and_two_axes_on_one_unit_are_fine(tmp_path: Path) -> None:
+    plan = loaded(tmp_path, GOOD + SECOND_LINE + SECOND_AXIS).plan
+    assert [[axis.name for axis in line.axes] for line in plan.lines] == [["x", "y"], []]
+
+
+def test_the_line_of_an_axis_must_exist(tmp_path: Path) -> None:
+    text = edited(('line = "xyz"', 'line = "xzy"'))
+    problem = only(refused(tmp_path, text), "axis.x.line")
+    assert (problem.line, problem.found) == (line_of(text, 'line = "xzy"'), "there is no [line.xzy]")
+    assert problem.remedy == "did you mean xyz?"
+
+
+@pytest.mark.parametrize("second", ["/dev/serial/by-id/usb-A", "/dev/serial/../serial/by-id/usb-A"])
+def test_a_serial_port_has_one_use(tmp_path: Path, second: str) -> None:
+    text = GOOD + SECOND_LINE.replace('tcp = "192.168.0.20:502"', f'rtu = "{second}"')
+    problem = only(refused(tmp_path, text), "line.b.drives.rtu")
+    assert problem.line == line_of(text, "[line.b]") + 1
+
+
+def test_a_serial_port_used_twice_names_both_keys(tmp_path: Path) -> None:
+    text = edited(("/dev/serial/by-id/usb-A", "/dev/serial/by-id/usb-B"))
+    problem = only(refused(tmp_path, text), "line.xyz.controllers[1].rtu")
+    assert problem.line == line_of(text, 'rtu = "/dev/serial/by-id/usb-B"\n')
+    assert "/dev/serial/by-id/usb-B is in use by line.xyz.drives.rtu already" in problem.found
+
+
+def test_a_link_to_a_serial_port_is_that_port(tmp_path: Path) -> None:
+    (tmp_path / "by-id").symlink_to(tmp_path / "ttyUSB0")
+    text = edited(
+        ("/dev/serial/by-id/usb-A", str(tmp_path / "by-id")),
+        ("/dev/serial/by-id/usb-B", str(tmp_path / "ttyUSB0")),
+    )
+    assert "line.xyz.drives.rtu" in only(refused(tmp_path, text), "line.xyz.controllers[1].rtu").found
+
+
+@pytest.mark.parametrize("other", ["127.0.0.1:1502", "localhost:1502", "0.0.0.0:1502"])
+def test_an_address_is_listened_on_once(tmp_path: Path, other: str) -> None:
+    text = GOOD + SECOND_LINE.replace("127.0.0.1:1503", other)
+    problem = only(refused(tmp_path, text), "line.b.controllers[1].tcp")
+    assert problem.line == line_of(text, 'name = "plc"') + 1
+    assert f"{other} is listened on by line.xyz.controllers[2].tcp already" in problem.found
+
+
+def test_the_same_port_on_another_address_is_another_listener(tmp_path: Path) -> None:
+    text = GOOD + SECOND_LINE.replace("127.0.0.1:1503", "192.168.7.1:1502")
+    assert len(loaded(tmp_path, text).plan.lines) == 2
+
+
+def test_the_gateway_does_not_talk_to_itself(tmp_path: Path) -> None:
+    text = GOOD + SECOND_LINE.replace("192.168.0.20:502", "localhost:1502")
+    problem = only(refused(tmp_path, text), "line.xyz.controllers[2].tcp")
+    assert "line.b.drives.tcp: the gateway would talk to itself" in problem.found
+
+
+def test_drives_behind_one_address_belong_to_one_line(tmp_path: Path) -> None:
+    second = SECOND_LINE.replace("line.b", "line.c").replace("1503", "1504")
+    text = GOOD + SECOND_LINE + second
+    problem = only(refused(tmp_path, text), "line.c.drives.tcp")
+    assert "one line" in problem.remedy
+
+
+def test_controllers_of_a_line_have_different_names(tmp_path: Path) -> None:
+    text = edited(('name = "hmi"', 'name = "cnc"'))
+    problem = only(refused(tmp_path, text), "line.xyz.controllers[2].name")
+    assert problem.line == line_of(text, 'name = "cnc"\ntcp')
+
+
+def test_a_drain_is_for_rtu_drives(tmp_path: Path) -> None:
+    text = GOOD + SECOND_LINE.replace("[line.b]", "[line.b]\ndrain_ms = 50")
+    problem = only(refused(tmp_path, text), "line.b.drain_ms")
+    assert "transaction id" in problem.remedy
+
+
+def test_an_open_port_without_allow_is_warned_of(tmp_path: Path) -> None:
+    text = edited(("127.0.0.1:1502", "0.0.0.0:1502"))
+    [warning] = loaded(tmp_path, text).warnings
+    assert warning.key == "line.xyz.controllers[2].tcp"
+    assert warning.line == line_of(text, "0.0.0.0:1502")
+    assert "read the drives" in warning.found
+    assert "allow" in warning.remedy
+    allowed = edited(('role = "monitor"', 'allow = ["192.168.0.0/24"]'), text=text)
+    assert loaded(tmp_path, allowed).warnings == ()
+
+
+# Command: 0x0606 and 0x0607. Actual: 0x0520 and 0x0521. Bits: 0x0140.
+@pytest.mark.parametrize(
+    ("old", "new", "key", "other"),
+    [
+        ("address = 0x0520", "address = 0x0607", "actual[1]", "command[1]"),
+        ("address = 0x0520", "address = 0x0605", "actual[1]", "command[1]"),
+        ("address = 0x0520", "address = 0x013F", "bits.homed", "actual[1]"),
+    ],
+)
+def test_positions_of_an_axis_share_no_register(
+    tmp_path: Path, old: str, new: str, key: str, other: str
+) -> None:
+    problems = refused(tmp_path, edited((old, new)))
+    assert problems[0].key == f"axis.x.registers.{key}"
+    assert f"axis.x.registers.{other}" in problems[0].found
+
+
+def test_axes_of_one_unit_share_no_register_and_both_keys_are_named(tmp_path: Path) -> None:
+    text = GOOD + SECOND_AXIS.replace("0x0700", "0x0607")
+    problem = only(refused(tmp_path, text), "axis.y.registers.command[1]")
+    assert problem.line == line_of(text, "registers.command = [{ address = 0x0607")
+    assert problem.found == "0x0607..0x0608 overlaps 0x0606..0x0607 of axis.x.registers.command[1]"
+
+
+def test_a_position_may_not_lie_on_a_state_bit_of_another_axis(tmp_path: Path) -> None:
+    text = GOOD + SECOND_AXIS.replace("0x0700", "0x013F")
+    problems = refused(tmp_path, text)
+    assert {problem.key for problem in problems} == {"axis.y.registers.command[1]"}
+
+
+def test_the_same_registers_on_another_unit_are_other_registers(tmp_path: Path) -> None:
+    text = GOOD + SECOND_AXIS.replace("0x0700", "0x0606").replace("unit_id = 1", "unit_id = 2")
+    assert len(loaded(tmp_path, text).plan.lines[0].axes) == 2
+
+
+def test_an_axis_needs_registers(tmp_path: Path) -> None:
+    text = GOOD[: GOOD.index("[axis.x.registers]")]
+    problem = only(refused(tmp_path, text), "axis.x.registers")
+    assert problem.line == line_of(text, "[axis.x]")
+
+
+def test_a_position_must_fit_the_frames_of_the_drive(tmp_path: Path) -> None:
+    text = GOOD + "max_registers = 1\n"
+    problems = refused(tmp_path, text)
+    assert {problem.key for problem in problems} == {"axis.x.registers.max_registers"}
+    assert problems[0].remedy == "allowed: 2 or more"
+
+
+def test_the_homed_bit_must_be_mapped_to_be_read(tmp_path: Path) -> None:
+    text = edited(("bits.homed", "bits.alarm"))
+    problem = only(refused(tmp_path, text), "axis.x.referenced")
+    assert problem.line == line_of(text, "referenced")
+    assert "registers.bits.homed" in problem.found
+
+
+@pytest.mark.parametrize(
+    "text", [GOOD + "safe_read = false\n", edited(("max_speed = 200.0", 'added_frames = "never"'))]
+)
+def test_a_homed_bit_that_may_not_be_read_is_warned_of(tmp_path: Path, text: str) -> None:
+    [warning] = loaded(tmp_path, text).warnings
+    assert warning.key == "axis.x.referenced"
+    assert "uncorrected until a controller reads" in warning.remedy
+
+
+def test_travel_must_fit_the_command_register(tmp_path: Path) -> None:
+    # -300 mm × 1000 counts/mm = -300 000 counts: an int16 ends at -32 768.
+    text = edited(('0x0606, type = "int32"', '0x0606, type = "int16"'))
+    problem = only(refused(tmp_path, text), "axis.x.registers.command[1]")
+    assert "travel ends at -300 mm, that is -300000 counts" in problem.found
+    assert "-32768" in problem.found
+    assert "counts_per_unit" in problem.remedy
+
+
+def test_a_coarser_register_holds_more_travel(tmp_path: Path) -> None:
+    # -300 000 counts / 10 counts a step = -30 000: fits an int16.
+    text = edited(('0x0606, type = "int32", words = "low-first"', '0x0606, type = "int16", scale = 10.0'))
+    assert loaded(tmp_path, text).plan.lines[0].axes[0].command[0].scale == 10.0
+
+
+@pytest.mark.parametrize(
+    ("blend", "name"),
+    [("{ distance = 1 }", "distance"), ("{ time_ms = 20 }", "time_ms"), ("{ cycles = 5 }", "cycles")],
+)
+def test_a_drive_that_profiles_its_moves_takes_only_a_step(tmp_path: Path, blend: str, name: str) -> None:
+    text = edited(("max_speed = 200.0", f"reversal = {blend}"))
+    problem = only(refused(tmp_path, text), "axis.x.reversal")
+    assert problem.line == line_of(text, "reversal")
+    assert problem.found == f'a {name} blend with setpoints = "targets"'
+    assert problem.remedy.startswith('allowed: "step"')
+
+
+def test_reload_in_targets_is_warned_of(tmp_path: Path) -> None:
+    [warning] = loaded(tmp_path, edited(("max_speed = 200.0", "reload = { distance = 1 }"))).warnings
+    assert warning.key == "axis.x.reload"
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("backlash", 'backlash = { width = 0.02, kind = "two-sided" }'),
+        ("table_options", 'table_options.v1_layout = "listed"'),
+    ],
+)
+def test_what_belongs_to_a_table_needs_one(tmp_path: Path, key: str, text: str) -> None:
+    text = edited(('table = "cnc10x.tab"', text))
+    problem = only(refused(tmp_path, text), f"axis.x.{key}")
+    assert problem.line == line_of(text, key)
+    assert problem.found == f"{key} without a table"
+
+
+def test_backlash_and_homing_must_agree(tmp_path: Path) -> None:
+    text = edited(
+        (
+            "max_speed = 200.0",
+            'home_approach = "backward"\nbacklash = { width = 0.02, kind = "homed-forward" }',
+        )
+    )
+    problem = only(refused(tmp_path, text, {"cnc10x.tab": ONE_WAY}), "axis.x.backlash.kind")
+    assert 'home_approach = "backward"' in problem.found
+
+
+def test_modulo_without_a_table_is_for_degrees(tmp_path: Path) -> None:
+    text = edited(('table = "cnc10x.tab"', "modulo = 360.0"))
+    problem = only(refused(tmp_path, text), "axis.x.modulo")
+    assert 'units = "degree"' in problem.remedy
+    turning = edited(('units = "mm"', 'units = "degree"'), text=text)
+    assert loaded(tmp_path, turning).plan.lines[0].axes[0].settings.modulo == 360.0
+
+
+def test_a_turn_has_no_outside(tmp_path: Path) -> None:
+    text = edited(
+        ('table = "cnc10x.tab"', 'modulo = 360.0\noutside = "refuse"'), ('units = "mm"', 'units = "degree"')
+    )
+    assert only(refused(tmp_path, text), "axis.x.outside").line == line_of(text, "outside")
+
+
+def test_hysteresis_is_shorter_than_travel(tmp_path: Path) -> None:
+    text = edited(("max_speed = 200.0", "hysteresis = 300.0"))
+    problems = refused(tmp_path, text)
+    assert {problem.key for problem in problems} == {"axis.x.hysteresis"}
+    assert {problem.line for problem in problems} == {line_of(text, "hysteresis")}
+
+
+def test_no_travel_is_warned_of(tmp_path: Path) -> None:
+    [warning] = loaded(tmp_path, edited(("travel = [-300.0, 0.0]\n", ""))).warnings
+    assert warning.key == "axis.x"
+    assert "travel = [lowest, highest]" in warning.remedy

@@ -1,0 +1,200 @@
+"""A good file gives exactly the numbers that it says, and the documented ones where it says nothing."""
+
+from ipaddress import ip_network
+from pathlib import Path
+
+import pytest
+
+from gateway.compensation.settings import (
+    AxisSettings,
+    Backlash,
+    BacklashKind,
+    Gain,
+    Outside,
+    OutsideKind,
+    Reversal,
+    ReversalKind,
+    Setpoints,
+)
+from gateway.compensation.units import Units
+from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
+from gateway.ipc.plan import ControllerLink, LinePlan
+from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from tests.config.config_bench import GOOD, ONE_WAY, edited, loaded
+
+
+def only_line(folder: Path, text: str = GOOD, tables: dict[str, str] | None = None) -> LinePlan:
+    [line] = loaded(folder, text, tables).plan.lines
+    return line
+
+
+def only_axis(folder: Path, text: str = GOOD, tables: dict[str, str] | None = None) -> AxisPlan:
+    [axis] = only_line(folder, text, tables).axes
+    return axis
+
+
+def test_a_line_with_its_controllers(tmp_path: Path) -> None:
+    line = only_line(tmp_path)
+    assert line.drives == SerialEndpoint("/dev/serial/by-id/usb-B", 115200, "E", 8, 1)
+    assert line.controllers == (
+        ControllerLink(
+            ControllerPlan("cnc", Role.MOTION, 1000.0, serial=True),
+            SerialEndpoint("/dev/serial/by-id/usb-A", 38400, "N", 8, 1),
+        ),
+        ControllerLink(
+            ControllerPlan("hmi", Role.MONITOR, 1000.0, serial=False), TcpEndpoint("127.0.0.1", 1502)
+        ),
+    )
+    assert line.timing == LineTiming(1000.0, 1000.0, 100.0, 0.0)
+
+
+def test_the_numbers_of_an_axis_that_says_little(tmp_path: Path) -> None:
+    assert only_axis(tmp_path).settings == AxisSettings(
+        units=Units.MM,
+        counts_per_unit=1000.0,
+        travel=(-300.0, 0.0),
+        travel_margin=0.5,
+        setpoints=Setpoints.TARGETS,
+        hysteresis=0.002,  # two counts of 1 µm
+        reload_distance=1.0,
+        max_correction=0.5,
+        max_slope=0.01,
+        max_speed=200.0,
+        fresh_ms=20.0,
+    )
+
+
+def test_the_registers_of_an_axis(tmp_path: Path) -> None:
+    axis = only_axis(tmp_path)
+    assert axis.command == (PositionField(0x0606, RegisterType.INT32, WordOrder.LOW_FIRST, 1.0),)
+    assert axis.actual == (PositionField(0x0520, RegisterType.INT32, WordOrder.LOW_FIRST, 1.0),)
+    assert axis.commanded == ()
+    assert axis.bits == {"homed": BitField(0x0140, 6), "done": BitField(0x0140, 1)}
+    assert (axis.write_function, axis.max_registers, axis.safe_read) == (16, 123, True)
+    assert (axis.added_frames, axis.exception_writes_nothing) == (True, False)
+    assert (axis.compensation, axis.referenced) == (CompensationMode.ON, Reference.DRIVE_BIT)
+
+
+def test_the_table_of_an_axis(tmp_path: Path) -> None:
+    axis = only_axis(tmp_path)
+    assert axis.table is not None
+    assert list(axis.table.positions) == [-300.0, -150.0, 0.0]
+    assert list(axis.table.forward) == [-0.012, -0.003, 0.01]
+    assert list(axis.table.backward) == [-0.02, -0.01, 0.0]
+    assert (axis.table_name, axis.table_format, len(axis.table_digest)) == ("cnc10x.tab", "centroid-3", 64)
+
+
+EVERYTHING = """\
+zero_counts = -500
+machine_offset = 2.5
+travel_margin = 0.25
+setpoints = "stream"
+hysteresis = 0.01
+reversal = { time_ms = 50 }
+reload = { distance = 3 }
+outside = { fade = 10 }
+gain = { forward = 1, backward = 0.5 }
+backlash = { width = 0.04, kind = "homed-backward" }
+max_correction = 0.3
+max_slope = 0.02
+max_speed = 150
+fresh_ms = 5
+home_approach = "backward"
+compensation = "shadow"
+added_frames = "never"
+"""
+
+
+def test_an_axis_that_says_everything(tmp_path: Path) -> None:
+    text = edited(
+        ("max_speed = 200.0", EVERYTHING),
+        ("counts_per_unit = 1000.0", "counts_per_unit = -2000"),
+        ('referenced = "drive-bit"', 'referenced = "absolute"'),
+    )
+    text += 'commanded = [{ address = 0x0530, type = "float32", scale = 10 }]\n'
+    text += 'exception = "nothing-written"\nsafe_read = false\nmax_registers = 10\n'
+    axis = only_axis(tmp_path, text, {"cnc10x.tab": ONE_WAY})
+    assert axis.settings == AxisSettings(
+        units=Units.MM,
+        counts_per_unit=-2000.0,
+        zero_counts=-500.0,
+        machine_offset=2.5,
+        travel=(-300.0, 0.0),
+        travel_margin=0.25,
+        setpoints=Setpoints.STREAM,
+        hysteresis=0.01,
+        reversal=Reversal(ReversalKind.TIME_MS, 50.0),
+        reload_distance=3.0,
+        outside=Outside(OutsideKind.FADE, 10.0),
+        gain=Gain(1.0, 0.5),
+        backlash=Backlash(0.04, BacklashKind.HOMED_BACKWARD),
+        max_correction=0.3,
+        max_slope=0.02,
+        max_speed=150.0,
+        fresh_ms=5.0,
+        home_approach=-1,
+    )
+    assert axis.commanded == (PositionField(0x0530, RegisterType.FLOAT32, WordOrder.HIGH_FIRST, 10.0),)
+    assert (axis.compensation, axis.referenced) == (CompensationMode.SHADOW, Reference.ABSOLUTE)
+    assert (axis.added_frames, axis.exception_writes_nothing, axis.safe_read) == (False, True, False)
+    assert axis.max_registers == 10
+
+
+def test_default_lengths_of_an_axis_in_inches_are_those_in_mm(tmp_path: Path) -> None:
+    text = edited(
+        ('units = "mm"', 'units = "inch"'),
+        ("counts_per_unit = 1000.0", "counts_per_unit = 1e6"),
+        ("travel = [-300.0, 0.0]", "travel = [-12.0, 0.0]"),
+        ('table = "cnc10x.tab"\n', ""),
+    )
+    settings = only_axis(tmp_path, text).settings
+    # 1 µm is more than two counts of a millionth of an inch.
+    assert settings.hysteresis == pytest.approx(0.001 / 25.4, rel=1e-15)
+    assert settings.max_correction == settings.travel_margin == pytest.approx(0.5 / 25.4, rel=1e-15)
+    assert settings.reload_distance == pytest.approx(1.0 / 25.4, rel=1e-15)
+
+
+def test_without_a_table_an_axis_passes_one_to_one(tmp_path: Path) -> None:
+    axis = only_axis(tmp_path, edited(('table = "cnc10x.tab"\n', "")))
+    assert axis.table is None
+    assert (axis.table_name, axis.table_format, axis.table_digest) == ("", "", "")
+
+
+def test_a_step_may_be_asked_for_in_either_way_of_commanding(tmp_path: Path) -> None:
+    for setpoints in ("targets", "stream"):
+        text = edited(("max_speed = 200.0", f'setpoints = "{setpoints}"\nreversal = "step"'))
+        assert only_axis(tmp_path, text).settings.reversal == Reversal(ReversalKind.STEP)
+
+
+def test_the_drive_that_needs_the_longest_silence_sets_the_pace_of_its_line(tmp_path: Path) -> None:
+    text = edited(("[line.xyz]", "[line.xyz]\ngap_ms = 4\ndrain_ms = 250\nturnaround_ms = 150"))
+    text = edited(("[line.xyz]", "[line.xyz]\nresponse_timeout_ms = 300"), text=text) + "gap_ms = 10.5\n"
+    assert only_line(tmp_path, text).timing == LineTiming(300.0, 250.0, 150.0, 10.5)
+
+
+def test_drives_over_the_network(tmp_path: Path) -> None:
+    rtu = '{ rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }'
+    over = only_line(tmp_path, edited((rtu, '{ rtu_over_tcp = "nport.local:4001" }')))
+    assert over.drives == TcpEndpoint("nport.local", 4001, rtu=True)
+    six = only_line(tmp_path, edited((rtu, '{ tcp = "[FD00::0:1]:502" }')))
+    assert six.drives == TcpEndpoint("fd00::1", 502)
+
+
+def test_who_may_connect(tmp_path: Path) -> None:
+    line = only_line(
+        tmp_path, edited(('role = "monitor"', 'allow = ["192.168.0.0/24", "10.0.0.7", "fd00::/8"]'))
+    )
+    assert line.controllers[1].allow == tuple(map(ip_network, ["192.168.0.0/24", "10.0.0.7", "fd00::/8"]))
+
+
+def test_a_line_without_axes_is_a_plain_gateway(tmp_path: Path) -> None:
+    text = GOOD[: GOOD.index("[axis.x]")]
+    assert only_line(tmp_path, text).axes == ()
+
+
+def test_folders_are_relative_to_the_file(tmp_path: Path) -> None:
+    result = loaded(tmp_path)
+    assert (result.tables_folder, result.state_folder) == (tmp_path / "tables", tmp_path / "state")
+    assert result.plan.name == "mill-1"
+    assert result.warnings == ()

@@ -1,0 +1,221 @@
+"""Every wrong value is named with its file, its line, its key, what was found and what is allowed."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.config.config_bench import GOOD, edited, line_of, only, refused
+
+WRONG = [
+    # old text, new text, key, what must be said
+    ('name = "mill-1"', 'name = "mill 1"', "gateway.name", ['found "mill 1"', "letters"]),
+    ('name = "mill-1"', "tabels = 1", "gateway.tabels", ["unknown key", "did you mean tables?"]),
+    ('name = "mill-1"', "tables = 3", "gateway.tables", ["found 3", "a text in quotes"]),
+    ("baudrate = 115200", "baudrate = 0", "line.xyz.drives.baudrate", ["found 0", "at least 50"]),
+    ("baudrate = 115200", "baudrate = 9600.0", "line.xyz.drives.baudrate", ["9600.0", "a whole number"]),
+    ('parity = "even"', 'parity = "mark"', "line.xyz.drives.parity", ['"none", "even" or "odd"']),
+    ('parity = "even"', "data_bits = 7", "line.xyz.drives.data_bits", ["found 7", "at least 8, at most 8"]),
+    ('parity = "even"', "stop_bits = 3", "line.xyz.drives.stop_bits", ["at least 1, at most 2"]),
+    ('rtu = "/dev/serial/by-id/usb-B"', 'rtu = "ttyUSB0"', "line.xyz.drives.rtu", ["full path"]),
+    (
+        'rtu = "/dev/serial/by-id/usb-A"',
+        'tcp = "1:2:3"',
+        "line.xyz.controllers[1].tcp",
+        ["HOST:PORT", "[::1]"],
+    ),
+    (
+        'tcp = "127.0.0.1:1502"',
+        'tcp = "127.0.0.1:0"',
+        "line.xyz.controllers[2].tcp",
+        ["port from 1 to 65535"],
+    ),
+    ('tcp = "127.0.0.1:1502"', 'tcp = "127.0.0.256:1"', "line.xyz.controllers[2].tcp", ["no IPv4 address"]),
+    ('tcp = "127.0.0.1:1502"', 'tcp = "[::g]:1"', "line.xyz.controllers[2].tcp", ["no IPv6 address"]),
+    ('role = "monitor"', 'role = "boss"', "line.xyz.controllers[2].role", ['"motion"', '"monitor"']),
+    ('role = "monitor"', "timeout_ms = 0", "line.xyz.controllers[2].timeout_ms", ["greater than 0"]),
+    ('role = "monitor"', "timeout_ms = inf", "line.xyz.controllers[2].timeout_ms", ["finite number"]),
+    (
+        'role = "monitor"',
+        'allow = ["10.0.0.1/8"]',
+        "line.xyz.controllers[2].allow[1]",
+        ['found "10.0.0.1/8"', "10.0.0.0/8"],
+    ),
+    ('role = "monitor"', 'allow = ["pc"]', "line.xyz.controllers[2].allow[1]", ["a network or address"]),
+    ("unit_id = 1", "unit_id = 0", "axis.x.unit_id", ["found 0", "at least 1, at most 255"]),
+    ("unit_id = 1", "unit_id = true", "axis.x.unit_id", ["found true", "a whole number"]),
+    ('units = "mm"', 'units = "metre"', "axis.x.units", ['found "metre"', '"mm", "inch" or "degree"']),
+    ("counts_per_unit = 1000.0", "counts_per_unit = 0", "axis.x.counts_per_unit", ["other than 0"]),
+    ("counts_per_unit = 1000.0", 'counts_per_unit = "1000"', "axis.x.counts_per_unit", ["a number"]),
+    ("counts_per_unit = 1000.0", "counts_per_unit = nan", "axis.x.counts_per_unit", ["finite number"]),
+    ("travel = [-300.0, 0.0]", "travel = [0.0, -300.0]", "axis.x.travel", ["the first below the second"]),
+    ("travel = [-300.0, 0.0]", "travel = [0.0]", "axis.x.travel", ["found [0.0]", "a list of 2"]),
+    ("travel = [-300.0, 0.0]", "travel = [0.0, 1, 2]", "axis.x.travel", ["2 of them"]),
+    ("travel = [-300.0, 0.0]", "travel = 300", "axis.x.travel", ["found 300", "a list in [ ]"]),
+    ("max_speed = 200.0", "max_speed = -1", "axis.x.max_speed", ["found -1", "at least 0"]),
+    ("max_speed = 200.0", "gain = 1.5", "axis.x.gain", ["found 1.5", "from 0 to 1"]),
+    ("max_speed = 200.0", "gain = { forward = 1 }", "axis.x.gain", ["found { forward = 1 }", "backward"]),
+    ("max_speed = 200.0", "gain = { forward = 1, backward = 2 }", "axis.x.gain", ["0..1"]),
+    ("max_speed = 200.0", 'outside = "clamp"', "axis.x.outside", ['found "clamp"', '"hold"', "fade"]),
+    ("max_speed = 200.0", "outside = { fade = 0 }", "axis.x.outside", ["above 0"]),
+    ("max_speed = 200.0", 'reversal = "slow"', "axis.x.reversal", ['"step"', "time_ms"]),
+    ("max_speed = 200.0", "reversal = { cycles = 1.5 }", "axis.x.reversal", ["WHOLE NUMBER"]),
+    ("max_speed = 200.0", "hysteresis = -0.1", "axis.x.hysteresis", ["at least 0"]),
+    ("max_speed = 200.0", "max_slope = 1.0", "axis.x.max_slope", ["greater than 0, less than 1"]),
+    (
+        "max_speed = 200.0",
+        "reload = { distance = 1, distanc = 1 }",
+        "axis.x.reload.distanc",
+        ["did you mean distance?"],
+    ),
+    ("max_speed = 200.0", 'home_approach = "up"', "axis.x.home_approach", ['"forward"', '"backward"']),
+    ("max_speed = 200.0", 'compensation = "yes"', "axis.x.compensation", ['"on", "shadow" or "off"']),
+    (
+        "max_speed = 200.0",
+        'backlash = { width = 0, kind = "two-sided" }',
+        "axis.x.backlash.width",
+        ["greater than 0"],
+    ),
+    ("max_speed = 200.0", "max_sped = 200.0", "axis.x.max_sped", ["unknown key", "did you mean max_speed?"]),
+    ("address = 0x0606", "address = 65536", "axis.x.registers.command[1].address", ["at most 65535"]),
+    ("address = 0x0606", 'address = "0x0606"', "axis.x.registers.command[1].address", ["a whole number"]),
+    ("address = 0x0606", "address = 0xFFFF", "axis.x.registers.command[1]", ["0x10000", "0xffff"]),
+    ("bit = 6", "bit = 16", "axis.x.registers.bits.homed.bit", ["found 16", "at most 15"]),
+    (
+        'command = [{ address = 0x0606, type = "int32",',
+        'command = [{ address = 0x0606, type = "dint",',
+        "axis.x.registers.command[1].type",
+        ['found "dint"', '"int32"', '"float32"'],
+    ),
+    (
+        'command = [{ address = 0x0606, type = "int32", words = "low-first" }]',
+        "command = []",
+        "axis.x.registers.command",
+        ["found []", "at least 1"],
+    ),
+    (
+        'command = [{ address = 0x0606, type = "int32", words = "low-first" }]',
+        'command = { address = 0x0606, type = "int32" }',
+        "axis.x.registers.command",
+        ["a list in [ ]"],
+    ),
+    (
+        'actual = [{ address = 0x0520, type = "int32", words = "low-first" }]',
+        'actual = [{ address = 0x0520, type = "int32", scale = 0 }]',
+        "axis.x.registers.actual[1].scale",
+        ["found 0", "greater than 0"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "key", "said"), WRONG, ids=[f"{w[2]}-{w[1]}" for w in WRONG])
+def test_a_wrong_value_is_named_with_line_and_key(
+    tmp_path: Path, old: str, new: str, key: str, said: list[str]
+) -> None:
+    text = edited((old, new))
+    problem = only(refused(tmp_path, text), key)
+    assert problem.file == str(tmp_path / "gateway.toml")
+    assert problem.line == line_of(text, new)
+    assert str(problem).startswith(f"{problem.file}:{problem.line}: {key}: ")
+    for words in said:
+        assert words in str(problem)
+
+
+MISSING = [
+    ('line = "xyz"\n', "axis.x.line", "[axis.x]"),
+    ("unit_id = 1\n", "axis.x.unit_id", "[axis.x]"),
+    ('units = "mm"\n', "axis.x.units", "[axis.x]"),
+    ("counts_per_unit = 1000.0\n", "axis.x.counts_per_unit", "[axis.x]"),
+    ('referenced = "drive-bit"\n', "axis.x.referenced", "[axis.x]"),
+    ('name = "cnc"\n', "line.xyz.controllers[1].name", "[[line.xyz.controllers]]"),
+    (
+        'command = [{ address = 0x0606, type = "int32", words = "low-first" }]\n',
+        "axis.x.registers.command",
+        "[axis.x.reg",
+    ),
+    (
+        'drives = { rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }\n',
+        "line.xyz.drives",
+        "[line.xyz]",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "key", "table"), MISSING, ids=[m[1] for m in MISSING])
+def test_a_missing_key_is_named_at_its_table_with_what_it_is_for(
+    tmp_path: Path, old: str, key: str, table: str
+) -> None:
+    text = edited((old, ""))
+    problem = only(refused(tmp_path, text), key)
+    assert problem.line == line_of(text, table)
+    assert problem.found == "missing"
+    assert problem.remedy.startswith("needed: ")
+    assert len(problem.remedy) > len("needed: ")
+
+
+def test_exactly_one_way_to_the_drives_is_allowed(tmp_path: Path) -> None:
+    text = edited(('parity = "even"', 'tcp = "127.0.0.1:502"'))
+    problem = only(refused(tmp_path, text), "line.xyz.drives")
+    assert problem.line == line_of(text, "drives")
+    assert problem.remedy == "allowed: exactly one of rtu, tcp, rtu_over_tcp"
+
+
+def test_serial_settings_beside_tcp_are_refused(tmp_path: Path) -> None:
+    text = edited(('role = "monitor"', "baudrate = 9600"))
+    problem = only(refused(tmp_path, text), "line.xyz.controllers[2]")
+    assert "baudrate belong to a serial port (rtu): leave out beside tcp" in problem.remedy
+
+
+def test_allow_beside_rtu_is_refused(tmp_path: Path) -> None:
+    text = edited(("baudrate = 38400", 'allow = ["10.0.0.0/8"]'))
+    assert "allow belongs to tcp" in only(refused(tmp_path, text), "line.xyz.controllers[1]").remedy
+
+
+def test_an_unknown_section_gets_a_suggestion(tmp_path: Path) -> None:
+    text = GOOD + "\n[lines.b]\n"
+    problem = only(refused(tmp_path, text), "lines")
+    assert (problem.line, problem.remedy) == (line_of(text, "[lines.b]"), "did you mean line?")
+
+
+def test_a_section_that_is_no_table_is_refused(tmp_path: Path) -> None:
+    problem = only(
+        refused(tmp_path, "gateway = 3\n" + edited(('[gateway]\nname = "mill-1"\n', ""))), "gateway"
+    )
+    assert (problem.line, problem.remedy) == (1, "allowed: a table [gateway]")
+
+
+@pytest.mark.parametrize("kind", ["line", "axis"])
+def test_lines_and_axes_are_tables_with_names(tmp_path: Path, kind: str) -> None:
+    problems = refused(tmp_path, f"{kind} = [1]\n")
+    assert (kind, f"allowed: tables [{kind}.NAME]") in [(p.key, p.remedy) for p in problems]
+
+
+def test_a_name_that_cannot_be_a_topic_or_a_file_is_refused(tmp_path: Path) -> None:
+    text = GOOD.replace("[axis.x", '[axis."a/b"')
+    problem = only(refused(tmp_path, text), 'axis."a/b"')
+    assert problem.line == line_of(text, '[axis."a/b"]')
+
+
+def test_at_least_one_line_is_needed(tmp_path: Path) -> None:
+    assert "at least one [line.NAME]" in only(refused(tmp_path, ""), "line").remedy
+
+
+def test_everything_is_said_at_once(tmp_path: Path) -> None:
+    text = edited(
+        ("unit_id = 1", "unit_id = 999"),
+        ("counts_per_unit = 1000.0", "counts_per_units = 1000.0"),
+        ('line = "xyz"', 'line = "xzy"'),
+        ('table = "cnc10x.tab"', 'table = "cnc10y.tab"'),
+        ('role = "monitor"', "timeout_ms = -5"),
+        ("baudrate = 38400", 'role = "operator"'),
+        ("address = 0x0520", "address = 0x0607"),
+    )
+    assert [problem.key for problem in refused(tmp_path, text)] == [
+        "line.xyz.controllers[1].role",
+        "line.xyz.controllers[2].timeout_ms",
+        "axis.x.counts_per_unit",
+        "axis.x.line",
+        "axis.x.unit_id",
+        "axis.x.counts_per_units",
+        "axis.x.table",
+        "axis.x.registers.actual[1]",
+    ]

@@ -1,0 +1,79 @@
+"""A file that cannot be read as TOML is refused with its line and column."""
+
+from pathlib import Path
+
+import pytest
+
+from gateway.config.load import load
+from gateway.config.problems import ConfigErrors, Problem
+from tests.config.config_bench import GOOD, loaded, written
+
+
+def problem_of(path: Path, content: bytes) -> Problem:
+    path.write_bytes(content)
+    with pytest.raises(ConfigErrors) as caught:
+        load(path)
+    [problem] = caught.value.problems
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("content", "line", "column", "said"),
+    [
+        (b'[gateway]\nname = "a\n', 2, 10, "illegal character"),
+        (b"[gateway]\nname = \n", 2, 8, "invalid value"),
+        (b"[gateway]\n\nname\n", 3, 5, "expected '='"),
+        (b"[gateway\n", 1, 9, "expected ']'"),
+        (b"a = 1\na = 2\n", 2, 6, "cannot overwrite a value"),
+    ],
+)
+def test_a_slip_of_syntax_is_named_with_line_and_column(
+    tmp_path: Path, content: bytes, line: int, column: int, said: str
+) -> None:
+    problem = problem_of(tmp_path / "gateway.toml", content)
+    assert (problem.line, problem.column) == (line, column)
+    assert said in problem.found.lower()
+    assert str(problem).startswith(f"{tmp_path / 'gateway.toml'}:{line}:{column}: not TOML")
+
+
+def test_a_text_that_ends_too_early_is_named_with_its_last_line(tmp_path: Path) -> None:
+    problem = problem_of(tmp_path / "gateway.toml", b'[gateway]\nname = """\nabc')
+    assert problem.line == 3
+
+
+def test_what_is_not_utf8_is_named_with_its_line(tmp_path: Path) -> None:
+    problem = problem_of(tmp_path / "gateway.toml", b'[gateway]\nname = "M\xfcller"\n')
+    assert (problem.line, problem.found) == (2, "byte 0xfc is not UTF-8")
+    assert "UTF-8" in problem.remedy
+
+
+def test_a_number_without_end_is_refused(tmp_path: Path) -> None:
+    assert "not TOML" in problem_of(tmp_path / "gateway.toml", b"a = " + b"1" * 5000).found
+
+
+def test_nesting_beyond_reason_is_refused(tmp_path: Path) -> None:
+    assert "nested" in problem_of(tmp_path / "gateway.toml", b"a = " + b"[" * 20_000).found
+
+
+def test_a_file_too_large_to_be_a_configuration_is_refused(tmp_path: Path) -> None:
+    assert "more than 4000000 bytes" in problem_of(tmp_path / "gateway.toml", b"#" * 4_000_001).found
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("none.toml", "no such file"),
+        (".", "a folder"),
+        ("none\0.toml", "cannot be read"),
+        ("a" * 300, "cannot be read"),
+    ],
+)
+def test_a_file_that_is_none_is_named(tmp_path: Path, path: str, said: str) -> None:
+    with pytest.raises(ConfigErrors, match=said):
+        load(tmp_path / path)
+
+
+def test_a_byte_order_mark_and_crlf_are_no_fault(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
+    assert load(path).plan == loaded(tmp_path).plan

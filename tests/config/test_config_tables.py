@@ -1,0 +1,251 @@
+"""The table of an axis: found, read, in the right units, and in accord with the other keys."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from gateway.config.load import load
+from gateway.config.problems import ConfigErrors
+from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, line_of, loaded, only, refused, written
+
+STREAM = edited(("max_speed = 200.0", 'setpoints = "stream"\nmax_speed = 200.0'))
+TURN = """\
+CNC10 TAB FILE VERSION 3
+AXIS X
+UNITS MILLIMETER
+INTERVAL 100.0
+ENTRIES 4
+  0.0  0.000 0.010
+100.0 -0.005 0.005
+200.0 -0.010 0.000
+300.0  0.000 0.010
+"""
+
+
+def test_a_table_is_found_in_any_case_of_letters(tmp_path: Path) -> None:
+    axis = loaded(tmp_path, tables={"CNC10X.TAB": TWO_WAYS}).plan.lines[0].axes[0]
+    assert (axis.table_name, axis.table_format) == ("CNC10X.TAB", "centroid-3")
+
+
+def test_a_missing_table_gets_a_suggestion(tmp_path: Path) -> None:
+    text = edited(("cnc10x.tab", "cnc10v.tab"))
+    problem = only(refused(tmp_path, text), "axis.x.table")
+    assert problem.line == line_of(text, "cnc10v.tab")
+    assert problem.found == f"there is no cnc10v.tab in {tmp_path / 'tables'}"
+    assert problem.remedy == "did you mean cnc10x.tab?"
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    text = edited(('name = "mill-1"', 'tables = "tabs"'))
+    problem = only(refused(tmp_path, text), "axis.x.table")
+    assert str(tmp_path / "tabs") in problem.found
+    assert "[gateway] tables" in problem.remedy
+
+
+@pytest.mark.parametrize("name", ["../cnc10x.tab", "/etc/passwd", "", "a/b.tab", "..", "."])
+def test_a_table_is_a_name_without_a_path(tmp_path: Path, name: str) -> None:
+    problem = only(refused(tmp_path, edited(("cnc10x.tab", name))), "axis.x.table")
+    assert "without a path" in problem.remedy or "there is no" in problem.found
+
+
+def test_names_that_differ_by_case_only_are_refused(tmp_path: Path) -> None:
+    tables = {"cnc10x.tab": TWO_WAYS, "CNC10x.tab": TWO_WAYS}
+    assert "differ by case only" in only(refused(tmp_path, GOOD, tables), "axis.x.table").found
+
+
+def test_a_table_renamed_to_bak_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    problem = only(refused(tmp_path, GOOD, {"cnc10x.bak": TWO_WAYS}), "axis.x.table")
+    assert "not built yet" in problem.found
+    assert 'compensation = "off"' in problem.remedy
+
+
+def test_a_fault_inside_a_table_names_the_table_its_line_and_the_key(tmp_path: Path) -> None:
+    table = TWO_WAYS.replace("-0.0030", "-0.0O30")
+    [problem] = refused(tmp_path, GOOD, {"cnc10x.tab": table})
+    assert problem.file == str(tmp_path / "tables" / "cnc10x.tab")
+    assert (problem.key, problem.line) == ("axis.x.table", line_of(table, "-0.0O30"))
+    assert "-0.0O30" in problem.found
+
+
+def test_a_folder_in_the_place_of_a_table_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, tables={})
+    (tmp_path / "tables" / "cnc10x.tab").mkdir()
+    with pytest.raises(ConfigErrors, match=r"axis\.x\.table: .*directory"):
+        load(path)
+
+
+@contextmanager
+def unprivileged() -> Iterator[Path]:
+    """A folder that anybody may enter; whoever is root stops being it where permissions are tried."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        yield folder
+
+
+@contextmanager
+def as_nobody() -> Iterator[None]:
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(user)
+
+
+def test_a_table_that_may_not_be_read_is_named() -> None:
+    with unprivileged() as folder:
+        path = written(folder)
+        (folder / "tables" / "cnc10x.tab").chmod(0)
+        with as_nobody(), pytest.raises(ConfigErrors) as caught:
+            load(path)
+    problem = only(caught.value.problems, "axis.x.table")
+    assert "Permission denied" in problem.found
+
+
+def test_a_configuration_that_may_not_be_read_is_named() -> None:
+    with unprivileged() as folder:
+        path = written(folder)
+        path.chmod(0)
+        with (
+            as_nobody(),
+            pytest.raises(ConfigErrors, match=r"gateway\.toml: may not be read; give this user"),
+        ):
+            load(path)
+
+
+def test_an_inch_table_on_a_mm_axis_is_converted_exactly(tmp_path: Path) -> None:
+    text = edited(("travel = [-300.0, 0.0]", "travel = [-304.8, 0.0]"))
+    inch = (
+        "CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS INCH\nINTERVAL 6.0\nENTRIES 3\n"
+        "0 0 0.0005\n-6 -0.0005 0\n-12 -0.001 -0.0005\n"
+    )
+    table = loaded(tmp_path, text, {"cnc10x.tab": inch}).plan.lines[0].axes[0].table
+    assert table is not None
+    # 12 in × 25.4 = 304.8 mm; away from home (backward): 0.001 in × 25.4 = 0.0254 mm
+    assert list(table.positions) == pytest.approx([-304.8, -152.4, 0.0], abs=1e-12)
+    assert list(table.backward) == pytest.approx([-0.0254, -0.0127, 0.0], abs=1e-15)
+    assert list(table.forward) == pytest.approx([-0.0127, 0.0, 0.0127], abs=1e-15)
+
+
+def test_a_table_of_lengths_on_an_axis_of_degrees_is_refused(tmp_path: Path) -> None:
+    text = edited(('units = "mm"', 'units = "degree"'))
+    problem = only(refused(tmp_path, text), "axis.x.table")
+    assert "a table in mm for an axis in degree" in problem.found
+
+
+def test_a_correction_above_the_limit_is_refused_with_its_place(tmp_path: Path) -> None:
+    table = TWO_WAYS.replace("-0.0200", "-0.6")
+    problems = refused(tmp_path, GOOD, {"cnc10x.tab": table})
+    assert {problem.key for problem in problems} == {"axis.x.table"}
+    [size] = [problem for problem in problems if "max_correction" in problem.found]
+    assert size.line == line_of(table, "-0.6")
+
+
+def test_a_slope_above_the_limit_is_refused_with_its_segment(tmp_path: Path) -> None:
+    # Forward, from -150 to 0: (0.0100 + 0.0030) / 150 = 8.67e-5.
+    problem = only(refused(tmp_path, edited(("max_speed = 200.0", "max_slope = 5e-5"))), "axis.x.table")
+    assert "between -150 and 0 mm" in problem.found
+    assert "max_slope 5e-05" in problem.found
+    assert problem.file.endswith("cnc10x.tab")
+
+
+def test_a_table_beside_the_travel_is_refused(tmp_path: Path) -> None:
+    text = edited(("travel = [-300.0, 0.0]", "travel = [400.0, 700.0]"))
+    assert "misses travel 400 to 700 mm" in only(refused(tmp_path, text), "axis.x.table").found
+
+
+def test_travel_that_the_table_does_not_cover_is_warned_of_with_its_policy(tmp_path: Path) -> None:
+    text = edited(("travel = [-300.0, 0.0]", "travel = [-320.5, 1.0]"))
+    [warning] = loaded(tmp_path, text).warnings
+    assert (warning.key, warning.line) == ("axis.x.table", line_of(text, "cnc10x.tab"))
+    assert warning.found == "L8 the table does not cover travel from -320.5 to -300 and from 0 to 1 mm"
+    assert warning.remedy == 'outside = "hold": the correction of the end holds there'
+
+
+def test_backlash_beside_a_table_of_two_directions_is_refused(tmp_path: Path) -> None:
+    text = edited(("max_speed = 200.0", 'backlash = { width = 0.02, kind = "two-sided" }'))
+    problem = only(refused(tmp_path, text), "axis.x.backlash")
+    assert problem.line == line_of(text, "backlash")
+    assert "two directions" in problem.found
+
+
+def test_backlash_counts_towards_the_largest_correction(tmp_path: Path) -> None:
+    # 0.02 mm of the table and half of 1 mm: 0.52 mm is more than the default of 0.5 mm.
+    text = edited(("max_speed = 200.0", 'backlash = { width = 1.0, kind = "two-sided" }'))
+    problem = only(refused(tmp_path, text, {"cnc10x.tab": ONE_WAY}), "axis.x.backlash.width")
+    assert "0.52 mm, more than max_correction = 0.5" in problem.found
+
+
+def test_zero_outside_needs_ends_within_a_count_of_zero(tmp_path: Path) -> None:
+    text = edited(("max_speed = 200.0", 'outside = "zero"'))
+    problem = only(refused(tmp_path, text), "axis.x.outside")
+    assert problem.line == line_of(text, "outside")
+    assert "correction of 0.02 mm" in problem.found
+    assert "one count (0.001 mm)" in problem.remedy
+    flat = TWO_WAYS.replace("+0.0100", "+0.0010").replace("-0.0200", "-0.0010").replace("-0.0120", "+0.0000")
+    assert loaded(tmp_path, text, {"cnc10x.tab": flat}).warnings == ()
+
+
+def test_a_fade_steeper_than_the_slope_allowed_is_refused(tmp_path: Path) -> None:
+    # 0.02 mm at the end, max_slope 0.01: at least 2 mm.
+    problem = only(
+        refused(tmp_path, edited(("max_speed = 200.0", "outside = { fade = 1.9 }"))), "axis.x.outside"
+    )
+    assert "2 mm or more" in problem.remedy
+    assert loaded(tmp_path, edited(("max_speed = 200.0", "outside = { fade = 2.0 }"))).warnings == ()
+
+
+def test_hysteresis_is_shorter_than_the_table(tmp_path: Path) -> None:
+    text = edited(
+        ("max_speed = 200.0", "hysteresis = 300.0"), ("travel = [-300.0, 0.0]", "travel = [-301.0, 0.0]")
+    )
+    assert "longer than the whole table (300 mm)" in only(refused(tmp_path, text), "axis.x.hysteresis").found
+
+
+def test_hysteresis_longer_than_an_interval_is_warned_of(tmp_path: Path) -> None:
+    [warning] = loaded(tmp_path, edited(("max_speed = 200.0", "hysteresis = 151.0"))).warnings
+    assert warning.key == "axis.x.hysteresis"
+
+
+def turning(modulo: float) -> str:
+    return edited(("travel = [-300.0, 0.0]", f"modulo = {modulo}"))
+
+
+def test_a_turn_needs_a_table_of_exactly_one_turn_with_equal_ends(tmp_path: Path) -> None:
+    assert (
+        loaded(tmp_path, turning(300.0), {"cnc10x.tab": TURN}).plan.lines[0].axes[0].settings.modulo == 300.0
+    )
+    text = turning(360.0)
+    problem = only(refused(tmp_path, text, {"cnc10x.tab": TURN}), "axis.x.modulo")
+    assert problem.line == line_of(text, "modulo")
+    assert "covers 300" in problem.found
+    open_turn = TURN.replace("300.0  0.000 0.010", "300.0  0.000 0.011")
+    problem = only(refused(tmp_path, turning(300.0), {"cnc10x.tab": open_turn}), "axis.x.modulo")
+    assert "both ends of a turn must carry the same correction" in problem.found
+
+
+def test_two_directions_without_a_measured_position_are_warned_of(tmp_path: Path) -> None:
+    blind = edited(
+        ('actual = [{ address = 0x0520, type = "int32", words = "low-first" }]\n', ""),
+        ("bits.done", "bits.alarm"),
+    )
+    [warning] = loaded(tmp_path, blind).warnings
+    assert (warning.key, warning.line) == ("axis.x.registers", line_of(blind, "[axis.x.registers]"))
+    assert "unsure" in warning.found
+    assert loaded(tmp_path, blind, {"cnc10x.tab": ONE_WAY}).warnings == ()
+
+
+def test_a_blend_that_would_turn_the_axis_round_is_warned_of(tmp_path: Path) -> None:
+    swapped = TWO_WAYS.replace("+0.0000  +0.0100", "+0.0200  +0.0000")
+    text = edited(("max_speed = 200.0", "max_speed = 200.0\nreversal = { distance = 0.05 }"), text=STREAM)
+    warnings = [
+        w for w in loaded(tmp_path, text, {"cnc10x.tab": swapped}).warnings if w.key == "axis.x.reversal"
+    ]
+    # Backward lies 0.02 mm above forward at home: 4 × 0.02 = 0.08 mm.
+    assert [warning.remedy for warning in warnings] == ["it is made 0.08 mm long"]
