@@ -8,12 +8,14 @@ from gateway.compensation.units import Units
 from gateway.config.axis_model import AddedFrames, AxisSection, HomeApproach
 from gateway.config.explain import suggest
 from gateway.config.findings import Findings
+from gateway.config.line_model import LineSection
 from gateway.config.problems import key_text, shown
 from gateway.config.sections import Sections
 from gateway.config.toml_lines import KeyPath
 from gateway.drives.registers import RegisterMap, Span, bit_spans, clashes, position_spans, share_register
 from gateway.exchange.plan import Reference
 from gateway.modbus.errors import RegisterRangeError
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
 
 def check_axes(findings: Findings, sections: Sections) -> None:
@@ -21,6 +23,7 @@ def check_axes(findings: Findings, sections: Sections) -> None:
     for name, axis in (sections.axes | sections.partial_axes).items():
         path = ("axis", name)
         _check_line(findings, path, axis)
+        _check_unit_id(findings, path, axis, sections.lines.get(axis.line))
         _check_registers(findings, path, axis)
         _check_reference(findings, path, axis)
         _check_motion(findings, path, axis)
@@ -38,6 +41,16 @@ def _check_line(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
     if axis.line not in names and not findings.is_refused((*path, "line")):
         findings.refuse(
             (*path, "line"), f"there is no [line.{axis.line}]", suggest(axis.line, names or ["[line.NAME]"])
+        )
+
+
+def _check_unit_id(findings: Findings, path: KeyPath, axis: AxisSection, line: LineSection | None) -> None:
+    """Unit id 0 is one drive on Modbus TCP, and all of them on a serial line."""
+    if axis.unit_id == BROADCAST_UNIT_ID and line is not None and line.drives.tcp is None:
+        findings.refuse(
+            (*path, "unit_id"),
+            "unit_id = 0 on a serial line",
+            "allowed: 1 to 255; 0 is the broadcast there and reaches every drive",
         )
 
 

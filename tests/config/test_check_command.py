@@ -46,13 +46,13 @@ def test_warnings_do_not_make_it_bad(tmp_path: Path) -> None:
 
 
 def test_every_problem_is_one_line_on_stderr(tmp_path: Path) -> None:
-    text = edited(("unit_id = 1", "unit_id = 0"), ('role = "monitor"', 'rol = "monitor"'))
+    text = edited(("unit_id = 1", "unit_id = 256"), ('role = "monitor"', 'rol = "monitor"'))
     result = run(written(tmp_path, text))
     assert (result.exit_code, result.stdout) == (1, "")
     file = tmp_path / "gateway.toml"
     assert result.stderr.splitlines() == [
         f"{file}:{line_of(text, 'rol =')}: line.xyz.controllers[2].rol: unknown key; did you mean role?",
-        f"{file}:{line_of(text, 'unit_id')}: axis.x.unit_id: found 0; allowed: at least 1, at most 255",
+        f"{file}:{line_of(text, 'unit_id')}: axis.x.unit_id: found 256; allowed: at least 0, at most 255",
     ]
 
 
@@ -73,7 +73,7 @@ def test_json_of_a_good_configuration(tmp_path: Path) -> None:
 
 
 def test_json_of_a_bad_configuration(tmp_path: Path) -> None:
-    text = edited(("unit_id = 1", "unit_id = 0"), ("travel = [-300.0, 0.0]\n", ""))
+    text = edited(("unit_id = 1", "unit_id = 256"), ("travel = [-300.0, 0.0]\n", ""))
     result = run(written(tmp_path, text), "--json")
     said: dict[str, Any] = json.loads(result.stdout)
     assert (result.exit_code, result.stderr, said["ok"]) == (1, "", False)
@@ -83,7 +83,7 @@ def test_json_of_a_bad_configuration(tmp_path: Path) -> None:
             "line": line_of(text, "unit_id"),
             "column": None,
             "key": "axis.x.unit_id",
-            "found": "found 0",
+            "found": "found 256",
             "remedy": "allowed: at least 1, at most 255",
         }
     ]

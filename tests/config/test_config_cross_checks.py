@@ -32,6 +32,16 @@ def test_two_lines_and_two_axes_on_one_unit_are_fine(tmp_path: Path) -> None:
     assert [[axis.name for axis in line.axes] for line in plan.lines] == [["x", "y"], []]
 
 
+def test_unit_id_0_is_a_drive_on_modbus_tcp_and_the_broadcast_on_a_serial_line(tmp_path: Path) -> None:
+    on_tcp = (
+        GOOD + SECOND_LINE + SECOND_AXIS.replace('line = "xyz"', 'line = "b"').replace("id = 1", "id = 0")
+    )
+    assert loaded(tmp_path, on_tcp).plan.lines[1].axes[0].unit_id == 0
+    text = edited(("unit_id = 1", "unit_id = 0"))
+    problem = only(refused(tmp_path, text), "axis.x.unit_id")
+    assert (problem.line, problem.found) == (line_of(text, "unit_id"), "unit_id = 0 on a serial line")
+
+
 def test_the_line_of_an_axis_must_exist(tmp_path: Path) -> None:
     text = edited(('line = "xyz"', 'line = "xzy"'))
     problem = only(refused(tmp_path, text), "axis.x.line")

@@ -41,7 +41,7 @@ WRONG = [
         ['found "10.0.0.1/8"', "10.0.0.0/8"],
     ),
     ('role = "monitor"', 'allow = ["pc"]', "line.xyz.controllers[2].allow[1]", ["a network or address"]),
-    ("unit_id = 1", "unit_id = 0", "axis.x.unit_id", ["found 0", "at least 1, at most 255"]),
+    ("unit_id = 1", "unit_id = 256", "axis.x.unit_id", ["found 256", "at least 0, at most 255"]),
     ("unit_id = 1", "unit_id = true", "axis.x.unit_id", ["found true", "a whole number"]),
     ('units = "mm"', 'units = "metre"', "axis.x.units", ['found "metre"', '"mm", "inch" or "degree"']),
     ("counts_per_unit = 1000.0", "counts_per_unit = 0", "axis.x.counts_per_unit", ["other than 0"]),
