@@ -84,7 +84,7 @@ def test_json_of_a_bad_configuration(tmp_path: Path) -> None:
             "column": None,
             "key": "axis.x.unit_id",
             "found": "found 256",
-            "remedy": "allowed: at least 1, at most 255",
+            "remedy": "allowed: at least 0, at most 255",
         }
     ]
     assert said["warnings"] == []
