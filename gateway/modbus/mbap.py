@@ -63,9 +63,9 @@ class MbapDecoder:
 
     __slots__ = ("_buffer", "counters")
 
-    def __init__(self) -> None:
+    def __init__(self, counters: MbapCounters | None = None) -> None:
         self._buffer = b""
-        self.counters = MbapCounters()
+        self.counters = MbapCounters() if counters is None else counters
 
     def feed(self, data: bytes) -> list[Adu]:
         """Return the frames that ``data`` completes, in their order."""
@@ -80,15 +80,16 @@ class MbapDecoder:
         return self._split(data)
 
     def reset(self) -> None:
-        """Forget the beginning of a frame: the connection is a new one."""
+        """Forget the beginning of a frame: the connection is a new one, or its sender has given up."""
+        self.counters.dropped_bytes += len(self._buffer)
         self._buffer = b""
 
     def _split(self, data: bytes) -> list[Adu]:
         frames: list[Adu] = []
         start = 0
         size = len(data)
-        while size - start >= HEADER_SIZE:
-            transaction_id, protocol_id, length, unit_id = _unpack_header(data, start)
+        while size - start >= COUNTED_FROM:
+            length = data[start + 4] << 8 | data[start + 5]
             if not SHORTEST_LENGTH <= length <= LONGEST_LENGTH:
                 self.counters.bad_headers += 1
                 self.counters.dropped_bytes += size - start
@@ -97,6 +98,7 @@ class MbapDecoder:
             end = start + COUNTED_FROM + length
             if end > size:
                 break
+            transaction_id, protocol_id, _, unit_id = _unpack_header(data, start)
             if protocol_id == 0:
                 frames.append((transaction_id, unit_id, data[start + HEADER_SIZE : end]))
             else:

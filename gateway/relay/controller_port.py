@@ -1,0 +1,132 @@
+"""Controllers: one port for each accepted TCP connection, one for each serial line.
+
+A port decodes whole requests out of the bytes and hands them to the exchange in the same call, without a turn
+of the loop between the last byte of a request and the write towards the drive.
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+from gateway.exchange.plan import ControllerPlan
+from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
+from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
+from gateway.relay.pacing import PacedSender
+from gateway.relay.timed import TimedExchange
+from gateway.transport.channel import Channel
+from gateway.transport.timer import Timer
+
+NS_PER_MS: Final = 1_000_000
+
+
+class MbapControllerPort:
+    """One Modbus/TCP connection of a controller."""
+
+    def __init__(
+        self,
+        plan: ControllerPlan,
+        exchange: TimedExchange,
+        counters: MbapCounters,
+        on_malformed: Callable[[str], None],
+    ) -> None:
+        self.plan = plan
+        self._exchange = exchange
+        self._on_malformed = on_malformed
+        self._decoder = MbapDecoder(counters)
+        self._channel: Channel | None = None
+        self._patience_ns = int(plan.timeout_ms * NS_PER_MS)
+        self._received_ns = 0
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._channel = channel
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """See ``Receiver``. Garbage costs what came with it; the next good frame is answered.
+
+        A frame that began longer ago than the controller's patience is never finished: it is dropped.
+        """
+        if now_ns - self._received_ns > self._patience_ns:
+            self._decoder.reset()
+        self._received_ns = now_ns
+        bad_headers = self._decoder.counters.bad_headers
+        for transaction_id, unit_id, pdu in self._decoder.feed(data):
+            self._exchange.request(self, transaction_id, unit_id, pdu, now_ns)
+        if self._decoder.counters.bad_headers != bad_headers and self._channel is not None:
+            self._on_malformed(self._channel.peer)
+
+    def closed(self, reason: str, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._channel = None
+        self._exchange.controller_gone(self, now_ns)
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """See ``ControllerPort``."""
+        if self._channel is not None:
+            self._channel.write(encode_mbap(transaction_id, unit_id, pdu))
+
+
+class RtuControllerPort:
+    """A controller that speaks RTU, over a serial port or through a serial device server.
+
+    On a wire a reply begins no sooner than ``gap_ns`` after the request's last byte; nothing is waited for
+    where there is no wire.
+    """
+
+    def __init__(
+        self, plan: ControllerPlan, exchange: TimedExchange, decoder: RtuRequestDecoder, gap_ns: int
+    ) -> None:
+        self.plan = plan
+        self._exchange = exchange
+        self._decoder = decoder
+        self._gap_ns = gap_ns
+        self._timer: Timer | None = None
+        self._sender: PacedSender | None = None
+
+    async def drained(self) -> None:
+        """Wait until no reply waits for its silence any more."""
+        if self._sender is not None:
+            await self._sender.drained()
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._decoder.reset()
+        self._timer = Timer(self._silent)
+        self._sender = PacedSender(0, self._gap_ns)
+        self._sender.opened(channel, now_ns)
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """See ``Receiver``."""
+        if self._sender is not None:
+            self._sender.heard(now_ns)
+        requests = self._decoder.feed(data, now_ns)
+        if self._timer is not None:
+            self._timer.arm(self._decoder.deadline_ns)
+        self._pass_on(requests, now_ns)
+
+    def closed(self, reason: str, now_ns: int) -> None:
+        """See ``Receiver``."""
+        if self._timer is not None and self._sender is not None:
+            self._timer.close()
+            self._sender.close()
+        self._timer = self._sender = None
+        self._exchange.controller_gone(self, now_ns)
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """See ``ControllerPort``."""
+        if self._sender is not None:
+            self._sender.send(encode_rtu(unit_id, pdu))
+
+    def counters(self) -> dict[str, int]:
+        """Return what framing has counted, for the status."""
+        counters = self._decoder.counters
+        return {"crc_errors": counters.crc_errors, "dropped_bytes": counters.dropped_bytes}
+
+    def _silent(self, now_ns: int) -> None:
+        requests = self._decoder.on_silence(now_ns)
+        if self._timer is not None:
+            self._timer.arm(self._decoder.deadline_ns)
+        self._pass_on(requests, now_ns)
+
+    def _pass_on(self, requests: list[tuple[int, bytes]], now_ns: int) -> None:
+        for unit_id, pdu in requests:
+            self._exchange.request(self, 0, unit_id, pdu, now_ns)

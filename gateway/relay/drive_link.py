@@ -1,0 +1,247 @@
+"""The way to the drives of one line: frames requests, picks out the reply that is expected.
+
+Two kinds. RTU, over a serial port or through a serial device server: replies carry no number, so a reply
+belongs to the one request that is outstanding, and whatever comes when none is goes to the exchange as stray
+bytes. Modbus/TCP: the gateway numbers its own requests; a reply with another number is late and is dropped.
+"""
+
+from typing import Final, Protocol
+
+from gateway.modbus.mbap import MbapDecoder, encode_mbap
+from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
+from gateway.relay.pacing import PacedSender
+from gateway.relay.timed import TimedExchange
+from gateway.transport.channel import Channel
+from gateway.transport.timer import Timer
+
+BROADCAST_UNIT_ID: Final = 0
+TRANSACTION_IDS: Final = 0x10000
+UNANSWERED_LIMIT: Final = 1024
+"""Numbers of the newest requests without a reply that are not used again. Older ones are forgotten: a reply
+that comes more than a thousand time-outs late comes from no drive."""
+
+
+class Link(Protocol):
+    """What a line needs of its drive link beyond ``gateway.exchange.ports.DriveLink``."""
+
+    @property
+    def is_serial(self) -> bool:
+        """See ``DriveLink``."""
+        ...
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        """See ``DriveLink``."""
+        ...
+
+    def abandon(self) -> None:
+        """See ``DriveLink``."""
+        ...
+
+    def attach(self, exchange: TimedExchange) -> None:
+        """Name the exchange that gets the replies; before the first byte."""
+        ...
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        """See ``Receiver``."""
+        ...
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """See ``Receiver``."""
+        ...
+
+    def closed(self, reason: str, now_ns: int) -> None:
+        """See ``Receiver``."""
+        ...
+
+    def counters(self) -> dict[str, int]:
+        """Return what framing has counted, for the status."""
+        ...
+
+    async def drained(self) -> None:
+        """Wait until no request waits for its silence any more."""
+        ...
+
+    def close(self) -> None:
+        """Give timers back."""
+        ...
+
+
+class RtuDriveLink:
+    """RTU frames to the drives, over a wire or over TCP.
+
+    ``gap_ns``: silence that the drives want before each request; ``wire_gap_ns``: what a wire wants.
+    """
+
+    is_serial = True
+
+    def __init__(self, gap_ns: int, decoder: RtuReplyDecoder, wire_gap_ns: int = 0) -> None:
+        self._decoder = decoder
+        self._sender = PacedSender(gap_ns, wire_gap_ns)
+        self._timer = Timer(self._silent)
+        self._exchange: TimedExchange | None = None
+
+    def attach(self, exchange: TimedExchange) -> None:
+        """See ``Link``."""
+        self._exchange = exchange
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        """See ``DriveLink``. A broadcast expects no reply."""
+        if unit_id != BROADCAST_UNIT_ID:
+            self._decoder.expect(unit_id, pdu)
+        self._sender.send(encode_rtu(unit_id, pdu))
+
+    def abandon(self) -> None:
+        """See ``DriveLink``. A request that still waits for its silence is not sent any more."""
+        if self._decoder.is_expecting:
+            self._decoder.cancel()
+            self._timer.arm(None)
+            self._sender.discard()
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._decoder.reset()
+        self._sender.opened(channel, now_ns)
+        self._to_exchange().link_up(now_ns)
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._sender.heard(now_ns)
+        stray_bytes = self._decoder.stray_bytes
+        replies = self._decoder.feed(data, now_ns)
+        if self._decoder.stray_bytes != stray_bytes:
+            self._to_exchange().stray(now_ns)
+        self._pass_on(replies, now_ns)
+
+    def closed(self, reason: str, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._decoder.reset()
+        self._timer.arm(None)
+        self._sender.closed()
+        self._to_exchange().link_down(now_ns)
+
+    def counters(self) -> dict[str, int]:
+        """See ``Link``."""
+        counters = self._decoder.counters
+        return {
+            "crc_errors": counters.crc_errors,
+            "dropped_bytes": counters.dropped_bytes,
+            "stray_bytes": counters.stray_bytes,
+            "foreign_frames": counters.foreign,
+        }
+
+    async def drained(self) -> None:
+        """See ``Link``."""
+        await self._sender.drained()
+
+    def close(self) -> None:
+        """See ``Link``."""
+        self._timer.close()
+        self._sender.close()
+
+    def _silent(self, now_ns: int) -> None:
+        self._pass_on(self._decoder.on_silence(now_ns), now_ns)
+
+    def _pass_on(self, replies: list[tuple[int, bytes]], now_ns: int) -> None:
+        # Armed first: inside reply() the exchange may send its next request, which begins anew.
+        self._timer.arm(self._decoder.deadline_ns)
+        for unit_id, pdu in replies:
+            self._to_exchange().reply(unit_id, pdu, now_ns)
+
+    def _to_exchange(self) -> TimedExchange:
+        assert self._exchange is not None
+        return self._exchange
+
+
+class MbapDriveLink:
+    """Modbus/TCP to the drives, with transaction ids of its own. ``gap_ns``: silence before each request."""
+
+    is_serial = False
+
+    def __init__(self, gap_ns: int) -> None:
+        self._gap_ns = gap_ns
+        self._sender = PacedSender(gap_ns)
+        self._decoder = MbapDecoder()
+        self._channel: Channel | None = None
+        self._exchange: TimedExchange | None = None
+        self._last_id = 0
+        self._awaited_id: int | None = None
+        self._awaited_unit_id = 0
+        self._unanswered: dict[int, None] = {}
+        self._late = 0
+        self._malformed = 0
+
+    def attach(self, exchange: TimedExchange) -> None:
+        """See ``Link``."""
+        self._exchange = exchange
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        """See ``DriveLink``."""
+        transaction_id = self._new_id()
+        self._awaited_id = transaction_id
+        self._awaited_unit_id = unit_id
+        self._sender.send(encode_mbap(transaction_id, unit_id, pdu))
+
+    def abandon(self) -> None:
+        """See ``DriveLink``."""
+        if self._awaited_id is None:
+            return
+        self._unanswered[self._awaited_id] = None
+        if len(self._unanswered) > UNANSWERED_LIMIT:
+            del self._unanswered[next(iter(self._unanswered))]
+        self._awaited_id = None
+        self._sender.discard()
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._channel = channel
+        self._decoder = MbapDecoder()
+        self._awaited_id = None
+        self._unanswered.clear()
+        self._sender.opened(channel, now_ns - self._gap_ns)
+        self._to_exchange().link_up(now_ns)
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """See ``Receiver``. A connection that does not speak Modbus/TCP is closed, and opened anew."""
+        self._sender.heard(now_ns)
+        for transaction_id, _, pdu in self._decoder.feed(data):
+            if transaction_id == self._awaited_id:
+                self._awaited_id = None
+                self._to_exchange().reply(self._awaited_unit_id, pdu, now_ns)
+            else:
+                self._unanswered.pop(transaction_id, None)
+                self._late += 1
+                self._to_exchange().stray(now_ns)
+        if self._decoder.counters.bad_headers and self._channel is not None:
+            self._malformed += 1
+            self._channel.close()
+            self._channel = None
+
+    def closed(self, reason: str, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._channel = None
+        self._awaited_id = None
+        self._sender.closed()
+        self._to_exchange().link_down(now_ns)
+
+    def counters(self) -> dict[str, int]:
+        """See ``Link``."""
+        return {"late_replies": self._late, "malformed": self._malformed, "crc_errors": 0}
+
+    async def drained(self) -> None:
+        """See ``Link``."""
+        await self._sender.drained()
+
+    def close(self) -> None:
+        """See ``Link``."""
+        self._sender.close()
+
+    def _new_id(self) -> int:
+        candidate = (self._last_id + 1) % TRANSACTION_IDS
+        while candidate in self._unanswered:
+            candidate = (candidate + 1) % TRANSACTION_IDS
+        self._last_id = candidate
+        return candidate
+
+    def _to_exchange(self) -> TimedExchange:
+        assert self._exchange is not None
+        return self._exchange

@@ -1,0 +1,11 @@
+"""Why the relay does not start."""
+
+from collections.abc import Sequence
+
+
+class StartError(Exception):
+    """Some listeners or ports cannot be opened; ``problems`` has a line for each, beginning with its key."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = tuple(problems)

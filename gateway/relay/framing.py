@@ -1,0 +1,37 @@
+"""Times and decoders that follow from where something is connected."""
+
+from typing import Final
+
+from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, silence_ns
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+
+TCP_SILENCE_NS: Final = 5_000_000
+"""RTU through a serial device server: what silence there was on the wire is gone. This much without a byte
+ends a frame whose own bytes do not say how long it is, if its check sum is good."""
+TCP_GIVE_UP_NS: Final = 50_000_000
+
+
+def frame_silence_ns(endpoint: SerialEndpoint) -> int:
+    """Return the silence between two frames on a serial line, in ns."""
+    return silence_ns(endpoint.baudrate, endpoint.bits_per_character)
+
+
+def request_decoder(endpoint: TcpEndpoint | SerialEndpoint) -> RtuRequestDecoder:
+    """Return a decoder for what an RTU controller sends."""
+    if isinstance(endpoint, SerialEndpoint):
+        return RtuRequestDecoder(frame_silence_ns(endpoint))
+    return RtuRequestDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS)
+
+
+def reply_decoder(endpoint: TcpEndpoint | SerialEndpoint) -> RtuReplyDecoder:
+    """Return a decoder for what RTU drives send."""
+    if isinstance(endpoint, SerialEndpoint):
+        return RtuReplyDecoder(frame_silence_ns(endpoint))
+    return RtuReplyDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS)
+
+
+def endpoint_key(endpoint: TcpEndpoint | SerialEndpoint) -> str:
+    """Return the configuration key under which an endpoint is given."""
+    if isinstance(endpoint, SerialEndpoint):
+        return "rtu"
+    return "rtu_over_tcp" if endpoint.rtu else "tcp"

@@ -1,0 +1,163 @@
+"""One configured controller: what it connects to, and the ports that it has open."""
+
+from collections.abc import Callable
+from typing import Final
+
+from gateway.exchange.plan import ControllerPlan
+from gateway.ipc.plan import ControllerLink
+from gateway.modbus.mbap import MbapCounters
+from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
+from gateway.relay.framing import frame_silence_ns, request_decoder
+from gateway.relay.journal import Journal, Severity
+from gateway.relay.timed import TimedExchange
+from gateway.transport.channel import Receiver
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.serial import SerialPort
+from gateway.transport.tcp import TcpListener
+
+NOTED_PEERS: Final = 256
+"""So many peers are named once each for what they sent; all are counted."""
+
+
+class TcpFront:
+    """A controller that connects over TCP; it may have several connections."""
+
+    def __init__(
+        self,
+        line: str,
+        link: ControllerLink,
+        endpoint: TcpEndpoint,
+        exchange: TimedExchange,
+        journal: Journal,
+    ) -> None:
+        self.plan: ControllerPlan = link.plan
+        self._endpoint = endpoint
+        self._exchange = exchange
+        self._note = _noter(journal, line, link.plan.name)
+        self._counters = MbapCounters()
+        self._noted_peers: set[str] = set()
+        self._listener = TcpListener(endpoint, link.allow, self._port, self._refused)
+
+    @property
+    def addresses(self) -> tuple[TcpEndpoint, ...]:
+        """Where it listens."""
+        return self._listener.addresses
+
+    async def drained(self) -> None:
+        """Wait for replies that were not written yet; on TCP there are none."""
+
+    async def open(self) -> None:
+        """Listen.
+
+        Raises:
+            TransportError: with the remedy.
+        """
+        await self._listener.open()
+
+    def stop_accepting(self) -> None:
+        """Take no more connections."""
+        self._listener.stop_accepting()
+
+    async def close(self) -> None:
+        """Close the listener and its connections."""
+        await self._listener.close()
+
+    def status(self) -> dict[str, object]:
+        """Return this controller's part of the status."""
+        return {
+            "name": self.plan.name,
+            "role": self.plan.role.value,
+            "address": [str(address) for address in self.addresses] or str(self._endpoint),
+            "connections": self._listener.peers,
+            "refused_connections": self._listener.refused,
+            "malformed": self._counters.bad_headers + self._counters.skipped_frames,
+            "dropped_bytes": self._counters.dropped_bytes,
+        }
+
+    def _port(self) -> Receiver:
+        if self._endpoint.rtu:
+            return RtuControllerPort(self.plan, self._exchange, request_decoder(self._endpoint), gap_ns=0)
+        return MbapControllerPort(self.plan, self._exchange, self._counters, self._malformed)
+
+    def _refused(self, host: str) -> None:
+        self._note("connection-refused", f"{host} is not in `allow`, or there are too many connections")
+
+    def _malformed(self, peer: str) -> None:
+        if peer in self._noted_peers or len(self._noted_peers) >= NOTED_PEERS:
+            return
+        self._noted_peers.add(peer)
+        self._note("connection-malformed", f"{peer} sent something that is not Modbus/TCP; it was dropped")
+
+
+class SerialFront:
+    """A controller on a serial port."""
+
+    def __init__(
+        self,
+        line: str,
+        link: ControllerLink,
+        endpoint: SerialEndpoint,
+        exchange: TimedExchange,
+        journal: Journal,
+    ) -> None:
+        self.plan: ControllerPlan = link.plan
+        self._endpoint = endpoint
+        note = _noter(journal, line, link.plan.name)
+        self._port = RtuControllerPort(
+            self.plan, exchange, request_decoder(endpoint), frame_silence_ns(endpoint)
+        )
+        self._serial = SerialPort(endpoint, self._port, lambda why: note("port-not-open", why))
+
+    @property
+    def addresses(self) -> tuple[TcpEndpoint, ...]:
+        """Where it listens: nowhere."""
+        return ()
+
+    async def drained(self) -> None:
+        """Wait until no reply waits for its silence any more."""
+        await self._port.drained()
+
+    async def open(self) -> None:
+        """Open the port; one that is absent is opened when it comes.
+
+        Raises:
+            TransportError: in use, no permission, not a serial port.
+        """
+        await self._serial.open()
+
+    def stop_accepting(self) -> None:
+        """Nothing to do: the exchange takes no more requests."""
+
+    async def close(self) -> None:
+        """Close the port."""
+        await self._serial.close()
+
+    def status(self) -> dict[str, object]:
+        """Return this controller's part of the status."""
+        return {
+            "name": self.plan.name,
+            "role": self.plan.role.value,
+            "address": str(self._endpoint),
+            "state": "up" if self._serial.is_open else "down",
+            "failure": self._serial.failure,
+            "opens": self._serial.opens,
+            "notes": list(self._serial.notes),
+            **self._port.counters(),
+        }
+
+
+Front = TcpFront | SerialFront
+
+
+def make_front(line: str, link: ControllerLink, exchange: TimedExchange, journal: Journal) -> Front:
+    """Return the front of a configured controller."""
+    if isinstance(link.endpoint, TcpEndpoint):
+        return TcpFront(line, link, link.endpoint, exchange, journal)
+    return SerialFront(line, link, link.endpoint, exchange, journal)
+
+
+def _noter(journal: Journal, line: str, controller: str) -> Callable[[str, str], None]:
+    def note(event: str, detail: str) -> None:
+        journal.note(Severity.WARNING, event, line=line, controller=controller, detail=detail)
+
+    return note

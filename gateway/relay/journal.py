@@ -1,0 +1,95 @@
+"""What happened, on its way to the log: noted on the hot path for the price of an append, written later.
+
+A full pipe to the journal blocks whoever writes into it, so nothing here writes while frames pass: a task of
+its own empties the notes a few times a second. When they come faster than that, the oldest are dropped and
+counted.
+"""
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+from gateway.exchange.events import Event, EventKind
+
+CAPACITY: Final = 1000
+WRITE_EVERY_S: Final = 0.2
+
+
+class Severity(Enum):
+    """How loud a note is; the values are the method names of a structlog logger."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+QUIET_KINDS: Final = frozenset({EventKind.LINE_UP, EventKind.DRIVE_ANSWERS, EventKind.AXIS_REFERENCED})
+"""Good news; every other event of the exchange is a warning."""
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """One thing that happened; ``wall_s`` is the time of day (``time.time``)."""
+
+    severity: Severity
+    event: str
+    fields: Mapping[str, object] = field(default_factory=dict)
+    wall_s: float = 0.0
+
+
+class Journal:
+    """Collects notes; hands them to ``write`` off the hot path, or keeps the newest where there is none."""
+
+    def __init__(self, write: Callable[[Note], None] | None) -> None:
+        self._write = write
+        self._notes: deque[Note] = deque(maxlen=CAPACITY)
+        self._task: asyncio.Task[None] | None = None
+        self.dropped = 0
+
+    def note(self, severity: Severity, event: str, **fields: object) -> None:
+        """Append a note; never blocks."""
+        if len(self._notes) == CAPACITY:
+            self.dropped += self._write is not None
+        self._notes.append(Note(severity, event, fields, time.time()))
+
+    def exchange_event(self, line: str, event: Event) -> None:
+        """Append an event of a line's exchange."""
+        severity = Severity.INFO if event.kind in QUIET_KINDS else Severity.WARNING
+        axis = {"axis": event.axis} if event.axis else {}
+        self.note(severity, event.kind.value, line=line, **axis, detail=event.detail)
+
+    def recent(self) -> tuple[Note, ...]:
+        """Return the notes that were not written yet, oldest first."""
+        return tuple(self._notes)
+
+    def start(self) -> None:
+        """Begin to write."""
+        if self._write is not None:
+            self._task = asyncio.create_task(self._run())
+
+    async def stop(self) -> None:
+        """Write the rest and end."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait([self._task])
+            self._task = None
+        self.flush()
+
+    def flush(self) -> None:
+        """Write what there is, now."""
+        if self._write is None:
+            return
+        if self.dropped:
+            self._write(Note(Severity.WARNING, "notes-dropped", {"count": self.dropped}, time.time()))
+            self.dropped = 0
+        while self._notes:
+            self._write(self._notes.popleft())
+
+    async def _run(self) -> None:
+        while True:
+            await asyncio.sleep(WRITE_EVERY_S)
+            self.flush()

@@ -1,0 +1,127 @@
+"""One line, put together: controllers in front, the exchange in the middle, the way to the drives behind."""
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+from gateway.exchange.line import LineExchange
+from gateway.exchange.status import axes_status, line_status
+from gateway.ipc.plan import LinePlan
+from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink
+from gateway.relay.framing import endpoint_key, frame_silence_ns, reply_decoder
+from gateway.relay.front import Front, make_front
+from gateway.relay.journal import Journal, Severity
+from gateway.relay.timed import TimedExchange
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.errors import TransportError
+from gateway.transport.serial import SerialPort
+from gateway.transport.tcp import TcpConnector
+
+NS_PER_MS: Final = 1_000_000
+STOP_MARGIN_S: Final = 1.0
+"""Beyond the longest exchange: a stop that waits longer has met a bug, and ends anyway."""
+
+
+class Line:
+    """A bus of drives with its controllers, from the configuration to open sockets and ports."""
+
+    def __init__(self, plan: LinePlan, journal: Journal) -> None:
+        self.plan = plan
+        self._journal = journal
+        self._link = _make_link(plan)
+        self._exchange = LineExchange(
+            plan.axes, plan.timing, self._link, lambda event: journal.exchange_event(plan.name, event)
+        )
+        self._timed = TimedExchange(self._exchange)
+        self._link.attach(self._timed)
+        self._drives = _make_drives(plan.drives, self._link, self._drives_failed)
+        self._fronts = [make_front(plan.name, link, self._timed, journal) for link in plan.controllers]
+
+    @property
+    def addresses(self) -> dict[str, tuple[TcpEndpoint, ...]]:
+        """Where each controller that connects over TCP finds its listener."""
+        return {front.plan.name: front.addresses for front in self._fronts if front.addresses}
+
+    @property
+    def is_up(self) -> bool:
+        """Whether there is a way to the drives."""
+        return self._exchange.is_up
+
+    async def open(self) -> list[str]:
+        """Open listeners and ports; returns one line for each that cannot be opened, with its key.
+
+        Drives and serial ports that are not there (yet) are no problem: they are waited for.
+        """
+        problems: list[str] = []
+        for number, (front, link) in enumerate(
+            zip(self._fronts, self.plan.controllers, strict=True), start=1
+        ):
+            place = f"controllers[{number}].{endpoint_key(link.endpoint)}"
+            await self._open(front, f"line.{self.plan.name}.{place} ({link.plan.name})", problems)
+        key = endpoint_key(self.plan.drives)
+        await self._open(self._drives, f"line.{self.plan.name}.drives.{key}", problems)
+        return problems
+
+    async def stop(self) -> None:
+        """Stop cleanly: the exchange on the wire is finished, nothing is left half sent."""
+        for front in self._fronts:
+            front.stop_accepting()
+        await self._timed.stop(time.monotonic_ns(), self._longest_exchange_s() + STOP_MARGIN_S)
+        for way in (self._link, *self._fronts):
+            await way.drained()
+        await self.close()
+
+    async def close(self) -> None:
+        """Close everything as it stands."""
+        for front in self._fronts:
+            await front.close()
+        await self._drives.close()
+        self._timed.close()
+        self._link.close()
+
+    def status(self) -> dict[str, object]:
+        """Return this line's part of the status model."""
+        return {
+            **line_status(self._exchange),
+            **self._link.counters(),
+            "drives": {
+                "address": str(self.plan.drives),
+                "failure": self._drives.failure,
+                "opens": self._drives.opens,
+                "notes": list(self._drives.notes),
+            },
+            "controllers": [front.status() for front in self._fronts],
+        }
+
+    def axes_status(self) -> dict[str, dict[str, object]]:
+        """Return the status of each axis on this line, by name."""
+        return axes_status(self._exchange)
+
+    async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
+        try:
+            await way.open()
+        except TransportError as error:
+            problems.append(f"{key}: {error.detail}")
+
+    def _drives_failed(self, why: str) -> None:
+        self._journal.note(Severity.WARNING, "drives-not-reached", line=self.plan.name, detail=why)
+
+    def _longest_exchange_s(self) -> float:
+        patience_ms = [link.plan.timeout_ms for link in self.plan.controllers]
+        return max(self.plan.timing.response_timeout_ms, *patience_ms, 0.0) / 1000.0
+
+
+def _make_link(plan: LinePlan) -> Link:
+    gap_ns = int(plan.timing.gap_ms * NS_PER_MS)
+    if isinstance(plan.drives, TcpEndpoint) and not plan.drives.rtu:
+        return MbapDriveLink(gap_ns)
+    wire_gap_ns = frame_silence_ns(plan.drives) if isinstance(plan.drives, SerialEndpoint) else 0
+    return RtuDriveLink(gap_ns, reply_decoder(plan.drives), wire_gap_ns)
+
+
+def _make_drives(
+    endpoint: TcpEndpoint | SerialEndpoint, link: Link, on_failure: Callable[[str], None]
+) -> SerialPort | TcpConnector:
+    if isinstance(endpoint, SerialEndpoint):
+        return SerialPort(endpoint, link, on_failure)
+    return TcpConnector(endpoint, link, on_failure)

@@ -1,0 +1,89 @@
+"""The silence before a frame: on a serial line it begins at least 3.5 characters after the last byte.
+
+Modbus over serial line V1.02, 2.5.1.1. It is counted from the last byte on *this* port, in either direction,
+so a line that was quiet sends at once.
+"""
+
+import asyncio
+import time
+from collections import deque
+
+from gateway.transport.channel import Channel
+from gateway.transport.timer import Timer
+
+
+class PacedSender:
+    """Writes frames to a channel, each some time after the last byte on it.
+
+    ``gap_ns`` is what the other end wants, on whatever it is connected to; ``wire_gap_ns`` is what the
+    characters of a wire want, and is left out where there is no wire (a pseudo terminal, TCP).
+    """
+
+    def __init__(self, gap_ns: int, wire_gap_ns: int = 0) -> None:
+        self._wanted_gap_ns = gap_ns
+        self._wire_gap_ns = wire_gap_ns
+        self._gap_ns = gap_ns
+        self._channel: Channel | None = None
+        self._wire_ns_per_byte = 0
+        self._quiet_from_ns = 0
+        self._held: deque[bytes] = deque()
+        self._timer = Timer(self._send_held)
+        self._drained: asyncio.Future[None] | None = None
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        """Write to ``channel`` from now on. What went before on its wire is unknown: begin with a silence."""
+        self._channel = channel
+        self._wire_ns_per_byte = channel.wire_ns_per_byte
+        self._gap_ns = max(self._wanted_gap_ns, self._wire_gap_ns if self._wire_ns_per_byte else 0)
+        self._quiet_from_ns = now_ns
+
+    def closed(self) -> None:
+        """Forget the channel and what waited for it."""
+        self._channel = None
+        self.discard()
+
+    def heard(self, now_ns: int) -> None:
+        """Note that bytes arrived."""
+        self._quiet_from_ns = max(self._quiet_from_ns, now_ns)
+
+    def send(self, frame: bytes) -> None:
+        """Send now if the silence is over, else as soon as it is."""
+        now_ns = time.monotonic_ns()
+        if self._held or now_ns < self._quiet_from_ns + self._gap_ns:
+            self._held.append(frame)
+            self._timer.arm(self._quiet_from_ns + self._gap_ns)
+        else:
+            self._write(frame, now_ns)
+
+    def discard(self) -> None:
+        """Drop what waits; it was never sent."""
+        self._held.clear()
+        self._timer.arm(None)
+        self._settle()
+
+    async def drained(self) -> None:
+        """Wait until no frame waits for its silence any more."""
+        if self._held:
+            self._drained = asyncio.get_running_loop().create_future()
+            await self._drained
+
+    def close(self) -> None:
+        """Drop what waits and give the timer back."""
+        self.discard()
+        self._timer.close()
+
+    def _write(self, frame: bytes, now_ns: int) -> None:
+        if self._channel is not None:
+            self._channel.write(frame)
+            self._quiet_from_ns = now_ns + len(frame) * self._wire_ns_per_byte
+
+    def _send_held(self, now_ns: int) -> None:
+        if self._held and now_ns >= self._quiet_from_ns + self._gap_ns:
+            self._write(self._held.popleft(), now_ns)
+        if self._held:
+            self._timer.arm(self._quiet_from_ns + self._gap_ns)
+        self._settle()
+
+    def _settle(self) -> None:
+        if not self._held and self._drained is not None and not self._drained.done():
+            self._drained.set_result(None)

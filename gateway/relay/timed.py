@@ -1,0 +1,71 @@
+"""A line's exchange with the timer that it asks for.
+
+Everything that reaches the exchange comes through here, so its next deadline is armed after every call.
+"""
+
+import asyncio
+
+from gateway.exchange.line import LineExchange
+from gateway.exchange.ports import ControllerPort
+from gateway.transport.timer import Timer
+
+
+class TimedExchange:
+    """Passes calls on to a :class:`LineExchange` and calls its ``tick`` at its deadline."""
+
+    def __init__(self, exchange: LineExchange) -> None:
+        self._exchange = exchange
+        self._timer = Timer(self._tick)
+        self._idle: asyncio.Future[None] | None = None
+
+    def request(
+        self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
+    ) -> None:
+        """Take a whole request of a controller."""
+        self._exchange.request(port, transaction_id, unit_id, pdu, now_ns)
+        self._settle()
+
+    def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """Take the reply that a link expected."""
+        self._exchange.reply(unit_id, pdu, now_ns)
+        self._settle()
+
+    def stray(self, now_ns: int) -> None:
+        """Note bytes from the drives that answer nothing."""
+        self._exchange.stray(now_ns)
+        self._settle()
+
+    def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
+        """Note that a controller's connection or port was lost."""
+        self._exchange.controller_gone(port, now_ns)
+        self._settle()
+
+    def link_up(self, now_ns: int) -> None:
+        """Note that the drives can be reached."""
+        self._exchange.link_up(now_ns)
+        self._settle()
+
+    def link_down(self, now_ns: int) -> None:
+        """Note that the drives cannot be reached."""
+        self._exchange.link_down(now_ns)
+        self._settle()
+
+    async def stop(self, now_ns: int, timeout_s: float) -> None:
+        """Send nothing new; return when the exchange on the wire has ended, or after ``timeout_s``."""
+        self._exchange.stop(now_ns)
+        if not self._exchange.is_idle:
+            self._idle = asyncio.get_running_loop().create_future()
+            await asyncio.wait([self._idle], timeout=timeout_s)
+
+    def close(self) -> None:
+        """Give the timer back."""
+        self._timer.close()
+
+    def _settle(self) -> None:
+        self._timer.arm(self._exchange.deadline_ns)
+        if self._idle is not None and self._exchange.is_idle and not self._idle.done():
+            self._idle.set_result(None)
+
+    def _tick(self, now_ns: int) -> None:
+        self._exchange.tick(now_ns)
+        self._settle()

@@ -1,0 +1,41 @@
+"""The two halves that every transport has: a channel that takes bytes, and a receiver that gets them."""
+
+from typing import Protocol
+
+
+class Channel(Protocol):
+    """One open connection or port. It lives once: after it was closed, another one is opened."""
+
+    @property
+    def peer(self) -> str:
+        """Who is at the other end, for logs and the status."""
+        ...
+
+    @property
+    def wire_ns_per_byte(self) -> int:
+        """Nanoseconds that one byte takes on the wire; 0 where there is none (TCP, pseudo terminals)."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Send at once; never blocks, never raises. A loss is told by ``Receiver.closed``, later."""
+        ...
+
+    def close(self) -> None:
+        """Close after what was written has left."""
+        ...
+
+
+class Receiver(Protocol):
+    """Whoever takes the bytes. ``now_ns`` is CLOCK_MONOTONIC, taken right after the read."""
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        """Begin with a new channel."""
+        ...
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """Take bytes as they came; any split and any glue is possible."""
+        ...
+
+    def closed(self, reason: str, now_ns: int) -> None:
+        """End: the channel of the last ``opened`` is gone."""
+        ...

@@ -1,0 +1,299 @@
+"""Serial ports: pyserial opens and configures, then the file descriptor is read and written by the loop.
+
+RS-485 direction is left to the adapter or to the kernel's driver: switching RTS from a program comes too late
+by whole characters.
+"""
+
+import asyncio
+import contextlib
+import errno
+import fcntl
+import os
+import termios
+import time
+from collections.abc import Callable
+from typing import Final
+
+import serial
+
+from gateway.transport.channel import Receiver
+from gateway.transport.endpoints import SerialEndpoint
+from gateway.transport.errors import AbsentError, RefusedError, TransportError
+from gateway.transport.keeper import Keeper
+
+RECEIVE_BYTES: Final = 1024
+"""Four of the largest RTU frames (256 bytes)."""
+DRAIN_TIMEOUT_S: Final = 1.0
+PTY_MAJORS: Final = range(136, 144)
+"""Device numbers of UNIX98 pseudo terminals (Linux admin-guide/devices.txt)."""
+_NS_PER_S: Final = 1_000_000_000
+_IFLAG, _CC = 0, 6
+"""Places in the list of ``termios.tcgetattr``."""
+
+
+class SerialChannel:
+    """One opening of a serial port; passes what it reads to ``receiver``."""
+
+    def __init__(self, port: serial.Serial, endpoint: SerialEndpoint, receiver: Receiver) -> None:
+        self._port = port
+        self._fd = port.fileno()
+        self._receiver = receiver
+        self._loop = asyncio.get_running_loop()
+        self._unsent = bytearray()
+        self._empty: asyncio.Future[None] | None = None
+        self._is_losing = False
+        self.peer = endpoint.device
+        self.is_pty = _is_pty(self._fd)
+        self.wire_ns_per_byte = 0 if self.is_pty else character_ns(endpoint)
+        self.bytes_received = 0
+        self.lost: asyncio.Future[None] = self._loop.create_future()
+
+    def begin(self) -> None:
+        """Start reading, and tell the receiver."""
+        self._loop.add_reader(self._fd, self._readable)
+        self._receiver.opened(self, time.monotonic_ns())
+
+    def write(self, data: bytes) -> None:
+        """See ``Channel``."""
+        if self._is_losing or self.lost.done():
+            return
+        if not self._unsent:
+            try:
+                sent = os.write(self._fd, data)
+            except BlockingIOError:
+                sent = 0
+            except OSError as error:
+                self._lose(_why_lost(error))
+                return
+            if sent == len(data):
+                return
+            data = data[sent:]
+            self._loop.add_writer(self._fd, self._writable)
+        self._unsent += data
+
+    def close(self) -> None:
+        """Close at once. What the driver has taken already still goes out on the wire."""
+        self._end("closed")
+
+    async def drained(self) -> None:
+        """Wait until the driver has taken everything, for ``DRAIN_TIMEOUT_S`` at most."""
+        if self._unsent and not self.lost.done():
+            self._empty = self._loop.create_future()
+            await asyncio.wait(
+                [self._empty, self.lost], timeout=DRAIN_TIMEOUT_S, return_when="FIRST_COMPLETED"
+            )
+
+    def _readable(self) -> None:
+        try:
+            data = os.read(self._fd, RECEIVE_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._end(_why_lost(error))
+            return
+        if not data:  # readable and nothing there: the device has gone
+            self._end("unplugged")
+            return
+        now_ns = time.monotonic_ns()
+        self.bytes_received += len(data)
+        self._receiver.received(data, now_ns)
+
+    def _writable(self) -> None:
+        try:
+            sent = os.write(self._fd, self._unsent)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._end(_why_lost(error))
+            return
+        del self._unsent[:sent]
+        if not self._unsent:
+            self._loop.remove_writer(self._fd)
+            if self._empty is not None and not self._empty.done():
+                self._empty.set_result(None)
+
+    def _lose(self, reason: str) -> None:
+        """End soon: whoever writes must not be told of the loss inside his own call."""
+        self._is_losing = True
+        self._loop.call_soon(self._end, reason)
+
+    def _end(self, reason: str) -> None:
+        if self.lost.done():
+            return
+        self._loop.remove_reader(self._fd)
+        self._loop.remove_writer(self._fd)
+        with contextlib.suppress(OSError, termios.error):
+            fcntl.ioctl(self._fd, termios.TIOCNXCL)
+        self._port.close()
+        self.lost.set_result(None)
+        self._receiver.closed(reason, time.monotonic_ns())
+
+
+class SerialPort:
+    """Keeps the port of ``endpoint`` open, for ever; an adapter may be unplugged and come back.
+
+    The configured path is resolved anew each time, so a link under ``/dev/serial/by-id`` finds its adapter at
+    whatever number it came back.
+    """
+
+    def __init__(
+        self, endpoint: SerialEndpoint, receiver: Receiver, on_failure: Callable[[str], None]
+    ) -> None:
+        self._endpoint = endpoint
+        self._receiver = receiver
+        self._keeper = Keeper(self._attempt, on_failure)
+        self._channel: SerialChannel | None = None
+        self.notes: tuple[str, ...] = ()
+        """What the port does not have of what was asked for."""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port is open now."""
+        return self._channel is not None and not self._channel.lost.done()
+
+    @property
+    def failure(self) -> str:
+        """Why the last attempt to open the port failed; empty while it is open."""
+        return self._keeper.failure
+
+    @property
+    def opens(self) -> int:
+        """How often the port was opened."""
+        return self._keeper.opens
+
+    async def open(self) -> None:
+        """Open the port; one that is absent is opened when it comes.
+
+        Raises:
+            RefusedError: in use, no permission, not a serial port. Later on these too are only tried again.
+        """
+        lost: asyncio.Future[None] | None = None
+        try:
+            lost = self._open()
+        except AbsentError as error:
+            self._keeper.failed(error.detail)
+        self._keeper.start(lost)
+
+    async def close(self) -> None:
+        """Close and try no more."""
+        await self._keeper.stop()
+        if self._channel is not None:
+            await self._channel.drained()
+            self._channel.close()
+
+    async def _attempt(self) -> "asyncio.Future[None]":
+        if self._channel is not None and self._channel.bytes_received:
+            self._keeper.backoff.reset()
+        return self._open()
+
+    def _open(self) -> "asyncio.Future[None]":
+        self._channel = None
+        port, self.notes = open_port(self._endpoint)
+        self._channel = SerialChannel(port, self._endpoint, self._receiver)
+        self._channel.begin()
+        return self._channel.lost
+
+
+def character_ns(endpoint: SerialEndpoint) -> int:
+    """Return what one character takes on the wire, in ns.
+
+    >>> character_ns(SerialEndpoint("/dev/ttyS0", 19200, "E"))  # 11 bits
+    572916
+    """
+    return endpoint.bits_per_character * _NS_PER_S // endpoint.baudrate
+
+
+def open_port(endpoint: SerialEndpoint) -> tuple[serial.Serial, tuple[str, ...]]:
+    """Open and configure a port: raw, exclusive, non-blocking, low latency where it can.
+
+    Returns the port and notes on what it does not have.
+
+    Raises:
+        AbsentError: no such device now.
+        RefusedError: in use, no permission, not a serial port, a format that it cannot do.
+    """
+    notes: list[str] = []
+    try:
+        port = _configured(endpoint, notes)
+    except (OSError, termios.error, ValueError) as error:
+        raise _why_not_opened(endpoint, error) from error
+    try:
+        _finish(port, notes)
+    except (OSError, termios.error) as error:
+        port.close()
+        raise _why_not_opened(endpoint, error) from error
+    return port, tuple(notes)
+
+
+def _configured(endpoint: SerialEndpoint, notes: list[str]) -> serial.Serial:
+    bits, parity = endpoint.data_bits, endpoint.parity
+    if (parity != "N" or bits != serial.EIGHTBITS) and _is_pty_path(endpoint.device):
+        # The kernel drops both on pseudo terminals, and glibc's tcsetattr then fails with EINVAL.
+        notes.append("a pseudo terminal has no parity: runs as 8N")
+        bits, parity = serial.EIGHTBITS, serial.PARITY_NONE
+    return serial.Serial(
+        port=endpoint.device,
+        baudrate=endpoint.baudrate,
+        bytesize=bits,
+        parity=parity,
+        stopbits=endpoint.stop_bits,
+        exclusive=True,
+    )
+
+
+def _finish(port: serial.Serial, notes: list[str]) -> None:
+    handle = port.fileno()
+    attributes = termios.tcgetattr(handle)
+    attributes[_IFLAG] &= ~termios.BRKINT  # a break must not flush what was received before it
+    # pyserial sets VMIN 0, with which "nothing there" and "unplugged" read alike.
+    attributes[_CC][termios.VMIN] = 1
+    attributes[_CC][termios.VTIME] = 0
+    termios.tcsetattr(handle, termios.TCSANOW, attributes)
+    if _is_pty(handle):
+        notes.append("a pseudo terminal has no low-latency mode")
+        return
+    fcntl.ioctl(handle, termios.TIOCEXCL)  # pyserial's lock is advisory only
+    try:
+        port.set_low_latency_mode(True)
+    except (OSError, ValueError):
+        notes.append("the driver has no low-latency mode")
+
+
+def _is_pty(handle: int) -> bool:
+    return os.major(os.fstat(handle).st_rdev) in PTY_MAJORS
+
+
+def _is_pty_path(path: str) -> bool:
+    try:
+        return os.major(os.stat(path).st_rdev) in PTY_MAJORS  # noqa: PTH116 - follows the link, as open does
+    except OSError:
+        return False
+
+
+def _why_lost(error: OSError) -> str:
+    return "unplugged" if error.errno in (errno.EIO, errno.ENXIO, errno.ENODEV) else str(error)
+
+
+def _why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError:
+    number = error.errno if isinstance(error, OSError) else None
+    device = endpoint.device
+    if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO):
+        return AbsentError(f"{device} is not there; is the adapter plugged in? (ls -l /dev/serial/by-id)")
+    if number in (errno.EACCES, errno.EPERM):
+        return RefusedError(
+            f"no permission for {device}; add the user to the group that owns it (ls -lL {device})"
+        )
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return RefusedError(
+            f"{device} is in use by another program; stop it (fuser -v {device} names it), "
+            "a line belongs to one program only"
+        )
+    text = str(error)
+    if (
+        number == errno.ENOTDIR
+        or "Could not configure port" in text
+        or number in (errno.EISDIR, errno.ENOTTY)
+    ):
+        return RefusedError(f"{device} is not a serial port")
+    shape = f"{endpoint.baudrate} Bd, {endpoint.data_bits}{endpoint.parity}{endpoint.stop_bits}"
+    return RefusedError(f"{device} cannot be set to {shape}: {text}")

@@ -1,0 +1,296 @@
+"""TCP on both sides: raw asyncio protocols with one small buffer each.
+
+A plain ``asyncio.Protocol`` makes the loop allocate 256 KiB for every read, which costs more than the rest of
+an exchange; a ``BufferedProtocol`` reads into memory that is there already.
+"""
+
+import asyncio
+import errno
+import os
+import socket
+import time
+from collections.abc import Callable, Iterable
+from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address
+from typing import Final, cast
+
+from gateway.transport.channel import Receiver
+from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.errors import AbsentError, RefusedError
+from gateway.transport.keeper import Keeper
+
+RECEIVE_BYTES: Final = 4096
+"""More than fifteen of the largest Modbus/TCP frames (260 bytes)."""
+CONNECT_TIMEOUT_S: Final = 3.0
+MAX_CONNECTIONS: Final = 64
+"""Per listener. A monitor that opens connections and never closes them must not eat all descriptors."""
+KEEPALIVE_IDLE_S: Final = 10
+KEEPALIVE_INTERVAL_S: Final = 3
+KEEPALIVE_COUNT: Final = 3
+USER_TIMEOUT_MS: Final = 10_000
+"""Data that was not acknowledged for so long ends the connection: a pulled cable is found within seconds, and
+the new connection starts without the back-off that retransmission would have reached by then."""
+
+
+class TcpChannel(asyncio.BufferedProtocol):
+    """One TCP connection; passes what it reads to ``receiver``."""
+
+    wire_ns_per_byte = 0
+
+    def __init__(self, receiver: Receiver) -> None:
+        self._receiver = receiver
+        self._buffer = memoryview(bytearray(RECEIVE_BYTES))
+        self._transport: asyncio.Transport | None = None
+        self.peer = "?"
+        self.bytes_received = 0
+        self.lost: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        self._transport = cast("asyncio.Transport", transport)  # uvloop's are no subclass
+        self.peer = _name(transport.get_extra_info("peername"))
+        _tune(transport.get_extra_info("socket"))
+        self._receiver.opened(self, time.monotonic_ns())
+
+    def get_buffer(self, sizehint: int) -> memoryview:
+        """See ``asyncio.BufferedProtocol``."""
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """See ``asyncio.BufferedProtocol``."""
+        now_ns = time.monotonic_ns()
+        self.bytes_received += nbytes
+        self._receiver.received(bytes(self._buffer[:nbytes]), now_ns)
+
+    def pause_writing(self) -> None:
+        """Stop reading from a peer that does not take its replies, or they would fill the memory."""
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        """Go on reading."""
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.resume_reading()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        self._transport = None
+        if not self.lost.done():
+            self.lost.set_result(None)
+        self._receiver.closed(str(exc) if exc else "connection closed", time.monotonic_ns())
+
+    def write(self, data: bytes) -> None:
+        """See ``Channel``."""
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.write(data)
+
+    def close(self) -> None:
+        """See ``Channel``."""
+        if self._transport is not None:
+            self._transport.close()
+
+    def abort(self) -> None:
+        """Close at once; what was not sent yet is lost."""
+        if self._transport is not None:
+            self._transport.abort()
+
+
+class _AcceptedChannel(TcpChannel):
+    """A connection that its listener may refuse."""
+
+    def __init__(self, listener: "TcpListener", receiver: Receiver) -> None:
+        super().__init__(receiver)
+        self._listener = listener
+        self._admitted = False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        peername = transport.get_extra_info("peername")
+        self._admitted = self._listener.admit(self, peername[0] if peername else "")
+        if self._admitted:
+            super().connection_made(transport)
+        else:
+            cast("asyncio.Transport", transport).abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if self._admitted:
+            super().connection_lost(exc)
+        self._listener.forget(self)
+
+
+class TcpListener:
+    """Accepts connections; each one gets a receiver of its own.
+
+    ``allow`` names the networks whose addresses are let in (empty: all); others are closed at once, counted
+    in ``refused`` and told to ``on_refused``.
+    """
+
+    def __init__(
+        self,
+        endpoint: TcpEndpoint,
+        allow: Iterable[IPv4Network | IPv6Network],
+        make_receiver: Callable[[], Receiver],
+        on_refused: Callable[[str], None],
+    ) -> None:
+        self._endpoint = endpoint
+        self._allow = tuple(allow)
+        self._make_receiver = make_receiver
+        self._on_refused = on_refused
+        self._server: asyncio.Server | None = None
+        self._channels: set[TcpChannel] = set()
+        self.refused = 0
+
+    @property
+    def addresses(self) -> tuple[TcpEndpoint, ...]:
+        """Where it really listens: with the port that the system chose where 0 was asked for."""
+        if self._server is None:
+            return ()
+        names = [listening.getsockname() for listening in self._server.sockets]
+        return tuple(TcpEndpoint(name[0], name[1], self._endpoint.rtu) for name in names)
+
+    @property
+    def peers(self) -> list[str]:
+        """Addresses of those that are connected."""
+        return sorted(channel.peer for channel in self._channels)
+
+    async def open(self) -> None:
+        """Listen.
+
+        Raises:
+            RefusedError: port in use, no permission, no such address; with the remedy.
+        """
+        loop = asyncio.get_running_loop()
+        try:
+            self._server = await loop.create_server(
+                lambda: _AcceptedChannel(self, self._make_receiver()),
+                self._endpoint.host,
+                self._endpoint.port,
+                reuse_address=True,
+            )
+        except OSError as error:
+            raise RefusedError(_why_not_listening(self._endpoint, error)) from error
+
+    def stop_accepting(self) -> None:
+        """Take no more connections; those that are open stay."""
+        if self._server is not None:
+            self._server.close()
+
+    async def close(self) -> None:
+        """Close everything after what was written has left (within a second, else at once)."""
+        self.stop_accepting()
+        lost = [channel.lost for channel in self._channels]
+        for channel in tuple(self._channels):
+            channel.close()
+        if lost:
+            await asyncio.wait(lost, timeout=1.0)
+        for channel in tuple(self._channels):
+            channel.abort()
+        if self._server is not None:
+            await self._server.wait_closed()
+
+    def admit(self, channel: TcpChannel, host: str) -> bool:
+        """Whether a new connection from ``host`` is let in."""
+        if len(self._channels) < MAX_CONNECTIONS and self._is_allowed(host):
+            self._channels.add(channel)
+            return True
+        self.refused += 1
+        self._on_refused(host)
+        return False
+
+    def forget(self, channel: TcpChannel) -> None:
+        """Note that a connection is gone."""
+        self._channels.discard(channel)
+
+    def _is_allowed(self, host: str) -> bool:
+        if not self._allow:
+            return True
+        address = ip_address(host.partition("%")[0])
+        if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
+            address = address.ipv4_mapped
+        return any(address in network for network in self._allow)
+
+
+class TcpConnector:
+    """Keeps a connection to ``endpoint`` up, for ever."""
+
+    notes: tuple[str, ...] = ()
+    """As of a serial port; a connection has none."""
+
+    def __init__(self, endpoint: TcpEndpoint, receiver: Receiver, on_failure: Callable[[str], None]) -> None:
+        self._endpoint = endpoint
+        self._receiver = receiver
+        self._keeper = Keeper(self._attempt, on_failure)
+        self._channel: TcpChannel | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is a connection now."""
+        return self._channel is not None and not self._channel.lost.done()
+
+    @property
+    def failure(self) -> str:
+        """Why the last attempt to connect failed; empty while there is a connection."""
+        return self._keeper.failure
+
+    @property
+    def opens(self) -> int:
+        """How often a connection came about."""
+        return self._keeper.opens
+
+    async def open(self) -> None:
+        """Begin to connect. Returns at once: a drive that is switched off is no error."""
+        self._keeper.start()
+
+    async def close(self) -> None:
+        """Close and try no more."""
+        await self._keeper.stop()
+        if self._channel is not None and not self._channel.lost.done():
+            self._channel.close()
+            await asyncio.wait([self._channel.lost], timeout=1.0)
+            self._channel.abort()
+
+    async def _attempt(self) -> "asyncio.Future[None]":
+        if self._channel is not None and self._channel.bytes_received:
+            self._keeper.backoff.reset()
+        self._channel = None
+        loop = asyncio.get_running_loop()
+        try:
+            async with asyncio.timeout(CONNECT_TIMEOUT_S):
+                _, self._channel = await loop.create_connection(
+                    lambda: TcpChannel(self._receiver), self._endpoint.host, self._endpoint.port
+                )
+        except TimeoutError as error:
+            raise AbsentError(f"{self._endpoint} did not answer within {CONNECT_TIMEOUT_S:g} s") from error
+        except OSError as error:
+            why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+            raise AbsentError(f"{self._endpoint} cannot be reached: {why}") from error
+        return self._channel.lost
+
+
+def _name(peername: tuple[str, int] | None) -> str:
+    return str(TcpEndpoint(peername[0], peername[1])) if peername else "?"
+
+
+def _tune(connection: socket.socket) -> None:
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, KEEPALIVE_IDLE_S)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, KEEPALIVE_INTERVAL_S)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, KEEPALIVE_COUNT)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, USER_TIMEOUT_MS)
+
+
+def _why_not_listening(endpoint: TcpEndpoint, error: OSError) -> str:
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f"{endpoint} is in use by another program; choose another port or stop that program "
+            f"(ss -ltnp 'sport = :{endpoint.port}' names it)"
+        )
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return (
+            f"no permission to listen on {endpoint}; ports below 1024 need CAP_NET_BIND_SERVICE "
+            "(AmbientCapabilities= in the systemd unit), or choose a higher port"
+        )
+    if error.errno == errno.EADDRNOTAVAIL:
+        return f"{endpoint} is no address of this machine; `ip address` lists those it has"
+    if isinstance(error, socket.gaierror):
+        return f"host name {endpoint.host!r} is not known ({error.strerror}); use an address of this machine"
+    return f"cannot listen on {endpoint}: {error.strerror or error}"

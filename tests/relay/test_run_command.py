@@ -1,0 +1,128 @@
+"""``pitch-gateway run``: what it says, how it stops, with which code it ends."""
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import socket
+import sys
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from gateway.modbus.mbap import encode_mbap
+
+if TYPE_CHECKING:
+    from tests.relay.conftest import Bench
+
+ROOT = Path(__file__).parents[2]
+CONFIG = """
+[gateway]
+name = "trial"
+
+[line.xyz]
+drives = {{ tcp = "127.0.0.1:{drives}" }}
+
+[[line.xyz.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:{port}"
+
+[axis.x]
+line = "xyz"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000.0
+travel = [-300.0, 0.0]
+referenced = "absolute"
+compensation = "shadow"
+setpoints = "targets"
+
+[axis.x.registers]
+command = [{{ address = 0x0606, type = "int32" }}]
+actual = [{{ address = 0x0520, type = "int32" }}]
+"""
+
+
+@contextlib.asynccontextmanager
+async def running(config: Path, *options: str) -> AsyncIterator[asyncio.subprocess.Process]:
+    process = await asyncio.create_subprocess_exec(
+        sys.executable,
+        "-c",
+        "import typer; from gateway.cli.run import run; typer.run(run)",
+        str(config),
+        *options,
+        stderr=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    yield process
+    with contextlib.suppress(ProcessLookupError):
+        process.kill()
+    await process.communicate()
+
+
+async def event(process: asyncio.subprocess.Process, name: str) -> dict[str, Any]:
+    """Read the log up to an event."""
+    assert process.stderr is not None
+    async with asyncio.timeout(20):
+        while line := await process.stderr.readline():
+            note: dict[str, Any] = json.loads(line)
+            if note["event"] == name:
+                return note
+    raise AssertionError(f"the log ended without {name}")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+async def test_it_says_ready_serves_and_stops_cleanly(
+    bench: "Bench", tmp_path: Path, number: signal.Signals
+) -> None:
+    reply = bytes.fromhex("03 02 0007")
+    _, where = await bench.drive(
+        "tcp", lambda data: data[:4] + bytes([0, len(reply) + 1]) + data[6:7] + reply
+    )
+    config = tmp_path / "gateway.toml"
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    config.write_text(CONFIG.format(drives=getattr(where, "port", 0), port=port))
+    async with running(config, "--status-every", "0.05") as process:
+        assert "unchanged" in (await event(process, "shadow"))["detail"]
+        ready = await event(process, "ready")
+        assert ready["addresses"] == {"xyz/cnc": [f"127.0.0.1:{port}"]}
+        await event(process, "line-up")
+        near = await bench.connect(type(where)("127.0.0.1", port))  # type: ignore[arg-type]
+        near.write(encode_mbap(3, 1, bytes.fromhex("03 0010 0001")))
+        await near.receives(encode_mbap(3, 1, reply))
+        status = await event(process, "status")
+        assert status["axis"] == "x"
+        assert status["compensation"] == "no-table"
+        process.send_signal(number)
+        await event(process, "stopped")
+        async with asyncio.timeout(10):
+            assert await process.wait() == 0
+
+
+async def test_a_port_in_use_is_one_line_with_its_key_and_code_1(tmp_path: Path) -> None:
+    config = tmp_path / "gateway.toml"
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        config.write_text(CONFIG.format(drives=1, port=port))
+        async with running(config) as process:
+            _, errors = await process.communicate()
+    said = [line for line in errors.decode().splitlines() if not line.startswith(("{", "warning"))]
+    assert len(said) == 1
+    assert f"line.xyz.controllers[1].tcp (cnc): 127.0.0.1:{port} is in use" in said[0]
+    assert process.returncode == 1
+
+
+async def test_a_bad_configuration_ends_with_code_1_and_no_traceback(tmp_path: Path) -> None:
+    config = tmp_path / "gateway.toml"
+    config.write_text(CONFIG.format(drives=1, port=1502) + "\nwhat_is_this = 1\n")
+    async with running(config) as process:
+        _, errors = await process.communicate()
+    assert b"what_is_this" in errors
+    assert b"Traceback" not in errors
+    assert process.returncode == 1

@@ -1,0 +1,144 @@
+"""Starting says what is wrong; stopping leaves nothing half done."""
+
+import asyncio
+import socket
+from ipaddress import ip_network
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gateway.exchange.plan import ControllerPlan
+from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
+from gateway.modbus.mbap import encode_mbap
+from gateway.modbus.rtu import encode_rtu
+from gateway.relay.errors import StartError
+from gateway.relay.gateway import Relay
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.serial import open_port
+
+if TYPE_CHECKING:
+    from tests.relay.conftest import Bench, Tools
+
+READ = bytes.fromhex("03 0010 0001")
+REPLY = bytes.fromhex("03 02 0007")
+NOWHERE = TcpEndpoint("127.0.0.1", 1)
+
+
+def plan_of(*lines: LinePlan) -> GatewayPlan:
+    return GatewayPlan("test", lines)
+
+
+def line_plan(drives: TcpEndpoint | SerialEndpoint, *controllers: ControllerLink) -> LinePlan:
+    from gateway.exchange.plan import LineTiming
+
+    return LinePlan("xyz", drives, controllers, (), LineTiming())
+
+
+async def test_every_port_that_cannot_be_opened_is_named_with_its_key(bench: "Bench") -> None:
+    cable = bench.cable()
+    taken, _ = open_port(SerialEndpoint(cable.near))
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        relay = Relay(
+            plan_of(
+                line_plan(
+                    SerialEndpoint("/dev/null"),
+                    ControllerLink(ControllerPlan("hmi"), TcpEndpoint("127.0.0.1", 0)),
+                    ControllerLink(ControllerPlan("cnc"), TcpEndpoint("127.0.0.1", port)),
+                    ControllerLink(ControllerPlan("plc", serial=True), SerialEndpoint(cable.near)),
+                )
+            )
+        )
+        with pytest.raises(StartError) as caught:
+            await relay.start()
+    taken.close()
+    tcp, serial, drives = caught.value.problems
+    assert tcp.startswith(f"line.xyz.controllers[2].tcp (cnc): 127.0.0.1:{port} is in use by another program")
+    assert serial.startswith(f"line.xyz.controllers[3].rtu (plc): {cable.near} is in use by another program")
+    assert drives == "line.xyz.drives.rtu: /dev/null is not a serial port"
+
+
+async def test_nothing_stays_open_after_a_start_that_failed() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        free = socket.create_server(("127.0.0.1", 0))
+        free_port = free.getsockname()[1]
+        free.close()
+        relay = Relay(
+            plan_of(
+                line_plan(
+                    NOWHERE,
+                    ControllerLink(ControllerPlan("a"), TcpEndpoint("127.0.0.1", free_port)),
+                    ControllerLink(ControllerPlan("b"), TcpEndpoint("127.0.0.1", other.getsockname()[1])),
+                )
+            )
+        )
+        with pytest.raises(StartError):
+            await relay.start()
+    again = Relay(
+        plan_of(line_plan(NOWHERE, ControllerLink(ControllerPlan("a"), TcpEndpoint("127.0.0.1", free_port))))
+    )
+    await again.start()
+    await again.stop()
+
+
+async def test_absent_drives_and_adapters_are_no_start_error(bench: "Bench") -> None:
+    relay = Relay(
+        plan_of(
+            line_plan(
+                SerialEndpoint("/dev/ttyNONE0"),
+                ControllerLink(ControllerPlan("plc", serial=True), SerialEndpoint("/dev/ttyNONE1")),
+            )
+        ),
+        bench.notes.append,
+    )
+    await relay.start()
+    await relay.stop()
+    details = {note.event: note.fields["detail"] for note in bench.notes}
+    assert str(details["drives-not-reached"]).startswith("/dev/ttyNONE0 is not there")
+    assert str(details["port-not-open"]).startswith("/dev/ttyNONE1 is not there")
+
+
+@pytest.mark.parametrize("controller", ["tcp", "rtu"])
+async def test_the_exchange_on_the_wire_is_finished_before_the_stop(bench: "Bench", controller: str) -> None:
+    near, far, relay = await bench.raw_pair(controller, "rtu")
+    near.write(encode_mbap(5, 1, READ) if controller == "tcp" else encode_rtu(1, READ))
+    await far.until(lambda end: end.data == encode_rtu(1, READ))
+    stopping = asyncio.create_task(relay.stop())
+    await asyncio.sleep(0)
+    assert not stopping.done()
+    far.write(encode_rtu(1, REPLY))
+    await near.receives(encode_mbap(5, 1, REPLY) if controller == "tcp" else encode_rtu(1, REPLY))
+    async with asyncio.timeout(5):
+        await stopping
+    assert far.data == encode_rtu(1, READ)
+
+
+async def test_a_stop_waits_for_a_silent_drive_no_longer_than_its_time_out(bench: "Bench") -> None:
+    near, far, relay = await bench.raw_pair("tcp", "rtu")
+    near.write(encode_mbap(5, 1, READ))
+    await far.until(lambda end: bool(end.data))
+    async with asyncio.timeout(1):  # the time-out is 0.2 s
+        await relay.stop()
+
+
+async def test_no_connection_is_accepted_any_more_after_a_stop(bench: "Bench") -> None:
+    near, _, relay = await bench.raw_pair("tcp", "tcp")
+    where = relay.address("line", "cnc")
+    await relay.stop()
+    await near.until(lambda end: end.closes == 1)
+    with pytest.raises(ConnectionRefusedError):
+        await asyncio.open_connection(where.host, where.port)
+
+
+async def test_who_is_not_allowed_is_closed_counted_and_noted(bench: "Bench", tools: "Tools") -> None:
+    link = ControllerLink(
+        ControllerPlan("hmi"), TcpEndpoint("127.0.0.1", 0), allow=(ip_network("192.0.2.0/24"),)
+    )
+    relay = await bench.relay(NOWHERE, (link,))
+    stranger = await bench.connect(relay.address("line", "hmi"))
+    await stranger.until(lambda end: end.closes == 1)
+    controllers = tools.line_status(relay)["controllers"]
+    assert isinstance(controllers, list)
+    assert controllers[0]["refused_connections"] >= 1
+    await relay.stop()
+    assert any(note.event == "connection-refused" for note in bench.notes)

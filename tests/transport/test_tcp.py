@@ -1,0 +1,178 @@
+"""TCP: who is let in, what is said when listening fails, connections that come back."""
+
+import asyncio
+import contextlib
+import socket
+from ipaddress import ip_network
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.errors import RefusedError
+from gateway.transport.tcp import MAX_CONNECTIONS, TcpChannel, TcpConnector, TcpListener
+
+if TYPE_CHECKING:
+    from tests.transport.conftest import Eventually, Recorder
+
+LOOPBACK = TcpEndpoint("127.0.0.1", 0)
+
+
+def nobody(host: str) -> None:
+    raise AssertionError(f"{host} was refused")
+
+
+def ignore(why: str) -> None:
+    pass
+
+
+async def connect(endpoint: TcpEndpoint) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    return await asyncio.open_connection(endpoint.host, endpoint.port)
+
+
+class WatchedChannel(TcpChannel):
+    """Shows the socket that it was given."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        self.socket = transport.get_extra_info("socket")
+
+
+async def test_a_connection_sends_at_once_and_finds_out_when_the_peer_is_gone(
+    make_recorder: "type[Recorder]",
+) -> None:
+    listener = TcpListener(LOOPBACK, (), make_recorder, nobody)
+    await listener.open()
+    where = listener.addresses[0]
+    _, channel = await asyncio.get_running_loop().create_connection(
+        lambda: WatchedChannel(make_recorder()), where.host, where.port
+    )
+    assert channel.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    assert channel.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+    assert channel.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 10_000  # ms
+    channel.close()
+    await channel.lost
+    await listener.close()
+
+
+async def test_an_address_outside_allow_is_closed_and_counted(make_recorder: "type[Recorder]") -> None:
+    far = make_recorder()
+    refused: list[str] = []
+    listener = TcpListener(LOOPBACK, [ip_network("10.0.0.0/8")], lambda: far, refused.append)
+    await listener.open()
+    reader, writer = await connect(listener.addresses[0])
+    async with asyncio.timeout(5):
+        with contextlib.suppress(ConnectionResetError):  # as good as an end
+            assert await reader.read() == b""
+    writer.close()
+    assert refused == ["127.0.0.1"]
+    assert listener.refused == 1
+    assert far.opens == 0
+    assert far.reasons == []
+    await listener.close()
+
+
+async def test_an_address_inside_allow_is_let_in(make_recorder: "type[Recorder]") -> None:
+    far = make_recorder()
+    networks = [ip_network("10.0.0.0/8"), ip_network("127.0.0.0/8")]
+    listener = TcpListener(LOOPBACK, networks, lambda: far, nobody)
+    await listener.open()
+    _, writer = await connect(listener.addresses[0])
+    writer.write(b"hello")
+    await far.until(lambda end: end.data == b"hello")
+    assert len(listener.peers) == 1
+    writer.close()
+    await far.until(lambda end: len(end.reasons) == 1)
+    await listener.close()
+
+
+async def test_ipv6_is_served(make_recorder: "type[Recorder]") -> None:
+    far = make_recorder()
+    listener = TcpListener(TcpEndpoint("::1", 0), [ip_network("::1/128")], lambda: far, nobody)
+    try:
+        await listener.open()
+    except RefusedError:
+        pytest.skip("this machine has no IPv6")
+    _, writer = await connect(listener.addresses[0])
+    writer.write(b"six")
+    await far.until(lambda end: end.data == b"six")
+    writer.close()
+    await listener.close()
+
+
+async def test_connections_are_limited(make_recorder: "type[Recorder]", eventually: "Eventually") -> None:
+    refused: list[str] = []
+    listener = TcpListener(LOOPBACK, (), make_recorder, refused.append)
+    await listener.open()
+    writers = [(await connect(listener.addresses[0]))[1] for _ in range(MAX_CONNECTIONS)]
+    reader, extra = await connect(listener.addresses[0])
+    await eventually(lambda: bool(refused))
+    assert listener.refused == 1
+    assert len(listener.peers) == MAX_CONNECTIONS
+    for writer in [*writers, extra]:
+        writer.close()
+    del reader
+    await listener.close()
+
+
+async def test_a_port_in_use_is_named_with_the_remedy(make_recorder: "type[Recorder]") -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        listener = TcpListener(TcpEndpoint("127.0.0.1", port), (), make_recorder, nobody)
+        with pytest.raises(RefusedError, match=rf"127\.0\.0\.1:{port} is in use .* choose another port"):
+            await listener.open()
+        await listener.close()
+
+
+async def test_an_address_of_another_machine_is_named(make_recorder: "type[Recorder]") -> None:
+    listener = TcpListener(TcpEndpoint("192.0.2.1", 0), (), make_recorder, nobody)  # RFC 5737: nobody's
+    with pytest.raises(RefusedError, match="no address of this machine"):
+        await listener.open()
+
+
+async def test_a_peer_that_is_not_there_is_waited_for(
+    make_recorder: "type[Recorder]", eventually: "Eventually"
+) -> None:
+    near, far = make_recorder(), make_recorder()
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        endpoint = TcpEndpoint("127.0.0.1", other.getsockname()[1])
+    failed = asyncio.Event()
+    failures: list[str] = []
+
+    def note(why: str) -> None:
+        failures.append(why)
+        failed.set()
+
+    connector = TcpConnector(endpoint, near, note)
+    await connector.open()
+    async with asyncio.timeout(5):
+        await failed.wait()
+    assert str(endpoint) in failures[0]
+    assert connector.failure == failures[0]
+    listener = TcpListener(endpoint, (), lambda: far, nobody)
+    await listener.open()
+    await near.until(lambda end: end.opens == 1)
+    await eventually(lambda: not connector.failure)
+    assert len(failures) == 1
+    await connector.close()
+    await listener.close()
+
+
+async def test_a_peer_that_restarts_is_found_again(make_recorder: "type[Recorder]") -> None:
+    near, far = make_recorder(), make_recorder()
+    listener = TcpListener(LOOPBACK, (), lambda: far, nobody)
+    await listener.open()
+    endpoint = listener.addresses[0]
+    connector = TcpConnector(endpoint, near, ignore)
+    await connector.open()
+    await near.until(lambda end: end.opens == 1)
+    await listener.close()
+    await near.until(lambda end: len(end.reasons) == 1)
+    listener = TcpListener(endpoint, (), lambda: far, nobody)
+    await listener.open()
+    await near.until(lambda end: end.opens == 2)
+    near.write(b"again")
+    await far.until(lambda end: end.data == b"again")
+    assert connector.opens == 2
+    await connector.close()
+    await listener.close()
