@@ -79,7 +79,7 @@ class Keeper:
             if lost is not None:
                 self.failure = ""
                 self.opens += 1
-                await lost
+                await asyncio.shield(lost)  # it belongs to the channel: stopping must not cancel it
             lost = None
             await asyncio.sleep(self.backoff.next_s())
             try:

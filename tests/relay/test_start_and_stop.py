@@ -142,3 +142,20 @@ async def test_who_is_not_allowed_is_closed_counted_and_noted(bench: "Bench", to
     assert controllers[0]["refused_connections"] >= 1
     await relay.stop()
     assert any(note.event == "connection-refused" for note in bench.notes)
+
+
+async def test_a_second_relay_may_have_the_ports_of_the_first_once_it_stopped(bench: "Bench") -> None:
+    near, far = bench.cable(), bench.cable()
+    plan = plan_of(
+        line_plan(
+            SerialEndpoint(near.near),
+            ControllerLink(ControllerPlan("plc", serial=True), SerialEndpoint(far.near)),
+        )
+    )
+    for _ in range(3):
+        relay = Relay(plan)
+        await relay.start()
+        await relay.stop()
+    for device in (near.near, far.near):
+        port, _ = open_port(SerialEndpoint(device))
+        port.close()

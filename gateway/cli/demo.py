@@ -1,0 +1,133 @@
+"""``pitch-gateway demo``: the whole thing on one screen."""
+
+import asyncio
+import json
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Coroutine
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, TypeVar
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from gateway.cli.demonstration.screen import Screen
+
+ONCE_SPEED_UP: Final = 100.0
+LIVE_SPEED_UP: Final = 8.0
+"""On the screen one wants to see the axes move."""
+PAUSE_S: Final = 4.0
+"""Time to look at the result of a round on the live screen."""
+
+Result = TypeVar("Result")
+
+
+def demo(
+    *,
+    once: Annotated[bool, typer.Option("--once", help="One round, then end.")] = False,
+    json_output: Annotated[
+        bool, typer.Option("--json", help="One round; the result as JSON on stdout, progress on stderr.")
+    ] = False,
+    seed: Annotated[int, typer.Option("--seed", help="The same seed makes the same machine.")] = 1,
+    keep: Annotated[
+        Path | None,
+        typer.Option("--keep", help="Keep gateway.toml and the tables in this folder.", metavar="DIR"),
+    ] = None,
+) -> None:
+    """Show a worn machine become accurate: simulated controllers, drives and laser, the real gateway between.
+
+    Three axes with worn screws and backlash. The laser measures them, a .tab file is made of its readings,
+    and the same random moves are made without and with it. On a terminal a live screen follows new rounds
+    until Ctrl-C; otherwise, and with --once, one round is made and its result printed.
+
+    Exit code 1 if a round leaves more than 1/20 of an error or reads back another position than was
+    commanded.
+
+    Examples:
+        pitch-gateway demo
+        pitch-gateway demo --once --json
+        pitch-gateway demo --once --seed 7 --keep /tmp/demo
+    """
+    from rich.console import Console
+
+    from gateway.relay.errors import StartError
+    from gateway.simulator.errors import SimulatorError
+
+    console = Console(stderr=json_output)
+    live = not once and not json_output and console.is_terminal
+    try:
+        with ExitStack() as exits:
+            folder = keep or Path(
+                exits.enter_context(tempfile.TemporaryDirectory(prefix="pitch-gateway-demo-"))
+            )
+            folder.mkdir(parents=True, exist_ok=True)
+            good = asyncio.run(
+                _live(console, folder, seed) if live else _once(console, folder, seed, keep, json_output)
+            )
+    except (SimulatorError, StartError, OSError) as error:
+        typer.echo(f"demo: {error}", err=True)
+        raise typer.Exit(1) from None
+    if not good:
+        raise typer.Exit(1)
+
+
+async def _once(console: "Console", folder: Path, seed: int, keep: Path | None, json_output: bool) -> bool:
+    """One round with a line for each step, and its result."""
+    from gateway.cli.demonstration.cycle import run_round
+    from gateway.cli.demonstration.report import Narrator, as_json, is_good, summary
+
+    started_s = time.monotonic()
+    view = await _until_signal(run_round(seed, folder, ONCE_SPEED_UP, Narrator(console)))
+    if view is None:
+        return True
+    if json_output:
+        json.dump(
+            as_json(view, time.monotonic() - started_s, str(keep) if keep else None), sys.stdout, indent=2
+        )
+        sys.stdout.write("\n")
+    else:
+        console.print(summary(view))
+        if keep:
+            console.print(f"configuration and tables are in {keep}", highlight=False)
+    return is_good(view)
+
+
+async def _live(console: "Console", folder: Path, seed: int) -> bool:
+    """Follow rounds on the screen, a new machine each, until a signal."""
+    from gateway.cli.demonstration.screen import Screen
+
+    screen = Screen(console)
+    drawing = asyncio.create_task(screen.run())
+    try:
+        await _until_signal(_rounds(screen, folder, seed))
+    finally:
+        drawing.cancel()
+        with suppress(asyncio.CancelledError):
+            await drawing
+    return True
+
+
+async def _rounds(screen: "Screen", folder: Path, seed: int) -> None:
+    from gateway.cli.demonstration.cycle import run_round
+
+    while True:
+        await run_round(seed, folder, LIVE_SPEED_UP, screen)
+        await asyncio.sleep(PAUSE_S)
+        seed += 1
+
+
+async def _until_signal(work: Coroutine[object, object, Result]) -> Result | None:
+    """Run ``work``; SIGINT and SIGTERM end it cleanly, and None comes back."""
+    task = asyncio.ensure_future(work)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, task.cancel)
+    try:
+        return await task
+    except asyncio.CancelledError:
+        return None

@@ -1,0 +1,196 @@
+"""One round of the demonstration: measure, build the table, compare the machine without and with it."""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from gateway.cli.demonstration.configuration import write_configuration, write_table
+from gateway.cli.demonstration.rig import Rig, RigAxis
+from gateway.cli.demonstration.spec import AXES
+from gateway.cli.demonstration.view import AxisView, Judged, Listener, Phase, View
+from gateway.config.load import load
+from gateway.metrology.build import HomeReference, build_table
+from gateway.metrology.readings import Reading
+from gateway.relay.gateway import Relay
+from gateway.simulator.clock import scaled_clock
+from gateway.simulator.controller import Arrival, AxisController, Stop, bidirectional_cycle
+from gateway.simulator.errors import SimulatorError
+
+TARGETS: Final = 60
+LINES_UP_TIMEOUT_S: Final = 10.0
+UM_PER_MM: Final = 1000.0
+
+
+async def run_round(seed: int, folder: Path, speed_up: float, listener: Listener) -> View:
+    """Run all steps on all axes at once and return what there was to see.
+
+    The simulated machine lives ``speed_up`` times as fast as we do; the bytes on the cables do not.
+    """
+    async with Rig(AXES, seed, scaled_clock(speed_up)) as rig:
+        view = View(seed, {axis.spec.name: _axis_view(axis) for axis in rig.axes}, listener)
+        listener.on_view(view)
+        round_ = _Round(rig, view)
+        async with running_gateway(write_configuration(folder, rig.axes, corrected=False)):
+            await round_.on_all_axes(round_.measure)
+            await round_.on_all_axes(round_.judge_without)
+        for axis in rig.axes:
+            table = view.axes[axis.spec.name].table
+            assert table is not None
+            write_table(folder, axis, table)
+        async with running_gateway(write_configuration(folder, rig.axes, corrected=True)):
+            await round_.on_all_axes(round_.judge_with)
+        for axis_view in view.axes.values():
+            view.begin(axis_view, Phase.DONE, 0)
+        listener.on_end(view)
+        return view
+
+
+@asynccontextmanager
+async def running_gateway(configuration: Path) -> AsyncIterator[Relay]:
+    """The real gateway, from a configuration file, in this process."""
+    relay = Relay(load(configuration).plan)
+    await relay.start()
+    try:
+        await _all_lines_up(relay)
+        yield relay
+    finally:
+        await relay.stop()
+
+
+async def _all_lines_up(relay: Relay) -> None:
+    """The gateway reaches its drives in the background; a controller of this machine waits for that."""
+    loop = asyncio.get_running_loop()
+    give_up_s = loop.time() + LINES_UP_TIMEOUT_S
+    while down := _lines_down(relay):
+        if loop.time() > give_up_s:
+            raise SimulatorError(f"the gateway did not reach the drives of line {', '.join(down)}")
+        await asyncio.sleep(0.005)
+
+
+def _lines_down(relay: Relay) -> list[str]:
+    lines = relay.status()["lines"].items()
+    return [name for name, line in lines if isinstance(line, Mapping) and line["state"] != "up"]
+
+
+def _axis_view(axis: RigAxis) -> AxisView:
+    deviations_um = [axis.mechanics.screw.deviation_mm(x * axis.spec.mm) * UM_PER_MM for x in axis.spec.grid]
+    pitch_error_um = max(deviations_um) - min(deviations_um)
+    return AxisView(axis.spec, axis.mechanics.backlash_mm * UM_PER_MM, pitch_error_um)
+
+
+@dataclass(frozen=True, slots=True)
+class _Station:
+    """One axis with its controller connected and the part of the view that shows it."""
+
+    axis: RigAxis
+    view: AxisView
+    controller: AxisController
+
+    def note(self, arrival: Arrival) -> None:
+        """Write down what can be seen at a stop."""
+        axis, view = self.axis, self.view
+        view.stops_done += 1
+        view.stops += 1
+        view.inexact_readbacks += not arrival.is_exact
+        view.nut = axis.laser.true_mm(axis.clock()) / axis.spec.mm
+        view.nominal = axis.spec.wiring.nominal(arrival.commanded_counts)
+        view.told = axis.spec.wiring.nominal(axis.mechanics.target_counts)
+
+    def judged(self, arrival: Arrival, nut: float) -> Judged:
+        """Compare where the nut is with where the controller wanted it."""
+        error_um = (nut - self.view.nominal) * self.axis.spec.mm * UM_PER_MM
+        return Judged(self.view.nominal, arrival.stop.direction, error_um)
+
+
+_Step = Callable[[_Station], Awaitable[None]]
+
+
+class _Round:
+    """The steps of one round."""
+
+    def __init__(self, rig: Rig, view: View) -> None:
+        self._rig = rig
+        self._view = view
+        self._targets = {axis.spec.name: list(random_targets(axis)) for axis in rig.axes}
+
+    async def on_all_axes(self, step: _Step) -> None:
+        """Run a step on all axes at once, each with a controller of its own."""
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                for axis in self._rig.axes:
+                    tasks.create_task(self._on_axis(axis, step))
+        except ExceptionGroup as failures:
+            raise failures.exceptions[
+                0
+            ] from None  # One axis that fails ends the others; its reason is the one.
+
+    async def measure(self, station: _Station) -> None:
+        """Home, zero the laser, read it at every point of the table in both directions; build the table."""
+        axis, view = station.axis, station.view
+        readings: list[Reading] = []
+
+        def read_laser(arrival: Arrival) -> None:
+            measured = axis.laser.read_mm(axis.clock()) / axis.spec.mm
+            readings.append(Reading(arrival.stop.nominal, arrival.stop.direction, measured))
+            view.measured.append(station.judged(arrival, measured))
+
+        await self._home(station)
+        axis.laser.zero(axis.clock())
+        await self._run(Phase.MEASURING, station, axis.spec.grid, read_laser)
+        home = HomeReference(0.0, axis.spec.home_direction)
+        view.table = build_table(readings, axis.spec.units, home=home)
+
+    async def judge_without(self, station: _Station) -> None:
+        """Go to the random targets from both sides; the table exists, but nobody uses it yet."""
+        await self._judge(Phase.WITHOUT, station, station.view.without)
+
+    async def judge_with(self, station: _Station) -> None:
+        """Make the same moves, corrected. The laser keeps its zero."""
+        await self._home(station)
+        await self._judge(Phase.WITH, station, station.view.corrected)
+
+    async def _on_axis(self, axis: RigAxis, step: _Step) -> None:
+        master, controller = await axis.connect()
+        try:
+            await step(_Station(axis, self._view.axes[axis.spec.name], controller))
+        finally:
+            await master.close()
+
+    async def _home(self, station: _Station) -> None:
+        """Go to 0 in the direction of homing, which the table has as its reference."""
+        spec = station.axis.spec
+        self._view.begin(station.view, Phase.HOMING, 0)
+        before = Stop(-spec.home_direction.value * spec.overrun, spec.home_direction, measure=False)
+        for stop in (before, Stop(0.0, spec.home_direction, measure=False)):
+            station.note(await station.controller.move(stop))
+
+    async def _judge(self, phase: Phase, station: _Station, judged: list[Judged]) -> None:
+        def judge(arrival: Arrival) -> None:
+            judged.append(station.judged(arrival, station.view.nut))
+
+        await self._run(phase, station, self._targets[station.axis.spec.name], judge)
+
+    async def _run(
+        self, phase: Phase, station: _Station, targets: list[float], at_stop: Callable[[Arrival], None]
+    ) -> None:
+        """Run a bidirectional cycle; ``at_stop`` sees the stops that count while the axis stands there."""
+        stops = list(bidirectional_cycle(targets, station.axis.spec.overrun))
+        self._view.begin(station.view, phase, len(stops))
+        async for arrival in station.controller.run(iter(stops)):
+            station.note(arrival)
+            if arrival.stop.measure:
+                at_stop(arrival)
+
+
+def random_targets(axis: RigAxis) -> Iterator[float]:
+    """Random targets all over the travel, off the table's grid."""
+    spec = axis.spec
+    for index in range(TARGETS):
+        while True:
+            target = spec.low + (index + axis.target_rng.random()) * (spec.high - spec.low) / TARGETS
+            if 0.05 < (target - spec.low) / spec.step % 1.0 < 0.95:
+                break
+        yield target

@@ -1,0 +1,44 @@
+"""``pitch-gateway``: the commands, each in a file of its own."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from gateway import __version__
+from gateway.cli import check, demo, run, simulate, table
+
+app = typer.Typer(
+    name="pitch-gateway",
+    help="Leadscrew error compensation spliced into the Modbus cable between a motion controller and its drives.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("demo")(demo.demo)
+app.command("run")(run.run)
+app.command("check")(check.check)
+app.command("simulate")(simulate.simulate)
+app.add_typer(table.app, name="table")
+
+
+def _show_version(value: bool) -> None:
+    if value:
+        sys.stdout.write(f"pitch-gateway {__version__}\n")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
+    ] = False,
+) -> None:
+    """Leadscrew error compensation spliced into the Modbus cable."""
+
+
+def main() -> None:
+    """Run the command line; exit codes: 0 good, 1 the input is bad, 2 wrong usage."""
+    app()

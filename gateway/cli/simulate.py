@@ -1,0 +1,91 @@
+"""``pitch-gateway simulate``: drives without a machine."""
+
+import asyncio
+import json
+import signal
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from gateway.ipc.plan import GatewayPlan
+    from gateway.simulator.world import ServedLine
+
+
+def simulate(
+    config: Annotated[
+        Path, typer.Argument(help="Configuration of the gateway, a TOML file.", metavar="CONFIG")
+    ],
+    speed_up: Annotated[
+        float, typer.Option("--speed-up", min=0.001, help="Machine time per real time; wire times stay real.")
+    ] = 1.0,
+    seed: Annotated[int, typer.Option("--seed", help="The same seed makes the same worn screws.")] = 0,
+    *,
+    paced: Annotated[
+        bool,
+        typer.Option("--paced/--unpaced", help="Serial bytes take their time at the configured baud rate."),
+    ] = True,
+    json_output: Annotated[
+        bool, typer.Option("--json", help="Say what is served as one line of JSON.")
+    ] = False,
+) -> None:
+    """Simulate every drive that CONFIG names, so that it can be tried without a machine.
+
+    Local TCP addresses of drives are listened on. Serial ports that do not exist are made; where a
+    controller's port is made too, the controller opens the same path with .controller behind it. Runs until
+    Ctrl-C.
+
+    Examples:
+        pitch-gateway simulate gateway.toml
+        pitch-gateway run gateway.toml            (in a second terminal)
+        pitch-gateway simulate gateway.toml --speed-up 20 --seed 7
+    """
+    from gateway.config.load import load
+    from gateway.config.problems import ConfigErrors
+    from gateway.simulator.errors import SimulatorError
+
+    try:
+        plan = load(config).plan
+        asyncio.run(_serve(plan, speed_up, seed, paced=paced, json_output=json_output))
+    except ConfigErrors as errors:
+        typer.echo(str(errors), err=True)
+        raise typer.Exit(1) from None
+    except SimulatorError as error:
+        typer.echo(f"{config}: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
+async def _serve(plan: "GatewayPlan", speed_up: float, seed: int, *, paced: bool, json_output: bool) -> None:
+    from gateway.simulator.clock import scaled_clock
+    from gateway.simulator.world import World
+
+    ended = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for signal_number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(signal_number, ended.set)
+    async with World(plan, scaled_clock(speed_up), seed=seed, paced=paced) as world:
+        lines = [asdict(line) for line in world.served]
+        if json_output:
+            typer.echo(json.dumps({"event": "serving", "lines": lines, "speed_up": speed_up, "seed": seed}))
+        else:
+            for line in world.served:
+                _describe(line)
+            typer.echo("Ctrl-C ends it.")
+        await ended.wait()
+
+
+def _describe(line: "ServedLine") -> None:
+    typer.echo(f"line {line.name}: drives on {line.address} ({line.kind})")
+    for axis in line.axes:
+        typer.echo(
+            f"  axis {axis.name}: unit {axis.unit_id}, a worn screw, {axis.backlash_um:g} µm of backlash"
+        )
+    for controller in line.controllers:
+        opens = (
+            "the gateway listens there"
+            if controller.gateway_opens == controller.controller_opens
+            else (f"the gateway opens {controller.gateway_opens}")
+        )
+        typer.echo(f"  controller {controller.name}: connect it to {controller.controller_opens} ({opens})")

@@ -1,0 +1,59 @@
+"""Several simulated drives on one bus."""
+
+from collections.abc import Iterable
+from typing import Final
+
+from gateway.simulator.axis import SimulatedAxis
+from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.errors import SimulatorError
+from gateway.simulator.ledger import Ledger
+
+BROADCAST: Final = 0
+
+
+class DriveBus:
+    """Hands each request to the drive that it names; all drives share one ledger.
+
+    Unit id 0 is a broadcast, obeyed by all and answered by none, unless a drive has that very id.
+    """
+
+    def __init__(self, drives: Iterable[SimulatedDrive]) -> None:
+        self.ledger = Ledger()
+        self._drives: dict[int, SimulatedDrive] = {}
+        for drive in drives:
+            if drive.unit_id in self._drives:
+                raise SimulatorError(f"two drives with unit id {drive.unit_id} on one bus")
+            drive.ledger = self.ledger
+            self._drives[drive.unit_id] = drive
+
+    @property
+    def drives(self) -> tuple[SimulatedDrive, ...]:
+        """The drives in the order in which they were given."""
+        return tuple(self._drives.values())
+
+    def axis(self, name: str) -> SimulatedAxis:
+        """An axis by its name.
+
+        Raises:
+            KeyError: no drive has it.
+        """
+        return {axis.name: axis for drive in self.drives for axis in drive.axes}[name]
+
+    def has(self, unit_id: int) -> bool:
+        """Whether a request to this unit id is anybody's business."""
+        return unit_id in self._drives or unit_id == BROADCAST
+
+    def answer(self, unit_id: int, pdu: bytes, now_s: float) -> bytes | None:
+        """Obey a request.
+
+        Returns None where nobody answers: a broadcast, an unknown unit id, a request without a function.
+        """
+        if not pdu:
+            return None
+        drive = self._drives.get(unit_id)
+        if drive is not None:
+            return drive.answer(pdu, now_s)
+        if unit_id == BROADCAST:
+            for each in self.drives:
+                each.answer(pdu, now_s)
+        return None

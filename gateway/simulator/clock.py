@@ -1,0 +1,49 @@
+"""The one place where the simulator looks at a clock: everything else is told the time."""
+
+import asyncio
+from collections.abc import Callable
+
+from gateway.simulator.errors import SimulatorError
+
+SimulationClock = Callable[[], float]
+"""Returns the seconds that have passed in the simulated world."""
+
+NS_PER_S = 1_000_000_000
+
+
+def scaled_clock(speed_up: float = 1.0) -> SimulationClock:
+    """Clock of a world that runs ``speed_up`` times as fast as ours; it starts at 0. Needs a running loop."""
+    if speed_up <= 0:
+        raise SimulatorError(f"speed-up {speed_up}: it must be above 0")
+    loop = asyncio.get_running_loop()
+    started_s = loop.time()
+    return lambda: (loop.time() - started_s) * speed_up
+
+
+def loop_now_ns() -> int:
+    """Time of the running loop, for framing and wire times: these are never sped up."""
+    return int(asyncio.get_running_loop().time() * NS_PER_S)
+
+
+class Alarm:
+    """One timer that follows a deadline wherever it moves."""
+
+    def __init__(self, ring: Callable[[], None]) -> None:
+        self._ring = ring
+        self._handle: asyncio.TimerHandle | None = None
+        self._due_ns: int | None = None
+
+    def set(self, due_ns: int | None) -> None:
+        """Ring at ``due_ns`` of the loop's time, or not at all."""
+        if due_ns == self._due_ns:
+            return
+        if self._handle is not None:
+            self._handle.cancel()
+            self._handle = None
+        self._due_ns = due_ns
+        if due_ns is not None:
+            self._handle = asyncio.get_running_loop().call_at(due_ns / NS_PER_S, self._go_off)
+
+    def _go_off(self) -> None:
+        self._handle, self._due_ns = None, None
+        self._ring()

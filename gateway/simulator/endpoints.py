@@ -1,0 +1,239 @@
+"""Simulated drives behind real sockets and serial ports."""
+
+import asyncio
+import errno
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final
+
+from gateway.modbus.mbap import MbapDecoder, encode_mbap
+from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
+from gateway.simulator.bus import DriveBus
+from gateway.simulator.clock import NS_PER_S, Alarm, SimulationClock, loop_now_ns
+from gateway.simulator.errors import SimulatorError
+from gateway.simulator.pty import FdChannel
+from gateway.simulator.wire import Lane
+from gateway.transport.endpoints import SerialEndpoint
+
+GATEWAY_TARGET_FAILED: Final = 0x0B
+"""What a TCP device answers for a unit id that nobody has (Modbus application protocol V1.1b3, section 7)."""
+
+
+class _DelayedSender:
+    """Sends replies after the drive's response delay, in the order of the requests."""
+
+    def __init__(self, send: Callable[[bytes], None], delay_s: float) -> None:
+        self._send = send
+        self._delay_ns = round(delay_s * NS_PER_S)
+        self._waiting: deque[tuple[int, bytes]] = deque()
+        self._alarm = Alarm(self._send_due)
+
+    def send(self, adu: bytes) -> None:
+        if not self._delay_ns:
+            self._send(adu)
+            return
+        self._waiting.append((loop_now_ns() + self._delay_ns, adu))
+        self._alarm.set(self._waiting[0][0])
+
+    def close(self) -> None:
+        self._waiting.clear()
+        self._alarm.set(None)
+
+    def _send_due(self) -> None:
+        now_ns = loop_now_ns()
+        while self._waiting and self._waiting[0][0] <= now_ns:
+            self._send(self._waiting.popleft()[1])
+        self._alarm.set(self._waiting[0][0] if self._waiting else None)
+
+
+class _RtuUnit:
+    """RTU bytes in, RTU bytes out: what serial ports and RTU over TCP share."""
+
+    def __init__(
+        self, bus: DriveBus, clock: SimulationClock, send: Callable[[bytes], None], delay_s: float
+    ) -> None:
+        self._bus = bus
+        self._clock = clock
+        self._decoder = RtuRequestDecoder()
+        self._sender = _DelayedSender(send, delay_s)
+        self._silence = Alarm(self._on_silence)
+
+    def feed(self, data: bytes) -> None:
+        self._answer(self._decoder.feed(data, loop_now_ns()))
+
+    def close(self) -> None:
+        self._silence.set(None)
+        self._sender.close()
+
+    def _on_silence(self) -> None:
+        self._answer(self._decoder.on_silence(loop_now_ns()))
+
+    def _answer(self, requests: list[tuple[int, bytes]]) -> None:
+        for unit_id, pdu in requests:
+            reply = self._bus.answer(unit_id, pdu, self._clock())
+            if reply is not None:
+                self._sender.send(encode_rtu(unit_id, reply))
+        self._silence.set(self._decoder.deadline_ns)
+
+
+class SerialDriveServer:
+    """Drives on a serial port, given by a raw, non-blocking descriptor: a pty's master or an opened device.
+
+    With ``wire`` the bytes take the time that they need at that port's baud rate, in both directions.
+    """
+
+    def __init__(
+        self,
+        bus: DriveBus,
+        clock: SimulationClock,
+        fd: int,
+        *,
+        response_delay_s: float = 0.0,
+        wire: SerialEndpoint | None = None,
+    ) -> None:
+        self.bus = bus
+        channel = FdChannel(fd)
+        to_gateway = Lane(channel.send, wire)
+        unit = _RtuUnit(bus, clock, to_gateway.send, response_delay_s)
+        to_drives = Lane(unit.feed, wire)
+        self._parts = (channel, to_drives, unit, to_gateway)
+        channel.listen(to_drives.send)
+
+    def close(self) -> None:
+        """Stop answering; the descriptor stays open."""
+        for part in self._parts:
+            part.close()
+
+
+class TcpDriveServer:
+    """Drives on a TCP port: Modbus TCP, or raw RTU frames (``rtu``) as serial device servers carry them."""
+
+    def __init__(
+        self,
+        bus: DriveBus,
+        clock: SimulationClock,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        rtu: bool = False,
+        response_delay_s: float = 0.0,
+    ) -> None:
+        self.bus = bus
+        self.host = host
+        self.port = port
+        self._clock = clock
+        self.rtu = rtu
+        self._delay_s = response_delay_s
+        self._server: asyncio.Server | None = None
+        self._connections: set[_Connection] = set()
+
+    async def start(self) -> None:
+        """Listen; a port of 0 is replaced by the one that was found.
+
+        Raises:
+            SimulatorError: the address is in use or not ours.
+        """
+        loop = asyncio.get_running_loop()
+        try:
+            self._server = await loop.create_server(self._connection, self.host, self.port)
+        except OSError as error:
+            raise SimulatorError(f"cannot listen on {self.host}:{self.port}: {_why(error)}") from error
+        self.port = self._server.sockets[0].getsockname()[1]
+
+    async def stop(self) -> None:
+        """Close the listener and every connection."""
+        if self._server is not None:
+            self._server.close()
+            for connection in tuple(self._connections):
+                connection.abort()
+            with suppress(asyncio.CancelledError):
+                await self._server.wait_closed()
+
+    def drop_connections(self) -> None:
+        """Cut every connection, as a drive that is switched off; the listener stays."""
+        for connection in tuple(self._connections):
+            connection.abort()
+
+    def _connection(self) -> asyncio.Protocol:
+        if self.rtu:
+            return _RtuConnection(self.bus, self._clock, self._delay_s, self._connections)
+        return _MbapConnection(self.bus, self._clock, self._delay_s, self._connections)
+
+
+class _Connection(asyncio.Protocol):
+    """What both kinds of connection share."""
+
+    def __init__(
+        self, bus: DriveBus, clock: SimulationClock, delay_s: float, connections: "set[_Connection]"
+    ) -> None:
+        self.bus = bus
+        self.clock = clock
+        self.delay_s = delay_s
+        self._connections = connections
+        self._transport: asyncio.WriteTransport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.WriteTransport)
+        self._transport = transport
+        self._connections.add(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._connections.discard(self)
+        self._transport = None
+
+    def send(self, adu: bytes) -> None:
+        if self._transport is not None:
+            self._transport.write(adu)
+
+    def abort(self) -> None:
+        if self._transport is not None:
+            self._transport.abort()
+
+
+class _RtuConnection(_Connection):
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        self._unit = _RtuUnit(self.bus, self.clock, self.send, self.delay_s)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        super().connection_lost(exc)
+        self._unit.close()
+
+    def data_received(self, data: bytes) -> None:
+        self._unit.feed(data)
+
+
+class _MbapConnection(_Connection):
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        self._decoder = MbapDecoder()
+        self._sender = _DelayedSender(self.send, self.delay_s)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        super().connection_lost(exc)
+        self._sender.close()
+
+    def data_received(self, data: bytes) -> None:
+        requests = self._decoder.feed(data)
+        if self._decoder.counters.bad_headers:
+            self.abort()  # Not Modbus TCP, or out of step for good.
+            return
+        for transaction_id, unit_id, pdu in requests:
+            reply = self.bus.answer(unit_id, pdu, self.clock())
+            if reply is None and pdu and not self.bus.has(unit_id):
+                reply = bytes((pdu[0] | 0x80, GATEWAY_TARGET_FAILED))
+            if reply is not None:
+                self._sender.send(encode_mbap(transaction_id, unit_id, reply))
+
+
+def _why(error: OSError) -> str:
+    """Why an address cannot be listened on, and what to do about it."""
+    match error.errno:
+        case errno.EADDRINUSE:
+            return "the port is in use; stop what uses it or give the drives another one"
+        case errno.EACCES:
+            return "no permission; give the drives a port above 1023"
+        case errno.EADDRNOTAVAIL:
+            return "not an address of this machine; give the drives one that is, such as 127.0.0.1"
+    return f"{error.strerror or error}; give the drives an address of this machine, such as 127.0.0.1"

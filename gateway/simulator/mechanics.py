@@ -1,0 +1,138 @@
+"""One simulated axis: motor, screw, backlash, nut and encoder. Nothing here reads a clock.
+
+Positions are machine millimetres (a degree of a rotary axis stands for a millimetre). Each axis runs through
+time once, forwards: call :meth:`Mechanics.advance` with times that never go back.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from gateway.compensation.settings import AxisSettings
+from gateway.compensation.units import Units
+from gateway.simulator.motion import Dynamics, Motion, plan_motion, standing
+from gateway.simulator.play import Flank, Play
+from gateway.simulator.screw import Screw
+
+DEFAULT_DYNAMICS: Final = Dynamics()
+
+
+@dataclass(frozen=True, slots=True)
+class Encoder:
+    """Turns motor positions into counts: ``counts = zero_counts + counts_per_mm * motor_mm``.
+
+    ``counts_per_mm`` is negative where the drive counts the other way.
+    """
+
+    counts_per_mm: float
+    zero_counts: float = 0.0
+
+    def counts(self, motor_mm: float) -> float:
+        """Counts at a motor position, not yet rounded."""
+        return self.zero_counts + self.counts_per_mm * motor_mm
+
+    def motor_mm(self, counts: float) -> float:
+        """Motor position of a number of counts."""
+        return (counts - self.zero_counts) / self.counts_per_mm
+
+
+class Mechanics:
+    """A motor that turns a worn screw, and the nut that follows it."""
+
+    def __init__(
+        self,
+        screw: Screw,
+        encoder: Encoder,
+        *,
+        backlash_mm: float = 0.0,
+        flank: Flank = Flank.FORWARD,
+        dynamics: Dynamics = DEFAULT_DYNAMICS,
+        start_mm: float = 0.0,
+    ) -> None:
+        self.screw = screw
+        self.encoder = encoder
+        self.dynamics = dynamics
+        self.homed = True
+        self.alarm = False
+        self._now_s = 0.0
+        self._motion: Motion = standing(start_mm)
+        self._target_counts = encoder.counts(start_mm)
+        self._play = Play(backlash_mm, screw.driven_mm(start_mm), flank)
+
+    @property
+    def backlash_mm(self) -> float:
+        """Lost motion between screw and nut."""
+        return self._play.width_mm
+
+    @property
+    def motor_mm(self) -> float:
+        """Where the motor's turns say that the nut should be."""
+        return self._motion.position_mm(self._now_s)
+
+    @property
+    def nut_mm(self) -> float:
+        """Where the nut truly is."""
+        return self._play.nut_mm
+
+    @property
+    def actual_counts(self) -> float:
+        """Encoder position, not yet rounded; exactly the target once the move is done."""
+        return self.encoder.counts(self.motor_mm) if self.is_moving else self._target_counts
+
+    @property
+    def target_counts(self) -> float:
+        """Target of the last command."""
+        return self._target_counts
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a move is under way."""
+        return self._now_s < self._motion.end_s
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the axis stands where it was last told to go."""
+        return not self.is_moving and not self.alarm
+
+    def advance(self, now_s: float) -> None:
+        """Let time pass until ``now_s``; the nut follows through every turning point on the way."""
+        if now_s <= self._now_s:
+            return
+        for turning_mm in self._motion.turning_points_mm(self._now_s, now_s):
+            self._play.follow(self.screw.driven_mm(turning_mm))
+        self._now_s = now_s
+        self._play.follow(self.screw.driven_mm(self.motor_mm))
+
+    def command(self, target_counts: float, now_s: float) -> None:
+        """Start an absolute move. The target of the move under way, given again, changes nothing."""
+        self.advance(now_s)
+        if self.alarm or (target_counts == self._target_counts and self.is_moving):
+            return
+        self._start(self.encoder.motor_mm(target_counts), now_s)
+        self._target_counts = target_counts
+
+    def stop(self, now_s: float) -> None:
+        """Brake to a standstill; the place where it ends becomes the target."""
+        self.advance(now_s)
+        speed = self._motion.speed_mm_s(now_s)
+        at_mm = self.motor_mm + speed * abs(speed) / (2 * self.dynamics.acceleration_mm_s2)
+        if self.is_moving:
+            self._start(at_mm, now_s)
+            self._target_counts = self.encoder.counts(at_mm)
+
+    def _start(self, target_mm: float, now_s: float) -> None:
+        speed_mm_s = self._motion.speed_mm_s(now_s)
+        self._motion = plan_motion(self.motor_mm, speed_mm_s, target_mm, now_s, self.dynamics)
+
+
+def encoder_of(settings: AxisSettings) -> Encoder:
+    """Encoder that fits an axis of a configuration.
+
+    ``counts = zero_counts + counts_per_unit * (nominal + machine_offset)``, and the machine position is
+    ``nominal + machine_offset``, so the offset is no business of the encoder.
+    """
+    return Encoder(settings.counts_per_unit / unit_mm(settings.units), settings.zero_counts)
+
+
+def unit_mm(units: Units) -> float:
+    """Millimetres of one machine unit; a degree stands for a millimetre."""
+    return 1.0 if units is Units.DEGREE else units.convert_factor(Units.MM)

@@ -1,0 +1,118 @@
+"""Pseudo terminals that stand for serial ports, and their file descriptors on the loop."""
+
+import asyncio
+import os
+import termios
+import tty
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+READ_BYTES: Final = 4096
+MAX_UNREAD_BYTES: Final = 1024
+"""Bytes kept for a port that nobody reads; a serial wire would have lost them long before."""
+
+
+class Pty:
+    """A pair of file descriptors: we hold the master, whoever opens ``path`` gets the other end.
+
+    The slave is kept open too: without it the master fails each time the other side closes its port.
+    """
+
+    def __init__(self) -> None:
+        self.master_fd, self._slave_fd = os.openpty()
+        for fd in (self.master_fd, self._slave_fd):
+            tty.setraw(fd)
+            os.set_blocking(fd, False)
+        self.path = os.ttyname(self._slave_fd)
+        self._links: list[Path] = []
+
+    def link(self, path: Path) -> None:
+        """Make ``path`` a symbolic link to the slave; it goes with the pty.
+
+        Raises:
+            OSError: the link cannot be made.
+        """
+        path.symlink_to(self.path)
+        self._links.append(path)
+
+    def close(self) -> None:
+        """Close both ends and take the links away."""
+        for path in self._links:
+            if path.is_symlink() and str(path.readlink()) == self.path:
+                path.unlink()
+        self._links.clear()
+        for fd in (self.master_fd, self._slave_fd):
+            with suppress(OSError):
+                os.close(fd)
+
+
+def open_serial(path: str) -> int:
+    """Open the slave of a pty raw and non-blocking, with nothing old in it.
+
+    Raises:
+        OSError: there is no such port, or no permission.
+    """
+    fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    tty.setraw(fd)
+    termios.tcflush(fd, termios.TCIOFLUSH)
+    return fd
+
+
+class FdChannel:
+    """A file descriptor on the running loop: bytes in by call, bytes out without ever blocking.
+
+    Does not own the descriptor: whoever opened it closes it, after :meth:`close`.
+    """
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+        self._unsent = bytearray()
+        self._loop = asyncio.get_running_loop()
+
+    def listen(self, on_bytes: Callable[[bytes], None], on_lost: Callable[[], None] | None = None) -> None:
+        """Hand over what arrives from now on; ``on_lost`` is told when the port is gone."""
+        self._loop.add_reader(self._fd, self._read, on_bytes, on_lost)
+
+    def send(self, data: bytes) -> None:
+        """Write now what goes, the rest as soon as there is room."""
+        if self._unsent:
+            self._unsent += data[: MAX_UNREAD_BYTES - len(self._unsent)]
+            return
+        sent = self._try_write(data)
+        if sent < len(data):
+            self._unsent += data[sent:]
+            self._loop.add_writer(self._fd, self._write_rest)
+
+    def close(self) -> None:
+        """Leave the loop; the descriptor stays open."""
+        self._loop.remove_reader(self._fd)
+        self._loop.remove_writer(self._fd)
+
+    def _read(self, on_bytes: Callable[[bytes], None], on_lost: Callable[[], None] | None) -> None:
+        try:
+            data = os.read(self._fd, READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            on_bytes(data)
+            return
+        self.close()
+        if on_lost is not None:
+            on_lost()
+
+    def _try_write(self, data: bytes | bytearray) -> int:
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            return len(data)  # The other end is gone, and the bytes with it, as on a pulled plug.
+
+    def _write_rest(self) -> None:
+        del self._unsent[: self._try_write(self._unsent)]
+        if not self._unsent:
+            self._loop.remove_writer(self._fd)

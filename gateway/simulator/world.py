@@ -1,0 +1,171 @@
+"""A simulated machine around a gateway: every drive that its configuration names, behind its own address."""
+
+import random
+from collections.abc import Sequence
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Self
+
+from gateway.exchange.plan import AxisPlan
+from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
+from gateway.simulator.axis import SimulatedAxis
+from gateway.simulator.bus import DriveBus
+from gateway.simulator.clock import SimulationClock
+from gateway.simulator.drive import MAX_READ_REGISTERS, MAX_WRITE_REGISTERS, SimulatedDrive
+from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
+from gateway.simulator.mechanics import Mechanics, encoder_of, unit_mm
+from gateway.simulator.motion import Dynamics
+from gateway.simulator.ports import PortLinks
+from gateway.simulator.screw import worn_screw
+from gateway.simulator.wire import SerialWire
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+
+CONTROLLER_SUFFIX: Final = ".controller"
+LEAD_MM: Final = 5.0
+DEFAULT_TRAVEL_MM: Final = (0.0, 500.0)
+DEFAULT_SPEED_MM_S: Final = 100.0
+ACCELERATION_S: Final = 0.05
+"""Every simulated axis reaches its full speed in this time."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServedAxis:
+    """One simulated axis, as it is printed."""
+
+    name: str
+    unit_id: int
+    backlash_um: float
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerPath:
+    """Where a controller connects, and what the gateway opens for it."""
+
+    name: str
+    gateway_opens: str
+    controller_opens: str
+
+
+@dataclass(frozen=True, slots=True)
+class ServedLine:
+    """One line's drives and controllers, as they are printed."""
+
+    name: str
+    kind: str
+    address: str
+    axes: tuple[ServedAxis, ...]
+    controllers: tuple[ControllerPath, ...]
+
+
+def simulated_axis(plan: AxisPlan, seed: int) -> SimulatedAxis:
+    """An axis with a worn screw and 20 to 45 µm of backlash, the same for the same seed and name.
+
+    It stands at machine position 0, or at the end of travel that is nearest to it.
+    """
+    rng = random.Random(f"{seed}/{plan.name}")
+    settings = plan.settings
+    mm = unit_mm(settings.units)
+    low, high = (end * mm for end in settings.travel) if settings.travel else DEFAULT_TRAVEL_MM
+    speed = settings.max_speed * mm or DEFAULT_SPEED_MM_S
+    mechanics = Mechanics(
+        worn_screw(rng, low, high - low, LEAD_MM),
+        encoder_of(settings),
+        backlash_mm=rng.uniform(0.020, 0.045),
+        dynamics=Dynamics(speed, speed / ACCELERATION_S),
+        start_mm=min(max(0.0, low), high),
+    )
+    return SimulatedAxis.from_plan(plan, mechanics)
+
+
+def simulated_bus(axes: Sequence[AxisPlan], seed: int) -> DriveBus:
+    """The drives of one line: axes with the same unit id share a drive."""
+    units = dict.fromkeys(axis.unit_id for axis in axes)
+    return DriveBus(_drive([axis for axis in axes if axis.unit_id == unit], seed) for unit in units)
+
+
+def _drive(axes: Sequence[AxisPlan], seed: int) -> SimulatedDrive:
+    most = min(axis.max_registers for axis in axes)
+    return SimulatedDrive(
+        axes[0].unit_id,
+        [simulated_axis(axis, seed) for axis in axes],
+        max_registers=most if most < MAX_WRITE_REGISTERS else MAX_READ_REGISTERS,
+        without=(16,) if axes[0].write_function == 6 else (),
+    )
+
+
+class World:
+    """Everything outside the gateway: enter it to serve, leave it to take every port and link away.
+
+    With ``paced`` serial bytes take the time that they need at the baud rate of their port.
+    """
+
+    def __init__(
+        self, plan: GatewayPlan, clock: SimulationClock, *, seed: int = 0, paced: bool = True
+    ) -> None:
+        self.served: tuple[ServedLine, ...] = ()
+        self.buses: dict[str, DriveBus] = {}
+        self._plan = plan
+        self._clock = clock
+        self._seed = seed
+        self._paced = paced
+        self._exits = AsyncExitStack()
+        self._ports = PortLinks()
+
+    async def __aenter__(self) -> Self:
+        """Open every endpoint.
+
+        Raises:
+            SimulatorError: an address or a port that cannot be served; nothing stays open.
+        """
+        try:
+            self._exits.callback(self._ports.close)
+            self.served = tuple([await self._serve(line) for line in self._plan.lines])
+        except BaseException:
+            await self._exits.aclose()
+            raise
+        return self
+
+    async def __aexit__(self, *exc_info: object) -> None:
+        """Close everything."""
+        await self._exits.aclose()
+
+    async def _serve(self, line: LinePlan) -> ServedLine:
+        bus = self.buses[line.name] = simulated_bus(line.axes, self._seed)
+        if isinstance(line.drives, TcpEndpoint):
+            await self._serve_tcp(bus, line.drives)
+            kind = "rtu_over_tcp" if line.drives.rtu else "tcp"
+        else:
+            self._serve_serial(bus, line.drives)
+            kind = "rtu"
+        axes = [
+            ServedAxis(axis.name, drive.unit_id, round(axis.mechanics.backlash_mm * 1000.0, 1))
+            for drive in bus.drives
+            for axis in drive.axes
+        ]
+        controllers = [self._controller(link) for link in line.controllers]
+        return ServedLine(line.name, kind, str(line.drives), tuple(axes), tuple(controllers))
+
+    async def _serve_tcp(self, bus: DriveBus, endpoint: TcpEndpoint) -> None:
+        server = TcpDriveServer(bus, self._clock, host=endpoint.host, port=endpoint.port, rtu=endpoint.rtu)
+        await server.start()
+        self._exits.push_async_callback(server.stop)
+
+    def _serve_serial(self, bus: DriveBus, endpoint: SerialEndpoint) -> None:
+        pty = self._ports.make(Path(endpoint.device))
+        wire = endpoint if self._paced else None
+        server = SerialDriveServer(bus, self._clock, pty.master_fd, wire=wire)
+        self._exits.callback(server.close)
+
+    def _controller(self, link: ControllerLink) -> ControllerPath:
+        endpoint = link.endpoint
+        if isinstance(endpoint, TcpEndpoint):
+            return ControllerPath(link.plan.name, str(endpoint), str(endpoint))
+        controller_path = Path(endpoint.device + CONTROLLER_SUFFIX)
+        gateway_side = self._ports.make(Path(endpoint.device))
+        controller_side = self._ports.make(controller_path)
+        wire = SerialWire(
+            gateway_side.master_fd, controller_side.master_fd, endpoint if self._paced else None
+        )
+        self._exits.callback(wire.close)
+        return ControllerPath(link.plan.name, endpoint.device, str(controller_path))

@@ -1,0 +1,91 @@
+"""``pitch-gateway demo``: the promise of the project, on real sockets and pseudo terminals."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import termios
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.compensation.units import Units
+from gateway.tabfile import FileContext, read_table
+
+COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "demo"]
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("demo") / "kept"
+
+
+@pytest.fixture(scope="module")
+def result(kept: Path) -> dict[str, Any]:
+    arguments = [*COMMAND_LINE, "--once", "--json", "--seed", "3", "--keep", str(kept)]
+    process = subprocess.run(arguments, capture_output=True, text=True, timeout=60, check=False)
+    assert process.returncode == 0, process.stderr
+    parsed: dict[str, Any] = json.loads(process.stdout)
+    return parsed
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_worn_axis_becomes_twenty_times_as_accurate(result: dict[str, Any], axis: str) -> None:
+    found = result["axes"][axis]
+    assert found["pitch_error_um"] >= 50
+    assert found["backlash_um"] >= 20
+    assert found["error_without_um"] >= 50
+    assert found["error_with_um"] <= found["error_without_um"] / 20
+    assert found["targets"] >= 50
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_the_controller_reads_back_exactly_what_it_commanded(result: dict[str, Any], axis: str) -> None:
+    assert result["axes"][axis]["readback_exact"] is True
+    assert result["axes"][axis]["stops"] > 240
+
+
+def test_the_three_axes_are_wired_in_three_ways(result: dict[str, Any]) -> None:
+    wiring = {
+        name: (axis["controller"], axis["drive"], axis["units"]) for name, axis in result["axes"].items()
+    }
+    assert wiring == {"x": ("tcp", "tcp", "mm"), "y": ("rtu", "rtu", "mm"), "z": ("tcp", "rtu", "inch")}
+    assert result["axes"]["z"]["counts_per_unit"] < 0
+    assert result["seconds"] < 60
+
+
+def test_the_tables_that_it_made_are_kept_and_readable(result: dict[str, Any], kept: Path) -> None:
+    assert result["table"]["kept_in"] == str(kept)
+    assert (kept / "gateway.toml").is_file()
+    table = read_table(kept / "tables" / "cnc10z.tab", FileContext(axis="z", units=Units.INCH)).table
+    # Lost motion makes the forward correction greater by itself, everywhere: 0.1 µm of laser noise on both.
+    backlash_inch = result["axes"]["z"]["backlash_um"] / 25_400
+    differences = [f - b for f, b in zip(table.forward, table.backward, strict=True)]
+    assert differences == pytest.approx([backlash_inch] * len(differences), abs=0.001 / 25.4)
+
+
+def test_people_get_a_summary_and_a_signal_ends_it_cleanly() -> None:
+    master, slave = os.openpty()
+    termios.tcsetwinsize(slave, (40, 120))
+    environment = {**os.environ, "TERM": "xterm-256color"}
+    with subprocess.Popen(COMMAND_LINE, stdin=slave, stdout=slave, stderr=slave, env=environment) as process:
+        os.close(slave)
+        seen = b""
+        while b"random targets from both sides" not in seen:
+            seen += os.read(master, 65536)
+        process.send_signal(signal.SIGINT)
+        while chunk := _read(master):
+            seen += chunk
+        assert process.wait(timeout=20) == 0
+    os.close(master)
+    assert b"A worn machine becomes accurate" in seen
+    assert b"Traceback" not in seen
+
+
+def _read(fd: int) -> bytes:
+    try:
+        return os.read(fd, 65536)
+    except OSError:  # The other end is closed.
+        return b""

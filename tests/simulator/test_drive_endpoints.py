@@ -1,0 +1,236 @@
+"""Simulated drives behind sockets and pseudo terminals, with pymodbus as the independent other end."""
+
+import asyncio
+import os
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AsyncExitStack
+from struct import pack
+
+import pytest
+from pymodbus import FramerType
+from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
+from pymodbus.client.base import ModbusBaseClient
+
+from gateway.simulator.axis import DEFAULT_REGISTERS, SimulatedAxis
+from gateway.simulator.bus import DriveBus
+from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
+from gateway.simulator.errors import NoReplyError, SimulatorError
+from gateway.simulator.master import Master, RtuMaster, TcpMaster
+from gateway.simulator.mechanics import Encoder, Mechanics
+from gateway.simulator.pty import Pty, open_serial
+from gateway.simulator.screw import Screw
+from gateway.simulator.wire import SerialWire
+from gateway.transport.endpoints import SerialEndpoint
+
+COMMAND, ACTUAL, STATUS = 0x0100, 0x0200, 0x0204
+
+
+class SteppedClock:
+    """The simulated world moves on only when the test says so."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.was_looked_at = asyncio.Event()
+
+    def __call__(self) -> float:
+        self.was_looked_at.set()
+        return self.now_s
+
+
+def two_axes() -> DriveBus:
+    return DriveBus(
+        SimulatedDrive(unit, [SimulatedAxis(name, DEFAULT_REGISTERS, Mechanics(Screw(), Encoder(1000.0)))])
+        for unit, name in ((1, "x"), (2, "y"))
+    )
+
+
+class Cable:
+    """One way to reach the same two drives."""
+
+    def __init__(self, exits: AsyncExitStack) -> None:
+        self.exits = exits
+        self.bus = two_axes()
+        self.clock = SteppedClock()
+        self.pty: Pty | None = None
+        self.tcp: TcpDriveServer | None = None
+
+    async def lay(self, kind: str, response_delay_s: float = 0.0) -> None:
+        if kind == "rtu":
+            self.pty = Pty()
+            self.exits.callback(self.pty.close)
+            server = SerialDriveServer(
+                self.bus, self.clock, self.pty.master_fd, response_delay_s=response_delay_s
+            )
+            self.exits.callback(server.close)
+        else:
+            self.tcp = TcpDriveServer(
+                self.bus, self.clock, rtu=kind == "rtu_over_tcp", response_delay_s=response_delay_s
+            )
+            await self.tcp.start()
+            self.exits.push_async_callback(self.tcp.stop)
+
+    async def pymodbus(self) -> ModbusBaseClient:
+        client: ModbusBaseClient
+        if self.pty is not None:
+            client = AsyncModbusSerialClient(self.pty.path, baudrate=115200, timeout=2, retries=0)
+        else:
+            assert self.tcp is not None
+            framer = FramerType.RTU if self.tcp.rtu else FramerType.SOCKET
+            port = self.tcp.port
+            client = AsyncModbusTcpClient("127.0.0.1", port=port, framer=framer, timeout=2, retries=0)
+        assert await client.connect()
+        self.exits.callback(client.close)
+        return client
+
+    async def master(self, timeout_s: float = 2.0) -> Master:
+        master: Master
+        if self.pty is not None:
+            master = RtuMaster.open(self.pty.path, timeout_s)
+        else:
+            assert self.tcp is not None
+            master = await TcpMaster.connect("127.0.0.1", self.tcp.port, timeout_s)
+        self.exits.push_async_callback(master.close)
+        return master
+
+
+LayCable = Callable[..., Awaitable[Cable]]
+
+
+@pytest.fixture
+async def lay_cable() -> AsyncIterator[LayCable]:
+    async with AsyncExitStack() as exits:
+
+        async def lay(kind: str, response_delay_s: float = 0.0) -> Cable:
+            cable = Cable(exits)
+            await cable.lay(kind, response_delay_s)
+            return cable
+
+        yield lay
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rtu", "rtu_over_tcp"])
+async def test_pymodbus_moves_and_reads_an_axis(lay_cable: LayCable, kind: str) -> None:
+    cable = await lay_cable(kind)
+    client = await cable.pymodbus()
+    target = client.convert_to_registers(-25_000, client.DATATYPE.INT32)
+    assert not (await client.write_registers(COMMAND, target, device_id=2)).isError()
+    status = await client.read_holding_registers(STATUS, count=1, device_id=2)
+    assert status.registers == [0b101]  # homed, moving
+    cable.clock.now_s = 60.0
+    actual = await client.read_input_registers(ACTUAL, count=2, device_id=2)
+    assert client.convert_from_registers(actual.registers, client.DATATYPE.INT32) == -25_000
+    status = await client.read_holding_registers(STATUS, count=1, device_id=2)
+    assert status.registers == [0b011]  # homed, done
+    assert cable.bus.axis("x").mechanics.motor_mm == 0.0
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rtu", "rtu_over_tcp"])
+async def test_pymodbus_understands_every_other_function(lay_cable: LayCable, kind: str) -> None:
+    client = await (await lay_cable(kind)).pymodbus()
+    await client.write_coils(10, [True, False, True], device_id=1)
+    await client.write_coil(11, True, device_id=1)
+    assert (await client.read_coils(10, count=3, device_id=1)).bits[:3] == [True, True, True]
+    assert (await client.read_discrete_inputs(13, count=1, device_id=1)).bits[0] is False
+    await client.write_register(0x50, 0x12, device_id=1)
+    await client.mask_write_register(address=0x50, and_mask=0xF2, or_mask=0x25, device_id=1)
+    reply = await client.readwrite_registers(
+        read_address=0x50, read_count=2, write_address=0x51, values=[7], device_id=1
+    )
+    assert reply.registers == [0x17, 7]
+    refused = await client.read_holding_registers(0xFFFF, count=2, device_id=1)
+    assert refused.isError()
+    assert refused.exception_code == 2
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rtu"])
+@pytest.mark.parametrize("request_hex", ["41010203", "6400", "65AABBCCDD", "080000A537"])
+async def test_vendor_codes_come_back_over_the_wire(lay_cable: LayCable, kind: str, request_hex: str) -> None:
+    master = await (await lay_cable(kind)).master()
+    pdu = bytes.fromhex(request_hex)
+    assert await master.exchange(1, pdu) == pdu
+
+
+async def test_a_tcp_drive_answers_pipelined_requests_in_order(lay_cable: LayCable) -> None:
+    cable = await lay_cable("tcp", 0.002)
+    assert cable.tcp is not None
+    reader, writer = await asyncio.open_connection("127.0.0.1", cable.tcp.port)
+    writer.write(bytes.fromhex("000700000006010300000001" + "000800000006020300000001" + "0009000000020107"))
+    replies = await reader.readexactly(11 + 11 + 9)
+    assert replies.hex() == "000700000005010302000000080000000502030200000009000000030107" + "00"
+    writer.close()
+    await writer.wait_closed()
+
+
+async def test_an_unknown_unit_is_a_failed_target_on_tcp(lay_cable: LayCable) -> None:
+    master = await (await lay_cable("tcp")).master()
+    assert await master.exchange(9, pack(">BHH", 3, 0, 1)) == b"\x83\x0b"
+
+
+async def test_an_unknown_unit_is_silence_on_a_serial_line(lay_cable: LayCable) -> None:
+    master = await (await lay_cable("rtu")).master(timeout_s=0.02)
+    with pytest.raises(NoReplyError, match=r"unit 9, function 3: no reply within 0\.02 s"):
+        await master.exchange(9, pack(">BHH", 3, 0, 1))
+
+
+async def test_a_frame_with_a_bad_check_sum_is_not_answered_and_the_next_is(lay_cable: LayCable) -> None:
+    cable = await lay_cable("rtu_over_tcp")
+    assert cable.tcp is not None
+    reader, writer = await asyncio.open_connection("127.0.0.1", cable.tcp.port)
+    writer.write(bytes.fromhex("010300000001840B" + "010300000001840A"))
+    assert await reader.readexactly(7) == bytes.fromhex("0103020000B844")
+    writer.close()
+    await writer.wait_closed()
+
+
+async def test_a_connection_that_speaks_something_else_is_closed(lay_cable: LayCable) -> None:
+    cable = await lay_cable("tcp")
+    assert cable.tcp is not None
+    reader, writer = await asyncio.open_connection("127.0.0.1", cable.tcp.port)
+    writer.write(b"GET / HTTP/1.1\r\nHost: drive\r\n\r\n")
+    assert await reader.read() == b""
+    writer.close()
+    await writer.wait_closed()
+
+
+async def test_a_drive_that_is_switched_off_ends_the_exchange(lay_cable: LayCable) -> None:
+    cable = await lay_cable("tcp", 60.0)
+    assert cable.tcp is not None
+    master = await cable.master(timeout_s=60.0)
+    exchange = asyncio.create_task(master.exchange(1, pack(">BHH", 3, 0, 1)))
+    await cable.clock.was_looked_at.wait()
+    cable.tcp.drop_connections()
+    with pytest.raises(NoReplyError, match="closed"):
+        await exchange
+
+
+async def test_a_port_in_use_is_named() -> None:
+    first = TcpDriveServer(two_axes(), SteppedClock())
+    await first.start()
+    with pytest.raises(SimulatorError, match=rf"cannot listen on 127\.0\.0\.1:{first.port}"):
+        await TcpDriveServer(two_axes(), SteppedClock(), port=first.port).start()
+    await first.stop()
+
+
+async def test_a_serial_wire_carries_both_directions(lay_cable: LayCable) -> None:
+    cable = await lay_cable("rtu")
+    assert cable.pty is not None
+    near, far = Pty(), Pty()
+    line = SerialEndpoint("", baudrate=1_000_000)
+    wire = SerialWire(near.master_fd, far.master_fd, line)
+    bridge = RtuMaster.open(near.path)
+    server = SerialDriveServer(cable.bus, cable.clock, _opened(cable, far), wire=line)
+    try:
+        assert await bridge.exchange(1, pack(">BHH", 3, STATUS, 1)) == b"\x03\x02\x00\x03"
+    finally:
+        server.close()
+        await bridge.close()
+        wire.close()
+        near.close()
+        far.close()
+
+
+def _opened(cable: Cable, pty: Pty) -> int:
+    fd = open_serial(pty.path)
+    cable.exits.callback(os.close, fd)
+    return fd

@@ -1,0 +1,135 @@
+"""``pitch-gateway simulate`` as a process: what a person types, sees and interrupts."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from struct import pack
+
+import pytest
+from typer.testing import CliRunner
+
+from gateway.cli.main import app
+from gateway.simulator.master import RtuMaster, TcpMaster
+
+COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "simulate"]
+CONFIGURATION = """
+[gateway]
+name = "trial"
+
+[line.l]
+drives = {{ rtu = "{drives}", baudrate = 115200 }}
+
+[[line.l.controllers]]
+name = "cnc"
+rtu = "{cnc}"
+
+[line.m]
+drives = {{ tcp = "127.0.0.1:{port}" }}
+
+[[line.m.controllers]]
+name = "hmi"
+tcp = "127.0.0.1:{other_port}"
+
+[axis.x]
+line = "l"
+unit_id = 4
+units = "mm"
+counts_per_unit = 1000.0
+travel = [-300.0, 0.0]
+compensation = "off"
+referenced = "absolute"
+registers.command = [{{ address = 0x40, type = "int32" }}]
+registers.actual = [{{ address = 0x50, type = "int32" }}]
+
+[axis.y]
+line = "m"
+unit_id = 1
+units = "mm"
+counts_per_unit = 500.0
+travel = [0.0, 100.0]
+compensation = "off"
+referenced = "absolute"
+registers.command = [{{ address = 0x40, type = "int32" }}]
+registers.actual = [{{ address = 0x50, type = "int32" }}]
+"""
+
+
+@pytest.fixture
+def configuration(tmp_path: Path, unused_tcp_port_factory: object) -> Path:
+    assert callable(unused_tcp_port_factory)
+    path = tmp_path / "gateway.toml"
+    text = CONFIGURATION.format(
+        drives=tmp_path / "ttyDrives",
+        cnc=tmp_path / "ttyCnc",
+        port=unused_tcp_port_factory(),
+        other_port=unused_tcp_port_factory(),
+    )
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+async def test_every_drive_of_a_configuration_can_be_talked_to(configuration: Path) -> None:
+    arguments = [*COMMAND_LINE, str(configuration), "--json", "--speed-up", "1000", "--seed", "5"]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: ASYNC220
+        assert process.stdout is not None
+        start = json.loads(process.stdout.readline())
+        assert (start["event"], start["speed_up"], start["seed"]) == ("serving", 1000, 5)
+        serial, tcp = start["lines"]
+        assert serial["axes"][0]["unit_id"] == 4
+        assert serial["controllers"][0]["controller_opens"].endswith("ttyCnc.controller")
+
+        rtu_master = RtuMaster.open(serial["address"], timeout_s=5.0)
+        assert await rtu_master.exchange(4, pack(">BHHBi", 16, 0x40, 2, 4, -5000)) == pack(
+            ">BHH", 16, 0x40, 2
+        )
+        await rtu_master.close()
+        host, _, port = tcp["address"].rpartition(":")
+        tcp_master = await TcpMaster.connect(host, int(port), timeout_s=5.0)
+        assert await tcp_master.exchange(1, pack(">BHH", 3, 0x50, 2)) == b"\x03\x04\x00\x00\x00\x00"
+        await tcp_master.close()
+
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=20)
+        assert (process.returncode, errors) == (0, "")
+    assert sorted(p.name for p in configuration.parent.iterdir()) == ["gateway.toml"]
+
+
+def test_what_is_served_is_said_for_people_too(configuration: Path) -> None:
+    with subprocess.Popen([*COMMAND_LINE, str(configuration)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        lines = [process.stdout.readline().strip() for _ in range(6)]
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 0
+    folder = configuration.parent
+    assert lines[0] == f"line l: drives on {folder}/ttyDrives (rtu)"
+    assert lines[1].startswith("axis x: unit 4, a worn screw, ")
+    assert lines[2] == (
+        f"controller cnc: connect it to {folder}/ttyCnc.controller (the gateway opens {folder}/ttyCnc)"
+    )
+    assert lines[3].startswith("line m: drives on 127.0.0.1:")
+    assert lines[5].endswith("(the gateway listens there)")
+
+
+def test_a_port_that_cannot_be_made_ends_it_with_one_line(configuration: Path) -> None:
+    (configuration.parent / "ttyDrives").touch()
+    result = CliRunner().invoke(app, ["simulate", str(configuration)])
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"{configuration}: {configuration.parent}/ttyDrives exists")
+
+
+def test_a_configuration_with_errors_ends_it_with_a_line_for_each(tmp_path: Path) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text("[gateway]\nnmae = 'x'\n", encoding="utf-8")
+    result = CliRunner().invoke(app, ["simulate", str(path)])
+    assert result.exit_code == 1
+    assert "nmae" in result.stderr
+
+
+def test_a_configuration_that_is_not_there_is_named(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["simulate", str(tmp_path / "none.toml")])
+    assert result.exit_code == 1
+    assert "none.toml" in result.stderr
