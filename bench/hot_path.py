@@ -79,7 +79,7 @@ def rewritten_write() -> Callable[[int], object]:
         Reference.ABSOLUTE, (COMMAND,), added_frames=False,
     )  # fmt: skip
     wire = _Wire()
-    line = LineExchange([plan], LineTiming(), wire, lambda event: None)
+    line = LineExchange([plan], LineTiming(), wire, lambda _: None)
     line.link_up(0)
     requests, replies = RtuRequestDecoder(), RtuReplyDecoder()
     frames = [
@@ -99,7 +99,7 @@ def rewritten_write() -> Callable[[int], object]:
 
 def passed_read() -> Callable[[int], object]:
     wire = _Wire()
-    line = LineExchange([], LineTiming(), wire, lambda event: None)
+    line = LineExchange([], LineTiming(), wire, lambda _: None)
     line.link_up(0)
     requests, replies = RtuRequestDecoder(), RtuReplyDecoder()
     frame = encode_rtu(1, b"\x03\x10\x03\x00\x01")

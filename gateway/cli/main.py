@@ -10,7 +10,7 @@ from gateway.cli import check, demo, run, simulate, table
 
 app = typer.Typer(
     name="pitch-gateway",
-    help="Leadscrew error compensation spliced into the Modbus cable between a motion controller and its drives.",
+    help="Leadscrew error compensation in the Modbus cable between a motion controller and its drives.",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
@@ -36,7 +36,7 @@ def options(
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
     ] = False,
 ) -> None:
-    """Leadscrew error compensation spliced into the Modbus cable."""
+    """Leadscrew error compensation in the Modbus cable between a motion controller and its drives."""
 
 
 def main() -> None:
