@@ -149,7 +149,8 @@ class LineExchange:
         if not self._is_up:
             return
         self._is_up = False
-        self._on_event(Event(EventKind.LINE_DOWN))
+        if not self._is_stopping:  # closing it ourselves is no news
+            self._on_event(Event(EventKind.LINE_DOWN))
         current, self._current = self._current, None
         self._rest_until_ns = self.deadline_ns = None
         self._is_draining = False

@@ -48,13 +48,14 @@ class Screen(Listener):
         try:
             with self._live:
                 while True:
-                    self._live.update(self._picture(), refresh=True)
+                    self._live.update(self.picture(), refresh=True)
                     await asyncio.sleep(REFRESH_S)
         finally:
             if self._finished:
                 self._console.print(summary(self._finished))
 
-    def _picture(self) -> RenderableType:
+    def picture(self) -> RenderableType:
+        """Return what the screen shows now."""
         view = self._view
         if view is None:
             return Text("starting …")
