@@ -206,7 +206,10 @@ class AxisCompensation:
         elapsed_ms = (now_ns - state.at_ns) / NS_PER_MS if state.position is not None and distance else 0.0
         travel = state.travel if state.position is not None else Travel(state.travel.direction, position)
         travel = follow(travel, position, self._hysteresis)
-        state = state._replace(position=position, travel=travel, is_unsure=False, at_ns=now_ns)
+        state = State(
+            position, travel, state.progress, state.spec, state.previous, state.change,
+            state.change_distance, False, now_ns,
+        )  # fmt: skip
         if state.previous is not None:  # one blend at a time: a reversal waits for the change-over
             return _advance_change(state, distance)
         goal = travel.direction.goal

@@ -4,6 +4,8 @@
 two tables are sums of piecewise linear curves, so they are piecewise linear and have an exact inverse too.
 """
 
+from collections.abc import Sequence
+from math import inf
 from typing import Final, NamedTuple
 
 from gateway.compensation.curve import Curve
@@ -20,14 +22,22 @@ class Term(NamedTuple):
     backward_weight: float
 
 
+class Solution(NamedTuple):
+    """A nominal machine position and the correction there, both in units."""
+
+    nominal: float
+    correction: float
+
+
 class CorrectionMap:
     """An immutable map between nominal and corrected machine positions, in units of the axis."""
 
-    __slots__ = ("_bound", "offset", "terms")
+    __slots__ = ("_bound", "_single", "offset", "terms")
 
     def __init__(self, terms: tuple[Term, ...] = (), offset: float = 0.0) -> None:
         self.terms = tuple(t for t in terms if t.forward_weight or t.backward_weight)
         self.offset = offset
+        self._single = None if offset else _single_branch(self.terms)
         weights = (abs(t.forward_weight) + abs(t.backward_weight) for t in self.terms)
         self._bound = abs(offset) + sum(
             w * t.curve.max_correction for w, t in zip(weights, self.terms, strict=True)
@@ -40,48 +50,58 @@ class CorrectionMap:
 
     def correction(self, nominal: float) -> float:
         """Amount to add at a nominal machine position, in units."""
+        if self._single is not None:
+            curve, values, weight = self._single
+            return weight * curve.branch(values, nominal)
         total = self.offset
         for curve, forward_weight, backward_weight in self.terms:
             _, _, reference, forward, backward, forward_slope, backward_slope = curve.piece(nominal)
             distance = nominal - reference
-            if forward_weight:
-                total += forward_weight * (forward + forward_slope * distance)
-            if backward_weight:
-                total += backward_weight * (backward + backward_slope * distance)
+            total += forward_weight * (forward + forward_slope * distance)
+            total += backward_weight * (backward + backward_slope * distance)
         return total
 
     def nominal(self, corrected: float) -> float:
-        """Return the nominal machine position whose corrected one is ``corrected``: the exact inverse.
+        """Return the nominal machine position whose corrected one is ``corrected``: the exact inverse."""
+        return self.solve(corrected, corrected - self.correction(corrected)).nominal
 
-        The first guess lands on the right piece nearly always and solving that piece is exact; else the
-        interval that the largest correction leaves open is halved until its piece is found.
+    def solve(self, corrected: float, near: float) -> Solution:
+        """Return the nominal machine position of ``corrected``, and the correction there.
+
+        Args:
+            corrected: machine position on the drive's scale.
+            near: a guess. The piece around a good one nearly always holds the solution, and solving that
+                piece is exact; else the interval that the largest correction leaves open is halved until
+                its piece is found.
         """
         if not self.terms:
-            return corrected - self.offset
-        guess = corrected - self.correction(corrected)
-        solution = self._solve(guess, corrected)
-        return self._search(corrected) if solution is None else solution
+            return Solution(corrected - self.offset, self.offset)
+        return self._solve(near, corrected) or self._search(corrected)
 
-    def _solve(self, near: float, corrected: float) -> float | None:
+    def _solve(self, near: float, corrected: float) -> Solution | None:
         """Solve the piece around ``near``, or return None when the solution lies on another."""
         low, high, correction, slope = self._piece(near)
-        solution = near + (corrected - near - correction) / (1.0 + slope)
-        return solution if low <= solution <= high else None
+        step = (corrected - near - correction) / (1.0 + slope)
+        solution = near + step
+        return Solution(solution, correction + slope * step) if low <= solution <= high else None
 
     def _piece(self, nominal: float) -> tuple[float, float, float, float]:
         """Bounds of the common straight stretch around ``nominal``, correction there, its slope."""
-        low, high = float("-inf"), float("inf")
+        low, high = -inf, inf
         correction, slope = self.offset, 0.0
         for curve, forward_weight, backward_weight in self.terms:
-            piece = curve.piece(nominal)
-            low, high = max(low, piece.low), min(high, piece.high)
-            distance = nominal - piece.reference
-            correction += forward_weight * (piece.forward + piece.forward_slope * distance)
-            correction += backward_weight * (piece.backward + piece.backward_slope * distance)
-            slope += forward_weight * piece.forward_slope + backward_weight * piece.backward_slope
+            start, end, reference, forward, backward, forward_slope, backward_slope = curve.piece(nominal)
+            if start > low:
+                low = start
+            if end < high:
+                high = end
+            distance = nominal - reference
+            correction += forward_weight * (forward + forward_slope * distance)
+            correction += backward_weight * (backward + backward_slope * distance)
+            slope += forward_weight * forward_slope + backward_weight * backward_slope
         return low, high, correction, slope
 
-    def _search(self, corrected: float) -> float:
+    def _search(self, corrected: float) -> Solution:
         low, high = corrected - self._bound, corrected + self._bound
         middle = low
         for _ in range(MAX_BISECTIONS):
@@ -95,7 +115,17 @@ class CorrectionMap:
                 low = middle
             else:
                 high = middle
-        return middle
+        return Solution(middle, corrected - middle)
+
+
+def _single_branch(terms: tuple[Term, ...]) -> tuple[Curve, Sequence[float], float] | None:
+    """Return the curve, the values and the weight of the only branch in force, if there is only one."""
+    if len(terms) != 1:
+        return None
+    curve, forward_weight, backward_weight = terms[0]
+    if not backward_weight:
+        return curve, curve.table.forward, forward_weight
+    return None if forward_weight else (curve, curve.table.backward, backward_weight)
 
 
 IDENTITY: Final = CorrectionMap()

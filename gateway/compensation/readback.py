@@ -9,8 +9,7 @@ Three parts, all frozen when a target is accepted:
   in step with the way still to go, so that a standing axis never jumps and a moving one reads monotonically.
 """
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.compensation.correction_map import IDENTITY, CorrectionMap
 
@@ -18,8 +17,7 @@ NEGLIGIBLE_COUNTS: Final = 1e-6
 """A difference of readings below this needs no fade: it is floating point, not position."""
 
 
-@dataclass(frozen=True, slots=True)
-class Fade:
+class Fade(NamedTuple):
     """A difference of nominal counts that lessens linearly between two nominal machine positions."""
 
     difference_counts: float
@@ -32,11 +30,12 @@ class Fade:
         if not way:
             return 0.0
         done = (nominal - self.start) / way
-        return self.difference_counts * (1.0 - min(1.0, max(0.0, done)))
+        if done <= 0.0:
+            return self.difference_counts
+        return 0.0 if done >= 1.0 else self.difference_counts * (1.0 - done)
 
 
-@dataclass(frozen=True, slots=True)
-class Readback:
+class Readback(NamedTuple):
     """The map from corrected to nominal counts that one accepted target left behind."""
 
     counts_per_unit: float
@@ -45,17 +44,17 @@ class Readback:
     anchor_counts: float = 0.0
     fade: Fade | None = None
 
-    def position(self, corrected_counts: float) -> float:
-        """Nominal machine position through the map alone, without anchor and fade."""
-        return self.correction_map.nominal((corrected_counts - self.zero_counts) / self.counts_per_unit)
-
     def correction_counts(self, corrected_counts: float) -> float:
         """Counts to take out of a reading: ``nominal = corrected - correction``, not rounded."""
-        if self.correction_map.is_identity and self.fade is None:
+        correction_map = self.correction_map
+        if self.fade is None and correction_map.is_identity:
             return self.anchor_counts
-        nominal = self.position(corrected_counts)
-        correction = self.correction_map.correction(nominal) * self.counts_per_unit + self.anchor_counts
-        return correction if self.fade is None else correction - self.fade.remaining(nominal)
+        corrected = (corrected_counts - self.zero_counts) / self.counts_per_unit
+        nominal, correction = correction_map.solve(
+            corrected, corrected - correction_map.correction(corrected)
+        )
+        counts = correction * self.counts_per_unit + self.anchor_counts
+        return counts if self.fade is None else counts - self.fade.remaining(nominal)
 
 
 def after_target(
@@ -74,11 +73,18 @@ def after_target(
         corrected_counts: what the drive was told, in whole steps of its register.
         standing_counts: where the axis is, as the drive reports it.
     """
-    plain = Readback(previous.counts_per_unit, previous.zero_counts, correction_map)
-    anchor = (corrected_counts - nominal_counts) - plain.correction_counts(corrected_counts)
-    anchored = Readback(plain.counts_per_unit, plain.zero_counts, correction_map, anchor)
-    difference = anchored.correction_counts(standing_counts) - previous.correction_counts(standing_counts)
-    if abs(difference) < NEGLIGIBLE_COUNTS or standing_counts == corrected_counts:
-        return anchored
-    fade = Fade(difference, plain.position(standing_counts), plain.position(corrected_counts))
-    return Readback(plain.counts_per_unit, plain.zero_counts, correction_map, anchor, fade)
+    counts_per_unit, zero_counts = previous.counts_per_unit, previous.zero_counts
+    corrected = (corrected_counts - zero_counts) / counts_per_unit
+    end, correction = correction_map.solve(corrected, (nominal_counts - zero_counts) / counts_per_unit)
+    anchor = (corrected_counts - nominal_counts) - correction * counts_per_unit
+    if standing_counts == corrected_counts:
+        return Readback(counts_per_unit, zero_counts, correction_map, anchor)
+    standing = (standing_counts - zero_counts) / counts_per_unit
+    start, correction = correction_map.solve(standing, standing - correction_map.correction(standing))
+    if correction_map is previous.correction_map and previous.fade is None:
+        difference = anchor - previous.anchor_counts
+    else:
+        now_read = correction * counts_per_unit + anchor
+        difference = now_read - previous.correction_counts(standing_counts)
+    fade = None if abs(difference) < NEGLIGIBLE_COUNTS else Fade(difference, start, end)
+    return Readback(counts_per_unit, zero_counts, correction_map, anchor, fade)

@@ -7,6 +7,7 @@ blocks and cut reads, is a change of nominal words followed by rendering them wi
 
 from dataclasses import dataclass, field
 from math import isfinite
+from typing import NamedTuple
 
 from gateway.compensation.axis import AxisCompensation, Move, Place
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
@@ -46,8 +47,7 @@ class Actual:
     seen_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class Rendering:
+class Rendering(NamedTuple):
     """A target ready to be written: both forms of its words, and what accepting it means."""
 
     axis: "AxisExchange"

@@ -182,14 +182,14 @@ def _render(hit: FieldHit, rewriting: Rewriting, known: Known, now_ns: int) -> R
 
 def _written_pdu(pdu: bytes, access: Access, rendered: list[tuple[FieldHit, Rendering]]) -> bytes:
     """Put rendered words into a request, widening it where it cuts a position (M1)."""
-    span = Span(access.write_address, access.write_quantity)
-    whole = span.widened([hit.place.field for hit, _ in rendered])
-    if whole == span and not access.is_mask:
+    if not access.is_mask and all(hit.is_whole for hit, _ in rendered):
         patched = bytearray(pdu)
         for hit, rendering in rendered:
             at = access.data_offset + 2 * hit.word
             patched[at : at + len(rendering.corrected_words)] = rendering.corrected_words
         return bytes(patched)
+    span = Span(access.write_address, access.write_quantity)
+    whole = span.widened([hit.place.field for hit, _ in rendered])
     words = bytearray(2 * whole.quantity)
     if not access.is_mask:
         at = 2 * (span.address - whole.address)
