@@ -3,7 +3,10 @@
 import asyncio
 import fcntl
 import os
+import tempfile
 import termios
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +19,9 @@ from gateway.transport.serial import SerialPort, character_ns, open_port
 
 if TYPE_CHECKING:
     from tests.transport.conftest import Eventually, Recorder
+
+
+NOBODY = 65534
 
 
 def ignore(why: str) -> None:
@@ -77,13 +83,27 @@ def test_what_is_no_serial_port_is_named(tmp_path: Path, kind: str) -> None:
         open_port(SerialEndpoint(str(path)))
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may open everything")
-def test_no_permission_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "ttyX"
-    path.write_text("")
-    path.chmod(0)
-    with pytest.raises(RefusedError, match="no permission"):
-        open_port(SerialEndpoint(str(path)))
+@contextmanager
+def nobody() -> Iterator[None]:
+    """Be somebody whom the kernel refuses things; root opens everything."""
+    was_root = os.geteuid() == 0
+    if was_root:
+        os.seteuid(NOBODY)
+    try:
+        yield
+    finally:
+        if was_root:
+            os.seteuid(0)
+
+
+def test_no_permission_is_named() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        path = Path(folder) / "ttyX"
+        path.write_text("")
+        path.chmod(0)
+        with nobody(), pytest.raises(RefusedError, match="no permission"):
+            open_port(SerialEndpoint(str(path)))
 
 
 async def test_an_adapter_that_comes_later_is_opened(
