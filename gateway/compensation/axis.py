@@ -4,6 +4,7 @@
 accepted the target. Between the two nothing has happened, and a refused target leaves no trace.
 """
 
+from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.compensation.blend import shape, share_of, towards
@@ -19,16 +20,24 @@ JUST_BELOW: Final = 1.0 - 1e-6
 """A distance of exactly the hysteresis must count as one, whatever floating point makes of it."""
 
 
+class PlaceKind(Enum):
+    """How well the place of an axis is known, and on which scale."""
+
+    REACHED = "reached"
+    """The last accepted target, in nominal counts, known to be reached: every count of difference counts."""
+    MEASURED = "measured"
+    """A measured position in nominal counts: compared with hysteresis."""
+    ASSUMED = "assumed"
+    """The last accepted target, in nominal counts, that nothing has proved to be reached."""
+    ON_DRIVE = "on-drive"
+    """A measured position in corrected counts, while nobody knows which branch led there."""
+
+
 class Place(NamedTuple):
-    """Where an axis is, in nominal counts.
+    """Where an axis is."""
 
-    ``is_reached`` tells the last accepted target, known to be reached, from a measured position: only a
-    measured one is compared with hysteresis. ``is_assumed``: nothing proved it.
-    """
-
-    nominal_counts: float
-    is_reached: bool
-    is_assumed: bool = False
+    counts: float
+    kind: PlaceKind
 
 
 class State(NamedTuple):
@@ -79,11 +88,6 @@ class AxisCompensation:
         self._standing_counts: float | None = None
         self._map_key: tuple[object, ...] = ()
         self._map = IDENTITY
-
-    @property
-    def correction_map(self) -> CorrectionMap:
-        """The correction that the last accepted target was given."""
-        return self.readback.correction_map
 
     @property
     def is_passing(self) -> bool:
@@ -141,8 +145,22 @@ class AxisCompensation:
         self.accepted = None
 
     def observe(self, actual_counts: float) -> None:
-        """Note where the drive says it is; the readback's fade begins there."""
+        """Note where the drive says it is: a fade begins there, and one that has ended there is over."""
         self._standing_counts = actual_counts
+        if self.readback.is_faded_out(actual_counts):
+            self.readback = self.readback.without_fade()
+
+    def again(self) -> Move:
+        """Return the last accepted target as a move: the same correction, and nothing changes with it."""
+        assert self.accepted is not None
+        nominal_counts, corrected_counts = self.accepted
+        return Move(
+            nominal_counts, corrected_counts - nominal_counts, self.readback.correction_map, self.state
+        )
+
+    def touch(self, now_ns: int) -> None:
+        """Note that the same setpoint came again: a blend by time stands still meanwhile."""
+        self.state = self.state._replace(at_ns=now_ns)
 
     def plan(self, nominal_counts: float, place: Place | None, now_ns: int) -> Move:
         """Work out what a target becomes. Nothing changes until :meth:`commit`.
@@ -185,37 +203,67 @@ class AxisCompensation:
             self._wanted_distance = changeover_distance(self.state.spec, self._wanted, self.settings)
 
     def _target(self, position: float, place: Place | None, now_ns: int) -> State:
-        direction = self.state.travel.direction
-        if place is not None:
-            distance = position - self.machine_position(place.nominal_counts)
-            least = 0.0 if place.is_reached else self._hysteresis
-            if distance and abs(distance) >= least:
-                direction = Direction.FORWARD if distance > 0 else Direction.BACKWARD
+        direction, is_unsure = self._direction(position, place)
         return State(
             position=position,
             travel=Travel(direction, position),
             progress=direction.goal,
             spec=self._wanted,
-            is_unsure=place is None or place.is_assumed,
+            is_unsure=is_unsure,
             at_ns=now_ns,
         )
+
+    def _direction(self, position: float, place: Place | None) -> tuple[Direction, bool]:
+        """Direction of a move to ``position``, and whether it is only assumed (M6)."""
+        kept = self.state.travel.direction
+        if place is None:
+            return kept, True
+        if place.kind is PlaceKind.ON_DRIVE:
+            return self._direction_from_drive(position, self.machine_position(place.counts))
+        distance = position - self.machine_position(place.counts)
+        least = self._hysteresis if place.kind is PlaceKind.MEASURED else 0.0
+        if distance and abs(distance) >= least:
+            kept = Direction.FORWARD if distance > 0 else Direction.BACKWARD
+        return kept, place.kind is PlaceKind.ASSUMED
+
+    def _direction_from_drive(self, position: float, actual: float) -> tuple[Direction, bool]:
+        """Decide on the drive's scale, where no branch has to be known.
+
+        An axis that stands where one branch puts the target has got there on that branch. Otherwise it has to
+        lie outside what the two branches make of the target for its direction to be certain.
+        """
+        forward = position + self._wanted.map_at(1.0).correction(position)
+        backward = position + self._wanted.map_at(0.0).correction(position)
+        stands_forward = abs(actual - forward) <= self._hysteresis
+        stands_backward = abs(actual - backward) <= self._hysteresis
+        if stands_forward and stands_backward:
+            return self.state.travel.direction, False
+        if stands_forward or actual < min(forward, backward):
+            return Direction.FORWARD, False
+        if stands_backward or actual > max(forward, backward):
+            return Direction.BACKWARD, False
+        return self.state.travel.direction, True
 
     def _stream(self, position: float, now_ns: int) -> State:
         state = self.state
         distance = 0.0 if state.position is None else abs(position - state.position)
-        elapsed_ms = (now_ns - state.at_ns) / NS_PER_MS if state.position is not None and distance else 0.0
+        elapsed_ms = (now_ns - state.at_ns) / NS_PER_MS
         travel = state.travel if state.position is not None else Travel(state.travel.direction, position)
         travel = follow(travel, position, self._hysteresis)
+        was_reversing = _is_reversing(state)
         state = State(
             position, travel, state.progress, state.spec, state.previous, state.change,
             state.change_distance, False, now_ns,
         )  # fmt: skip
         if state.previous is not None:  # one blend at a time: a reversal waits for the change-over
             return _advance_change(state, distance)
-        goal = travel.direction.goal
         if _is_reversing(state):
-            share = share_of(state.spec.reversal, distance, elapsed_ms) if state.spec.curve else 1.0
-            return state._replace(progress=towards(state.progress, goal, share))
+            if not distance:
+                return state
+            share = 1.0
+            if state.spec.curve:
+                share = share_of(state.spec.reversal, distance, elapsed_ms if was_reversing else 0.0)
+            return state._replace(progress=towards(state.progress, travel.direction.goal, share))
         if state.spec is not self._wanted:
             return state._replace(
                 previous=state.spec, spec=self._wanted, change=0.0, change_distance=self._wanted_distance

@@ -36,12 +36,13 @@ def share_of(reversal: Reversal, distance: float, elapsed_ms: float) -> float:
     Args:
         reversal: what the blend advances with.
         distance: |setpoint - last setpoint|, units.
-        elapsed_ms: time since the last setpoint.
+        elapsed_ms: time since the last setpoint of this reversal; 0 for its first.
     """
     if reversal.kind is ReversalKind.STEP or reversal.amount <= 0.0:
         return 1.0
     if reversal.kind is ReversalKind.DISTANCE:
         return min(1.0, distance / reversal.amount)
     if reversal.kind is ReversalKind.TIME_MS:
-        return min(1.0, elapsed_ms / reversal.amount)
+        # A pause longer than the whole blend is a dwell, not a part of the motion.
+        return elapsed_ms / reversal.amount if elapsed_ms <= reversal.amount else 0.0
     return 1.0 / reversal.amount

@@ -56,6 +56,17 @@ class Readback(NamedTuple):
         counts = correction * self.counts_per_unit + self.anchor_counts
         return counts if self.fade is None else counts - self.fade.remaining(nominal)
 
+    def is_faded_out(self, corrected_counts: float) -> bool:
+        """Whether there is a fade and the axis has reached its end."""
+        if self.fade is None:
+            return False
+        corrected = (corrected_counts - self.zero_counts) / self.counts_per_unit
+        return not self.fade.remaining(self.correction_map.nominal(corrected))
+
+    def without_fade(self) -> "Readback":
+        """Return the readback that is left when the fade is over."""
+        return self._replace(fade=None)
+
 
 def after_target(
     previous: Readback,

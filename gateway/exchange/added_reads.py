@@ -10,7 +10,7 @@ from enum import Enum
 
 from gateway.exchange.access import Access
 from gateway.exchange.axis import AxisExchange
-from gateway.exchange.rewriting import Known, nominal_words
+from gateway.exchange.parts import Known, nominal_words
 from gateway.exchange.unit import FieldHit, FieldRole, UnitMap
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import FunctionCode
@@ -44,28 +44,35 @@ class AddedRead:
 
 
 def next_read(unit: UnitMap, pdu: bytes, access: Access, known: Known, now_ns: int) -> AddedRead | None:
-    """Return the next register that must be read before this write can be rendered, if any."""
-    if not access.write_quantity or not access.is_consistent:
-        return None
-    for hit in unit.hits(access.write_address, access.write_quantity).fields:
+    """Return the next register that must be read before this request can be sent, if any."""
+    written = unit.hits(access.write_address, access.write_quantity).fields if access.write_quantity else ()
+    read = unit.hits(access.read_address, access.read_quantity).fields if access.read_quantity else ()
+    for hit in (*written, *read):
         axis = hit.place.axis
-        if hit.place.role is not FieldRole.COMMAND or not axis.may_read:
-            continue
-        read = _read_for(hit, pdu, access, known, now_ns)
-        if read is not None:
-            return read
+        if axis.is_in_doubt and axis.plan.name not in known.references:
+            added = homed_read(axis)
+            if added is not None:
+                return added
+    if not access.is_consistent:
+        return None
+    for hit in written:
+        if hit.place.role is FieldRole.COMMAND and hit.place.axis.may_read:
+            added = _read_for(hit, pdu, access, known, now_ns)
+            if added is not None:
+                return added
     return None
 
 
 def _read_for(hit: FieldHit, pdu: bytes, access: Access, known: Known, now_ns: int) -> AddedRead | None:
     place = hit.place
-    axis, name = place.axis, place.axis.plan.name
+    axis, shadow, name = place.axis, place.shadow, place.axis.plan.name
+    assert shadow is not None
     words = nominal_words(hit, pdu, access, known)
     if words is None:
-        if axis.passes_unchanged or id(place.shadow) in known.command_words:
+        if axis.passes_unchanged or shadow.is_torn or access.is_mask or id(shadow) in known.command_words:
             return None
         return AddedRead(axis, Purpose.COMMAND, place.field.address, place.field.words, hit)
-    if name in known.actual or not axis.needs_actual(words, place.field, now_ns):
+    if name in known.actual or not axis.needs_actual(words, shadow, place.field, now_ns):
         return None
     actual = axis.plan.actual[0]
     return AddedRead(axis, Purpose.ACTUAL, actual.address, actual.words)
@@ -82,6 +89,8 @@ def homed_read(axis: AxisExchange) -> AddedRead | None:
 def learn(read: AddedRead, reply: bytes, known: Known, now_ns: int) -> bool | None:
     """Take note of the reply to an added read; a refused one is not tried again for this request.
 
+    A drive that will not tell whether it is homed is taken as not homed.
+
     Returns:
         What a homed bit says when its axis's reference changed with it, else None.
     """
@@ -89,14 +98,12 @@ def learn(read: AddedRead, reply: bytes, known: Known, now_ns: int) -> bool | No
     is_good = len(reply) == 2 + 2 * read.quantity and reply[0] == FunctionCode.READ_HOLDING_REGISTERS
     words = reply[2:] if is_good else None
     if read.purpose is Purpose.HOMED:
-        if words is None:
-            return None
-        is_homed = axis.plan.bits[HOMED_BIT].is_set(words[0] << 8 | words[1])
+        known.references.add(axis.plan.name)
+        is_homed = words is not None and axis.plan.bits[HOMED_BIT].is_set(words[0] << 8 | words[1])
         return is_homed if axis.set_referenced(is_homed) else None
     if read.purpose is Purpose.ACTUAL:
-        if words is not None:
-            axis.observe_actual(axis.plan.actual[0], words, now_ns)
-        known.actual[axis.plan.name] = axis.actual if words is not None else None
+        field_ = axis.plan.actual[0]
+        known.actual[axis.plan.name] = None if words is None else axis.observe_actual(field_, words, now_ns)
         return None
     assert read.hit is not None
     known.command_words[id(read.hit.place.shadow)] = _nominal_command(read.hit, words)

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import NamedTuple
 
-from gateway.compensation.axis import AxisCompensation, Move, Place
+from gateway.compensation.axis import AxisCompensation, Move, Place, PlaceKind
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
-from gateway.compensation.direction import Direction
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.readback import Readback
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
+from gateway.exchange.shadow import Shadow
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import PositionField
 
@@ -25,18 +25,6 @@ NS_PER_S = 1_000_000_000
 
 class RefusedPositionError(Exception):
     """A position that must not reach the drive (M8); the message says why."""
-
-
-@dataclass(slots=True)
-class Shadow:
-    """What is known about the words of one command field."""
-
-    nominal_words: bytes | None = None
-    corrected_words: bytes | None = None
-
-    def forget(self) -> None:
-        """Nobody knows any more what the drive holds."""
-        self.nominal_words = self.corrected_words = None
 
 
 @dataclass(slots=True)
@@ -67,21 +55,32 @@ class AxisExchange:
     compensation: AxisCompensation = field(init=False)
     wanted: CorrectionSpec = field(init=False)
     shadows: list[Shadow] = field(init=False)
+    has_branches: bool = field(init=False)
+    """Whether the direction of travel makes a difference to the correction."""
     is_referenced: bool = False
+    is_in_doubt: bool = False
+    """Whether the reference has to be looked at before anything else is done with this axis."""
     actual: Actual | None = None
     is_done_seen: bool = False
-    needs_offset: bool = True
-    """The next streamed setpoint is the first since the start or a reconnect."""
-    is_unsure: bool = False
-    was_refused: bool = False
+    was_at_target: bool = False
+    was_unsure: bool = False
+    last_shadow: Shadow | None = None
+    """Of the field through which the last accepted target came."""
+    unproven: Rendering | None = None
+    """A target that was sent and not acknowledged: the drive may hold it or not."""
 
     def __post_init__(self) -> None:
         self.compensation = AxisCompensation(self.plan.settings)
-        self.shadows = [Shadow() for _ in self.plan.command]
+        self.shadows = [Shadow(field_) for field_ in self.plan.command]
+        self.is_in_doubt = self.follows_homed_bit
         is_off = self.plan.compensation is CompensationMode.OFF or self.plan.table is None
         self.wanted = NOTHING
+        self.has_branches = False
         if not is_off and self.plan.table is not None:
             self.wanted = spec_of_table(self.plan.table, self.plan.settings)
+            curve = self.wanted.curve
+            one_way = curve is not None and curve.table.is_unidirectional and self.wanted.gain.is_even
+            self.has_branches = not one_way
         if self.plan.referenced is Reference.ABSOLUTE:
             self.is_referenced = True
             self.compensation.find_reference(self.wanted)
@@ -97,6 +96,12 @@ class AxisExchange:
         return self.is_shadow or self.compensation.is_passing
 
     @property
+    def is_unsure(self) -> bool:
+        """Whether the branch in force was assumed, where there are two and they count."""
+        state = self.compensation.state
+        return self.has_branches and state.is_unsure and not self.compensation.is_passing
+
+    @property
     def follows_homed_bit(self) -> bool:
         """Whether the drive's homed bit decides that the axis is referenced."""
         return self.plan.referenced is Reference.DRIVE_BIT
@@ -110,6 +115,7 @@ class AxisExchange:
 
     def set_referenced(self, is_referenced: bool) -> bool:
         """Take note of the drive's homed bit; return whether that is news."""
+        self.is_in_doubt = False
         if is_referenced is self.is_referenced:
             return False
         self.is_referenced = is_referenced
@@ -120,27 +126,66 @@ class AxisExchange:
             self.compensation.lose_reference()
         return True
 
+    def doubt(self) -> bool:
+        """The drive was silent and may have lost its reference; return whether it counts as lost at once."""
+        if not self.follows_homed_bit:
+            return False
+        self.is_in_doubt = self.may_read
+        return not self.may_read and self.set_referenced(False)
+
     def forget(self) -> None:
-        """What the drive holds is unknown: after a time-out, an odd reply, an exception, a lost link (M7)."""
+        """What the drive holds is unknown (M7)."""
         self.compensation.forget_target()
-        self.is_done_seen = False
+        self.is_done_seen = self.was_at_target = False
+        self.unproven = None
         for shadow in self.shadows:
             shadow.forget()
 
-    def link_lost(self) -> None:
-        """Forget everything that may have changed while nobody looked."""
+    def link_lost(self) -> bool:
+        """Forget what may have changed while nobody looked; return whether the reference is lost with it."""
         self.forget()
         self.actual = None
-        self.needs_offset = True
+        return self.doubt()
+
+    def fail(self, rendering: Rendering) -> None:
+        """A target was sent and not acknowledged: the drive may hold it or not."""
+        self.compensation.forget_target()
+        self.is_done_seen = self.was_at_target = False
+        rendering.shadow.forget()
+        rendering.shadow.tear()
+        if rendering.move is not None:
+            self.unproven = rendering
 
     # --- reading ---------------------------------------------------------------------------------------
 
-    def observe_actual(self, field_: PositionField, words: bytes, now_ns: int) -> None:
-        """Note an actual position, as the drive reported it at ``now_ns``."""
+    def observe_actual(self, field_: PositionField, words: bytes, now_ns: int) -> Actual | None:
+        """Note an actual position as the drive reported it; None where it is no number."""
         raw = field_.unpack(words)
-        if isfinite(raw):
-            self.actual = Actual(counts_of(field_, raw), now_ns)
-            self.compensation.observe(self.actual.counts)
+        if not isfinite(raw):
+            return None
+        self.actual = Actual(counts_of(field_, raw), now_ns)
+        self.compensation.observe(self.actual.counts)
+        self._watch(self.actual.counts)
+        return self.actual
+
+    def observe_done(self, is_done: bool) -> None:
+        """Note the drive's done bit; a second motion after a target was reached is not of our making."""
+        if self.is_done_seen and not is_done:
+            self.compensation.forget_target()
+        self.is_done_seen = is_done and self.compensation.accepted is not None
+
+    def _watch(self, corrected_counts: float) -> None:
+        """Notice that something else moved the axis away from where it had been sent (M4)."""
+        accepted = self.compensation.accepted
+        if accepted is None:
+            return
+        settings = self.plan.settings
+        distance = abs(corrected_counts - accepted.corrected_counts) / abs(settings.counts_per_unit)
+        if distance <= settings.hysteresis:
+            self.was_at_target = True
+        elif self.was_at_target and distance > settings.max_correction:
+            self.compensation.forget_target()
+            self.was_at_target = self.is_done_seen = False
 
     def nominal_words(self, field_: PositionField, words: bytes, readback: Readback) -> bytes:
         """Turn words reported by the drive into what the controller is to see.
@@ -161,26 +206,53 @@ class AxisExchange:
         return field_.pack(corrected - _steps(field_, correction))
 
     def command_words(self, shadow: Shadow, field_: PositionField, words: bytes, readback: Readback) -> bytes:
-        """Turn the words of a command field that is read back into what the controller wrote."""
+        """Turn the words of a command field that is read back into what the controller wrote.
+
+        They also prove that a target arrived which was never acknowledged.
+        """
+        unproven = self.unproven
+        if unproven is not None and unproven.shadow is shadow and unproven.corrected_words == words:
+            self.commit(unproven)
         if shadow.nominal_words is not None and shadow.corrected_words == words:
             return shadow.nominal_words
         return self.nominal_words(field_, words, readback)
 
     # --- writing ---------------------------------------------------------------------------------------
 
-    def needs_actual(self, nominal_words: bytes, field_: PositionField, now_ns: int) -> bool:
+    @property
+    def needs_offset(self) -> bool:
+        """Whether the next streamed setpoint is the first: nothing is in force before it."""
+        return self.compensation.state.position is None
+
+    def needs_actual(self, nominal_words: bytes, shadow: Shadow, field_: PositionField, now_ns: int) -> bool:
         """Whether an actual position has to be read before this target can be rendered (M6)."""
         if not self.may_read or not self.plan.actual or self.wanted is NOTHING or not self.is_referenced:
             return False
+        if self.is_repeat(shadow, nominal_words) or self._is_unproven(shadow, nominal_words):
+            return False
         nominal_counts = counts_of(field_, field_.unpack(nominal_words))
-        if self._is_repeat(nominal_counts):
+        accepted = self.compensation.accepted
+        if accepted is not None and accepted.nominal_counts == nominal_counts:
             return False
         if self.plan.settings.setpoints is Setpoints.STREAM:
             return self.needs_offset
-        curve = self.wanted.curve
-        if curve is not None and curve.table.is_unidirectional and self.wanted.gain.is_even:
-            return False
-        return self._known_place(nominal_counts, now_ns) is None
+        return self.has_branches and self._known_place(nominal_counts, now_ns) is None
+
+    def is_repeat(self, shadow: Shadow, nominal_words: bytes) -> bool:
+        """Whether a command field is written with what the drive acknowledged there already (M4)."""
+        return (
+            self.compensation.accepted is not None
+            and not shadow.is_torn
+            and shadow.nominal_words == nominal_words
+            and shadow.corrected_words is not None
+        )
+
+    def render_repeat(self, shadow: Shadow, *, is_passing: bool) -> Rendering:
+        """Render exactly the same words as before; accepting them changes nothing."""
+        assert shadow.nominal_words is not None
+        assert shadow.corrected_words is not None
+        words = shadow.nominal_words if is_passing else shadow.corrected_words
+        return Rendering(self, shadow, shadow.nominal_words, words, 0.0, None)
 
     def render(
         self, index: int, nominal_words: bytes, now_ns: int, fresh: Actual | None, *, is_passing: bool
@@ -199,68 +271,60 @@ class AxisExchange:
         """
         field_ = self.plan.command[index]
         shadow = self.shadows[index]
+        if self.unproven is not None and self._is_unproven(shadow, nominal_words):
+            return self.unproven
         raw = field_.unpack(nominal_words)
         if not isfinite(raw):
             if is_passing:
                 return Rendering(self, shadow, nominal_words, nominal_words, 0.0, None)
             raise RefusedPositionError(f"{raw} is not a position")
-        nominal_counts = counts_of(field_, raw)
-        if self._is_repeat(nominal_counts):
-            return self._repeat(field_, shadow, nominal_words, is_passing)
         try:
-            move = self._plan_move(nominal_counts, now_ns, fresh)
-            corrected = raw + _steps(field_, move.correction_counts)
-            corrected_words = field_.pack(corrected) if move.correction_counts else nominal_words
+            move = self._plan_move(counts_of(field_, raw), now_ns, fresh)
+            corrected_words = nominal_words
+            if move.correction_counts:
+                corrected_words = field_.pack(raw + _steps(field_, move.correction_counts))
         except (OutOfTableError, OutsideTravelError, RegisterRangeError) as error:
             raise RefusedPositionError(str(error)) from error
         corrected_counts = counts_of(field_, field_.unpack(corrected_words))
         sent = nominal_words if is_passing else corrected_words
         return Rendering(self, shadow, nominal_words, sent, corrected_counts, move)
 
-    def commit(self, rendering: Rendering) -> None:
+    def commit(self, rendering: Rendering, now_ns: int = 0) -> None:
         """The drive acknowledged a target with its full native success (M7)."""
-        rendering.shadow.nominal_words = rendering.nominal_words
-        rendering.shadow.corrected_words = rendering.corrected_words
-        if rendering.move is not None:
-            self.compensation.commit(rendering.move, rendering.corrected_counts)
-            self.is_done_seen = False
-            self.needs_offset = False
+        rendering.shadow.settle(rendering.nominal_words, rendering.corrected_words)
+        if rendering.move is None:
+            self.compensation.touch(now_ns)
+            return
+        self.compensation.commit(rendering.move, rendering.corrected_counts)
+        self.last_shadow = rendering.shadow
+        self.unproven = None
+        self.is_done_seen = self.was_at_target = False
 
-    def _is_repeat(self, nominal_counts: float) -> bool:
-        accepted = self.compensation.accepted
-        return accepted is not None and accepted.nominal_counts == nominal_counts
-
-    def _repeat(
-        self, field_: PositionField, shadow: Shadow, nominal_words: bytes, is_passing: bool
-    ) -> Rendering:
-        accepted = self.compensation.accepted
-        assert accepted is not None
-        if is_passing:
-            words = nominal_words
-        elif shadow.nominal_words == nominal_words and shadow.corrected_words is not None:
-            words = shadow.corrected_words
-        else:  # the same target through another register of the axis
-            words = field_.pack(_raw(field_, accepted.corrected_counts))
-        return Rendering(self, shadow, nominal_words, words, accepted.corrected_counts, None)
+    def _is_unproven(self, shadow: Shadow, nominal_words: bytes) -> bool:
+        unproven = self.unproven
+        return unproven is not None and unproven.shadow is shadow and unproven.nominal_words == nominal_words
 
     def _plan_move(self, nominal_counts: float, now_ns: int, fresh: Actual | None) -> Move:
+        accepted = self.compensation.accepted
+        if accepted is not None and accepted.nominal_counts == nominal_counts:
+            return self.compensation.again()  # the same target through another register of the axis
         if self.plan.settings.setpoints is Setpoints.STREAM:
             if self.needs_offset and fresh is not None and self.is_referenced:
                 self.compensation.assume_offset(fresh.counts, nominal_counts)
             return self.compensation.plan(nominal_counts, None, now_ns)
         place = self._known_place(nominal_counts, now_ns)
         if place is None and fresh is not None:
-            place = Place(self._nominal_of(fresh.counts), is_reached=False)
-        if place is None and not self.plan.actual and self.compensation.accepted is not None:
+            place = self._measured(fresh)
+        if place is None and accepted is not None and not self.plan.actual and "done" not in self.plan.bits:
             # Nothing tells where this axis is; the order of its targets is the best there is, and flagged.
-            place = Place(self.compensation.accepted.nominal_counts, is_reached=True, is_assumed=True)
+            place = Place(accepted.nominal_counts, PlaceKind.ASSUMED)
         return self.compensation.plan(nominal_counts, place, now_ns)
 
     def _known_place(self, nominal_counts: float, now_ns: int) -> Place | None:
         """Where the axis is, as far as passing traffic told it (M6)."""
         accepted = self.compensation.accepted
         if accepted is not None and self.is_done_seen:
-            return Place(accepted.nominal_counts, is_reached=True)
+            return Place(accepted.nominal_counts, PlaceKind.REACHED)
         actual = self.actual
         settings = self.plan.settings
         if actual is None or not settings.max_speed:
@@ -268,87 +332,23 @@ class AxisExchange:
         age_ns = now_ns - actual.seen_ns
         if age_ns > settings.fresh_ms * NS_PER_MS:
             return None
-        nominal_actual = self._nominal_of(actual.counts)
+        place = self._measured(actual)
         reach = settings.max_speed * age_ns / NS_PER_S * abs(settings.counts_per_unit)
-        if abs(nominal_counts - nominal_actual) <= reach:
-            return None
-        return Place(nominal_actual, is_reached=False)
+        return None if abs(nominal_counts - place.counts) <= reach else place
 
-    def _nominal_of(self, corrected_counts: float) -> float:
+    def _measured(self, actual: Actual) -> Place:
+        """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
+        if self.is_shadow:
+            return Place(actual.counts, PlaceKind.MEASURED)
+        if self.compensation.accepted is None:
+            return Place(actual.counts, PlaceKind.ON_DRIVE)
+        return Place(self.nominal_of(actual.counts), PlaceKind.MEASURED)
+
+    def nominal_of(self, corrected_counts: float) -> float:
+        """Nominal counts of an actual position, as the controller would read it, not rounded."""
         if self.is_shadow:
             return corrected_counts
         return corrected_counts - self.compensation.readback.correction_counts(corrected_counts)
-
-    # --- status ----------------------------------------------------------------------------------------
-
-    @property
-    def direction(self) -> str:
-        """Direction as the status shows it."""
-        state = self.compensation.state
-        return (
-            "unsure"
-            if state.is_unsure and state.position is not None
-            else state.travel.direction.name.lower()
-        )
-
-    def state_name(self) -> str:
-        """State of the compensation as the status shows it."""
-        if self.plan.compensation is CompensationMode.OFF:
-            return "off"
-        if self.plan.table is None:
-            return "no-table"
-        if not self.is_referenced:
-            return "unreferenced"
-        if self.is_shadow:
-            return "shadow"
-        accepted = self.compensation.accepted
-        if accepted is not None and self.compensation.is_outside(accepted.nominal_counts):
-            return "outside"
-        is_stream = self.plan.settings.setpoints is Setpoints.STREAM
-        return "blending" if is_stream and self.compensation.is_blending else "active"
-
-    def status(self) -> dict[str, object]:
-        """Return this axis's part of the status model; positions in units, on their own scale."""
-        settings = self.plan.settings
-        accepted = self.compensation.accepted
-        correction: float | None = None
-
-        def units(counts: float | None) -> float | None:
-            if counts is None:
-                return None
-            return self.compensation.machine_position(counts) - settings.machine_offset
-
-        nominal_actual = None if self.actual is None else self._nominal_of(self.actual.counts)
-        if accepted is not None:
-            correction = (accepted.corrected_counts - accepted.nominal_counts) / settings.counts_per_unit
-        return {
-            "compensation": self.state_name(),
-            "units": settings.units.value,
-            "direction": self.direction,
-            "correction": correction,
-            "nominal_setpoint": units(None if accepted is None else accepted.nominal_counts),
-            "corrected_setpoint": units(None if accepted is None else accepted.corrected_counts),
-            "nominal_actual": units(nominal_actual),
-            "corrected_actual": units(None if self.actual is None else self.actual.counts),
-            "table": self._table_status(),
-        }
-
-    def _table_status(self) -> dict[str, object]:
-        table = self.plan.table
-        return {
-            "file": self.plan.table_name or None,
-            "format": self.plan.table_format or None,
-            "sha256": self.plan.table_digest or None,
-            "points": 0 if table is None else len(table.positions),
-            "status": "none" if table is None else "active",
-            "error": None,
-        }
-
-
-def is_direction_known(axis: AxisExchange) -> bool:
-    """Whether the branch in force was decided and not assumed."""
-    state = axis.compensation.state
-    return not state.is_unsure and state.travel.direction is not Direction.UNKNOWN
 
 
 def counts_of(field_: PositionField, raw: float) -> float:

@@ -16,3 +16,5 @@ class LineCounters:
     withdrawn: int = 0
     broadcasts: int = 0
     added_reads: int = 0
+    malformed: int = 0
+    """Requests without a function code."""

@@ -19,7 +19,6 @@ class EventKind(Enum):
     REFUSED_VALUE = "refused-value"
     WITHDRAWN = "withdrawn"
     """A request was not sent, because its controller had given up on it."""
-    LATE_REPLY = "late-reply"
 
 
 @dataclass(frozen=True, slots=True)

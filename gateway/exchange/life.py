@@ -5,9 +5,10 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from gateway.exchange.added_reads import AddedRead
+from gateway.exchange.parts import Known
 from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
-from gateway.exchange.rewriting import Known, Rewriting
+from gateway.exchange.rewriting import Rewriting
 
 QUEUE_LIMIT: Final = 32
 """Requests of one connection that may wait; the next gets exception 6 (Messaging guide V1.0b, p. 29)."""

@@ -10,18 +10,24 @@ States of the line:
 """
 
 from collections.abc import Callable, Sequence
+from typing import Final
 
-from gateway.exchange.access import ACCESS, only_reads
+from gateway.exchange.access import ACCESS, Access, only_reads
 from gateway.exchange.added_reads import homed_read, learn, next_read
+from gateway.exchange.answering import answer, fail
 from gateway.exchange.axis import NS_PER_MS, AxisExchange
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.life import QUEUE_LIMIT, Exchange, WaitingExchanges
+from gateway.exchange.parts import Known, note_unsent
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
-from gateway.exchange.rewriting import Known, RefusedRequestError, answer, prepare, written_axes
+from gateway.exchange.rewriting import RefusedRequestError, prepare
 from gateway.exchange.unit import UnitMap
-from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
+
+ALIAS_UNIT_IDS: Final = frozenset({BROADCAST_UNIT_ID, 0xFF})
+"""Unit ids that may mean a drive which has another one."""
 
 
 class LineExchange:
@@ -36,8 +42,6 @@ class LineExchange:
     ) -> None:
         self.axes = [AxisExchange(plan) for plan in axes]
         self.counters = LineCounters()
-        self.deadline_ns: int | None = None
-        """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
         self._units = {
             unit_id: UnitMap(axis for axis in self.axes if axis.plan.unit_id == unit_id)
             for unit_id in {axis.plan.unit_id for axis in self.axes}
@@ -53,7 +57,14 @@ class LineExchange:
         self._is_draining = False
         self._is_up = False
         self._is_stopping = False
-        self._is_silent = False
+        self._silent_units: set[int] = set()
+        self._owes_silence = False
+        """Something was outstanding when a serial link went down: its reply may still come (W6)."""
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
+        return self._rest_until_ns if self._current is None else self._current.deadline_ns
 
     @property
     def is_idle(self) -> bool:
@@ -71,33 +82,35 @@ class LineExchange:
         self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
     ) -> None:
         """Take a whole request; it goes out in this very call when the line is free."""
+        if not pdu:
+            self.counters.malformed += 1
+            return
         exchange = Exchange(port, transaction_id, unit_id, pdu, now_ns)
         if port.plan.serial:
-            self._supersede(port)
+            self._give_up(port, "its controller sent another request")
         if self._is_stopping:
             return
         if port.plan.role is Role.MONITOR and not only_reads(pdu):
             self._refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
         elif not self._is_up:
+            self._note_unsent(exchange)
             self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
         elif self._current is None and self._rest_until_ns is None and not self._waiting:
             self._start(exchange, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
+            self._note_unsent(exchange)
             self._refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
         else:
             self._waiting.add(exchange)
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
-        for exchange in self._waiting.withdraw(lambda waiting: waiting.port is port):
-            self._withdrawn(exchange, "its connection closed")
-        if self._current is not None and self._current.port is port:
-            self._current.is_orphan = True
+        self._give_up(port, "its connection closed")
 
-    def _supersede(self, port: ControllerPort) -> None:
-        """A serial controller that sends again has given up on what it sent before (W5)."""
+    def _give_up(self, port: ControllerPort, reason: str) -> None:
+        """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
         for exchange in self._waiting.withdraw(lambda waiting: waiting.port is port):
-            self._withdrawn(exchange, "its controller sent another request")
+            self._withdrawn(exchange, reason)
         if self._current is not None and self._current.port is port:
             self._current.is_orphan = True
 
@@ -106,29 +119,47 @@ class LineExchange:
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """Take the reply that the link framed for the exchange on the wire."""
         exchange = self._current
-        if exchange is None or unit_id != exchange.unit_id:
+        if exchange is None or unit_id != exchange.unit_id or not pdu:
             self.stray(now_ns)
             return
-        self._note_silence(exchange, is_silent=False)
+        self._current = None
+        if unit_id in self._silent_units:
+            self._silent_units.discard(unit_id)
+            self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
         if exchange.added_read is not None:
             self._learn(exchange, pdu, now_ns)
-            return
+        else:
+            self._answer(exchange, pdu, now_ns)
+        self._next(now_ns)
+
+    def _answer(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         self.counters.exchanges += 1
-        if pdu[0] & 0x80:
+        if is_exception(pdu):
             self.counters.exceptions += 1
         if exchange.rewriting is not None:
             pdu, changed = answer(exchange.rewriting, pdu, now_ns)
             for axis, is_referenced in changed:
                 self._reference_changed(axis, is_referenced=is_referenced)
-        self._current = None
+            self._note_directions(exchange)
         self._send_reply(exchange, pdu)
-        self._next(now_ns)
+
+    def _learn(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
+        read = exchange.added_read
+        assert read is not None
+        self.counters.added_reads += 1
+        exchange.known = exchange.known or Known()
+        exchange.added_read = None
+        is_referenced = learn(read, pdu, exchange.known, now_ns)
+        if is_referenced is not None:
+            self._reference_changed(read.axis, is_referenced=is_referenced)
+        if exchange.port is not None:
+            self._start(exchange, now_ns)
 
     def stray(self, now_ns: int) -> None:
         """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6)."""
         self.counters.late += 1
         if self._is_draining and self._rest_until_ns is not None:
-            self._rest_until_ns = self.deadline_ns = now_ns + self._drain_ns
+            self._rest_until_ns = now_ns + self._drain_ns
 
     def link_up(self, now_ns: int) -> None:
         """Note that the drives can be reached."""
@@ -136,6 +167,8 @@ class LineExchange:
             return
         self._is_up = True
         self._on_event(Event(EventKind.LINE_UP))
+        if self._owes_silence:
+            self._drain(now_ns)
         for axis in self.axes:
             read = homed_read(axis)
             if read is not None:
@@ -152,27 +185,32 @@ class LineExchange:
         if not self._is_stopping:  # closing it ourselves is no news
             self._on_event(Event(EventKind.LINE_DOWN))
         current, self._current = self._current, None
-        self._rest_until_ns = self.deadline_ns = None
+        self._owes_silence = self._link.is_serial and (current is not None or self._is_draining)
+        self._rest_until_ns = None
         self._is_draining = False
         for axis in self.axes:
-            axis.link_lost()
+            if axis.link_lost():
+                self._reference_changed(axis, is_referenced=False)
         if current is not None:
+            self._lose(current)
             self._fail(current, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND)
         for exchange in self._waiting.withdraw(lambda _: True):
+            self._note_unsent(exchange)
             self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
 
     # --- time ------------------------------------------------------------------------------------------
 
     def tick(self, now_ns: int) -> None:
         """Do what has fallen due."""
-        if self.deadline_ns is None or now_ns < self.deadline_ns:
+        deadline_ns = self.deadline_ns
+        if deadline_ns is None or now_ns < deadline_ns:
             return
         if self._current is not None:
             self._time_out(self._current, now_ns)
-        elif self._rest_until_ns is not None:
-            self._rest_until_ns = self.deadline_ns = None
-            self._is_draining = False
-            self._next(now_ns)
+        else:
+            self._rest_until_ns = None
+            self._is_draining = self._owes_silence = False
+        self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
         """Send nothing new; the exchange on the wire ends as it would have (see :attr:`is_idle`)."""
@@ -184,85 +222,106 @@ class LineExchange:
 
     def _next(self, now_ns: int) -> None:
         while self._waiting and self._current is None and self._rest_until_ns is None:
-            exchange = self._waiting.pop()
-            port = exchange.port
-            if port is not None and now_ns - exchange.arrived_ns > port.plan.timeout_ms * NS_PER_MS:
-                self._withdrawn(exchange, "it waited longer than its controller's timeout_ms")
-                continue
-            self._start(exchange, now_ns)
-        if self._current is None and self._rest_until_ns is None:
-            self.deadline_ns = None
+            self._start(self._waiting.pop(), now_ns)
 
     def _start(self, exchange: Exchange, now_ns: int) -> None:
+        """Send an exchange, or the read that it needs first; or withdraw or refuse it."""
+        reason = self._why_not_any_more(exchange, now_ns)
+        if reason:
+            self._withdrawn(exchange, reason)
+            return
+        if exchange.added_read is not None:
+            self._send(exchange, exchange.pdu, now_ns)
+            return
+        try:
+            pdu = self._pdu_to_send(exchange, now_ns)
+        except RefusedRequestError as refusal:
+            self._note_unsent(exchange)
+            self._on_event(Event(EventKind.REFUSED_VALUE, refusal.axis, refusal.reason))
+            self._refuse(exchange, refusal.code)
+            return
+        if pdu is not None:
+            self._send(exchange, pdu, now_ns)
+
+    def _why_not_any_more(self, exchange: Exchange, now_ns: int) -> str:
+        port = exchange.port
+        if port is None:
+            return ""
+        if self._is_stopping:
+            return "the gateway stops"
+        if exchange.is_orphan:
+            return "its controller gave up on it"
+        if now_ns - exchange.arrived_ns > port.plan.timeout_ms * NS_PER_MS:
+            return "it waited longer than its controller's timeout_ms"
+        return ""
+
+    def _pdu_to_send(self, exchange: Exchange, now_ns: int) -> bytes | None:
+        """Return what goes out for a request; None when it was answered instead.
+
+        Raises:
+            RefusedRequestError: it must not reach the drive.
+        """
         pdu = exchange.pdu
-        if exchange.added_read is None:
-            unit_id = exchange.unit_id
-            unit = self._units.get(unit_id)
-            look = ACCESS.get(pdu[0])
-            access = None if look is None else look(pdu)
-            if access is not None and unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
-                if access.write_quantity and self._broadcast_hits(
-                    access.write_address, access.write_quantity
-                ):
-                    self._note_refusal(
-                        "a broadcast cannot carry a position that each axis corrects differently"
-                    )
-                    return
-            elif access is not None and unit is not None:
-                exchange.known = exchange.known or Known()
-                exchange.added_read = next_read(unit, pdu, access, exchange.known, now_ns)
-                if exchange.added_read is not None:
-                    pdu = exchange.added_read.pdu
-                else:
-                    try:
-                        exchange.rewriting = prepare(unit, pdu, access, exchange.known, now_ns)
-                    except RefusedRequestError as refusal:
-                        self._note_refusal(refusal.reason, refusal.axis)
-                        self._answer_exception(exchange, refusal.code)
-                        return
-                    pdu = exchange.rewriting.sent_pdu
-        self._send(exchange, pdu, now_ns)
+        look = ACCESS.get(pdu[0])
+        access = None if look is None else look(pdu)
+        if access is None:
+            return pdu
+        unit = self._units.get(exchange.unit_id)
+        if unit is None:
+            return self._pdu_to_nobody(exchange, access)
+        known = exchange.known = exchange.known or Known()
+        exchange.added_read = next_read(unit, pdu, access, known, now_ns)
+        if exchange.added_read is not None:
+            return exchange.added_read.pdu
+        exchange.rewriting = prepare(unit, pdu, access, known, now_ns)
+        return exchange.rewriting.sent_pdu
+
+    def _pdu_to_nobody(self, exchange: Exchange, access: Access) -> bytes | None:
+        """Return a request to a unit id without axes, unless its registers are those of an axis all the same.
+
+        A broadcast reaches every drive of a serial line. A Modbus/TCP drive may answer to 0 and 255 beside
+        the unit id that it was given (Messaging guide V1.0b, p. 23).
+        """
+        if exchange.unit_id not in ALIAS_UNIT_IDS:
+            return exchange.pdu
+        if self._link.is_serial:
+            if exchange.unit_id == BROADCAST_UNIT_ID and self._is_mapped(access, is_read=False):
+                reason = "a broadcast cannot carry a position that each axis corrects differently"
+                self.counters.refused += 1
+                self._on_event(Event(EventKind.REFUSED_VALUE, None, reason))
+                return None
+        elif self._is_mapped(access, is_read=True):
+            reason = f"unit id {exchange.unit_id} is not mapped, and may reach an axis that is corrected"
+            self._on_event(Event(EventKind.REFUSED_VALUE, None, reason))
+            self._refuse(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
+            return None
+        return exchange.pdu
+
+    def _is_mapped(self, access: Access, *, is_read: bool) -> bool:
+        spans = [(access.write_address, access.write_quantity)]
+        if is_read:
+            spans.append((access.read_address, access.read_quantity))
+        return any(
+            not hit.place.axis.passes_unchanged
+            for unit in self._units.values()
+            for address, quantity in spans
+            if quantity
+            for hit in unit.hits(address, quantity).fields
+        )
 
     def _send(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         exchange.sent_ns = now_ns
         if exchange.unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
             self._link.send_request(exchange.unit_id, pdu)
-            self._link.abandon()
             self.counters.broadcasts += 1
-            self._rest_until_ns = self.deadline_ns = now_ns + self._turnaround_ns
+            self._rest_until_ns = now_ns + self._turnaround_ns
             return
         self._current = exchange
         patience_ns = self._response_timeout_ns
         if exchange.port is not None and exchange.added_read is None:
             patience_ns = max(patience_ns, int(exchange.port.plan.timeout_ms * NS_PER_MS))
-        self.deadline_ns = exchange.deadline_ns = now_ns + patience_ns
+        exchange.deadline_ns = now_ns + patience_ns
         self._link.send_request(exchange.unit_id, pdu)
-
-    def _broadcast_hits(self, address: int, quantity: int) -> bool:
-        return any(
-            not hit.place.axis.passes_unchanged
-            for unit in self._units.values()
-            for hit in unit.hits(address, quantity).fields
-        )
-
-    def _learn(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
-        read = exchange.added_read
-        assert read is not None
-        exchange.known = exchange.known or Known()
-        is_referenced = learn(read, pdu, exchange.known, now_ns)
-        if is_referenced is not None:
-            self._reference_changed(read.axis, is_referenced=is_referenced)
-        self.counters.added_reads += 1
-        self._current = None
-        exchange.added_read = None
-        if exchange.port is None:
-            self._next(now_ns)
-        elif exchange.is_orphan or self._is_stopping:
-            self._withdrawn(exchange, "its controller gave up before it was sent")
-            self._next(now_ns)
-        else:
-            self._start(exchange, now_ns)
-            self._next(now_ns)
 
     # --- endings ---------------------------------------------------------------------------------------
 
@@ -270,15 +329,45 @@ class LineExchange:
         self._link.abandon()
         self._current = None
         self.counters.timeouts += 1
-        self._note_silence(exchange, is_silent=True)
-        if exchange.rewriting is not None:
-            for axis in written_axes(exchange.rewriting):
-                axis.forget()
+        if exchange.unit_id not in self._silent_units:
+            self._silent_units.add(exchange.unit_id)
+            self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {exchange.unit_id}"))
+        self._lose(exchange)
+        unit = self._units.get(exchange.unit_id)
+        for axis in unit.axes if unit else ():
+            if axis.doubt():
+                self._reference_changed(axis, is_referenced=False)
         if self._link.is_serial:
-            self._rest_until_ns = self.deadline_ns = now_ns + self._drain_ns
-            self._is_draining = True
+            self._drain(now_ns)
         self._fail(exchange, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND)
-        self._next(now_ns)
+
+    def _drain(self, now_ns: int) -> None:
+        self._rest_until_ns = now_ns + self._drain_ns
+        self._is_draining = True
+
+    def _lose(self, exchange: Exchange) -> None:
+        """Take note of an exchange whose reply never came."""
+        if exchange.rewriting is not None:
+            fail(exchange.rewriting, is_refusal=False)
+        elif exchange.added_read is not None:
+            self._note_unsent(exchange)
+
+    def _note_unsent(self, exchange: Exchange) -> None:
+        """Take note of a request that never reached the drive: what it wrote is torn from the rest (M3)."""
+        unit = self._units.get(exchange.unit_id)
+        look = ACCESS.get(exchange.pdu[0])
+        access = None if look is None or exchange.port is None else look(exchange.pdu)
+        if unit is not None and access is not None and access.write_quantity:
+            note_unsent(unit, exchange.pdu, access)
+
+    def _note_directions(self, exchange: Exchange) -> None:
+        for rendering in exchange.rewriting.renderings if exchange.rewriting else ():
+            axis = rendering.axis
+            if axis.is_unsure is not axis.was_unsure:
+                axis.was_unsure = axis.is_unsure
+                if axis.was_unsure:
+                    detail = "where the axis is could not be told; it keeps its branch"
+                    self._on_event(Event(EventKind.DIRECTION_UNSURE, axis.plan.name, detail))
 
     def _send_reply(self, exchange: Exchange, pdu: bytes) -> None:
         if exchange.port is not None and not exchange.is_orphan:
@@ -287,31 +376,19 @@ class LineExchange:
     def _fail(self, exchange: Exchange, code: ExceptionCode) -> None:
         """Say that a drive cannot be had: an exception on TCP, silence on a serial line (W7)."""
         if exchange.port is not None and not exchange.port.plan.serial:
-            self._answer_exception(exchange, code)
+            self._send_reply(exchange, exception_pdu(exchange.pdu[0], code))
 
     def _refuse(self, exchange: Exchange, code: ExceptionCode) -> None:
+        """Answer what the gateway itself refuses, on serial lines too (W7)."""
         self.counters.refused += 1
-        self._answer_exception(exchange, code)
-
-    def _note_refusal(self, reason: str, axis: str | None = None) -> None:
-        self.counters.refused += 1
-        self._on_event(Event(EventKind.REFUSED_VALUE, axis, reason))
-
-    def _answer_exception(self, exchange: Exchange, code: ExceptionCode) -> None:
         self._send_reply(exchange, exception_pdu(exchange.pdu[0], code))
 
     def _withdrawn(self, exchange: Exchange, reason: str) -> None:
+        self._note_unsent(exchange)
         self.counters.withdrawn += 1
         if exchange.port is not None:
             name = exchange.port.plan.name
             self._on_event(Event(EventKind.WITHDRAWN, None, f"a request of {name} was not sent: {reason}"))
-
-    def _note_silence(self, exchange: Exchange, *, is_silent: bool) -> None:
-        if is_silent is self._is_silent:
-            return
-        self._is_silent = is_silent
-        kind = EventKind.DRIVE_SILENT if is_silent else EventKind.DRIVE_ANSWERS
-        self._on_event(Event(kind, None, f"unit id {exchange.unit_id}"))
 
     def _reference_changed(self, axis: AxisExchange, *, is_referenced: bool) -> None:
         kind = EventKind.AXIS_REFERENCED if is_referenced else EventKind.REFERENCE_LOST

@@ -1,6 +1,9 @@
-"""The part of the status model that the exchange knows."""
+"""The part of the status model that the exchange knows. Positions are in units, on their own scale."""
 
+from gateway.compensation.settings import Setpoints
+from gateway.exchange.axis import AxisExchange
 from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import CompensationMode
 
 
 def line_status(line: LineExchange) -> dict[str, object]:
@@ -21,4 +24,65 @@ def line_status(line: LineExchange) -> dict[str, object]:
 
 def axes_status(line: LineExchange) -> dict[str, dict[str, object]]:
     """Return each axis's part of the status model, by name."""
-    return {axis.plan.name: axis.status() for axis in line.axes}
+    return {axis.plan.name: axis_status(axis) for axis in line.axes}
+
+
+def axis_status(axis: AxisExchange) -> dict[str, object]:
+    """Return one axis's part of the status model."""
+    settings = axis.plan.settings
+    accepted = axis.compensation.accepted
+    actual = axis.actual
+
+    def units(counts: float | None) -> float | None:
+        if counts is None:
+            return None
+        return axis.compensation.machine_position(counts) - settings.machine_offset
+
+    correction: float | None = None
+    if accepted is not None:
+        correction = (accepted.corrected_counts - accepted.nominal_counts) / settings.counts_per_unit
+    return {
+        "compensation": compensation_state(axis),
+        "units": settings.units.value,
+        "direction": direction_state(axis),
+        "correction": correction,
+        "nominal_setpoint": units(None if accepted is None else accepted.nominal_counts),
+        "corrected_setpoint": units(None if accepted is None else accepted.corrected_counts),
+        "nominal_actual": units(None if actual is None else axis.nominal_of(actual.counts)),
+        "corrected_actual": units(None if actual is None else actual.counts),
+        "table": _table_status(axis),
+    }
+
+
+def direction_state(axis: AxisExchange) -> str:
+    """Return the direction as the status shows it: forward, backward, unknown or unsure."""
+    return "unsure" if axis.is_unsure else axis.compensation.state.travel.direction.name.lower()
+
+
+def compensation_state(axis: AxisExchange) -> str:
+    """Return the state of the compensation as the status shows it."""
+    if axis.plan.compensation is CompensationMode.OFF:
+        return "off"
+    if axis.plan.table is None:
+        return "no-table"
+    if not axis.is_referenced:
+        return "unreferenced"
+    if axis.is_shadow:
+        return "shadow"
+    accepted = axis.compensation.accepted
+    if accepted is not None and axis.compensation.is_outside(accepted.nominal_counts):
+        return "outside"
+    is_stream = axis.plan.settings.setpoints is Setpoints.STREAM
+    return "blending" if is_stream and axis.compensation.is_blending else "active"
+
+
+def _table_status(axis: AxisExchange) -> dict[str, object]:
+    plan = axis.plan
+    return {
+        "file": plan.table_name or None,
+        "format": plan.table_format or None,
+        "sha256": plan.table_digest or None,
+        "points": 0 if plan.table is None else len(plan.table.positions),
+        "status": "none" if plan.table is None else "active",
+        "error": None,
+    }

@@ -4,7 +4,8 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import Final, NamedTuple
 
-from gateway.exchange.axis import AxisExchange, Shadow
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.shadow import Shadow
 from gateway.modbus.registers import BitField, PositionField
 
 CACHE_LIMIT: Final = 4096

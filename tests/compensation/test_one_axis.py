@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.compensation.axis import AxisCompensation, Place
+from gateway.compensation.axis import AxisCompensation, Place, PlaceKind
 from gateway.compensation.correction_spec import CorrectionSpec, spec_of_table
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError, SettingsError
 from gateway.compensation.limits import motion_report
@@ -51,7 +51,7 @@ def read(axis: AxisCompensation, corrected_counts: int) -> int:
 
 
 def at(counts: float) -> Place:
-    return Place(counts, is_reached=True)
+    return Place(counts, PlaceKind.REACHED)
 
 
 def test_targets_take_the_branch_of_their_own_move() -> None:
@@ -70,8 +70,8 @@ def test_an_unknown_direction_is_half_way_between_the_branches_and_flagged() -> 
 def test_a_measured_place_within_the_hysteresis_keeps_the_branch() -> None:
     axis = axis_with(LOST_MOTION, hysteresis=0.002)
     send(axis, 50_000, at(0))
-    assert send(axis, 49_999, Place(50_000, is_reached=False)) == 50_009
-    assert send(axis, 49_998, Place(50_000, is_reached=False)) == 49_988
+    assert send(axis, 49_999, Place(50_000, PlaceKind.MEASURED)) == 50_009
+    assert send(axis, 49_998, Place(50_000, PlaceKind.MEASURED)) == 49_988
 
 
 def test_home_approach_decides_the_branch_after_homing() -> None:

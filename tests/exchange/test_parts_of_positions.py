@@ -29,10 +29,19 @@ def test_a_high_half_alone_renders_the_whole_position() -> None:
 
 def test_a_half_of_an_unknown_position_is_completed_from_the_drive() -> None:
     bench = Bench(axis_plan())
-    bench.memory.put(COMMAND, 0x00010005)
-    bench.ask(bytes.fromhex("06 0606 0009"))
+    bench.memory.put(COMMAND, 0x00018005)
+    bench.ask(bytes.fromhex("06 0606 8009"))
     assert bench.seen[0] == read(COMMAND)
-    assert bench.memory.get(COMMAND) == 0x00010009 + 10
+    assert bench.memory.get(COMMAND) == 0x00018009 + 10
+
+
+@pytest.mark.parametrize("half", ["06 0606 0009", "06 0607 0001"])
+def test_a_half_is_refused_where_the_other_may_not_be_what_the_drive_holds(half: str) -> None:
+    bench = Bench(axis_plan())
+    # 0x10005 may stand for 0x0FFFB: its high word is not certain, and its low word never is
+    bench.memory.put(COMMAND, 0x00010005)
+    assert bench.ask(bytes.fromhex(half)) == bytes.fromhex("86 04")
+    assert bench.memory.get(COMMAND) == 0x00010005
 
 
 def test_a_half_of_an_unknown_position_is_refused_where_nothing_may_be_read() -> None:

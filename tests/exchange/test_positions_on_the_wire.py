@@ -8,6 +8,7 @@ from gateway.compensation.settings import Backlash, BacklashKind
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.plan import CompensationMode, Reference
+from gateway.exchange.status import axis_status, direction_state
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
 
@@ -32,7 +33,7 @@ def test_added_reads_can_be_turned_off() -> None:
     bench.move(50_000)
     assert len(bench.seen) == 1
     assert bench.memory.get(COMMAND) == 50_000  # half way between the branches
-    assert bench.line.axes[0].direction == "unsure"
+    assert direction_state(bench.line.axes[0]) == "unsure"
 
 
 def test_a_settled_axis_reads_back_what_was_commanded() -> None:
@@ -129,7 +130,7 @@ def test_shadow_computes_and_shows_what_it_would_write() -> None:
     bench = Bench(axis_plan(compensation=CompensationMode.SHADOW))
     bench.move(50_000)
     bench.move(20_000)
-    status = bench.line.axes[0].status()
+    status = axis_status(bench.line.axes[0])
     assert status["compensation"] == "shadow"
     assert status["correction"] == pytest.approx(-0.01)
     assert status["nominal_setpoint"] == pytest.approx(20.0)
@@ -140,7 +141,7 @@ def test_without_a_table_positions_pass_one_to_one() -> None:
     bench = Bench(axis_plan(table=None))
     bench.move(50_000)
     assert bench.seen == [write(COMMAND, 50_000)]
-    assert bench.line.axes[0].status()["compensation"] == "no-table"
+    assert axis_status(bench.line.axes[0])["compensation"] == "no-table"
 
 
 def test_an_axis_is_corrected_only_while_its_homed_bit_is_set() -> None:
@@ -205,7 +206,7 @@ def test_a_drive_that_refuses_the_added_read_leaves_the_branch_and_flags_it() ->
     assert bench.link.take() == write(COMMAND, 20_010)
     bench.line.reply(1, write(COMMAND, 20_010)[:5], bench.now_ns)
     assert bench.port.take() == write(COMMAND, 20_000)[:5]
-    assert bench.line.axes[0].direction == "unsure"
+    assert direction_state(bench.line.axes[0]) == "unsure"
 
 
 def test_an_axis_without_an_actual_position_follows_the_order_of_its_targets_flagged() -> None:
@@ -215,7 +216,7 @@ def test_an_axis_without_an_actual_position_follows_the_order_of_its_targets_fla
     assert bench.seen[-1] == write(COMMAND, 50_010)
     bench.ask(write(COMMAND, 20_000))
     assert bench.seen[-1] == write(COMMAND, 19_990)
-    assert bench.line.axes[0].direction == "unsure"
+    assert direction_state(bench.line.axes[0]) == "unsure"
 
 
 def test_a_unidirectional_table_needs_no_read_of_the_actual_position() -> None:

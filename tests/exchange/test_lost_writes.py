@@ -1,0 +1,175 @@
+"""Writes that were lost, or nobody knows whether they were: nothing is put together from their remains."""
+
+import pytest
+
+from gateway.exchange.plan import ControllerPlan
+from gateway.modbus.registers import PositionField, RegisterType
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
+
+HIGH_1 = bytes.fromhex("06 0607 0001")
+LOW_4 = bytes.fromhex("06 0606 0004")
+REFUSED = bytes.fromhex("86 04")
+
+
+def standing_at(counts: int, **plan: object) -> Bench:
+    bench = Bench(axis_plan(**plan))
+    bench.move(counts)
+    return bench
+
+
+def test_a_refused_half_refuses_the_other_until_both_came_again() -> None:
+    # From 65 530 to 65 540 = 0x0001_0004 in halves: the high one alone makes 131 066, outside the travel.
+    bench = standing_at(65_530, travel=(0.0, 100.0))
+    told = bench.memory.get(COMMAND)
+    assert bench.ask(HIGH_1) == REFUSED
+    assert bench.ask(LOW_4) == REFUSED
+    assert bench.memory.get(COMMAND) == told
+    assert bench.ask(HIGH_1) == HIGH_1  # the low half came since; now all of it is known
+    assert bench.memory.get(COMMAND) == 65_550
+
+
+def test_a_withdrawn_half_is_not_completed_with_what_stood_there_before() -> None:
+    bench = standing_at(65_530)
+    hmi = Port(ControllerPlan("hmi"))
+    bench.send(bytes.fromhex("03 0700 0001"), hmi)
+    bench.send(HIGH_1)  # waits behind the other controller's read
+    bench.send(LOW_4)  # the serial controller has given up on the high half
+    bench.serve()
+    assert bench.port.take() == REFUSED
+    assert bench.memory.get(COMMAND) == 65_540  # still 65 530, forward
+
+
+def test_a_whole_write_mends_a_torn_position() -> None:
+    bench = standing_at(65_530, travel=(0.0, 100.0))
+    bench.ask(HIGH_1)
+    bench.move(70_000)
+    assert bench.ask(LOW_4) == LOW_4  # 70 000 is 0x0001_1170, so this is 65 540, backward
+    assert bench.memory.get(COMMAND) == 65_530
+
+
+def test_a_half_that_a_full_queue_refused_is_lost_too() -> None:
+    bench = Bench(axis_plan(), serial=False)
+    bench.move(65_530)
+    for number in range(33):
+        bench.send(bytes.fromhex("03 0700 0001"), transaction_id=number)
+    bench.send(HIGH_1, transaction_id=90)
+    bench.serve()
+    bench.port.replies.clear()
+    assert bench.ask(LOW_4) == REFUSED
+
+
+def test_a_half_that_the_drive_did_not_answer_is_lost_too() -> None:
+    bench = Bench(axis_plan(), serial=False, tcp_drive=True)
+    bench.move(65_530)
+    bench.send(HIGH_1)
+    bench.link.sent.clear()
+    bench.wait(1000)
+    bench.port.replies.clear()
+    assert bench.ask(LOW_4) == REFUSED
+
+
+def lost_acknowledgement() -> Bench:
+    """An axis that was sent from 50 000 back to 20 000, got there, and whose reply was lost."""
+    bench = Bench(axis_plan(), serial=False, tcp_drive=True)
+    bench.move(50_000)
+    bench.send(write(COMMAND, 20_000))
+    bench.serve_reads()
+    bench.memory.answer(bench.link.take())
+    bench.wait(1000)
+    bench.port.take()
+    bench.memory.put(ACTUAL, 19_990)
+    bench.wait(1000)
+    return bench
+
+
+def test_the_same_target_after_a_lost_acknowledgement_is_the_same_words() -> None:
+    bench = lost_acknowledgement()
+    bench.ask(write(COMMAND, 20_000))
+    assert bench.seen[-1] == write(COMMAND, 19_990)
+    assert bench.actual() == 20_000
+
+
+def test_the_drives_own_command_register_proves_a_lost_acknowledgement() -> None:
+    bench = lost_acknowledgement()
+    assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 20_000
+    assert bench.actual() == 20_000
+
+
+@pytest.mark.parametrize("on_forward_branch", [True, False])
+def test_after_a_restart_the_target_on_which_the_axis_stands_does_not_move_it(
+    on_forward_branch: bool,
+) -> None:
+    bench = Bench(axis_plan())
+    bench.memory.put(ACTUAL, 50_010 if on_forward_branch else 49_990)
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.memory.get(COMMAND) == (50_010 if on_forward_branch else 49_990)
+
+
+def test_the_first_direction_is_decided_on_the_drives_scale() -> None:
+    # The axis stands at 50.31 mm of the drive, which is 50.00 mm nominal; 50.10 mm lies forward of it.
+    from gateway.compensation.table import make_table
+    from gateway.compensation.units import Units
+
+    bench = Bench(axis_plan(table=make_table([0, 100], [0.31, 0.31], [0.29, 0.29], Units.MM)))
+    bench.memory.put(ACTUAL, 50_310)
+    bench.ask(write(COMMAND, 50_100))
+    assert bench.memory.get(COMMAND) == 50_410
+
+
+def test_a_request_that_grew_too_old_during_an_added_read_is_not_sent() -> None:
+    bench = Bench(axis_plan(), serial=False)
+    hasty = Port(ControllerPlan("plc", timeout_ms=100))
+    bench.send(write(COMMAND, 50_000), hasty)
+    assert bench.link.take() == read(ACTUAL)
+    bench.wait(600)
+    bench.line.reply(1, bench.memory.answer(read(ACTUAL)), bench.now_ns)
+    assert bench.link.sent == []
+    assert bench.kinds()[-1] == "withdrawn"
+
+
+def test_the_same_target_through_another_register_keeps_its_correction() -> None:
+    narrow = PositionField(0x0700, RegisterType.INT16)
+    coarse = PositionField(0x0702, RegisterType.INT16, scale=100.0)
+    bench = Bench(axis_plan(command=(COMMAND, narrow, coarse)))
+    bench.move(32_765)
+    assert bench.ask(write(narrow, 32_765)) == bytes.fromhex("90 04")  # 32 775 does not fit
+    bench.move(32_000)
+    assert bench.ask(write(coarse, 320)) == write(coarse, 320)[:5]
+    bench.memory.put(ACTUAL, bench.memory.get(coarse) * 100)
+    assert bench.actual() == 32_000
+
+
+def test_a_cyclic_image_with_two_command_fields_never_flips() -> None:
+    other = PositionField(0x0608, COMMAND.type, COMMAND.order)
+    bench = Bench(axis_plan(command=(COMMAND, other)))
+    image = bytes.fromhex("10 0606 0004 08 C350 0000 4E20 0000")  # 50 000 and 20 000
+    bench.ask(image)
+    first = bench.seen[-1]
+    for actual in (10_000, 45_000, 15_000, 30_000):
+        bench.memory.put(ACTUAL, actual)
+        bench.ask(read(ACTUAL))
+        bench.wait(30)
+        bench.ask(image)
+        assert bench.seen[-1] == first
+
+
+def test_a_jog_that_was_seen_is_no_place_to_repeat_from() -> None:
+    bench = standing_at(50_000)
+    bench.actual()
+    bench.memory.put(ACTUAL, 80_000)  # somebody jogged the axis
+    bench.actual()
+    bench.wait(100)
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.memory.get(COMMAND) == 49_990  # backward from 80 mm
+
+
+def test_an_actual_position_that_is_no_number_tells_nothing() -> None:
+    reported = PositionField(0x0520, RegisterType.FLOAT32)
+    bench = Bench(axis_plan(actual=(reported,)))
+    bench.memory.put(reported, 90_000.0)
+    bench.ask(read(reported))
+    bench.wait(3_600_000)
+    bench.memory.write(reported.address, bytes.fromhex("7FC0 0000"))
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.memory.get(COMMAND) == 50_000  # half way, flagged: the hour-old position is not used
+    assert bench.kinds()[-1] == "direction-unsure"
