@@ -1,4 +1,4 @@
-"""Draws docs/demo.svg: the demo's own screen at the end of one round. Run with ``python tools/picture.py``."""
+"""Draws docs/demo.svg: the demo's own screen at the end of a round. Run with ``python tools/picture.py``."""
 
 import asyncio
 import io
