@@ -49,7 +49,8 @@ def next_read(unit: UnitMap, pdu: bytes, access: Access, known: Known, now_ns: i
     read = unit.hits(access.read_address, access.read_quantity).fields if access.read_quantity else ()
     for hit in (*written, *read):
         axis = hit.place.axis
-        if axis.is_in_doubt and axis.plan.name not in known.references:
+        is_target = hit.place.role is FieldRole.COMMAND and bool(access.write_quantity)
+        if axis.plan.name not in known.references and axis.needs_reference(now_ns, is_target=is_target):
             added = homed_read(axis)
             if added is not None:
                 return added
@@ -67,7 +68,7 @@ def _read_for(hit: FieldHit, pdu: bytes, access: Access, known: Known, now_ns: i
     place = hit.place
     axis, shadow, name = place.axis, place.shadow, place.axis.plan.name
     assert shadow is not None
-    words = nominal_words(hit, pdu, access, known)
+    words = nominal_words(hit, pdu, access, known, now_ns)
     if words is None:
         if axis.passes_unchanged or shadow.is_torn or access.is_mask or id(shadow) in known.command_words:
             return None
@@ -99,6 +100,7 @@ def learn(read: AddedRead, reply: bytes, known: Known, now_ns: int) -> bool | No
     words = reply[2:] if is_good else None
     if read.purpose is Purpose.HOMED:
         known.references.add(axis.plan.name)
+        axis.reference_seen_ns = now_ns
         is_homed = words is not None and axis.plan.bits[HOMED_BIT].is_set(words[0] << 8 | words[1])
         return is_homed if axis.set_referenced(is_homed) else None
     if read.purpose is Purpose.ACTUAL:

@@ -1,6 +1,7 @@
 """Turning a drive's reply back into the controller's, and taking note of what it says."""
 
 from gateway.exchange.axis import AxisExchange
+from gateway.exchange.parts import note_lost
 from gateway.exchange.rewriting import Rewriting
 from gateway.exchange.unit import FieldHit, FieldRole, Hits
 from gateway.modbus.errors import RegisterRangeError
@@ -43,16 +44,16 @@ def _settle(rewriting: Rewriting, reply: bytes, now_ns: int, *, is_acknowledged:
             shadow.forget()
         return
     is_refusal = len(reply) == 2 and is_exception(reply)
-    fail(rewriting, is_refusal=is_refusal)
+    fail(rewriting, now_ns, is_refusal=is_refusal)
 
 
-def fail(rewriting: Rewriting, *, is_refusal: bool) -> None:
+def fail(rewriting: Rewriting, now_ns: int, *, is_refusal: bool) -> None:
     """Note that a write was not acknowledged; what a refusal proves, the register map says (M7)."""
     for rendering in rewriting.renderings:
-        if is_refusal and rendering.axis.plan.exception_writes_nothing:
-            rendering.shadow.tear()
-        else:
+        if not (is_refusal and rendering.axis.plan.exception_writes_nothing):
             rendering.axis.fail(rendering)
+    for hit in rewriting.command_hits:
+        note_lost(hit, rewriting.request_pdu, rewriting.access, now_ns)
     for axis, shadow in rewriting.touched_blindly:
         axis.compensation.forget_target()
         shadow.forget()
@@ -85,7 +86,7 @@ def _turn_back(
                 _turn_field_back(hit, rewriting, data, now_ns)
     except RegisterRangeError:
         return exception_pdu(rewriting.request_pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE), []
-    changed = note_bits(rewriting.read_hits, data, written_by(rewriting))
+    changed = note_bits(rewriting.read_hits, data, written_by(rewriting), now_ns)
     skip = 2 * (rewriting.access.read_address - rewriting.read_span.address)
     asked = data[skip : skip + 2 * rewriting.access.read_quantity]
     return bytes((reply[0], len(asked))) + bytes(asked), changed
@@ -115,7 +116,9 @@ def written_by(rewriting: Rewriting) -> set[str]:
     }
 
 
-def note_bits(hits: Hits, data: bytes | bytearray, written: set[str]) -> list[tuple[AxisExchange, bool]]:
+def note_bits(
+    hits: Hits, data: bytes | bytearray, written: set[str], now_ns: int
+) -> list[tuple[AxisExchange, bool]]:
     """Take note of status bits; return the axes whose reference changed, with what it is now.
 
     The done bit of a frame that wrote a target is still that of the one before.
@@ -125,6 +128,8 @@ def note_bits(hits: Hits, data: bytes | bytearray, written: set[str]) -> list[tu
         is_set = bit.is_set(data[2 * word] << 8 | data[2 * word + 1])
         if name == "done" and axis.plan.name not in written:
             axis.observe_done(is_set)
-        elif name == "homed" and axis.follows_homed_bit and axis.set_referenced(is_set):
-            changed.append((axis, is_set))
+        elif name == "homed" and axis.follows_homed_bit:
+            axis.reference_seen_ns = now_ns
+            if axis.set_referenced(is_set):
+                changed.append((axis, is_set))
     return changed

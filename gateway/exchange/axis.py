@@ -21,6 +21,8 @@ from gateway.modbus.registers import PositionField
 
 NS_PER_MS = 1_000_000
 NS_PER_S = 1_000_000_000
+REFERENCE_FRESH_NS = NS_PER_S
+"""A homed bit that was seen longer ago is read again before a target."""
 
 
 class RefusedPositionError(Exception):
@@ -60,6 +62,8 @@ class AxisExchange:
     is_referenced: bool = False
     is_in_doubt: bool = False
     """Whether the reference has to be looked at before anything else is done with this axis."""
+    is_reference_known: bool = False
+    reference_seen_ns: int = 0
     actual: Actual | None = None
     is_done_seen: bool = False
     was_at_target: bool = False
@@ -116,8 +120,10 @@ class AxisExchange:
     def set_referenced(self, is_referenced: bool) -> bool:
         """Take note of the drive's homed bit; return whether that is news."""
         self.is_in_doubt = False
+        is_first = not self.is_reference_known
+        self.is_reference_known = True
         if is_referenced is self.is_referenced:
-            return False
+            return is_first
         self.is_referenced = is_referenced
         self.forget()
         if is_referenced:
@@ -125,6 +131,21 @@ class AxisExchange:
         else:
             self.compensation.lose_reference()
         return True
+
+    def needs_reference(self, now_ns: int, *, is_target: bool) -> bool:
+        """Whether the homed bit has to be read before this axis's positions pass.
+
+        After every silence; and before a target when it was last seen a while ago. A stream of setpoints is
+        not held up for that while the axis is referenced.
+        """
+        if not self.follows_homed_bit or not self.may_read:
+            return False
+        if self.is_in_doubt:
+            return True
+        is_stream = self.plan.settings.setpoints is Setpoints.STREAM
+        if not is_target or (is_stream and self.is_referenced):
+            return False
+        return now_ns - self.reference_seen_ns > REFERENCE_FRESH_NS
 
     def doubt(self) -> bool:
         """The drive was silent and may have lost its reference; return whether it counts as lost at once."""
@@ -152,7 +173,6 @@ class AxisExchange:
         self.compensation.forget_target()
         self.is_done_seen = self.was_at_target = False
         rendering.shadow.forget()
-        rendering.shadow.tear()
         if rendering.move is not None:
             self.unproven = rendering
 

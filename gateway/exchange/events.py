@@ -19,6 +19,8 @@ class EventKind(Enum):
     REFUSED_VALUE = "refused-value"
     WITHDRAWN = "withdrawn"
     """A request was not sent, because its controller had given up on it."""
+    LATE_REPLY = "late-reply"
+    """A drive sent a frame that answers nothing: late, or twice."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,10 @@ States of the line:
 """
 
 from collections.abc import Callable, Sequence
-from typing import Final
 
 from gateway.exchange.access import ACCESS, Access, only_reads
 from gateway.exchange.added_reads import homed_read, learn, next_read
+from gateway.exchange.aliases import why_not_passed
 from gateway.exchange.answering import answer, fail
 from gateway.exchange.axis import NS_PER_MS, AxisExchange
 from gateway.exchange.counters import LineCounters
@@ -25,9 +25,6 @@ from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.rewriting import RefusedRequestError, prepare
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
-
-ALIAS_UNIT_IDS: Final = frozenset({BROADCAST_UNIT_ID, 0xFF})
-"""Unit ids that may mean a drive which has another one."""
 
 
 class LineExchange:
@@ -87,30 +84,30 @@ class LineExchange:
             return
         exchange = Exchange(port, transaction_id, unit_id, pdu, now_ns)
         if port.plan.serial:
-            self._give_up(port, "its controller sent another request")
+            self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
         if port.plan.role is Role.MONITOR and not only_reads(pdu):
             self._refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
         elif not self._is_up:
-            self._note_unsent(exchange)
+            self._note_unsent(exchange, now_ns)
             self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
         elif self._current is None and self._rest_until_ns is None and not self._waiting:
             self._start(exchange, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
-            self._note_unsent(exchange)
+            self._note_unsent(exchange, now_ns)
             self._refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
         else:
             self._waiting.add(exchange)
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
-        self._give_up(port, "its connection closed")
+        self._give_up(port, "its connection closed", now_ns)
 
-    def _give_up(self, port: ControllerPort, reason: str) -> None:
+    def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
         for exchange in self._waiting.withdraw(lambda waiting: waiting.port is port):
-            self._withdrawn(exchange, reason)
+            self._withdrawn(exchange, reason, now_ns)
         if self._current is not None and self._current.port is port:
             self._current.is_orphan = True
 
@@ -155,11 +152,19 @@ class LineExchange:
         if exchange.port is not None:
             self._start(exchange, now_ns)
 
-    def stray(self, now_ns: int) -> None:
-        """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6)."""
+    def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
+        """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).
+
+        A whole frame that nobody asked for means that a drive answers late or twice, and that the next reply
+        may be that of another request: a serial line is left alone until it is silent.
+        """
         self.counters.late += 1
-        if self._is_draining and self._rest_until_ns is not None:
+        if self._is_draining:
             self._rest_until_ns = now_ns + self._drain_ns
+        elif is_frame and self._link.is_serial and self._current is None:
+            self._drain(now_ns)
+            detail = f"a frame that answers nothing: waiting for {self._drain_ns / NS_PER_MS:g} ms of silence"
+            self._on_event(Event(EventKind.LATE_REPLY, None, detail))
 
     def link_up(self, now_ns: int) -> None:
         """Note that the drives can be reached."""
@@ -192,10 +197,10 @@ class LineExchange:
             if axis.link_lost():
                 self._reference_changed(axis, is_referenced=False)
         if current is not None:
-            self._lose(current)
+            self._lose(current, now_ns)
             self._fail(current, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND)
         for exchange in self._waiting.withdraw(lambda _: True):
-            self._note_unsent(exchange)
+            self._note_unsent(exchange, now_ns)
             self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
 
     # --- time ------------------------------------------------------------------------------------------
@@ -216,7 +221,7 @@ class LineExchange:
         """Send nothing new; the exchange on the wire ends as it would have (see :attr:`is_idle`)."""
         self._is_stopping = True
         for exchange in self._waiting.withdraw(lambda _: True):
-            self._withdrawn(exchange, "the gateway stops")
+            self._withdrawn(exchange, "the gateway stops", now_ns)
 
     # --- sending ---------------------------------------------------------------------------------------
 
@@ -228,7 +233,7 @@ class LineExchange:
         """Send an exchange, or the read that it needs first; or withdraw or refuse it."""
         reason = self._why_not_any_more(exchange, now_ns)
         if reason:
-            self._withdrawn(exchange, reason)
+            self._withdrawn(exchange, reason, now_ns)
             return
         if exchange.added_read is not None:
             self._send(exchange, exchange.pdu, now_ns)
@@ -236,7 +241,7 @@ class LineExchange:
         try:
             pdu = self._pdu_to_send(exchange, now_ns)
         except RefusedRequestError as refusal:
-            self._note_unsent(exchange)
+            self._note_unsent(exchange, now_ns)
             self._on_event(Event(EventKind.REFUSED_VALUE, refusal.axis, refusal.reason))
             self._refuse(exchange, refusal.code)
             return
@@ -277,37 +282,17 @@ class LineExchange:
         return exchange.rewriting.sent_pdu
 
     def _pdu_to_nobody(self, exchange: Exchange, access: Access) -> bytes | None:
-        """Return a request to a unit id without axes, unless its registers are those of an axis all the same.
-
-        A broadcast reaches every drive of a serial line. A Modbus/TCP drive may answer to 0 and 255 beside
-        the unit id that it was given (Messaging guide V1.0b, p. 23).
-        """
-        if exchange.unit_id not in ALIAS_UNIT_IDS:
+        """Return a request to a unit id without axes, unless it would reach an axis all the same."""
+        is_serial = self._link.is_serial
+        reason = why_not_passed(self._units.values(), exchange.unit_id, access, is_serial=is_serial)
+        if not reason:
             return exchange.pdu
-        if self._link.is_serial:
-            if exchange.unit_id == BROADCAST_UNIT_ID and self._is_mapped(access, is_read=False):
-                reason = "a broadcast cannot carry a position that each axis corrects differently"
-                self.counters.refused += 1
-                self._on_event(Event(EventKind.REFUSED_VALUE, None, reason))
-                return None
-        elif self._is_mapped(access, is_read=True):
-            reason = f"unit id {exchange.unit_id} is not mapped, and may reach an axis that is corrected"
-            self._on_event(Event(EventKind.REFUSED_VALUE, None, reason))
+        self._on_event(Event(EventKind.REFUSED_VALUE, None, reason))
+        if is_serial:
+            self.counters.refused += 1  # nobody answers a broadcast
+        else:
             self._refuse(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
-            return None
-        return exchange.pdu
-
-    def _is_mapped(self, access: Access, *, is_read: bool) -> bool:
-        spans = [(access.write_address, access.write_quantity)]
-        if is_read:
-            spans.append((access.read_address, access.read_quantity))
-        return any(
-            not hit.place.axis.passes_unchanged
-            for unit in self._units.values()
-            for address, quantity in spans
-            if quantity
-            for hit in unit.hits(address, quantity).fields
-        )
+        return None
 
     def _send(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         exchange.sent_ns = now_ns
@@ -332,7 +317,7 @@ class LineExchange:
         if exchange.unit_id not in self._silent_units:
             self._silent_units.add(exchange.unit_id)
             self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {exchange.unit_id}"))
-        self._lose(exchange)
+        self._lose(exchange, now_ns)
         unit = self._units.get(exchange.unit_id)
         for axis in unit.axes if unit else ():
             if axis.doubt():
@@ -345,20 +330,20 @@ class LineExchange:
         self._rest_until_ns = now_ns + self._drain_ns
         self._is_draining = True
 
-    def _lose(self, exchange: Exchange) -> None:
+    def _lose(self, exchange: Exchange, now_ns: int) -> None:
         """Take note of an exchange whose reply never came."""
         if exchange.rewriting is not None:
-            fail(exchange.rewriting, is_refusal=False)
+            fail(exchange.rewriting, now_ns, is_refusal=False)
         elif exchange.added_read is not None:
-            self._note_unsent(exchange)
+            self._note_unsent(exchange, now_ns)
 
-    def _note_unsent(self, exchange: Exchange) -> None:
+    def _note_unsent(self, exchange: Exchange, now_ns: int) -> None:
         """Take note of a request that never reached the drive: what it wrote is torn from the rest (M3)."""
         unit = self._units.get(exchange.unit_id)
         look = ACCESS.get(exchange.pdu[0])
         access = None if look is None or exchange.port is None else look(exchange.pdu)
         if unit is not None and access is not None and access.write_quantity:
-            note_unsent(unit, exchange.pdu, access)
+            note_unsent(unit, exchange.pdu, access, now_ns)
 
     def _note_directions(self, exchange: Exchange) -> None:
         for rendering in exchange.rewriting.renderings if exchange.rewriting else ():
@@ -370,8 +355,11 @@ class LineExchange:
                     self._on_event(Event(EventKind.DIRECTION_UNSURE, axis.plan.name, detail))
 
     def _send_reply(self, exchange: Exchange, pdu: bytes) -> None:
-        if exchange.port is not None and not exchange.is_orphan:
-            exchange.port.send_reply(exchange.transaction_id, exchange.unit_id, pdu)
+        port = exchange.port
+        if port is None or exchange.is_orphan:
+            return
+        if not (port.plan.serial and exchange.unit_id == BROADCAST_UNIT_ID):  # nobody answers a broadcast
+            port.send_reply(exchange.transaction_id, exchange.unit_id, pdu)
 
     def _fail(self, exchange: Exchange, code: ExceptionCode) -> None:
         """Say that a drive cannot be had: an exception on TCP, silence on a serial line (W7)."""
@@ -383,8 +371,8 @@ class LineExchange:
         self.counters.refused += 1
         self._send_reply(exchange, exception_pdu(exchange.pdu[0], code))
 
-    def _withdrawn(self, exchange: Exchange, reason: str) -> None:
-        self._note_unsent(exchange)
+    def _withdrawn(self, exchange: Exchange, reason: str, now_ns: int) -> None:
+        self._note_unsent(exchange, now_ns)
         self.counters.withdrawn += 1
         if exchange.port is not None:
             name = exchange.port.plan.name
@@ -392,4 +380,5 @@ class LineExchange:
 
     def _reference_changed(self, axis: AxisExchange, *, is_referenced: bool) -> None:
         kind = EventKind.AXIS_REFERENCED if is_referenced else EventKind.REFERENCE_LOST
-        self._on_event(Event(kind, axis.plan.name))
+        detail = "" if is_referenced else "the drive does not say that it is homed: positions pass 1:1"
+        self._on_event(Event(kind, axis.plan.name, detail))

@@ -27,7 +27,7 @@ def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]
     return first, data[start : start + 2 * (hit.place.field.words - first)]
 
 
-def nominal_words(hit: FieldHit, pdu: bytes, access: Access, known: Known) -> bytes | None:
+def nominal_words(hit: FieldHit, pdu: bytes, access: Access, known: Known, now_ns: int) -> bytes | None:
     """Return all words of a command field once this request is applied, or None when some are not known."""
     shadow = hit.place.shadow
     assert shadow is not None
@@ -36,7 +36,7 @@ def nominal_words(hit: FieldHit, pdu: bytes, access: Access, known: Known) -> by
     first, words = written_part(hit, pdu, access)
     if hit.is_whole:
         return words
-    completed = shadow.completed(first, words)
+    completed = shadow.completed(first, words, now_ns)
     read = known.command_words.get(id(shadow))
     if completed is None and read is not None and not shadow.is_torn:
         merged = bytearray(read)
@@ -81,13 +81,18 @@ def kept_words_are_certain(place: FieldPlace, words: bytes, first: int, count: i
     )
 
 
-def note_unsent(unit: UnitMap, pdu: bytes, access: Access) -> None:
+def note_unsent(unit: UnitMap, pdu: bytes, access: Access, now_ns: int) -> None:
     """Note that a request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
     for hit in unit.hits(access.write_address, access.write_quantity).fields:
-        shadow = hit.place.shadow
-        if shadow is None:
-            continue
-        if access.is_mask or not access.is_consistent:
-            shadow.tear()
-        else:
-            shadow.lose(*written_part(hit, pdu, access))
+        note_lost(hit, pdu, access, now_ns)
+
+
+def note_lost(hit: FieldHit, pdu: bytes, access: Access, now_ns: int) -> None:
+    """Note that what a request wrote into one command field was lost."""
+    shadow = hit.place.shadow
+    if shadow is None:
+        return
+    if hit.is_whole or access.is_mask or not access.is_consistent:
+        shadow.tear()
+    else:
+        shadow.lose(*written_part(hit, pdu, access), now_ns)

@@ -60,6 +60,8 @@ class Rewriting:
     renderings: list[Rendering] = field(default_factory=list)
     touched_blindly: list[tuple[AxisExchange, Shadow]] = field(default_factory=list)
     """Command fields that were written 1:1 in a way that leaves their content unknown."""
+    command_hits: list[FieldHit] = field(default_factory=list)
+    """Every command field that the request writes."""
     read_hits: Hits = NO_HITS
     read_span: Span = NO_SPAN
     readbacks: dict[str, Readback] = field(default_factory=dict)
@@ -68,7 +70,7 @@ class Rewriting:
     @property
     def writes(self) -> bool:
         """Whether the request writes a command field."""
-        return bool(self.renderings or self.touched_blindly)
+        return bool(self.command_hits)
 
 
 def prepare(unit: UnitMap, pdu: bytes, access: Access, known: Known, now_ns: int) -> Rewriting:
@@ -93,7 +95,8 @@ def _prepare_write(unit: UnitMap, rewriting: Rewriting, known: Known, now_ns: in
     commands: list[tuple[FieldHit, bytes | None]] = []
     for hit in fields:
         if hit.place.role is FieldRole.COMMAND:
-            words = nominal_words(hit, pdu, access, known) if access.is_consistent else None
+            rewriting.command_hits.append(hit)
+            words = nominal_words(hit, pdu, access, known, now_ns) if access.is_consistent else None
             commands.append((hit, words))
         elif not hit.place.axis.passes_unchanged:
             raise RefusedRequestError(
@@ -142,7 +145,7 @@ def _render(
                 name,
                 f"the counts of a write to {_at(hit)} contradict each other",
             )
-        raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, _why_incomplete(hit))
+        raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, _why_incomplete(hit, known))
     if is_again:
         return axis.render_repeat(shadow, is_passing=is_passing)
     try:
@@ -154,10 +157,15 @@ def _render(
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
 
 
-def _why_incomplete(hit: FieldHit) -> str:
+def _why_incomplete(hit: FieldHit, known: Known) -> str:
     if hit.place.shadow is not None and hit.place.shadow.is_torn:
-        return f"a part of the position at {_at(hit)} was lost before; all of it has to be written again"
-    return f"part of the position at {_at(hit)} was written and the rest is not known"
+        return f"a part of the position at {_at(hit)} was lost before: write all of it again"
+    if id(hit.place.shadow) not in known.command_words:
+        return f"part of the position at {_at(hit)} was written and the rest is not known"
+    return (
+        f"part of the position at {_at(hit)} was written and the rest is not certain: what the drive holds "
+        "may lie across a word's border from what was commanded; write all of it in one frame"
+    )
 
 
 def _is_image_again(axis: AxisExchange, commands: list[tuple[FieldHit, bytes | None]]) -> bool:

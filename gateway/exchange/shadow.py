@@ -1,17 +1,23 @@
 """What is known about the words of one command field: the controller's belief and the drive's content.
 
 A field is *torn* once a write to it was lost on the way: refused, withdrawn, unanswered. The controller may
-believe in that write or not, so no part of a position may be combined with what stood there before. Only when
-every word was written again is the position known once more (M1, M3).
+believe in that write or not, so no part of a position may be combined with what stood there before. Parts
+that come within :data:`JOIN_NS` of each other belong to one command: once they are all there, the position
+is known again and is judged as a whole (M1, M3).
 """
 
+from typing import Final
+
 from gateway.modbus.registers import PositionField
+
+JOIN_NS: Final = 200_000_000
+"""Masters that write a position word by word do so 20 to 50 ms apart; the next command comes later."""
 
 
 class Shadow:
     """Words of one command field, in the order of its registers."""
 
-    __slots__ = ("_all_words", "_missing", "_pending", "corrected_words", "nominal_words")
+    __slots__ = ("_all_words", "_missing", "_pending", "_since_ns", "corrected_words", "nominal_words")
 
     def __init__(self, field: PositionField) -> None:
         self.nominal_words: bytes | None = None
@@ -21,10 +27,11 @@ class Shadow:
         self._all_words = (1 << field.words) - 1
         self._pending: bytearray | None = None
         self._missing = 0
+        self._since_ns = 0
 
     @property
     def is_torn(self) -> bool:
-        """Whether a write was lost and not every word has been written again since."""
+        """Whether a write was lost and no whole position has been acknowledged since."""
         return self._pending is not None
 
     def settle(self, nominal_words: bytes, corrected_words: bytes) -> None:
@@ -38,26 +45,32 @@ class Shadow:
         self.nominal_words = self.corrected_words = None
 
     def tear(self) -> None:
-        """Note that a write was lost: from now on every word has to come again."""
+        """Note that a whole write was lost: from now on every word has to come again."""
         self._pending = bytearray(2 * self._all_words.bit_length())
         self._missing = self._all_words
 
-    def completed(self, first: int, words: bytes) -> bytes | None:
+    def completed(self, first: int, words: bytes, now_ns: int) -> bytes | None:
         """Return the whole position once ``words`` are written from word ``first`` on; None if not known."""
-        base = self._pending if self._pending is not None else self.nominal_words
-        if base is None or (self._pending is not None and self._missing & ~_mask(first, words)):
-            return None
-        merged = bytearray(base)
-        merged[2 * first : 2 * first + len(words)] = words
-        return bytes(merged)
-
-    def lose(self, first: int, words: bytes) -> None:
-        """Note a write that never reached the drive; on a torn field its words count as written again."""
         if self._pending is None:
+            base = self.nominal_words
+        elif now_ns - self._since_ns <= JOIN_NS and not self._missing & ~_mask(first, words):
+            base = bytes(self._pending)
+        else:
+            base = None
+        if base is None:
+            return None
+        return base[: 2 * first] + words + base[2 * first + len(words) :]
+
+    def lose(self, first: int, words: bytes, now_ns: int) -> None:
+        """Note a part that never reached the drive; it counts when the other parts follow soon."""
+        if self._pending is None or self._missing == self._all_words or now_ns - self._since_ns > JOIN_NS:
             self.tear()
-            return
+            self._since_ns = now_ns
+        assert self._pending is not None
         self._pending[2 * first : 2 * first + len(words)] = words
         self._missing &= ~_mask(first, words)
+        if not self._missing:  # all of it was there, and was lost as a whole
+            self.tear()
 
 
 def _mask(first: int, words: bytes) -> int:

@@ -173,3 +173,27 @@ def reply_length(request_pdu: bytes, data: bytes, start: int = 0) -> int:
     if rule is not None:
         return rule(data, start)
     return UNTIL_SILENCE if function else NO_FRAME
+
+
+def asked_bytes(request_pdu: bytes) -> int | None:
+    """Return the byte count that the reply to a read has to carry; None for other requests.
+
+    >>> asked_bytes(bytes.fromhex("03 02 00 00 02"))
+    4
+    """
+    if len(request_pdu) < 5:
+        return None
+    quantity = request_pdu[3] << 8 | request_pdu[4]
+    if request_pdu[0] in _REGISTER_READS:
+        return 2 * quantity
+    return (quantity + 7) // 8 if request_pdu[0] in _BIT_READS else None
+
+
+_BIT_READS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
+_REGISTER_READS: Final = frozenset(
+    {
+        FunctionCode.READ_HOLDING_REGISTERS,
+        FunctionCode.READ_INPUT_REGISTERS,
+        FunctionCode.READ_WRITE_MULTIPLE_REGISTERS,
+    }
+)

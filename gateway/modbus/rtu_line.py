@@ -45,6 +45,8 @@ class RtuCounters:
     """Times that more bytes than a frame can have came without one."""
     foreign: int = 0
     """Whole frames on the drive side that answer another unit or another function."""
+    stray_frames: int = 0
+    """Whole good frames among the stray bytes: a drive that answers late, or twice."""
     stray_bytes: int = 0
     """Bytes on the drive side while nothing was expected."""
     echoes: int = 0

@@ -7,7 +7,15 @@ happens to be good, which one reply in some two hundred has too early.
 """
 
 from gateway.modbus.crc import append_crc, crc16, is_intact
-from gateway.modbus.lengths import MAX_ADU, MIN_ADU, NEEDS_MORE, NO_FRAME, UNTIL_SILENCE, reply_length
+from gateway.modbus.lengths import (
+    MAX_ADU,
+    MIN_ADU,
+    NEEDS_MORE,
+    NO_FRAME,
+    UNTIL_SILENCE,
+    asked_bytes,
+    reply_length,
+)
 from gateway.modbus.pdu import EXCEPTION_BIT
 from gateway.modbus.rtu_line import FAST_SILENCE_NS, Frame, RtuDecoder
 
@@ -23,7 +31,7 @@ class RtuReplyDecoder(RtuDecoder):
     [(1, b'\x03\x04\x00\xb1\x1f@')]
     """
 
-    __slots__ = ("_echo", "_has_echo", "_is_answered", "_request", "_unit_id")
+    __slots__ = ("_echo", "_has_echo", "_is_answered", "_request", "_stray", "_unit_id")
 
     def __init__(
         self, silence_ns: int = FAST_SILENCE_NS, give_up_ns: int | None = None, *, echo: bool = False
@@ -33,6 +41,7 @@ class RtuReplyDecoder(RtuDecoder):
         self._echo = b""
         self._unit_id = 0
         self._request = b""
+        self._stray = b""
         self._is_answered = False
 
     @property
@@ -51,6 +60,7 @@ class RtuReplyDecoder(RtuDecoder):
             self.cancel()
         self._unit_id = unit_id
         self._request = request_pdu
+        self._stray = b""
         if self._has_echo:
             self._echo = append_crc(bytes((unit_id,)) + request_pdu)
 
@@ -70,7 +80,7 @@ class RtuReplyDecoder(RtuDecoder):
         """Return the reply, if ``data`` completes it."""
         if not self._buffer and not self._echo and self._is_ours(data):
             length = reply_length(self._request, data)
-            if length == len(data) and crc16(data) == 0:
+            if length == len(data) and crc16(data) == 0 and self._fits(data):
                 self._request = b""
                 self._is_answered = True
                 return [(data[0], data[1:-2])]
@@ -82,6 +92,15 @@ class RtuReplyDecoder(RtuDecoder):
             return False
         function = data[start + 1]
         return function == self._request[0] or function >= EXCEPTION_BIT
+
+    def _fits(self, data: bytes, start: int = 0) -> bool:
+        """Whether a reply to a read has as many bytes as were asked for.
+
+        A reply carries no number on a serial line: what a drive says late or twice is told apart only so. One
+        that does not fit is passed on (W1) when no other comes.
+        """
+        asked = asked_bytes(self._request)
+        return asked is None or data[start + 1] >= EXCEPTION_BIT or data[start + 2] == asked
 
     def _append(self, data: bytes, now_ns: int) -> list[Frame]:
         if not self._request:
@@ -114,9 +133,11 @@ class RtuReplyDecoder(RtuDecoder):
         start = 0
         while start < len(self._buffer):
             length = self._intact_length(start)
-            if length > 0 and self._is_ours(self._buffer, start):
+            if length > 0 and self._is_ours(self._buffer, start) and self._fits(self._buffer, start):
                 return [self._take(start, length)]
-            if length > 0:
+            if length > 0 and self._is_ours(self._buffer, start):
+                start += length  # an odd drive, or the reply to another request: silence will tell
+            elif length > 0:
                 self._skip_foreign(start, length)
                 start = 0
             elif length != NO_FRAME and self._is_ours(self._buffer, start):
@@ -129,6 +150,8 @@ class RtuReplyDecoder(RtuDecoder):
         """Take what is a reply now that the line is silent, wherever it begins."""
         for start in range(len(self._buffer) - MIN_ADU + 1):
             if not self._is_ours(self._buffer, start):
+                continue
+            if not has_given_up and not self._fits(self._buffer, start):
                 continue
             length = self._intact_length(start)
             if length <= 0 and (has_given_up or length != NEEDS_MORE):
@@ -167,8 +190,12 @@ class RtuReplyDecoder(RtuDecoder):
         # Zeros behind a reply come from a switching driver; after a time-out they may be part of a reply.
         if self._is_answered and not any(data):
             self.counters.glitch_bytes += len(data)
-        else:
-            self.counters.stray_bytes += len(data)
+            return
+        self.counters.stray_bytes += len(data)
+        self._stray = (self._stray + data)[-MAX_ADU:]
+        if len(self._stray) >= MIN_ADU and is_intact(self._stray):
+            self.counters.stray_frames += 1
+            self._stray = b""
 
     def _expect_nothing(self) -> None:
         self._request = b""

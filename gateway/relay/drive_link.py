@@ -106,10 +106,11 @@ class RtuDriveLink:
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
         self._sender.heard(now_ns)
-        stray_bytes = self._decoder.stray_bytes
+        counters = self._decoder.counters
+        stray_bytes, stray_frames = counters.stray_bytes, counters.stray_frames
         replies = self._decoder.feed(data, now_ns)
-        if self._decoder.stray_bytes != stray_bytes:
-            self._to_exchange().stray(now_ns)
+        if counters.stray_bytes != stray_bytes:
+            self._to_exchange().stray(now_ns, is_frame=counters.stray_frames != stray_frames)
         self._pass_on(replies, now_ns)
 
     def closed(self, reason: str, now_ns: int) -> None:
@@ -126,6 +127,7 @@ class RtuDriveLink:
             "crc_errors": counters.crc_errors,
             "dropped_bytes": counters.dropped_bytes,
             "stray_bytes": counters.stray_bytes,
+            "stray_frames": counters.stray_frames,
             "foreign_frames": counters.foreign,
         }
 

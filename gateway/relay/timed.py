@@ -18,6 +18,11 @@ class TimedExchange:
         self._timer = Timer(self._tick)
         self._idle: asyncio.Future[None] | None = None
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether no exchange is on the wire."""
+        return self._exchange.is_idle
+
     def request(
         self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
     ) -> None:
@@ -30,9 +35,9 @@ class TimedExchange:
         self._exchange.reply(unit_id, pdu, now_ns)
         self._settle()
 
-    def stray(self, now_ns: int) -> None:
-        """Note bytes from the drives that answer nothing."""
-        self._exchange.stray(now_ns)
+    def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
+        """Note bytes from the drives that answer nothing; ``is_frame``: a whole frame among them."""
+        self._exchange.stray(now_ns, is_frame=is_frame)
         self._settle()
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:

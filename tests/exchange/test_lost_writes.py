@@ -17,26 +17,88 @@ def standing_at(counts: int, **plan: object) -> Bench:
     return bench
 
 
-def test_a_refused_half_refuses_the_other_until_both_came_again() -> None:
-    # From 65 530 to 65 540 = 0x0001_0004 in halves: the high one alone makes 131 066, outside the travel.
+def test_a_pair_of_halves_is_judged_by_its_result() -> None:
+    # From 65 530 to 65 540 = 0x0001_0004: the high half alone makes 131 066, outside the travel.
     bench = standing_at(65_530, travel=(0.0, 100.0))
-    told = bench.memory.get(COMMAND)
     assert bench.ask(HIGH_1) == REFUSED
-    assert bench.ask(LOW_4) == REFUSED
-    assert bench.memory.get(COMMAND) == told
-    assert bench.ask(HIGH_1) == HIGH_1  # the low half came since; now all of it is known
+    assert bench.ask(LOW_4) == LOW_4
     assert bench.memory.get(COMMAND) == 65_550
 
 
-def test_a_withdrawn_half_is_not_completed_with_what_stood_there_before() -> None:
+def test_an_axis_may_cross_zero_in_halves_although_the_way_there_leaves_its_travel() -> None:
+    bench = standing_at(5_000, travel=(-10.0, 10.0))
+    # -5 000 = 0xFFFF_EC78: its low half makes 60 536 of 5 000, the high one alone would make 0xFFFF_1388
+    assert bench.ask(bytes.fromhex("06 0606 EC78")) == REFUSED
+    assert bench.ask(bytes.fromhex("06 0607 FFFF")) == bytes.fromhex("06 0607 FFFF")
+    assert bench.memory.get(COMMAND) == -5_010
+
+
+def test_halves_of_different_commands_are_never_joined() -> None:
+    bench = standing_at(65_530, travel=(0.0, 100.0))
+    told = bench.memory.get(COMMAND)
+    assert bench.ask(HIGH_1) == REFUSED
+    bench.wait(300)
+    assert bench.ask(LOW_4) == REFUSED
+    bench.wait(300)
+    assert bench.ask(LOW_4) == REFUSED
+    assert bench.memory.get(COMMAND) == told
+    assert "write all of it again" in bench.events[-1].detail
+
+
+def test_a_refused_pair_leaves_nothing_behind_to_join_the_next_half_with() -> None:
+    bench = standing_at(5_000, travel=(-300.0, 10.0))
+    for half in ("06 0606 EC78", "06 0607 7FFF"):  # 0x7FFF_EC78 is far outside
+        assert bench.ask(bytes.fromhex(half)) == REFUSED
+    assert bench.ask(bytes.fromhex("06 0606 1770")) == REFUSED
+    assert bench.ask(bytes.fromhex("06 0607 0000")) == bytes.fromhex("06 0607 0000")
+    assert bench.memory.get(COMMAND) == 6_010
+
+
+def test_a_withdrawn_half_is_joined_with_the_one_that_withdrew_it_and_not_with_what_stood_there() -> None:
     bench = standing_at(65_530)
     hmi = Port(ControllerPlan("hmi"))
     bench.send(bytes.fromhex("03 0700 0001"), hmi)
     bench.send(HIGH_1)  # waits behind the other controller's read
-    bench.send(LOW_4)  # the serial controller has given up on the high half
+    bench.send(LOW_4)  # the serial controller has gone on
     bench.serve()
-    assert bench.port.take() == REFUSED
-    assert bench.memory.get(COMMAND) == 65_540  # still 65 530, forward
+    assert bench.port.take() == LOW_4
+    assert bench.memory.get(COMMAND) == 65_550
+
+
+def test_a_half_that_a_full_queue_refused_is_lost_until_the_other_follows() -> None:
+    bench = Bench(axis_plan(), serial=False)
+    bench.move(65_530)
+    for number in range(33):
+        bench.send(bytes.fromhex("03 0700 0001"), transaction_id=number)
+    bench.send(HIGH_1, transaction_id=90)
+    bench.serve()
+    bench.port.replies.clear()
+    bench.wait(300)
+    assert bench.ask(LOW_4) == REFUSED
+
+
+def test_a_half_that_the_drive_did_not_answer_is_lost_until_the_other_follows() -> None:
+    bench = Bench(axis_plan(), serial=False, tcp_drive=True)
+    bench.move(65_530)
+    bench.send(HIGH_1)
+    bench.link.sent.clear()
+    bench.wait(1000)
+    bench.port.replies.clear()
+    bench.wait(300)
+    assert bench.ask(LOW_4) == REFUSED
+    assert bench.ask(HIGH_1) == HIGH_1
+    assert bench.memory.get(COMMAND) == 65_550
+
+
+@pytest.mark.parametrize("stands_at", [0, 1, -1, 300, 65_536, 131_072])
+def test_the_first_pair_after_a_start_arrives_wherever_the_drive_stands(stands_at: int) -> None:
+    bench = Bench(axis_plan())
+    bench.memory.put(COMMAND, stands_at)
+    bench.memory.put(ACTUAL, stands_at)
+    bench.ask(bytes.fromhex("06 0606 EA60"))  # 60 000 = 0x0000_EA60
+    assert bench.ask(bytes.fromhex("06 0607 0000")) == bytes.fromhex("06 0607 0000")
+    assert bench.memory.get(COMMAND) in (60_010, 59_990)
+    assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 60_000
 
 
 def test_a_whole_write_mends_a_torn_position() -> None:
@@ -45,27 +107,6 @@ def test_a_whole_write_mends_a_torn_position() -> None:
     bench.move(70_000)
     assert bench.ask(LOW_4) == LOW_4  # 70 000 is 0x0001_1170, so this is 65 540, backward
     assert bench.memory.get(COMMAND) == 65_530
-
-
-def test_a_half_that_a_full_queue_refused_is_lost_too() -> None:
-    bench = Bench(axis_plan(), serial=False)
-    bench.move(65_530)
-    for number in range(33):
-        bench.send(bytes.fromhex("03 0700 0001"), transaction_id=number)
-    bench.send(HIGH_1, transaction_id=90)
-    bench.serve()
-    bench.port.replies.clear()
-    assert bench.ask(LOW_4) == REFUSED
-
-
-def test_a_half_that_the_drive_did_not_answer_is_lost_too() -> None:
-    bench = Bench(axis_plan(), serial=False, tcp_drive=True)
-    bench.move(65_530)
-    bench.send(HIGH_1)
-    bench.link.sent.clear()
-    bench.wait(1000)
-    bench.port.replies.clear()
-    assert bench.ask(LOW_4) == REFUSED
 
 
 def lost_acknowledgement() -> Bench:

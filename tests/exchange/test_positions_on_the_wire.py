@@ -158,7 +158,7 @@ def test_an_axis_is_corrected_only_while_its_homed_bit_is_set() -> None:
     bench.ask(bytes.fromhex("03 0030 0001"))
     bench.move(20_000)
     assert bench.memory.get(COMMAND) == 20_000
-    assert bench.kinds() == ["line-up", "axis-referenced", "reference-lost"]
+    assert bench.kinds() == ["line-up", "reference-lost", "axis-referenced", "reference-lost"]
 
 
 def test_the_done_bit_makes_the_last_target_the_place_of_the_axis() -> None:

@@ -191,3 +191,60 @@ def test_nothing_without_a_function_code_does_anything() -> None:
     assert bench.port.replies == []
     bench.line.reply(1, bytes.fromhex("03 02 0000"), bench.now_ns)
     assert bench.port.take() == bytes.fromhex("03 02 0000")
+
+
+def test_an_axis_that_is_homed_later_is_corrected_from_then_on_without_anybody_reading_the_bit() -> None:
+    bench = Bench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
+    assert bench.kinds() == ["line-up", "reference-lost"]
+    bench.move(10_000)
+    assert bench.memory.get(COMMAND) == 10_000
+    bench.memory.words[HOMED.address] = 1 << HOMED.bit
+    bench.wait(1000)
+    bench.move(50_000)
+    assert bench.memory.get(COMMAND) == 50_010
+
+
+def test_a_reference_that_was_lost_unseen_is_noticed_before_the_next_target() -> None:
+    bench = homed_bench()
+    bench.memory.words[HOMED.address] = 0
+    bench.wait(1001)
+    bench.ask(write(COMMAND, 20_000))
+    assert bench.memory.get(COMMAND) == 20_000
+
+
+def test_a_homed_bit_seen_a_moment_ago_is_not_read_again() -> None:
+    bench = homed_bench()
+    bench.ask(READ_HOMED)
+    bench.actual()
+    frames = len(bench.seen)
+    bench.ask(write(COMMAND, 20_000))
+    assert READ_HOMED not in bench.seen[frames:]
+
+
+def test_nobody_answers_a_broadcast_on_a_controllers_serial_line() -> None:
+    bench = Bench(axis_plan(), tcp_drive=True)
+    bench.send(bytes.fromhex("06 0700 0001"), unit_id=0)
+    assert bench.link.take() == bytes.fromhex("06 0700 0001")
+    bench.line.reply(0, bytes.fromhex("06 0700 0001"), bench.now_ns)
+    bench.send(write(COMMAND, 5), unit_id=0)
+    assert bench.link.sent == []
+    assert bench.port.replies == []
+
+
+def test_a_frame_that_nobody_asked_for_makes_the_line_fall_silent_first() -> None:
+    bench = Bench(timing=LineTiming(drain_ms=50))
+    bench.ask(bytes.fromhex("03 0700 0001"))
+    bench.line.stray(bench.now_ns, is_frame=True)  # the drive answered twice
+    bench.send(bytes.fromhex("03 0701 0001"))
+    bench.wait(49)
+    assert bench.link.sent == []
+    bench.wait(1)
+    assert bench.link.take() == bytes.fromhex("03 0701 0001")
+    assert bench.kinds()[-1] == "late-reply"
+
+
+def test_noise_on_an_idle_line_holds_nothing_up() -> None:
+    bench = Bench(timing=LineTiming(drain_ms=50))
+    bench.line.stray(bench.now_ns)
+    bench.send(bytes.fromhex("03 0701 0001"))
+    assert bench.link.take() == bytes.fromhex("03 0701 0001")

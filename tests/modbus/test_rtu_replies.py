@@ -37,9 +37,33 @@ def test_vendors_exception_codes_are_passed_on() -> None:
         assert expecting(READ).feed(wire, 0) == [frame_of(wire)]
 
 
-def test_a_read_reply_of_another_size_is_framed_by_its_own_byte_count() -> None:
+def test_a_read_reply_of_another_size_waits_for_one_that_fits_and_passes_when_none_comes() -> None:
     wire = append_crc(bytes.fromhex("01 03 02 00 B1"))
-    assert expecting(READ).feed(wire, 0) == [frame_of(wire)]
+    decoder = expecting(READ)
+    assert decoder.feed(wire, 0) == []
+    assert decoder.deadline_ns is not None
+    assert decoder.on_silence(decoder.deadline_ns) == []
+    assert decoder.deadline_ns is not None
+    assert decoder.on_silence(decoder.deadline_ns) == [frame_of(wire)]
+
+
+def test_the_reply_to_another_request_does_not_answer_this_one() -> None:
+    late = append_crc(bytes.fromhex("01 03 02 00 B1"))
+    fitting = append_crc(bytes.fromhex("01 03 04 00 B1 1F 40"))
+    for chunks in ([late, fitting], [late + fitting], [late[:3], late[3:] + fitting[:4], fitting[4:]]):
+        decoder = expecting(READ)
+        assert [frame for chunk in chunks for frame in decoder.feed(chunk, 0)] == [frame_of(fitting)]
+
+
+def test_a_whole_frame_that_nobody_asked_for_is_told_from_noise() -> None:
+    decoder = RtuReplyDecoder()
+    twice = append_crc(bytes.fromhex("01 03 02 00 B1"))
+    decoder.feed(b"\xff\x01", 0)
+    assert decoder.counters.stray_frames == 0
+    decoder = RtuReplyDecoder()
+    decoder.feed(twice[:3], 0)
+    decoder.feed(twice[3:], 0)
+    assert (decoder.counters.stray_frames, decoder.counters.stray_bytes) == (1, 7)
 
 
 def test_a_valid_check_sum_on_a_shorter_prefix_does_not_end_a_reply() -> None:
@@ -131,7 +155,9 @@ def test_a_reply_with_a_byte_count_of_zero_and_data_passes_at_silence() -> None:
     wire = append_crc(bytes.fromhex("01 03 00 00 B1 1F 40"))
     decoder = expecting(READ)
     assert decoder.feed(wire, 0) == []
-    assert decoder.on_silence(2 * MS) == [frame_of(wire)]
+    assert decoder.on_silence(2 * MS) == []
+    assert decoder.deadline_ns is not None
+    assert decoder.on_silence(decoder.deadline_ns) == [frame_of(wire)]
 
 
 def test_diagnostics_come_back_in_their_own_length() -> None:

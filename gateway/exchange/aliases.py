@@ -1,0 +1,35 @@
+"""Unit ids that may reach an axis under another name than its own.
+
+A broadcast reaches every drive of a serial line. A Modbus/TCP drive may answer to 0 and 255 beside the unit
+id that it was given (Messaging on TCP/IP implementation guide V1.0b, p. 23). Neither may carry a position
+around the correction.
+"""
+
+from collections.abc import Iterable
+from typing import Final
+
+from gateway.exchange.access import Access
+from gateway.exchange.unit import UnitMap
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
+
+ANY_TCP_DRIVE: Final = frozenset({BROADCAST_UNIT_ID, 0xFF})
+
+
+def why_not_passed(units: Iterable[UnitMap], unit_id: int, access: Access, *, is_serial: bool) -> str:
+    """Return why a request to a unit id without axes must not pass; empty when it may."""
+    if is_serial:
+        if unit_id == BROADCAST_UNIT_ID and _touches(units, access.write_address, access.write_quantity):
+            return "a broadcast cannot carry a position that each axis corrects differently"
+    elif unit_id in ANY_TCP_DRIVE and (
+        _touches(units, access.write_address, access.write_quantity)
+        or _touches(units, access.read_address, access.read_quantity)
+    ):
+        return f"unit id {unit_id} is not mapped, and may reach an axis that is corrected"
+    return ""
+
+
+def _touches(units: Iterable[UnitMap], address: int, quantity: int) -> bool:
+    """Whether a span of registers touches a position of an axis that does not pass 1:1."""
+    return bool(quantity) and any(
+        not hit.place.axis.passes_unchanged for unit in units for hit in unit.hits(address, quantity).fields
+    )
