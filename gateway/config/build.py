@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from gateway.config.axis_model import AddedFrames, AxisSection
+from gateway.config.axis_model import AddedFrames, AxisSection, Unmapped
 from gateway.config.line_model import ControllerSection, LineSection
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
@@ -56,6 +56,9 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None) -> AxisPla
         command=tuple(position.field() for position in registers.command),
         actual=tuple(position.field() for position in registers.actual),
         commanded=tuple(position.field() for position in registers.commanded),
+        guarded=tuple(position.field() for position in registers.position_like),
+        remapping=tuple(position.field() for position in registers.remap),
+        passes_unmapped=axis.unmapped is Unmapped.PASS,
         bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
         write_function=registers.write.code,
         max_registers=registers.max_registers,

@@ -76,12 +76,6 @@ NOT_BUILT: Final = (
     NotBuilt("axis.*.deadline_ms", "a deadline of targets is", "leave it out"),
     NotBuilt("axis.*.late", "a rule for late targets is", "leave it out: every target is forwarded"),
     NotBuilt(
-        "axis.*.unmapped",
-        "passing writes to unmapped positions is",
-        'leave it out or write "refuse"',
-        _is_not("refuse"),
-    ),
-    NotBuilt(
         "axis.*.stored_moves",
         "a rule for moves that the drive keeps is",
         'leave it out or write "refuse"',
@@ -133,8 +127,6 @@ NOT_BUILT: Final = (
         for key, what in (
             ("limits", "correcting software limits"),
             ("aliases", "correcting a position at a second address"),
-            ("position_like", "guarding unmapped positions"),
-            ("remap", "guarding registers that move others about"),
         )
     ),
     NotBuilt(

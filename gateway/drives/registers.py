@@ -109,7 +109,9 @@ class RegisterMap(StrictModel):
     position_like: ListOf[PositionSpec] = Field(
         default=(), description="positions that are not mapped; writing them is refused"
     )
-    remap: ListOf[PositionSpec] = Field(default=(), description="registers that move other registers about")
+    remap: ListOf[PositionSpec] = Field(
+        default=(), description="registers that move other registers about; writing one ends the compensation"
+    )
     mode: ModeSpec | None = Field(
         default=None, description="how an absolute position is told from a distance"
     )
@@ -134,7 +136,7 @@ class RegisterMap(StrictModel):
     )
 
 
-POSITION_KEYS: Final = ("command", "actual", "commanded", "limits", "aliases")
+POSITION_KEYS: Final = ("command", "actual", "commanded", "limits", "aliases", "position_like", "remap")
 """Keys of a register map whose positions may not share a register."""
 
 

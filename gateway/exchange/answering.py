@@ -82,7 +82,7 @@ def _turn_back(
     data = bytearray(reply[2:])
     try:
         for hit in rewriting.read_hits.fields:
-            if hit.is_whole:
+            if hit.is_whole and hit.place.role.is_position:
                 _turn_field_back(hit, rewriting, data, now_ns)
     except RegisterRangeError:
         return exception_pdu(rewriting.request_pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE), []

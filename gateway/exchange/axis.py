@@ -60,6 +60,8 @@ class AxisExchange:
     has_branches: bool = field(init=False)
     """Whether the direction of travel makes a difference to the correction."""
     is_referenced: bool = False
+    is_ended: bool = False
+    """A remapping register of its unit was written (M10)."""
     is_in_doubt: bool = False
     """Whether the reference has to be looked at before anything else is done with this axis."""
     is_reference_known: bool = False
@@ -146,6 +148,14 @@ class AxisExchange:
         if not is_target or (is_stream and self.is_referenced):
             return False
         return now_ns - self.reference_seen_ns > REFERENCE_FRESH_NS
+
+    def end(self) -> None:
+        """End the compensation until the gateway is started again: its registers mean something else now."""
+        self.is_ended = True
+        self.wanted = NOTHING
+        self.has_branches = False
+        self.forget()
+        self.compensation.lose_reference()
 
     def doubt(self) -> bool:
         """The drive was silent and may have lost its reference; return whether it counts as lost at once."""

@@ -16,6 +16,8 @@ class EventKind(Enum):
     REFERENCE_LOST = "reference-lost"
     DIRECTION_UNSURE = "direction-unsure"
     """Where the axis is could not be told; it keeps its branch."""
+    COMPENSATION_ENDED = "compensation-ended"
+    """A register was written that moves other registers about; it ends until the gateway is started again."""
     REFUSED_VALUE = "refused-value"
     WITHDRAWN = "withdrawn"
     """A request was not sent, because its controller had given up on it."""

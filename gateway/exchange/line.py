@@ -134,6 +134,7 @@ class LineExchange:
         if is_exception(pdu):
             self.counters.exceptions += 1
         if exchange.rewriting is not None:
+            self._end_if_remapped(exchange)
             pdu, changed = answer(exchange.rewriting, pdu, now_ns)
             for axis, is_referenced in changed:
                 self._reference_changed(axis, is_referenced=is_referenced)
@@ -333,6 +334,7 @@ class LineExchange:
     def _lose(self, exchange: Exchange, now_ns: int) -> None:
         """Take note of an exchange whose reply never came."""
         if exchange.rewriting is not None:
+            self._end_if_remapped(exchange)
             fail(exchange.rewriting, now_ns, is_refusal=False)
         elif exchange.added_read is not None:
             self._note_unsent(exchange, now_ns)
@@ -344,6 +346,18 @@ class LineExchange:
         access = None if look is None or exchange.port is None else look(exchange.pdu)
         if unit is not None and access is not None and access.write_quantity:
             note_unsent(unit, exchange.pdu, access, now_ns)
+
+    def _end_if_remapped(self, exchange: Exchange) -> None:
+        """End the compensation of a unit whose registers may mean something else now, acknowledged or not."""
+        if exchange.rewriting is None or not exchange.rewriting.remaps:
+            return
+        for axis in self._units[exchange.unit_id].axes:
+            if not axis.is_ended:
+                axis.end()
+                detail = (
+                    "its drive's registers were moved about; corrected again after a restart of the gateway"
+                )
+                self._on_event(Event(EventKind.COMPENSATION_ENDED, axis.plan.name, detail))
 
     def _note_directions(self, exchange: Exchange) -> None:
         for rendering in exchange.rewriting.renderings if exchange.rewriting else ():

@@ -59,6 +59,12 @@ class AxisPlan:
     command: tuple[PositionField, ...]
     actual: tuple[PositionField, ...] = ()
     commanded: tuple[PositionField, ...] = ()
+    guarded: tuple[PositionField, ...] = ()
+    """Registers that hold positions which are not mapped (M10)."""
+    remapping: tuple[PositionField, ...] = ()
+    """Registers that move other registers about (M10)."""
+    passes_unmapped: bool = False
+    """Writes to guarded registers pass all the same."""
     bits: Mapping[str, BitField] = field(default_factory=dict)
     write_function: int = 16
     """16, or 6 for drives that take no FC16."""

@@ -62,6 +62,8 @@ class Rewriting:
     """Command fields that were written 1:1 in a way that leaves their content unknown."""
     command_hits: list[FieldHit] = field(default_factory=list)
     """Every command field that the request writes."""
+    remaps: bool = False
+    """Whether the request writes a register that moves other registers about."""
     read_hits: Hits = NO_HITS
     read_span: Span = NO_SPAN
     readbacks: dict[str, Readback] = field(default_factory=dict)
@@ -98,12 +100,10 @@ def _prepare_write(unit: UnitMap, rewriting: Rewriting, known: Known, now_ns: in
             rewriting.command_hits.append(hit)
             words = nominal_words(hit, pdu, access, known, now_ns) if access.is_consistent else None
             commands.append((hit, words))
+        elif hit.place.role is FieldRole.REMAPPING:
+            rewriting.remaps = True
         elif not hit.place.axis.passes_unchanged:
-            raise RefusedRequestError(
-                ExceptionCode.ILLEGAL_DATA_ADDRESS,
-                hit.place.axis.plan.name,
-                f"{_at(hit)} reports a position; writing it would move the frame",
-            )
+            _refuse_guarded(hit)
     again = [axis for axis in unit.axes if _is_image_again(axis, commands)]
     rendered = [
         (hit, rendering)
@@ -115,6 +115,22 @@ def _prepare_write(unit: UnitMap, rewriting: Rewriting, known: Known, now_ns: in
     changed = [(hit, r) for hit, r in rendered if not hit.place.axis.passes_unchanged]
     if changed:
         rewriting.sent_pdu = _written_pdu(pdu, access, changed)
+
+
+def _refuse_guarded(hit: FieldHit) -> None:
+    """Refuse to write a position around the correction (M10).
+
+    Raises:
+        RefusedRequestError: unless the axis lets such writes pass.
+    """
+    plan = hit.place.axis.plan
+    if hit.place.role is not FieldRole.GUARDED:
+        reason = f"{_at(hit)} reports a position; writing it would move the frame"
+    elif plan.passes_unmapped:
+        return
+    else:
+        reason = f'{_at(hit)} holds a position that is not mapped (unmapped = "pass" lets it through)'
+    raise RefusedRequestError(ExceptionCode.ILLEGAL_DATA_ADDRESS, plan.name, reason)
 
 
 def _at(hit: FieldHit) -> str:
@@ -228,7 +244,7 @@ def _prepare_read(unit: UnitMap, rewriting: Rewriting) -> None:
     active: list[FieldPlace] = []
     for hit in hits.fields:
         axis = hit.place.axis
-        if not axis.passes_unchanged:
+        if not axis.passes_unchanged and hit.place.role.is_position:
             active.append(hit.place)
             rewriting.readbacks[axis.plan.name] = axis.compensation.readback
     whole = span.widened([place.field for place in active])

@@ -61,7 +61,7 @@ def direction_state(axis: AxisExchange) -> str:
 
 def compensation_state(axis: AxisExchange) -> str:
     """Return the state of the compensation as the status shows it."""
-    if axis.plan.compensation is CompensationMode.OFF:
+    if axis.plan.compensation is CompensationMode.OFF or axis.is_ended:
         return "off"
     if axis.plan.table is None:
         return "no-table"

@@ -18,6 +18,18 @@ class FieldRole(Enum):
     COMMAND = "command"
     ACTUAL = "actual"
     COMMANDED = "commanded"
+    GUARDED = "guarded"
+    """Holds a position that is not mapped."""
+    REMAPPING = "remapping"
+    """Moves other registers about."""
+
+    @property
+    def is_position(self) -> bool:
+        """Whether the gateway knows what position the register holds."""
+        return self in _POSITIONS
+
+
+_POSITIONS: Final = frozenset({FieldRole.COMMAND, FieldRole.ACTUAL, FieldRole.COMMANDED})
 
 
 class FieldPlace(NamedTuple):
@@ -104,4 +116,6 @@ def _places(axis: AxisExchange) -> list[FieldPlace]:
     places = [FieldPlace(axis, FieldRole.COMMAND, i, f, axis.shadows[i]) for i, f in enumerate(plan.command)]
     places += [FieldPlace(axis, FieldRole.ACTUAL, i, f, None) for i, f in enumerate(plan.actual)]
     places += [FieldPlace(axis, FieldRole.COMMANDED, i, f, None) for i, f in enumerate(plan.commanded)]
+    places += [FieldPlace(axis, FieldRole.GUARDED, i, f, None) for i, f in enumerate(plan.guarded)]
+    places += [FieldPlace(axis, FieldRole.REMAPPING, i, f, None) for i, f in enumerate(plan.remapping)]
     return places

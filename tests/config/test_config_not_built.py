@@ -12,7 +12,6 @@ INSIDE_AXIS = [
     ("budget_us = 500", "budget_us", "leave it out"),
     ("deadline_ms = 10", "deadline_ms", "leave it out"),
     ('late = "forward"', "late", "leave it out"),
-    ('unmapped = "pass"', "unmapped", 'write "refuse"'),
     ('stored_moves = "uncorrected"', "stored_moves", 'write "refuse"'),
     ('relative_unknown = "pass"', "relative_unknown", 'write "refuse"'),
     ('table_options.fagor_sense = "actual_minus_command"', "table_options.fagor_sense", "Centroid version 3"),
@@ -24,8 +23,6 @@ INSIDE_REGISTERS = [
     ("starts_on = [0x0607]", "starts_on", "in one frame"),
     ('limits = [{ address = 2, type = "int32" }]', "limits", "leave it out only if"),
     ('aliases = [{ address = 2, type = "int32" }]', "aliases", "leave it out only if"),
-    ('position_like = [{ address = 2, type = "int32" }]', "position_like", "leave it out only if"),
-    ('remap = [{ address = 2, type = "int16" }]', "remap", "leave it out only if"),
     ('write = "fc06"', "write", '"fc16", or a position of type int16'),
 ]
 

@@ -198,3 +198,16 @@ def test_folders_are_relative_to_the_file(tmp_path: Path) -> None:
     assert (result.tables_folder, result.state_folder) == (tmp_path / "tables", tmp_path / "state")
     assert result.plan.name == "mill-1"
     assert result.warnings == ()
+
+
+def test_guarded_and_remapping_registers_reach_the_plan(tmp_path: Path) -> None:
+    text = GOOD + (
+        'position_like = [{ address = 0x0530, type = "int32" }]\n'
+        'remap = [{ address = 0x0550, type = "uint16" }]\n'
+    )
+    text = text.replace("max_speed = 200.0", 'max_speed = 200.0\nunmapped = "pass"')
+    axis = loaded(tmp_path, text).plan.lines[0].axes[0]
+    assert [field.address for field in axis.guarded] == [0x0530]
+    assert [field.address for field in axis.remapping] == [0x0550]
+    assert axis.passes_unmapped
+    assert not loaded(tmp_path).plan.lines[0].axes[0].passes_unmapped
