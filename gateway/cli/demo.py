@@ -24,7 +24,18 @@ LIVE_SPEED_UP: Final = 8.0
 PAUSE_S: Final = 4.0
 """Time to look at the result of a round on the live screen."""
 
+STOPPED_BY_SIGNAL: Final = 128
+"""Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""
+
 Result = TypeVar("Result")
+
+
+class _StoppedError(Exception):
+    """A signal came before the work was done."""
+
+    def __init__(self, number: signal.Signals) -> None:
+        super().__init__(f"stopped by {number.name} before its end: there is no result")
+        self.exit_code = STOPPED_BY_SIGNAL + number
 
 
 def demo(
@@ -45,8 +56,9 @@ def demo(
     and the same random moves are made without and with it. On a terminal a live screen follows new rounds
     until Ctrl-C; otherwise, and with --once, one round is made and its result printed.
 
-    Exit code 1 if a round leaves more than 1/20 of an error or reads back another position than was
-    commanded.
+    Progress goes to stderr, the result to stdout. Exit code 1 if a round leaves more than 1/20 of an error or
+    reads back another position than was commanded; 130 or 143 if a signal stopped it before its end. A live
+    screen has no end of its own: stopping it is good (0).
 
     Examples:
         pitch-gateway demo
@@ -58,8 +70,7 @@ def demo(
     from gateway.relay.errors import StartError
     from gateway.simulator.errors import SimulatorError
 
-    console = Console(stderr=json_output)
-    live = not once and not json_output and console.is_terminal
+    live = not once and not json_output and Console().is_terminal
     try:
         with ExitStack() as exits:
             folder = keep or Path(
@@ -67,8 +78,11 @@ def demo(
             )
             folder.mkdir(parents=True, exist_ok=True)
             good = asyncio.run(
-                _live(console, folder, seed) if live else _once(console, folder, seed, keep, json_output)
+                _live(Console(), folder, seed) if live else _once(folder, seed, keep, json_output)
             )
+    except _StoppedError as stopped:
+        typer.echo(f"demo: {stopped}", err=True)
+        raise typer.Exit(stopped.exit_code) from None
     except (SimulatorError, StartError, OSError) as error:
         typer.echo(f"demo: {error}", err=True)
         raise typer.Exit(1) from None
@@ -76,21 +90,22 @@ def demo(
         raise typer.Exit(1)
 
 
-async def _once(console: "Console", folder: Path, seed: int, keep: Path | None, json_output: bool) -> bool:
+async def _once(folder: Path, seed: int, keep: Path | None, json_output: bool) -> bool:
     """One round with a line for each step, and its result."""
+    from rich.console import Console
+
     from gateway.cli.demonstration.cycle import run_round
     from gateway.cli.demonstration.report import Narrator, as_json, is_good, summary
 
     started_s = time.monotonic()
-    view = await _until_signal(run_round(seed, folder, ONCE_SPEED_UP, Narrator(console)))
-    if view is None:
-        return True
+    view = await _until_signal(run_round(seed, folder, ONCE_SPEED_UP, Narrator(Console(stderr=True))))
     if json_output:
         json.dump(
             as_json(view, time.monotonic() - started_s, str(keep) if keep else None), sys.stdout, indent=2
         )
         sys.stdout.write("\n")
     else:
+        console = Console()
         console.print(summary(view))
         if keep:
             console.print(f"configuration and tables are in {keep}", highlight=False)
@@ -104,7 +119,8 @@ async def _live(console: "Console", folder: Path, seed: int) -> bool:
     screen = Screen(console)
     drawing = asyncio.create_task(screen.run())
     try:
-        await _until_signal(_rounds(screen, folder, seed))
+        with suppress(_StoppedError):
+            await _until_signal(_rounds(screen, folder, seed))
     finally:
         drawing.cancel()
         with suppress(asyncio.CancelledError):
@@ -121,13 +137,25 @@ async def _rounds(screen: "Screen", folder: Path, seed: int) -> None:
         seed += 1
 
 
-async def _until_signal(work: Coroutine[object, object, Result]) -> Result | None:
-    """Run ``work``; SIGINT and SIGTERM end it cleanly, and None comes back."""
+async def _until_signal(work: Coroutine[object, object, Result]) -> Result:
+    """Run ``work``; SIGINT and SIGTERM end it cleanly.
+
+    Raises:
+        _StoppedError: one of them came.
+    """
     task = asyncio.ensure_future(work)
     loop = asyncio.get_running_loop()
+    came: list[signal.Signals] = []
+
+    def stop(number: signal.Signals) -> None:
+        came.append(number)
+        task.cancel()
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, task.cancel)
+        loop.add_signal_handler(number, stop, number)
     try:
         return await task
     except asyncio.CancelledError:
-        return None
+        if came:
+            raise _StoppedError(came[0]) from None
+        raise

@@ -7,6 +7,7 @@ import typer
 
 from gateway import __version__
 from gateway.cli import check, demo, run, simulate, table
+from gateway.cli.standard_streams import Output, OutputLostError
 
 app = typer.Typer(
     name="pitch-gateway",
@@ -40,5 +41,18 @@ def options(
 
 
 def main() -> None:
-    """Run the command line; exit codes: 0 good, 1 the input is bad, 2 wrong usage."""
-    app()
+    """Run the command line; exit codes: 0 good, 1 the input is bad, 2 wrong usage.
+
+    Output that cannot be written is one line on stderr and exit code 1; a closed pipe (``| head``) needs no
+    words, for whoever closed it knows.
+    """
+    output = Output()
+    try:
+        try:
+            app()
+        finally:
+            output.finish()
+    except OutputLostError as error:
+        if not error.is_closed_pipe:
+            typer.echo(f"standard output cannot be written to: {error}", err=True)
+        sys.exit(1)

@@ -25,9 +25,9 @@ def run(
 
     It listens, connects to the drives and corrects. The log goes to stderr; the event ``ready`` says that all
     listeners are open, and where. Drives and serial adapters that are not there yet are waited for. A stop
-    finishes the exchange on the wire first.
+    finishes the exchange on the wire first; a second signal ends at once.
 
-    Exit code 0 after a stop, 1 when the configuration is bad or a port cannot be opened.
+    Exit code 0 after a stop; 1 when the configuration is bad, a port cannot be opened, or on a second signal.
 
     Examples:
         pitch-gateway run gateway.toml

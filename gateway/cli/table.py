@@ -39,7 +39,7 @@ from gateway.tabfile import (
     inspect_table,
 )
 from gateway.tabfile import explain as explain_at
-from gateway.tabfile.context import MAX_POSITION
+from gateway.tabfile.context import MAX_POSITION, MAX_SCALE, MIN_SCALE
 from gateway.tabfile.explanation import to_json
 
 app = typer.Typer(
@@ -251,13 +251,25 @@ def convert(
             file_home=file_home,
         )
         loaded = _inspect(file, context)
-        scale = to_counts_per_unit
+        scale = _scale(to_counts_per_unit)
         if scale is None and target.name == "centroid-1":
             scale = file_counts_per_unit
         options = WriteOptions(letter_for(loaded, axis, out), scale, to_v1_layout)
         written, difference = converted(loaded, target, options, to_units)
         write(out, written.text, force=force)
     report(loaded, out, target, (written, difference), json=json)
+
+
+def _scale(told: float | None) -> float | None:
+    """Return the scale of OUT.
+
+    Raises:
+        BadParameter: 0, or of a size that no machine has.
+    """
+    if told is not None and not MIN_SCALE <= abs(told) <= MAX_SCALE:
+        rule = f"must be a number other than 0, its size from {MIN_SCALE:g} to {MAX_SCALE:g}"
+        raise typer.BadParameter(f"{told:g}: {rule}", param_hint="--to-counts-per-unit")
+    return told
 
 
 def _inspect(file: Path, context: FileContext) -> LoadedTable:

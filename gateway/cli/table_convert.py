@@ -1,5 +1,9 @@
 """``pitch-gateway table convert``: write a table in another dialect, checked by reading it back."""
 
+import os
+import secrets
+import stat
+from contextlib import suppress
 from pathlib import Path
 
 import typer
@@ -17,6 +21,7 @@ from gateway.tabfile import (
     axis_of_name,
     parse_table,
 )
+from gateway.tabfile.files import kind_of
 from gateway.tabfile.readings import largest_difference
 
 
@@ -46,23 +51,52 @@ def converted(
 
 
 def write(out: Path, text: str, *, force: bool) -> None:
-    """Write the file; an existing one only with ``force``, and then in one step.
+    """Write the file; an existing one only with ``force``, and then in one step, with the mode it had.
+
+    A symbolic link is followed: the file that it names is written.
 
     Raises:
-        TabFileError: a file of this name exists, or the place cannot be written to.
+        TabFileError: a file of this name exists, it is no regular file, or the place cannot be written to.
     """
     try:
-        if not force:
-            with out.open("xb") as stream:
-                stream.write(text.encode())
-            return
-        beside = out.with_name(out.name + ".new")
-        beside.write_bytes(text.encode())
-        beside.replace(out)
+        if force:
+            _replace(Path(os.path.realpath(out)), text.encode())
+        else:
+            _create(out, text.encode())
     except FileExistsError:
         raise TabFileError(Problem(str(out), "a file of this name", "a new name, or --force")) from None
     except OSError as error:
         raise TabFileError(Problem(str(out), error.strerror or str(error), "a place to write to")) from error
+
+
+def _create(out: Path, content: bytes) -> None:
+    with out.open("xb") as stream:
+        try:
+            stream.write(content)
+            stream.flush()
+        except OSError:
+            out.unlink(missing_ok=True)
+            raise
+
+
+def _replace(out: Path, content: bytes) -> None:
+    try:
+        existing = out.stat()
+    except FileNotFoundError:
+        existing = None
+    if existing is not None and not stat.S_ISREG(existing.st_mode):
+        raise TabFileError(Problem(str(out), kind_of(existing.st_mode), "a regular file, or a new name"))
+    beside = out.with_name(f".pitch-gateway-{secrets.token_hex(8)}")
+    try:
+        with beside.open("xb") as stream:
+            if existing is not None:
+                with suppress(PermissionError):  # only root gives files away
+                    os.fchown(stream.fileno(), existing.st_uid, existing.st_gid)
+                os.fchmod(stream.fileno(), stat.S_IMODE(existing.st_mode))
+            stream.write(content)
+        beside.replace(out)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def report(

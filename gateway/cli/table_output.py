@@ -66,8 +66,8 @@ def show_text(loaded: LoadedTable, limit: int) -> None:
             typer.echo(f"{key:15} {_plain(item)}")
     unit, file_unit = loaded.table.units.value, loaded.source.value_unit
     rows = loaded.source.rows[:limit] if limit else loaded.source.rows
-    headings = [f"position ({unit})", f"forward ({unit})", f"backward ({unit})"]
-    headings += [f"forward ({file_unit})", f"backward ({file_unit})", "lines"]
+    headings = [f"position ({unit})", f"forward correction ({unit})", f"backward correction ({unit})"]
+    headings += [f"forward file value ({file_unit})", f"backward file value ({file_unit})", "lines"]
     _print_table(headings, [_row_cells(row) for row in rows])
     if len(rows) < len(loaded.source.rows):
         typer.echo(f"{len(loaded.source.rows) - len(rows)} more points: --limit 0 shows all")

@@ -11,6 +11,7 @@ from gateway.config.findings import Findings
 from gateway.config.line_model import LineSection
 from gateway.config.problems import key_text, shown
 from gateway.config.sections import Sections
+from gateway.config.settings_of import settings_of
 from gateway.config.toml_lines import KeyPath
 from gateway.drives.registers import RegisterMap, Span, bit_spans, clashes, position_spans, share_register
 from gateway.exchange.plan import Reference
@@ -32,6 +33,7 @@ def check_axes(findings: Findings, sections: Sections) -> None:
         path = ("axis", name)
         _check_modulo(findings, path, axis)
         _check_travel(findings, path, axis)
+        _check_steps(findings, path, axis)
     _check_shared_registers(findings, sections.axes)
 
 
@@ -176,6 +178,24 @@ def _check_modulo(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
             f"outside = {axis.outside.kind.value} with modulo",
             "leave it out: a table of one turn has no outside",
         )
+
+
+def _check_steps(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    """A field that counts in steps longer than any correction cannot carry one."""
+    if axis.registers is None:
+        return
+    limit = settings_of(axis).max_correction
+    for key in ("command", "actual", "commanded"):
+        for index, position in enumerate(getattr(axis.registers, key)):
+            step = position.scale / abs(axis.counts_per_unit)
+            if position.type.is_float or step <= limit:
+                continue
+            findings.warn(
+                (*path, "registers", key, index, "scale"),
+                f"one step of this position is {step:.6g} {axis.units.value}, more than "
+                f"max_correction = {limit:.6g}",
+                "no correction fits into it: check scale and counts_per_unit",
+            )
 
 
 def _check_travel(findings: Findings, path: KeyPath, axis: AxisSection) -> None:

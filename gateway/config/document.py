@@ -7,12 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from gateway.config.problems import ConfigErrors, Problem
+from gateway.config.problems import ConfigErrors, Problem, key_text
 from gateway.config.toml_lines import KeyLines, key_lines
+from gateway.tabfile.files import FileRefusedError, read_regular_file
 
 _PLACE: Final = re.compile(
     r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
 )
+_TWICE: Final = re.compile("overwrite|declare|duplicate|namespace", re.IGNORECASE)
+"""How the standard reader speaks of keys and tables that are given twice."""
 LARGEST_FILE: Final = 4_000_000
 """Bytes. A configuration has a few thousand; whatever is larger is another file."""
 
@@ -46,20 +49,9 @@ def read_document(path: Path) -> Document:
 
 def _read_text(path: Path) -> str:
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-    except FileNotFoundError:
-        raise _refuse(path, "no such file", "give the path of the configuration") from None
-    except IsADirectoryError:
-        raise _refuse(path, "a folder", "give the path of the configuration file in it") from None
-    except PermissionError:
-        raise _refuse(
-            path, "may not be read", "give this user read permission to the file and its folders"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise _refuse(path, f"cannot be read ({error})", "give the path of the configuration") from None
-    if len(content) > LARGEST_FILE:
-        raise _refuse(path, f"more than {LARGEST_FILE} bytes", "this is not a configuration file")
+        content = read_regular_file(path, LARGEST_FILE, "a configuration file")
+    except FileRefusedError as error:
+        raise _refuse(path, error.found, error.remedy) from None
     try:
         # Editors on Windows put a byte order mark in front; CR LF is TOML's own.
         return content.decode("utf-8-sig").replace("\r\n", "\n")
@@ -75,10 +67,16 @@ def _syntax_error(path: Path, text: str, error: ValueError) -> ConfigErrors:
         return _refuse(path, f"not TOML: {error}", "see https://toml.io for the grammar")
     line, column = place["line"], place["column"]
     last_line = text.count("\n") + 1
+    what, remedy = f"{place['what'][:1].lower()}{place['what'][1:]}", "see https://toml.io for the grammar"
+    duplicate = key_lines(text).duplicate
+    if duplicate is not None and _TWICE.search(what):
+        twice, first, second = duplicate
+        what = f"{what}: {key_text(twice)} is given on line {first} and again on line {second}"
+        remedy = "give every key and every table once"
     return _refuse(
         path,
-        f"not TOML: {place['what'][:1].lower()}{place['what'][1:]}",
-        "see https://toml.io for the grammar",
+        f"not TOML: {what}",
+        remedy,
         int(line) if line else last_line,
         int(column) if column else None,
     )

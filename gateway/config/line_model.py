@@ -1,5 +1,6 @@
 """``[line.NAME]``: one bus of drives and the controllers that may use it."""
 
+from collections.abc import Collection
 from enum import Enum
 from typing import Annotated, Self
 
@@ -57,13 +58,33 @@ class _SerialSettings(StrictModel):
         """Return the serial port with its character format."""
         return SerialEndpoint(device, self.baudrate, self.parity.letter, self.data_bits, self.stop_bits)
 
-    def _check_one_of(self, ways: tuple[str, ...]) -> None:
-        given = [way for way in ways if getattr(self, way) is not None]
-        if len(given) != 1:
-            raise ValueError(f"allowed: exactly one of {', '.join(ways)}")
-        stray = sorted(SERIAL_KEYS & self.model_fields_set)
-        if stray and given != ["rtu"]:
-            raise ValueError(f"{', '.join(stray)} belong to a serial port (rtu): leave out beside {given[0]}")
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        rule = broken_rule(type(self), self.model_fields_set)
+        if rule:
+            raise ValueError(rule)
+        return self
+
+
+WAYS = ("rtu", "tcp", "rtu_over_tcp")
+
+
+def broken_rule(model: type[_SerialSettings], keys: Collection[str]) -> str:
+    """Say which rule about its keys a table breaks, "" for none; values are not looked at.
+
+    >>> broken_rule(ControllerSection, {"name", "rtu", "tcp"})
+    'allowed: exactly one of rtu, tcp'
+    """
+    ways = [way for way in WAYS if way in model.model_fields]
+    given = [way for way in ways if way in keys]
+    if len(given) != 1:
+        return f"allowed: exactly one of {', '.join(ways)}"
+    stray = sorted(SERIAL_KEYS & set(keys))
+    if stray and given != ["rtu"]:
+        return f"{', '.join(stray)} belong to a serial port (rtu): leave out beside {given[0]}"
+    if "allow" in keys and given == ["rtu"]:
+        return "allow belongs to tcp: leave it out beside rtu"
+    return ""
 
 
 class DrivesEndpoint(_SerialSettings):
@@ -72,11 +93,6 @@ class DrivesEndpoint(_SerialSettings):
     rtu_over_tcp: RtuOverTcp | None = Field(
         default=None, description="HOST:PORT of a serial device server that carries raw RTU frames"
     )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        self._check_one_of(("rtu", "tcp", "rtu_over_tcp"))
-        return self
 
     @property
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:
@@ -96,13 +112,6 @@ class ControllerSection(_SerialSettings):
     allow: ListOf[Network] = Field(
         default=(), description="networks that may connect; none named: whoever reaches the port"
     )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        self._check_one_of(("rtu", "tcp"))
-        if self.rtu is not None and "allow" in self.model_fields_set:
-            raise ValueError("allow belongs to tcp: leave it out beside rtu")
-        return self
 
     @property
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:

@@ -8,6 +8,7 @@ from gateway.config.build import build_plan
 from gateway.config.check_axes import check_axes
 from gateway.config.check_lines import check_lines
 from gateway.config.check_tables import check_tables
+from gateway.config.check_ways import check_ways
 from gateway.config.document import read_document
 from gateway.config.findings import Findings
 from gateway.config.not_built import refuse_what_is_not_built
@@ -39,6 +40,7 @@ def load(path: Path) -> Loaded:
     findings = Findings(read_document(path))
     sections = read_sections(findings)
     refuse_what_is_not_built(findings)
+    check_ways(findings)
     check_lines(findings, sections.lines)
     check_axes(findings, sections)
     tables_folder = path.parent / sections.gateway.tables

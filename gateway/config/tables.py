@@ -89,7 +89,8 @@ def _read(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, name:
     except TabFileError as error:
         for problem in error.problems:
             found = "; ".join((problem.found, *_numbered(problem.readings)))
-            place = Problem(str(path), key_text(key), found, f"allowed: {problem.allowed}", problem.line)
+            allowed = f"allowed: {problem.allowed}" if problem.allowed else ""
+            place = Problem(str(path), key_text(key), found, allowed, problem.line)
             findings.refuse_elsewhere(key, place)
         return None
     for lint in loaded.lints:

@@ -1,12 +1,13 @@
 """Where the keys of a TOML text stand.
 
 The standard reader keeps no line numbers. This scanner walks a text that the standard reader has already
-accepted, so it checks nothing and only needs to tell keys, strings, brackets and comments apart.
+accepted, so it checks nothing and only needs to tell keys, strings, brackets and comments apart. In a text
+that was refused for a key given twice it finds both places.
 """
 
 import re
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 KeyPath = tuple[str | int, ...]
 
@@ -27,11 +28,21 @@ _ESCAPE: Final = re.compile(r"\\(u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|.)", re.DOTALL)
 _ESCAPED: Final = {"b": "\b", "t": "\t", "n": "\n", "f": "\f", "r": "\r", '"': '"', "\\": "\\"}
 
 
+class Duplicate(NamedTuple):
+    """A key or table that is given twice, and where."""
+
+    path: KeyPath
+    first_line: int
+    second_line: int
+
+
 class KeyLines:
     """Line numbers, from 1, of every key and table header of one text."""
 
-    def __init__(self, lines: Mapping[KeyPath, int]) -> None:
+    def __init__(self, lines: Mapping[KeyPath, int], duplicate: "Duplicate | None" = None) -> None:
         self._lines = lines
+        self.duplicate = duplicate
+        """The first key that is given twice; such a text is no TOML."""
 
     def of(self, path: KeyPath) -> int | None:
         """Line of a key; of the nearest table around it when the key itself is not in the text."""
@@ -52,8 +63,8 @@ def key_lines(text: str) -> KeyLines:
         scanner.document()
     except (IndexError, AttributeError, RecursionError):
         # Not TOML after all, or nested beyond reason: the lines found so far still help.
-        return KeyLines(scanner.lines)
-    return KeyLines(scanner.lines)
+        return KeyLines(scanner.lines, scanner.duplicate)
+    return KeyLines(scanner.lines, scanner.duplicate)
 
 
 class _Scanner:
@@ -61,7 +72,10 @@ class _Scanner:
         self.text = text
         self.at = 0
         self.lines: dict[KeyPath, int] = {}
+        self.duplicate: Duplicate | None = None
         self._counts: dict[KeyPath, int] = {}
+        self._values: dict[KeyPath, int] = {}
+        self._headers: dict[KeyPath, int] = {}
         self._line = 1
         self._line_at = 0
 
@@ -90,6 +104,7 @@ class _Scanner:
             path = (*path, index)
         elif path in self._counts:
             path = (*path, self._counts[path] - 1)
+        self._give(path, line, self._headers)
         self._note(path, line)
         return path
 
@@ -102,6 +117,13 @@ class _Scanner:
                 path = (*path, self._counts[path] - 1)
         return path
 
+    def _give(self, path: KeyPath, line: int, given: dict[KeyPath, int]) -> None:
+        """Note that a key gets its value or a table its header: neither may happen twice."""
+        first = self._values.get(path) or self._headers.get(path)
+        if first is not None and self.duplicate is None:
+            self.duplicate = Duplicate(path, first, line)
+        given.setdefault(path, line)
+
     def _note(self, path: KeyPath, line: int) -> None:
         for length in range(1, len(path)):
             self.lines.setdefault(path[:length], line)
@@ -110,6 +132,7 @@ class _Scanner:
     def _pair(self, table: KeyPath) -> None:
         line = self._line_here()
         path = (*table, *self._dotted())
+        self._give(path, line, self._values)
         self._note(path, line)
         self.at += 1  # the equals sign
         self._skip(_BLANK)

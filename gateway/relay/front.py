@@ -9,6 +9,7 @@ from gateway.modbus.mbap import MbapCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.framing import frame_silence_ns, request_decoder
 from gateway.relay.journal import Journal, Severity
+from gateway.relay.refusals import Refusals
 from gateway.relay.timed import TimedExchange
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
@@ -36,7 +37,8 @@ class TcpFront:
         self._note = _noter(journal, line, link.plan.name)
         self._counters = MbapCounters()
         self._noted_peers: set[str] = set()
-        self._listener = TcpListener(endpoint, link.allow, self._port, self._refused)
+        self._refusals = Refusals(self._note)
+        self._listener = TcpListener(endpoint, link.allow, self._port, self._refusals.add)
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
@@ -78,9 +80,6 @@ class TcpFront:
         if self._endpoint.rtu:
             return RtuControllerPort(self.plan, self._exchange, request_decoder(self._endpoint), gap_ns=0)
         return MbapControllerPort(self.plan, self._exchange, self._counters, self._malformed)
-
-    def _refused(self, host: str) -> None:
-        self._note("connection-refused", f"{host} is not in `allow`, or there are too many connections")
 
     def _malformed(self, peer: str) -> None:
         if peer in self._noted_peers or len(self._noted_peers) >= NOTED_PEERS:

@@ -61,6 +61,15 @@ class Relay:
         await asyncio.gather(*(line.stop() for line in self._lines))
         await self._journal.stop()
 
+    @property
+    def busy_lines(self) -> dict[str, float]:
+        """Lines with an exchange on the wire, each with the seconds that a stop waits for it at most."""
+        return {line.plan.name: line.longest_stop_s for line in self._lines if not line.is_idle}
+
+    def flush(self) -> None:
+        """Write the notes of all that happened until now."""
+        self._journal.flush()
+
     def recent(self) -> tuple[Note, ...]:
         """Return the notes that nobody has written yet, oldest first."""
         return self._journal.recent()

@@ -47,6 +47,16 @@ class Line:
         """Whether there is a way to the drives."""
         return self._exchange.is_up
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether no exchange is on the wire."""
+        return self._timed.is_idle
+
+    @property
+    def longest_stop_s(self) -> float:
+        """So long a stop waits for the exchange on the wire, at most."""
+        return self._longest_exchange_s() + STOP_MARGIN_S
+
     async def open(self) -> list[str]:
         """Open listeners and ports; returns one line for each that cannot be opened, with its key.
 
@@ -66,7 +76,7 @@ class Line:
         """Stop cleanly: the exchange on the wire is finished, nothing is left half sent."""
         for front in self._fronts:
             front.stop_accepting()
-        await self._timed.stop(time.monotonic_ns(), self._longest_exchange_s() + STOP_MARGIN_S)
+        await self._timed.stop(time.monotonic_ns(), self.longest_stop_s)
         for way in (self._link, *self._fronts):
             await way.drained()
         await self.close()

@@ -1,5 +1,6 @@
 """What the relay writes into its log: JSON for services, colours on a terminal. Standard error, both."""
 
+import contextlib
 import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -35,6 +36,8 @@ def note_writer(log_format: LogFormat) -> Callable[[Note], None]:
 
     def write(note: Note) -> None:
         timestamp = datetime.fromtimestamp(note.wall_s, UTC).isoformat(timespec="milliseconds")
-        getattr(logger, note.severity.value)(note.event, timestamp=timestamp, **note.fields)
+        # A full disk or a reader that has gone must not stop an axis: there is nowhere to say so.
+        with contextlib.suppress(OSError):
+            getattr(logger, note.severity.value)(note.event, timestamp=timestamp, **note.fields)
 
     return write

@@ -3,12 +3,13 @@
 import asyncio
 import contextlib
 import gc
+import os
 import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Final
+from typing import Any, Final
 
 from gateway.exchange.plan import CompensationMode
 from gateway.ipc.plan import GatewayPlan
@@ -28,6 +29,20 @@ AXIS_FIELDS: Final = (
     "corrected_actual",
     "units",
 )
+LINE_FIELDS: Final = (
+    "state",
+    "exchanges",
+    "timeouts",
+    "exceptions",
+    "late",
+    "refused",
+    "withdrawn",
+    "crc_errors",
+    "dropped_bytes",
+    "malformed",
+)
+CONTROLLER_FIELDS: Final = ("crc_errors", "dropped_bytes", "malformed", "refused_connections")
+UNFINISHED: Final = "an exchange was not finished: whether the drive took it is not known"
 SHADOW_MEANS: Final = "corrections are computed and shown; positions pass unchanged in both directions"
 
 
@@ -54,18 +69,24 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
 async def _serve(plan: GatewayPlan, write: Callable[[Note], None], status_every_s: float) -> None:
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stopping.set)
-    log = _Log(write)
-    log.plan(plan, loop)
     relay = Relay(plan, write)
+    log = _Log(write, relay.flush)
+
+    def stop() -> None:
+        if stopping.is_set():
+            _end_at_once(relay, log)
+        stopping.set()
+        log.stopping(relay)
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop)
+    log.plan(plan, loop)
     await relay.start()
     log.ready(relay)
     gc.collect()
     gc.freeze()  # what was loaded stays for good: no collection needs to look at it again
     status = asyncio.create_task(_status_lines(relay, log, status_every_s))
     await stopping.wait()
-    log.say("stopping", detail="the exchange on the wire is finished first")
     status.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await status
@@ -79,14 +100,33 @@ async def _status_lines(relay: Relay, log: "_Log", every_s: float) -> None:
         log.status(relay.status())
 
 
+def _end_at_once(relay: Relay, log: "_Log") -> None:
+    """End the process without waiting for anything; the system closes sockets and ports."""
+    lines = list(relay.busy_lines)
+    detail = f"a second signal; {UNFINISHED}" if lines else "a second signal"
+    log.say("stopped-at-once", Severity.WARNING, lines=lines, detail=detail)
+    # Leaving the loop in order would wait for tasks, and for a thread that looks up a host name.
+    os._exit(1)
+
+
 class _Log:
-    """What a person sees of the process itself."""
+    """What a person sees of the process itself; ``flush`` writes what the relay noted before."""
 
-    def __init__(self, write: Callable[[Note], None]) -> None:
+    def __init__(self, write: Callable[[Note], None], flush: Callable[[], None]) -> None:
         self._write = write
+        self._flush = flush
 
-    def say(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
-        self._write(Note(severity, event, fields, time.time()))
+    def say(self, event: str, severity: Severity = Severity.INFO, **fields: Any) -> None:
+        note = Note(severity, event, fields, time.time())
+        self._flush()
+        self._write(note)
+
+    def stopping(self, relay: Relay) -> None:
+        busy = relay.busy_lines
+        waits = "no exchange is on a wire"
+        if busy:
+            waits = f"waits up to {max(busy.values()):g} s for the exchange on {', '.join(busy)} to end"
+        self.say("stopping", lines=list(busy), detail=f"{waits}; a second signal ends at once")
 
     def plan(self, plan: GatewayPlan, loop: asyncio.AbstractEventLoop) -> None:
         self.say("starting", gateway=plan.name, loop=type(loop).__module__.partition(".")[0])
@@ -115,7 +155,15 @@ class _Log:
     def status(self, status: Mapping[str, Mapping[str, object]]) -> None:
         for name, axis in status["axes"].items():
             assert isinstance(axis, Mapping)
-            self.say("status", axis=name, **{field: axis[field] for field in AXIS_FIELDS if field in axis})
+            self.say("status", axis=name, **_picked(axis, AXIS_FIELDS))
         for name, line in status["lines"].items():
             assert isinstance(line, Mapping)
-            self.say("status", line=name, state=line["state"], exchanges=line["exchanges"])
+            controllers = line["controllers"]
+            assert isinstance(controllers, list)
+            heard = {each["name"]: _picked(each, CONTROLLER_FIELDS) for each in controllers}
+            self.say("status", line=name, **_picked(line, LINE_FIELDS), controllers=heard)
+
+
+def _picked(status: Mapping[str, object], names: tuple[str, ...]) -> dict[str, Any]:
+    """Return what is wanted of a status; what a link or a controller has not is left out."""
+    return {name: status[name] for name in names if name in status}

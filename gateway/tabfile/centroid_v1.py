@@ -30,7 +30,15 @@ from gateway.tabfile.fields import INTEGER_ALLOWED, to_integer
 from gateway.tabfile.ranges import check_home, check_range, check_start
 from gateway.tabfile.readings import Reading, describe_both
 from gateway.tabfile.text import Line, SourceText, shown
-from gateway.tabfile.writing import WriteOptions, Written, even_step, home_side, unwritable
+from gateway.tabfile.writing import (
+    LARGER_SCALE,
+    NEEDS_SCALE,
+    WriteOptions,
+    Written,
+    even_step,
+    home_side,
+    unwritable,
+)
 
 NAME: Final = "centroid-1"
 TITLE: Final = "Centroid version 1 (CNC7 6.00 to 7.17), one direction, encoder counts"
@@ -211,7 +219,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """
     scale = options.file_counts_per_unit
     if scale is None:
-        raise unwritable(NAME, "no counts per unit of the old control", "state them: version 1 holds counts")
+        raise unwritable(NAME, "no counts per unit of the old control", NEEDS_SCALE)
     even_step(table, NAME)
     home_first = home_side(table, NAME) > 0
     total = round((table.last if home_first else table.first) * scale)
@@ -227,9 +235,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     if layout is V1Layout.IMPLICIT:
         del values[0]
     if total == 0:
-        raise unwritable(
-            NAME, f"a travel of less than one count at {scale:g} counts per unit", "a larger scale"
-        )
+        raise unwritable(NAME, f"a travel of less than one count at {scale:g} counts per unit", LARGER_SCALE)
     losses = [f"values are whole counts: a resolution of {1 / abs(scale):.6g} {table.units.value}"]
     if not table.is_unidirectional:
         losses.append(

@@ -35,7 +35,7 @@ from gateway.tabfile.names import axis_of_comment
 from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, unused_options
 from gateway.tabfile.readings import Reading, describe_both
 from gateway.tabfile.text import Line, SourceText, shown
-from gateway.tabfile.writing import WriteOptions, Written, even_step, unwritable
+from gateway.tabfile.writing import LARGER_SCALE, WriteOptions, Written, even_step, unwritable
 
 NAME: Final = "centroid-2"
 TITLE: Final = "Centroid version 2 (CNC7 7.50 and up, CNC10 below 2.61), two directions, tenths or microns"
@@ -339,7 +339,7 @@ def _origin(table: CorrectionTable, options: WriteOptions) -> tuple[int, str]:
         or counts == 1
     ):
         found = f"{length * scale:.6g} counts over the table, too few to be recognised as counts"
-        raise unwritable(NAME, found, "a larger scale, or none")
+        raise unwritable(NAME, found, f"{LARGER_SCALE}, or none")
     return counts, f"{table.first:.6f}"
 
 

@@ -1,5 +1,6 @@
 """What a file does not say about itself and its axis, told from outside."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -42,7 +43,8 @@ class FileContext:
     ``same_units`` a file in other units than ``units`` is refused; otherwise lengths are converted.
 
     Raises:
-        ContextError: a travel whose ends are not in order, a scale of 0, a number that is not finite.
+        ContextError: a travel whose ends are not in order, a scale of 0, a slope of 1 or more (which cannot
+            be read back), an axis that is no letter, a number that is not finite.
     """
 
     axis: str | None = None
@@ -61,8 +63,11 @@ class FileContext:
         """Check what can be checked without a file."""
         for name in ("file_counts_per_unit", "counts_per_unit"):
             _check(name, getattr(self, name), lambda scale: MIN_SCALE <= abs(scale) <= MAX_SCALE, "not 0")
-        for name in ("max_correction", "max_slope"):
-            _check(name, getattr(self, name), lambda limit: 0 < limit < inf, "positive")
+        _check("max_correction", self.max_correction, lambda limit: 0 < limit < inf, "positive")
+        if not 0 < self.max_slope < 1:
+            raise ContextError(f"max_slope is {self.max_slope}: it must be above 0 and below 1")
+        if self.axis is not None and not re.fullmatch("[A-Za-z]", self.axis):
+            raise ContextError(f"axis is {self.axis!r}: it must be one letter, A to Z")
         _check("file_start", self.file_start, lambda start: abs(start) < MAX_POSITION, "a position")
         if self.travel is not None and not -MAX_POSITION < self.travel[0] < self.travel[1] < MAX_POSITION:
             raise ContextError(f"travel is {list(self.travel)}: it must be [lowest, highest], in this order")

@@ -9,8 +9,9 @@ from gateway.tabfile.curves import steepest
 from gateway.tabfile.decoded import Decoded, LoadedTable
 from gateway.tabfile.dialects import Dialect, sniff
 from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.files import FileRefusedError, read_regular_file
 from gateway.tabfile.lints import run_lints
-from gateway.tabfile.text import SourceText, decode
+from gateway.tabfile.text import MAX_BYTES, SourceText, decode
 
 
 def read_table(path: Path, context: FileContext) -> LoadedTable:
@@ -45,14 +46,12 @@ def read_bytes(path: Path) -> bytes:
     """Return the content of a file.
 
     Raises:
-        TabFileError: with the operating system's reason.
+        TabFileError: missing, no permission, no regular file, or longer than 16 MiB.
     """
     try:
-        return path.read_bytes()
-    except OSError as error:
-        raise TabFileError(
-            Problem(str(path), error.strerror or str(error), "a file that can be read")
-        ) from error
+        return read_regular_file(path, MAX_BYTES, "a table file")
+    except FileRefusedError as error:
+        raise TabFileError(Problem(str(path), str(error), "")) from None
 
 
 def parse_table(data: bytes, name: str, context: FileContext) -> LoadedTable:

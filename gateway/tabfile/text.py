@@ -8,8 +8,9 @@ from typing import Final
 
 from gateway.tabfile.errors import Problem, TabFileError
 
-MAX_BYTES: Final = 64 * 1024 * 1024
-"""Room for a million points in the widest dialect; more is not a table."""
+MAX_BYTES: Final = 16 * 1024 * 1024
+MAX_LINES: Final = 500_000
+"""Room for a hundred thousand points in the widest dialect, several times over; more is not a table."""
 DOS_END: Final = "\x1a"
 """CP/M and DOS editors end a text file with Ctrl-Z."""
 _CONTROL: Final = re.compile("[\x00-\x08\x0b-\x19\x1b-\x1f\x7f]")
@@ -65,7 +66,8 @@ def decode(data: bytes, name: str) -> SourceText:
     is not UTF-8 is read as Latin-1 (comments of old editors).
 
     Raises:
-        TabFileError: the file is empty, binary, UTF-16, longer than 64 MiB, or goes on after its Ctrl-Z.
+        TabFileError: the file is empty, binary, UTF-16, longer than 16 MiB or 500 000 lines, or goes on after
+            its Ctrl-Z.
     """
     allowed = "the plain text of a .tab file"
     if len(data) > MAX_BYTES:
@@ -73,6 +75,9 @@ def decode(data: bytes, name: str) -> SourceText:
     if data.startswith(_UTF16_MARKS):
         raise TabFileError(Problem(name, "UTF-16 text", "plain text (ASCII or UTF-8): save it again as such"))
     text, *rest = _to_text(data).split(DOS_END, 1)
+    line_ends = text.count("\n") + text.count("\r") - text.count("\r\n")
+    if line_ends > MAX_LINES:
+        raise TabFileError(Problem(name, f"{line_ends} lines", f"at most {MAX_LINES} lines"))
     lines = _lines(text)
     _check_control(lines, name)
     if rest and rest[0].strip("\x00\x1a \t\r\n"):

@@ -10,6 +10,9 @@ from gateway.tabfile.errors import Problem, TabFileError
 EVEN_TOLERANCE: Final = 1e-4
 """Every point must lie within this fraction of a step from its even place: the readers allow as much."""
 HOME_TOLERANCE: Final = 1e-6
+NEEDS_SCALE: Final = "a file of counts needs them: --to-counts-per-unit N"
+LARGER_SCALE: Final = "a larger scale: --to-counts-per-unit N"
+"""Remedies for a scale that is missing or too small; the option is the only way to state it."""
 
 
 @dataclass(frozen=True, slots=True)

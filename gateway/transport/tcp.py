@@ -10,6 +10,7 @@ import os
 import socket
 import time
 from collections.abc import Callable, Iterable
+from enum import Enum
 from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address
 from typing import Final, cast
 
@@ -116,11 +117,18 @@ class _AcceptedChannel(TcpChannel):
         self._listener.forget(self)
 
 
+class Refusal(Enum):
+    """Why a connection was not let in."""
+
+    NOT_ALLOWED = "not in `allow`"
+    TOO_MANY = f"too many connections: {MAX_CONNECTIONS} at once"
+
+
 class TcpListener:
     """Accepts connections; each one gets a receiver of its own.
 
-    ``allow`` names the networks whose addresses are let in (empty: all); others are closed at once, counted
-    in ``refused`` and told to ``on_refused``.
+    ``allow`` names the networks whose addresses are let in (empty: all), :data:`MAX_CONNECTIONS` how many at
+    once; others are closed at once, counted in ``refused`` and told to ``on_refused``, with the reason.
     """
 
     def __init__(
@@ -128,7 +136,7 @@ class TcpListener:
         endpoint: TcpEndpoint,
         allow: Iterable[IPv4Network | IPv6Network],
         make_receiver: Callable[[], Receiver],
-        on_refused: Callable[[str], None],
+        on_refused: Callable[[str, Refusal], None],
     ) -> None:
         self._endpoint = endpoint
         self._allow = tuple(allow)
@@ -188,16 +196,22 @@ class TcpListener:
 
     def admit(self, channel: TcpChannel, host: str) -> bool:
         """Whether a new connection from ``host`` is let in."""
-        if len(self._channels) < MAX_CONNECTIONS and self._is_allowed(host):
-            self._channels.add(channel)
-            return True
-        self.refused += 1
-        self._on_refused(host)
-        return False
+        # Who may not connect at all learns nothing about how many do.
+        if not self._is_allowed(host):
+            return self._refuse(host, Refusal.NOT_ALLOWED)
+        if len(self._channels) >= MAX_CONNECTIONS:
+            return self._refuse(host, Refusal.TOO_MANY)
+        self._channels.add(channel)
+        return True
 
     def forget(self, channel: TcpChannel) -> None:
         """Note that a connection is gone."""
         self._channels.discard(channel)
+
+    def _refuse(self, host: str, why: Refusal) -> bool:
+        self.refused += 1
+        self._on_refused(host, why)
+        return False
 
     def _is_allowed(self, host: str) -> bool:
         if not self._allow:

@@ -59,7 +59,7 @@ def test_every_problem_is_one_line_on_stderr(tmp_path: Path) -> None:
 def test_a_missing_file_is_bad_input(tmp_path: Path) -> None:
     result = run(tmp_path / "none.toml")
     assert result.exit_code == 1
-    assert result.stderr == f"{tmp_path / 'none.toml'}: no such file; give the path of the configuration\n"
+    assert result.stderr == f"{tmp_path / 'none.toml'}: no such file; give the path of a configuration file\n"
 
 
 def test_json_of_a_good_configuration(tmp_path: Path) -> None:

@@ -32,6 +32,29 @@ def test_two_lines_and_two_axes_on_one_unit_are_fine(tmp_path: Path) -> None:
     assert [[axis.name for axis in line.axes] for line in plan.lines] == [["x", "y"], []]
 
 
+@pytest.mark.parametrize(
+    ("kind", "scale", "warned"),
+    # At 1000 counts/mm, 501 counts are 0.501 mm, and max_correction is 0.5 mm. A float has no steps.
+    [("int32", 501.0, True), ("int32", 500.0, False), ("float32", 501.0, False)],
+)
+def test_a_position_whose_step_is_longer_than_any_correction_is_warned_of(
+    tmp_path: Path, kind: str, scale: float, warned: bool
+) -> None:
+    text = edited(
+        (
+            'actual = [{ address = 0x0520, type = "int32", words = "low-first" }]',
+            f'actual = [{{ address = 0x0520, type = "{kind}", scale = {scale} }}]',
+        )
+    )
+    warnings = loaded(tmp_path, text).warnings
+    if not warned:
+        assert warnings == ()
+        return
+    [warning] = warnings
+    assert (warning.key, warning.line) == ("axis.x.registers.actual[1].scale", line_of(text, "actual ="))
+    assert warning.found == "one step of this position is 0.501 mm, more than max_correction = 0.5"
+
+
 def test_unit_id_0_is_a_drive_on_modbus_tcp_and_the_broadcast_on_a_serial_line(tmp_path: Path) -> None:
     on_tcp = (
         GOOD + SECOND_LINE + SECOND_AXIS.replace('line = "xyz"', 'line = "b"').replace("id = 1", "id = 0")

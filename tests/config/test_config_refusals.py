@@ -18,7 +18,7 @@ WRONG = [
     ('parity = "even"', "stop_bits = 3", "line.xyz.drives.stop_bits", ["at least 1, at most 2"]),
     ('rtu = "/dev/serial/by-id/usb-B"', 'rtu = "ttyUSB0"', "line.xyz.drives.rtu", ["full path"]),
     (
-        'rtu = "/dev/serial/by-id/usb-A"',
+        'rtu = "/dev/serial/by-id/usb-A"\nbaudrate = 38400',
         'tcp = "1:2:3"',
         "line.xyz.controllers[1].tcp",
         ["HOST:PORT", "[::1]"],
@@ -197,6 +197,26 @@ def test_a_name_that_cannot_be_a_topic_or_a_file_is_refused(tmp_path: Path) -> N
 
 def test_at_least_one_line_is_needed(tmp_path: Path) -> None:
     assert "at least one [line.NAME]" in only(refused(tmp_path, ""), "line").remedy
+
+
+def test_two_ways_at_once_are_reported_beside_the_other_faults_of_their_table(tmp_path: Path) -> None:
+    text = edited(
+        ("baudrate = 38400", 'tcp = "127.0.0.1:1504"\ntimeout_ms = -1'),
+        ("baudrate = 115200, ", 'tcp = "10.0.0.1:502", baudrate = 1, '),
+    )
+    said = [(problem.key, problem.remedy) for problem in refused(tmp_path, text)]
+    assert said == [
+        ("line.xyz.drives.baudrate", "allowed: at least 50, at most 12000000"),
+        ("line.xyz.drives", "allowed: exactly one of rtu, tcp, rtu_over_tcp"),
+        ("line.xyz.controllers[1]", "allowed: exactly one of rtu, tcp"),
+        ("line.xyz.controllers[1].timeout_ms", "allowed: greater than 0, at most 3600000"),
+    ]
+
+
+def test_two_ways_at_once_are_one_problem_where_nothing_else_is_wrong(tmp_path: Path) -> None:
+    text = edited(("baudrate = 38400", 'tcp = "127.0.0.1:1504"'))
+    problem = only(refused(tmp_path, text), "line.xyz.controllers[1]")
+    assert problem.remedy == "allowed: exactly one of rtu, tcp"
 
 
 def test_everything_is_said_at_once(tmp_path: Path) -> None:

@@ -36,6 +36,24 @@ def test_a_slip_of_syntax_is_named_with_line_and_column(
     assert str(problem).startswith(f"{tmp_path / 'gateway.toml'}:{line}:{column}: not TOML")
 
 
+@pytest.mark.parametrize(
+    ("content", "key", "first", "second"),
+    [
+        (b'[axis.x]\nunits = "mm"\n\nunits = "inch"\n', "axis.x.units", 2, 4),
+        (b"[axis.x]\na = 1\n[axis.y]\na = 1\n[axis.x]\nb = 1\n", "axis.x", 1, 5),
+        (b"[[l.c]]\na = 1\n[[l.c]]\na = 1\na = 2\n", "l.c[2].a", 4, 5),
+        (b"bits.homed = { bit = 1,\tbit = 2 }\n", "bits.homed.bit", 1, 1),
+        (b"a = [\n 1,\n]\nb = 1\na = [\n 2,\n]\n", "a", 1, 5),
+    ],
+)
+def test_a_key_that_is_given_twice_is_named_with_both_lines(
+    tmp_path: Path, content: bytes, key: str, first: int, second: int
+) -> None:
+    problem = problem_of(tmp_path / "gateway.toml", content)
+    assert problem.found.endswith(f": {key} is given on line {first} and again on line {second}")
+    assert problem.remedy == "give every key and every table once"
+
+
 def test_a_text_that_ends_too_early_is_named_with_its_last_line(tmp_path: Path) -> None:
     problem = problem_of(tmp_path / "gateway.toml", b'[gateway]\nname = """\nabc')
     assert problem.line == 3

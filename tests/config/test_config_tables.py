@@ -74,7 +74,7 @@ def test_a_fault_inside_a_table_names_the_table_its_line_and_the_key(tmp_path: P
 def test_a_folder_in_the_place_of_a_table_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, tables={})
     (tmp_path / "tables" / "cnc10x.tab").mkdir()
-    with pytest.raises(ConfigErrors, match=r"axis\.x\.table: .*directory"):
+    with pytest.raises(ConfigErrors, match=r"axis\.x\.table: a folder"):
         load(path)
 
 
@@ -105,7 +105,7 @@ def test_a_table_that_may_not_be_read_is_named() -> None:
         with as_nobody(), pytest.raises(ConfigErrors) as caught:
             load(path)
     problem = only(caught.value.problems, "axis.x.table")
-    assert "Permission denied" in problem.found
+    assert problem.found == "may not be read; give this user read permission to the file and its folders"
 
 
 def test_a_configuration_that_may_not_be_read_is_named() -> None:

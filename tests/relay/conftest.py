@@ -114,7 +114,7 @@ class Bench:
             cable = self.cable()
             await self._open(SerialPort(SerialEndpoint(cable.far, 115200), end, _no_failure))
             return end, SerialEndpoint(cable.near, 115200, "E")
-        listener = TcpListener(LOOPBACK, (), lambda: end, _no_failure)
+        listener = TcpListener(LOOPBACK, (), lambda: end, lambda host, why: None)
         await self._open(listener)
         where = listener.addresses[0]
         return end, TcpEndpoint(where.host, where.port, rtu=kind == "rtu_over_tcp")

@@ -35,7 +35,7 @@ async def ask(near: "RawEnd", transaction_id: int, expected: bytes) -> None:
 
 
 async def listen(endpoint: TcpEndpoint, end: "RawEnd") -> TcpListener:
-    listener = TcpListener(endpoint, (), lambda: end, lambda host: None)
+    listener = TcpListener(endpoint, (), lambda: end, lambda host, why: None)
     await listener.open()
     return listener
 

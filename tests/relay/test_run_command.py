@@ -105,6 +105,71 @@ async def test_it_says_ready_serves_and_stops_cleanly(
             assert await process.wait() == 0
 
 
+async def test_a_second_signal_ends_at_once_and_says_what_was_not_finished(
+    bench: "Bench", tmp_path: Path
+) -> None:
+    silent, where = await bench.drive("tcp")
+    config = tmp_path / "gateway.toml"
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    text = CONFIG.format(drives=getattr(where, "port", 0), port=port)
+    config.write_text(text.replace("[line.xyz]", "[line.xyz]\nresponse_timeout_ms = 3600000"))
+    async with running(config) as process:
+        await event(process, "line-up")
+        near = await bench.connect(type(where)("127.0.0.1", port))  # type: ignore[arg-type]
+        near.write(encode_mbap(3, 1, bytes.fromhex("03 0010 0001")))
+        await silent.until(lambda end: bool(end.data))
+        process.send_signal(signal.SIGTERM)
+        stopping = await event(process, "stopping")
+        # The time-out of the drives, 3600 s, and a second.
+        assert stopping["detail"] == (
+            "waits up to 3601 s for the exchange on xyz to end; a second signal ends at once"
+        )
+        process.send_signal(signal.SIGINT)
+        ended = await event(process, "stopped-at-once")
+        assert ended["lines"] == ["xyz"]
+        assert "an exchange was not finished" in ended["detail"]
+        async with asyncio.timeout(10):
+            assert await process.wait() == 1
+        assert process.stderr is not None
+        assert await process.stderr.read() == b""
+
+
+async def test_the_log_is_in_the_order_of_its_times_and_status_lines_count_everything(
+    bench: "Bench", tmp_path: Path
+) -> None:
+    reply = bytes.fromhex("83 02")
+    _, where = await bench.drive(
+        "tcp", lambda data: data[:4] + bytes([0, len(reply) + 1]) + data[6:7] + reply
+    )
+    config = tmp_path / "gateway.toml"
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    config.write_text(CONFIG.format(drives=getattr(where, "port", 0), port=port))
+    notes: list[dict[str, Any]] = []
+    async with running(config, "--status-every", "0.05") as process:
+        await event(process, "line-up")
+        near = await bench.connect(type(where)("127.0.0.1", port))  # type: ignore[arg-type]
+        near.write(encode_mbap(3, 1, bytes.fromhex("03 0010 0001")))
+        await near.receives(encode_mbap(3, 1, reply))
+        near.write(b"no Modbus at all")
+        while not any(note.get("controllers", {}).get("cnc", {}).get("malformed") for note in notes):
+            notes.append(await event(process, "status"))
+        process.send_signal(signal.SIGTERM)
+        assert process.stderr is not None
+        async with asyncio.timeout(10):
+            notes += [json.loads(line) async for line in process.stderr]
+    [*_, line] = [note for note in notes if note["event"] == "status" and note.get("line") == "xyz"]
+    counters = ("exchanges", "timeouts", "exceptions", "late", "refused", "withdrawn")
+    assert [line[name] for name in counters] == [1, 0, 1, 0, 0, 0]
+    assert (line["state"], line["crc_errors"], line["malformed"]) == ("up", 0, 0)
+    assert line["controllers"]["cnc"]["malformed"] == 1
+    times = [note["timestamp"] for note in notes]
+    assert times == sorted(times)
+    assert [note["event"] for note in notes[-2:]] == ["stopping", "stopped"]
+    assert notes[-2]["detail"] == "no exchange is on a wire; a second signal ends at once"
+
+
 async def test_a_port_in_use_is_one_line_with_its_key_and_code_1(tmp_path: Path) -> None:
     config = tmp_path / "gateway.toml"
     with socket.create_server(("127.0.0.1", 0)) as other:

@@ -144,6 +144,21 @@ async def test_who_is_not_allowed_is_closed_counted_and_noted(bench: "Bench", to
     assert any(note.event == "connection-refused" for note in bench.notes)
 
 
+async def test_more_connections_than_a_listener_takes_have_a_reason_of_their_own(
+    bench: "Bench", tools: "Tools"
+) -> None:
+    link = ControllerLink(ControllerPlan("hmi"), TcpEndpoint("127.0.0.1", 0))
+    relay = await bench.relay(NOWHERE, (link,))
+    where = relay.address("line", "hmi")
+    ends = [await asyncio.open_connection(where.host, where.port) for _ in range(64 + 10)]
+    await tools.eventually(lambda: tools.first_controller(relay)["refused_connections"] == 10)
+    for _, writer in ends:
+        writer.close()
+    await relay.stop()
+    details = [note.fields["detail"] for note in bench.notes if note.event == "connection-refused"]
+    assert details == ["127.0.0.1: too many connections: 64 at once"]
+
+
 async def test_a_second_relay_may_have_the_ports_of_the_first_once_it_stopped(bench: "Bench") -> None:
     near, far = bench.cable(), bench.cable()
     plan = plan_of(

@@ -84,6 +84,22 @@ def test_people_get_a_summary_and_a_signal_ends_it_cleanly() -> None:
     assert b"Traceback" not in seen
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("options", [["--once"], ["--once", "--json"]])
+def test_one_round_that_a_signal_stopped_is_no_success(options: list[str], number: signal.Signals) -> None:
+    pipe = subprocess.PIPE
+    with subprocess.Popen([*COMMAND_LINE, *options], stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline().startswith("axis ")
+        process.send_signal(number)
+        output, errors = process.communicate(timeout=20)
+    # What a shell makes of a signal: 128 + 2 and 128 + 15.
+    assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[number]
+    assert output == ""
+    last = errors.splitlines()[-1]
+    assert last == f"demo: stopped by {number.name} before its end: there is no result"
+
+
 def _read(fd: int) -> bytes:
     try:
         return os.read(fd, 65536)

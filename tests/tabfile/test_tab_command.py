@@ -1,6 +1,9 @@
 """``pitch-gateway table``: every published vector through ``explain --json``; lint, convert, errors."""
 
 import json
+import os
+import resource
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -137,8 +140,8 @@ def test_explain_prints_the_same_for_people() -> None:
             "prove home at the plus end",
         ),
         ([V2, "--at", 0, "--file-counts-per-unit", 20000], "counts per inch"),
-        (["nowhere.tab", "--at", 0], "No such file"),
-        ([TABLES, "--at", 0], "Is a directory"),
+        (["nowhere.tab", "--at", 0], "no such file"),
+        ([TABLES, "--at", 0], "a folder"),
     ],
 )
 def test_what_is_not_proven_or_contradicted_is_one_line_on_stderr(arguments: list[object], text: str) -> None:
@@ -245,6 +248,91 @@ def test_convert_overwrites_only_with_force(tmp_path: Path) -> None:
     assert run("convert", V3, out, "--to", "centroid-2", "--force").exit_code == 0
     assert out.read_text().startswith("2 8 0.5 20 1 0")
     assert [path.name for path in tmp_path.iterdir()] == ["cnc10z.tab"]
+
+
+def test_convert_with_force_keeps_the_mode_of_the_file_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
+    out = tmp_path / "cnc10z.tab"
+    out.write_text("old")
+    out.chmod(0o640)
+    good("convert", V3, out, "--to", "centroid-2", "--force")
+    assert out.stat().st_mode & 0o777 == 0o640
+    assert [path.name for path in tmp_path.iterdir()] == ["cnc10z.tab"]
+
+
+def test_convert_with_force_writes_the_file_that_a_link_names(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    real = tmp_path / "real" / "cnc10z.tab"
+    real.write_text("old")
+    link = tmp_path / "link.tab"
+    link.symlink_to(real)
+    good("convert", V3, link, "--to", "centroid-2", "--force")
+    assert link.is_symlink()
+    assert real.read_text().startswith("2 8 0.5 20 1 0")
+
+
+def test_convert_with_force_refuses_what_is_no_regular_file(tmp_path: Path) -> None:
+    folder, fifo, link = tmp_path / "folder", tmp_path / "fifo", tmp_path / "null"
+    folder.mkdir()
+    os.mkfifo(fifo)
+    link.symlink_to("/dev/null")
+    assert "a folder; allowed: a regular file" in refused(
+        "convert", V3, folder, "--to", "centroid-2", "--force"
+    )
+    assert "a FIFO" in refused("convert", V3, fifo, "--to", "centroid-2", "--force")
+    assert "/dev/null: a device" in refused("convert", V3, link, "--to", "centroid-2", "--force")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["fifo", "folder", "null"]
+    assert list(folder.iterdir()) == []
+
+
+def test_convert_that_cannot_write_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
+    out = tmp_path / "cnc10z.tab"
+    out.write_text("old")
+    # 16 bytes are the largest file that this process may write: the table does not fit.
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (16, limits[1]))
+        forced = run("convert", V3, out, "--to", "centroid-2", "--force")
+        new = run("convert", V3, tmp_path / "new.tab", "--to", "centroid-2")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert (forced.exit_code, new.exit_code) == (1, 1)
+    assert "File too large" in forced.stderr
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("cnc10z.tab", "old")]
+
+
+def test_convert_names_the_option_for_the_counts_per_unit(tmp_path: Path) -> None:
+    out = tmp_path / "out.tab"
+    assert "--to-counts-per-unit" in refused("convert", V3, out, "--to", "centroid-1")
+    # 0.1 counts per inch x 4 inch of travel are 0.4 counts
+    for target in ("centroid-1", "centroid-2"):
+        line = refused("convert", V3, out, "--to", target, "--to-counts-per-unit", 0.1)
+        assert "a larger scale: --to-counts-per-unit" in line
+    for scale in ("nan", "0", "1e300"):
+        result = run("convert", V3, out, "--to", "centroid-1", "--to-counts-per-unit", scale)
+        assert result.exit_code == 2
+        assert "--to-counts-per-unit" in result.stderr
+
+
+def test_show_tells_corrections_from_the_numbers_of_the_file() -> None:
+    output = run("show", V3).stdout
+    for heading in ("forward correction", "backward correction", "forward file value", "backward file value"):
+        assert output.count(heading) == 1
+
+
+@pytest.mark.parametrize("slope", ["1", "1.5", "0", "nan"])
+def test_a_limit_of_slope_that_could_not_be_read_back_is_wrong_usage(slope: str) -> None:
+    result = run("lint", V3, "--max-slope", slope)
+    assert result.exit_code == 2
+    assert "above 0 and below 1" in " ".join(result.stderr.replace("│", " ").split())
+
+
+@pytest.mark.parametrize("letter", ["", "xy", "1", "é"])
+def test_an_axis_that_is_no_letter_is_wrong_usage(letter: str) -> None:
+    result = run("lint", V3, "--axis", letter)
+    assert result.exit_code == 2
+    assert "one letter, A to Z" in " ".join(result.stderr.replace("│", " ").split())
 
 
 def test_convert_refuses_what_it_cannot_write(tmp_path: Path) -> None:

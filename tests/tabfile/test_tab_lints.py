@@ -58,10 +58,10 @@ def test_l1_slope_above_its_limit_is_an_error_with_the_limit() -> None:
 
 def test_l1_slope_of_1_makes_no_table_at_all() -> None:
     with pytest.raises(TabFileError) as caught:
-        microns([0.0, 10.0, 10.0], [0.0, 0.0, 0.0], max_slope=5.0, max_correction=100.0)
+        microns([0.0, 10.0, 10.0], [0.0, 0.0, 0.0], max_slope=0.9999, max_correction=100.0)
     assert caught.value.problems[0].code == "L1"
     assert caught.value.line == 7
-    assert microns([0.0, 9.99, 9.99], [0.0, 0.0, 0.0], max_slope=5.0, max_correction=100.0).errors == ()
+    assert microns([0.0, 9.99, 9.99], [0.0, 0.0, 0.0], max_slope=0.9999, max_correction=100.0).errors == ()
 
 
 def test_l2_mean_of_forward_minus_backward_below_0_means_swapped_columns() -> None:

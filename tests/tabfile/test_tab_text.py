@@ -129,3 +129,33 @@ def test_any_numbers_in_a_sound_frame_raise_nothing_but_table_errors(frame: str,
 def test_facts_that_cannot_be_true_are_refused(facts: dict[str, Any]) -> None:
     with pytest.raises(ContextError):
         FileContext(**facts)
+
+
+def table_of(points: int) -> bytes:
+    rows = "".join(
+        f"{index / 100:.8f} {index % 7 / 1e6:+.8f} {index % 5 / 1e6:+.8f}\n" for index in range(points)
+    )
+    head = f"CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 0.01\nENTRIES {points}\n"
+    return (head + rows).encode()
+
+
+def test_a_hundred_thousand_points_are_a_table() -> None:
+    table = parse(table_of(100_000)).table
+    assert len(table.positions) == 100_000
+    assert (table.first, table.last) == (0.0, 999.99)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        # 16 MiB are 16 x 1024 x 1024 bytes.
+        (b"1" * (16_777_216 + 1), "16777217 bytes; allowed: at most 16777216 bytes"),
+        (b"\n" * 500_001, "500001 lines; allowed: at most 500000 lines"),
+        (b"\r\n" * 500_001, "500001 lines; allowed: at most 500000 lines"),
+    ],
+    ids=["bytes", "LF", "CRLF"],
+)
+def test_what_is_too_large_to_be_a_table_is_refused_with_the_limit(data: bytes, said: str) -> None:
+    with pytest.raises(TabFileError) as caught:
+        parse(data)
+    assert str(caught.value) == f"cnc10x.tab: {said}"

@@ -88,7 +88,7 @@ async def _memory_ends() -> AsyncIterator[Ends]:
 @contextlib.asynccontextmanager
 async def _tcp_ends() -> AsyncIterator[Ends]:
     near, far = Recorder(), Recorder()
-    listener = TcpListener(TcpEndpoint("127.0.0.1", 0), (), lambda: far, lambda host: None)
+    listener = TcpListener(TcpEndpoint("127.0.0.1", 0), (), lambda: far, lambda host, why: None)
     await listener.open()
     connector = TcpConnector(listener.addresses[0], near, lambda why: None)
     await connector.open()

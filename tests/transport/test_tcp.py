@@ -10,7 +10,7 @@ import pytest
 
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import RefusedError
-from gateway.transport.tcp import MAX_CONNECTIONS, TcpChannel, TcpConnector, TcpListener
+from gateway.transport.tcp import MAX_CONNECTIONS, Refusal, TcpChannel, TcpConnector, TcpListener
 
 if TYPE_CHECKING:
     from tests.transport.conftest import Eventually, Recorder
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 LOOPBACK = TcpEndpoint("127.0.0.1", 0)
 
 
-def nobody(host: str) -> None:
-    raise AssertionError(f"{host} was refused")
+def nobody(host: str, why: Refusal) -> None:
+    raise AssertionError(f"{host} was refused: {why}")
 
 
 def ignore(why: str) -> None:
@@ -57,15 +57,17 @@ async def test_a_connection_sends_at_once_and_finds_out_when_the_peer_is_gone(
 
 async def test_an_address_outside_allow_is_closed_and_counted(make_recorder: "type[Recorder]") -> None:
     far = make_recorder()
-    refused: list[str] = []
-    listener = TcpListener(LOOPBACK, [ip_network("10.0.0.0/8")], lambda: far, refused.append)
+    refused: list[tuple[str, Refusal]] = []
+    listener = TcpListener(
+        LOOPBACK, [ip_network("10.0.0.0/8")], lambda: far, lambda host, why: refused.append((host, why))
+    )
     await listener.open()
     reader, writer = await connect(listener.addresses[0])
     async with asyncio.timeout(5):
         with contextlib.suppress(ConnectionResetError):  # as good as an end
             assert await reader.read() == b""
     writer.close()
-    assert refused == ["127.0.0.1"]
+    assert refused == [("127.0.0.1", Refusal.NOT_ALLOWED)]
     assert listener.refused == 1
     assert far.opens == 0
     assert far.reasons == []
@@ -101,12 +103,14 @@ async def test_ipv6_is_served(make_recorder: "type[Recorder]") -> None:
 
 
 async def test_connections_are_limited(make_recorder: "type[Recorder]", eventually: "Eventually") -> None:
-    refused: list[str] = []
-    listener = TcpListener(LOOPBACK, (), make_recorder, refused.append)
+    refused: list[tuple[str, Refusal]] = []
+    listener = TcpListener(LOOPBACK, (), make_recorder, lambda host, why: refused.append((host, why)))
     await listener.open()
     writers = [(await connect(listener.addresses[0]))[1] for _ in range(MAX_CONNECTIONS)]
     reader, extra = await connect(listener.addresses[0])
     await eventually(lambda: bool(refused))
+    assert refused == [("127.0.0.1", Refusal.TOO_MANY)]
+    assert Refusal.TOO_MANY.value == "too many connections: 64 at once"
     assert listener.refused == 1
     assert len(listener.peers) == MAX_CONNECTIONS
     for writer in [*writers, extra]:

@@ -1,0 +1,118 @@
+"""Every command that reads a file that a person names: missing, unreadable, no regular file, too large."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+NOBODY = 65534
+COMMANDS = (
+    "check {}",
+    "run {}",
+    "simulate {}",
+    "table show {}",
+    "table explain {} --at 0",
+    "table lint {}",
+    "table convert {} out.tab --to centroid-2",
+)
+SECONDS = 30.0
+"""A command that hangs on what it was given is ended by this, and its test fails."""
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """A folder that anybody may enter."""
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name)
+        path.chmod(0o777)
+        yield path
+
+
+def refused(command: str, path: Path | str) -> str:
+    """Run a command as somebody whom the kernel refuses things; return its one line on stderr."""
+    code = "from gateway.cli.main import main; main()"
+    if os.geteuid() == 0:  # All imports first: the interpreter may be where only root may look.
+        needed = "gateway.config.load, gateway.relay.run, gateway.simulator.world"
+        code = f"import os, {needed}; from gateway.cli.main import main; os.seteuid({NOBODY}); main()"
+    process = subprocess.run(
+        [sys.executable, "-c", code, *command.format(path).split()],
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+        cwd=ROOT,
+    )
+    assert process.returncode == 1, process.stderr
+    assert process.stdout == ""
+    assert process.stderr.count("\n") == 1
+    assert str(path) in process.stderr
+    return process.stderr
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_file_that_is_not_there_is_bad_input(command: str, folder: Path) -> None:
+    assert "no such file; give the path of" in refused(command, folder / "none")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_file_without_permission_is_bad_input(command: str, folder: Path) -> None:
+    path = folder / "secret"
+    path.write_text("")
+    path.chmod(0)
+    assert "may not be read; give this user read permission" in refused(command, path)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_fifo_is_not_waited_for(command: str, folder: Path) -> None:
+    path = folder / "fifo"
+    os.mkfifo(path, 0o666)
+    assert "a FIFO, not a regular file; give the path of" in refused(command, path)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_device_is_not_read(command: str) -> None:
+    assert "a device, not a regular file; give the path of" in refused(command, "/dev/zero")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_file_of_gigabytes_is_refused_with_the_limit(command: str, folder: Path) -> None:
+    path = folder / "huge"
+    path.write_bytes(b"")
+    os.truncate(path, 8 * 1024**3)  # a hole: it takes no room
+    limit = 16 * 1024**2 if command.startswith("table") else 4_000_000
+    assert f"more than {limit} bytes" in refused(command, path)
+
+
+@pytest.mark.parametrize("kind", ["fifo", "device", "large"])
+def test_a_table_that_a_configuration_names_is_no_other_kind_of_file(kind: str, folder: Path) -> None:
+    config = folder / "gateway.toml"
+    shutil.copy(ROOT / "deploy" / "gateway.example.toml", config)
+    table = folder / "tables" / "cnc10x.tab"
+    table.parent.mkdir()
+    if kind == "fifo":
+        os.mkfifo(table)
+        said = "a FIFO, not a regular file"
+    elif kind == "device":
+        table.symlink_to("/dev/zero")
+        said = "a device, not a regular file"
+    else:
+        table.write_bytes(b"")
+        os.truncate(table, 8 * 1024**3)
+        said = f"more than {16 * 1024**2} bytes"
+    process = subprocess.run(
+        [sys.executable, "-c", "from gateway.cli.main import main; main()", "check", str(config)],
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+        cwd=ROOT,
+    )
+    assert process.returncode == 1
+    assert said in process.stderr
+    assert str(table) in process.stderr

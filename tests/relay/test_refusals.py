@@ -1,0 +1,50 @@
+"""Connections that are not let in: told of with their reason, but never one by one."""
+
+from gateway.relay.refusals import HOSTS, Refusals
+from gateway.transport.tcp import Refusal
+
+
+class Notes:
+    """What was noted, and a clock that stands until it is moved."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+        self.details: list[str] = []
+        self.refusals = Refusals(lambda event, detail: self.details.append(f"{event} {detail}"), self.clock_s)
+
+    def clock_s(self) -> float:
+        return self.now_s
+
+
+def test_a_flood_from_one_host_is_one_note_a_minute_with_its_count() -> None:
+    notes = Notes()
+    for _ in range(1000):
+        notes.refusals.add("10.0.0.1", Refusal.TOO_MANY)
+    notes.now_s += 59.9
+    notes.refusals.add("10.0.0.1", Refusal.TOO_MANY)
+    notes.now_s += 0.1
+    notes.refusals.add("10.0.0.1", Refusal.TOO_MANY)
+    # The first was noted at once; then 999 + 1 + 1.
+    assert notes.details == [
+        "connection-refused 10.0.0.1: too many connections: 64 at once",
+        "connection-refused 10.0.0.1: too many connections: 64 at once, 1001 times since the last note",
+    ]
+
+
+def test_each_host_and_each_reason_is_noted() -> None:
+    notes = Notes()
+    notes.refusals.add("10.0.0.1", Refusal.TOO_MANY)
+    notes.refusals.add("10.0.0.1", Refusal.NOT_ALLOWED)
+    notes.refusals.add("10.0.0.2", Refusal.NOT_ALLOWED)
+    assert notes.details[1:] == [
+        "connection-refused 10.0.0.1: not in `allow`",
+        "connection-refused 10.0.0.2: not in `allow`",
+    ]
+
+
+def test_very_many_hosts_are_noted_together() -> None:
+    notes = Notes()
+    for number in range(5000):
+        notes.refusals.add(f"fd00::{number:x}", Refusal.NOT_ALLOWED)
+    assert len(notes.details) == HOSTS + 1
+    assert notes.details[-1] == "connection-refused further hosts: not in `allow`"
