@@ -135,9 +135,13 @@ class AxisCompensation:
         self.readback = Readback(self.settings.counts_per_unit, self.settings.zero_counts)
 
     def find_reference(self, spec: CorrectionSpec) -> None:
-        """The axis knows where it is: want ``spec``, on the branch that homing ended on."""
-        approach = Direction(self.settings.home_approach)
-        self.state = State(travel=Travel(approach, 0.0), progress=approach.goal)
+        """The axis knows where it is: want ``spec``, on the branch that homing ended on.
+
+        Where setpoints stream already, they have passed 1:1, and that is what gives way to ``spec``.
+        """
+        if self.settings.setpoints is Setpoints.TARGETS or self.state.position is None:
+            approach = Direction(self.settings.home_approach)
+            self.state = State(travel=Travel(approach, 0.0), progress=approach.goal)
         self.want(spec)
 
     def forget_target(self) -> None:

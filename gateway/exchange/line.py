@@ -134,8 +134,8 @@ class LineExchange:
         if is_exception(pdu):
             self.counters.exceptions += 1
         if exchange.rewriting is not None:
-            self._end_if_remapped(exchange)
             pdu, changed = answer(exchange.rewriting, pdu, now_ns)
+            self._end_if_remapped(exchange)
             for axis, is_referenced in changed:
                 self._reference_changed(axis, is_referenced=is_referenced)
             self._note_directions(exchange)
@@ -334,8 +334,8 @@ class LineExchange:
     def _lose(self, exchange: Exchange, now_ns: int) -> None:
         """Take note of an exchange whose reply never came."""
         if exchange.rewriting is not None:
-            self._end_if_remapped(exchange)
             fail(exchange.rewriting, now_ns, is_refusal=False)
+            self._end_if_remapped(exchange)
         elif exchange.added_read is not None:
             self._note_unsent(exchange, now_ns)
 

@@ -4,7 +4,7 @@ import pytest
 
 from gateway.compensation.settings import Reversal, ReversalKind
 from gateway.exchange.plan import LineTiming, Reference
-from gateway.modbus.registers import BitField
+from gateway.modbus.registers import BitField, PositionField, RegisterType
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, stream_plan, write
 
 HOMED = BitField(0x1003, 6)
@@ -248,3 +248,31 @@ def test_noise_on_an_idle_line_holds_nothing_up() -> None:
     bench.line.stray(bench.now_ns)
     bench.send(bytes.fromhex("03 0701 0001"))
     assert bench.link.take() == bytes.fromhex("03 0701 0001")
+
+
+def test_a_stream_that_is_homed_on_the_way_blends_from_1_to_1_and_never_by_its_lag() -> None:
+    plan = stream_plan(
+        referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}, home_approach=1, reload_distance=1.0
+    )
+    bench = Bench(plan)
+    for counts in (0, 1000, 2000, 3000):
+        bench.memory.put(ACTUAL, counts - 300)  # the axis lags by 300 counts
+        bench.ask(write(COMMAND, counts))
+        assert bench.memory.get(COMMAND) == counts
+    bench.memory.words[HOMED.address] = 1 << HOMED.bit
+    bench.ask(READ_HOMED)
+    told = []
+    for counts in (3010, 3510, 4010, 4510):
+        bench.ask(write(COMMAND, counts))
+        told.append(bench.memory.get(COMMAND) - counts)
+    # sin² from 0 to +10 counts over 1 mm from the first setpoint on; 5 half way
+    assert told == [0, 5, 10, 10]
+
+
+def test_a_frame_that_remaps_and_commands_at_once_ends_the_compensation_too() -> None:
+
+    beside = PositionField(0x0608, RegisterType.UINT16)
+    bench = Bench(axis_plan(remapping=(beside,)))
+    bench.ask(bytes.fromhex("10 0606 0003 06 C350 0000 0001"))
+    bench.ask(write(COMMAND, 60_000))
+    assert bench.memory.get(COMMAND) == 60_000
