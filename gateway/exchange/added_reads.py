@@ -82,7 +82,7 @@ def _read_for(hit: FieldHit, pdu: bytes, access: Access, known: Known, now_ns: i
 def homed_read(axis: AxisExchange) -> AddedRead | None:
     """Return the read of the homed bit of an axis whose reference hangs on it."""
     bit = axis.plan.bits.get(HOMED_BIT)
-    if not axis.follows_homed_bit or not axis.may_read or bit is None:
+    if not axis.reference.follows_bit or not axis.may_read or bit is None:
         return None
     return AddedRead(axis, Purpose.HOMED, bit.address, 1)
 
@@ -100,9 +100,8 @@ def learn(read: AddedRead, reply: bytes, known: Known, now_ns: int) -> bool | No
     words = reply[2:] if is_good else None
     if read.purpose is Purpose.HOMED:
         known.references.add(axis.plan.name)
-        axis.reference_seen_ns = now_ns
         is_homed = words is not None and axis.plan.bits[HOMED_BIT].is_set(words[0] << 8 | words[1])
-        return is_homed if axis.set_referenced(is_homed) else None
+        return is_homed if axis.see_homed_bit(now_ns, is_set=is_homed) else None
     if read.purpose is Purpose.ACTUAL:
         field_ = axis.plan.actual[0]
         known.actual[axis.plan.name] = None if words is None else axis.observe_actual(field_, words, now_ns)

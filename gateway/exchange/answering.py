@@ -128,8 +128,6 @@ def note_bits(
         is_set = bit.is_set(data[2 * word] << 8 | data[2 * word + 1])
         if name == "done" and axis.plan.name not in written:
             axis.observe_done(is_set)
-        elif name == "homed" and axis.follows_homed_bit:
-            axis.reference_seen_ns = now_ns
-            if axis.set_referenced(is_set):
-                changed.append((axis, is_set))
+        elif name == "homed" and axis.reference.follows_bit and axis.see_homed_bit(now_ns, is_set=is_set):
+            changed.append((axis, is_set))
     return changed

@@ -14,15 +14,14 @@ from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_o
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.readback import Readback
 from gateway.compensation.settings import Setpoints
-from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
+from gateway.exchange.plan import AxisPlan, CompensationMode
+from gateway.exchange.reference import ReferenceState
 from gateway.exchange.shadow import Shadow
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import PositionField
 
 NS_PER_MS = 1_000_000
 NS_PER_S = 1_000_000_000
-REFERENCE_FRESH_NS = NS_PER_S
-"""A homed bit that was seen longer ago is read again before a target."""
 
 
 class RefusedPositionError(Exception):
@@ -59,13 +58,9 @@ class AxisExchange:
     shadows: list[Shadow] = field(init=False)
     has_branches: bool = field(init=False)
     """Whether the direction of travel makes a difference to the correction."""
-    is_referenced: bool = False
+    reference: ReferenceState = field(init=False)
     is_ended: bool = False
     """A remapping register of its unit was written (M10)."""
-    is_in_doubt: bool = False
-    """Whether the reference has to be looked at before anything else is done with this axis."""
-    is_reference_known: bool = False
-    reference_seen_ns: int = 0
     actual: Actual | None = None
     is_done_seen: bool = False
     was_at_target: bool = False
@@ -78,7 +73,7 @@ class AxisExchange:
     def __post_init__(self) -> None:
         self.compensation = AxisCompensation(self.plan.settings)
         self.shadows = [Shadow(field_) for field_ in self.plan.command]
-        self.is_in_doubt = self.follows_homed_bit
+        self.reference = ReferenceState(self.plan.referenced)
         is_off = self.plan.compensation is CompensationMode.OFF or self.plan.table is None
         self.wanted = NOTHING
         self.has_branches = False
@@ -87,8 +82,7 @@ class AxisExchange:
             curve = self.wanted.curve
             one_way = curve is not None and curve.table.is_unidirectional and self.wanted.gain.is_even
             self.has_branches = not one_way
-        if self.plan.referenced is Reference.ABSOLUTE:
-            self.is_referenced = True
+        if self.is_referenced:
             self.compensation.find_reference(self.wanted)
 
     @property
@@ -108,9 +102,9 @@ class AxisExchange:
         return self.has_branches and state.is_unsure and not self.compensation.is_passing
 
     @property
-    def follows_homed_bit(self) -> bool:
-        """Whether the drive's homed bit decides that the axis is referenced."""
-        return self.plan.referenced is Reference.DRIVE_BIT
+    def is_referenced(self) -> bool:
+        """Whether the axis knows where it is, as far as the gateway can tell."""
+        return self.reference.is_found
 
     @property
     def may_read(self) -> bool:
@@ -119,35 +113,26 @@ class AxisExchange:
 
     # --- reference -------------------------------------------------------------------------------------
 
-    def set_referenced(self, is_referenced: bool) -> bool:
+    def see_homed_bit(self, now_ns: int, *, is_set: bool) -> bool:
         """Take note of the drive's homed bit; return whether that is news."""
-        self.is_in_doubt = False
-        is_first = not self.is_reference_known
-        self.is_reference_known = True
-        if is_referenced is self.is_referenced:
-            return is_first
-        self.is_referenced = is_referenced
-        self.forget()
-        if is_referenced:
-            self.compensation.find_reference(self.wanted)
-        else:
-            self.compensation.lose_reference()
-        return True
+        was_referenced = self.is_referenced
+        is_news = self.reference.see(now_ns, is_set=is_set)
+        if is_set is not was_referenced:
+            self.forget()
+            if is_set:
+                self.compensation.find_reference(self.wanted)
+            else:
+                self.compensation.lose_reference()
+        return is_news
 
     def needs_reference(self, now_ns: int, *, is_target: bool) -> bool:
         """Whether the homed bit has to be read before this axis's positions pass.
 
-        After every silence; and before a target when it was last seen a while ago. A stream of setpoints is
-        not held up for that while the axis is referenced.
+        A stream of setpoints is not held up for an old bit while the axis is referenced.
         """
-        if not self.follows_homed_bit or not self.may_read:
-            return False
-        if self.is_in_doubt:
-            return True
         is_stream = self.plan.settings.setpoints is Setpoints.STREAM
-        if not is_target or (is_stream and self.is_referenced):
-            return False
-        return now_ns - self.reference_seen_ns > REFERENCE_FRESH_NS
+        before_target = is_target and not (is_stream and self.is_referenced)
+        return self.may_read and self.reference.has_to_be_asked(now_ns, before_target=before_target)
 
     def end(self) -> None:
         """End the compensation until the gateway is started again: its registers mean something else now."""
@@ -157,12 +142,14 @@ class AxisExchange:
         self.forget()
         self.compensation.lose_reference()
 
-    def doubt(self) -> bool:
+    def doubt(self, now_ns: int) -> bool:
         """The drive was silent and may have lost its reference; return whether it counts as lost at once."""
-        if not self.follows_homed_bit:
+        if not self.reference.follows_bit:
             return False
-        self.is_in_doubt = self.may_read
-        return not self.may_read and self.set_referenced(False)
+        if not self.may_read:
+            return self.see_homed_bit(now_ns, is_set=False)
+        self.reference.is_in_doubt = True
+        return False
 
     def forget(self) -> None:
         """What the drive holds is unknown (M7)."""
@@ -172,11 +159,11 @@ class AxisExchange:
         for shadow in self.shadows:
             shadow.forget()
 
-    def link_lost(self) -> bool:
+    def link_lost(self, now_ns: int) -> bool:
         """Forget what may have changed while nobody looked; return whether the reference is lost with it."""
         self.forget()
         self.actual = None
-        return self.doubt()
+        return self.doubt(now_ns)
 
     def fail(self, rendering: Rendering) -> None:
         """A target was sent and not acknowledged: the drive may hold it or not."""

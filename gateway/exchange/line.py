@@ -195,7 +195,7 @@ class LineExchange:
         self._rest_until_ns = None
         self._is_draining = False
         for axis in self.axes:
-            if axis.link_lost():
+            if axis.link_lost(now_ns):
                 self._reference_changed(axis, is_referenced=False)
         if current is not None:
             self._lose(current, now_ns)
@@ -321,7 +321,7 @@ class LineExchange:
         self._lose(exchange, now_ns)
         unit = self._units.get(exchange.unit_id)
         for axis in unit.axes if unit else ():
-            if axis.doubt():
+            if axis.doubt(now_ns):
                 self._reference_changed(axis, is_referenced=False)
         if self._link.is_serial:
             self._drain(now_ns)
