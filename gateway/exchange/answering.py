@@ -1,5 +1,7 @@
 """Turning a drive's reply back into the controller's, and taking note of what it says."""
 
+from collections.abc import Callable
+
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.parts import note_lost
 from gateway.exchange.rewriting import Rewriting
@@ -8,20 +10,28 @@ from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu, is_exception
 
 
-def answer(rewriting: Rewriting, reply: bytes, now_ns: int) -> tuple[bytes, list[tuple[AxisExchange, bool]]]:
-    """Turn a drive's reply into the controller's, and take note of what it says.
+def answer(
+    rewriting: Rewriting, reply: bytes, now_ns: int, send: Callable[[bytes], None]
+) -> list[tuple[AxisExchange, bool]]:
+    """Turn a drive's reply into the controller's, send it, and take note of what it says.
+
+    The controller waits for its reply, so it is sent as soon as it is known: before the state of the axis is
+    worked out, unless the same frame also reads positions, which that state turns back.
 
     Returns:
-        The PDU for the controller, and the axes whose reference changed with what it is now.
+        The axes whose reference changed with what it is now.
     """
     acknowledged = _acknowledges(rewriting, reply)
+    if acknowledged and rewriting.access.read_quantity:
+        if rewriting.writes:
+            _settle(rewriting, reply, now_ns, is_acknowledged=True)
+        pdu, changed = _turn_back(rewriting, reply, now_ns)
+        send(pdu)
+        return changed
+    send(_native_echo(rewriting.request_pdu, reply) if acknowledged else _foreign_reply(rewriting, reply))
     if rewriting.writes:
         _settle(rewriting, reply, now_ns, is_acknowledged=acknowledged)
-    if not acknowledged:
-        return _foreign_reply(rewriting, reply), []
-    if not rewriting.access.read_quantity:
-        return _native_echo(rewriting.request_pdu, reply), []
-    return _turn_back(rewriting, reply, now_ns)
+    return []
 
 
 def _acknowledges(rewriting: Rewriting, reply: bytes) -> bool:

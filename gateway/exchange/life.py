@@ -10,6 +10,7 @@ from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.rewriting import Rewriting
 
+NS_PER_MS: Final = 1_000_000
 QUEUE_LIMIT: Final = 32
 """Requests of one connection that may wait; the next gets exception 6 (Messaging guide V1.0b, p. 29)."""
 
@@ -46,6 +47,14 @@ class Exchange:
         self.rewriting: Rewriting | None = None
         self.added_read: AddedRead | None = None
         self.known: Known | None = None
+
+    def why_given_up(self, now_ns: int) -> str:
+        """Return why its controller does not wait for it any more; empty while it does (W5)."""
+        if self.is_orphan:
+            return "its controller gave up on it"
+        if self.port is not None and now_ns - self.arrived_ns > self.port.plan.timeout_ms * NS_PER_MS:
+            return "it waited longer than its controller's timeout_ms"
+        return ""
 
 
 class WaitingExchanges:

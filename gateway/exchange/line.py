@@ -10,6 +10,7 @@ States of the line:
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from gateway.exchange.access import ACCESS, Access, only_reads
 from gateway.exchange.added_reads import homed_read, learn, next_read
@@ -119,27 +120,29 @@ class LineExchange:
         if exchange is None or unit_id != exchange.unit_id or not pdu:
             self.stray(now_ns)
             return
-        self._current = None
         if unit_id in self._silent_units:
             self._silent_units.discard(unit_id)
             self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
         if exchange.added_read is not None:
+            self._current = None
             self._learn(exchange, pdu, now_ns)
         else:
             self._answer(exchange, pdu, now_ns)
+            self._current = None
         self._next(now_ns)
 
     def _answer(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         self.counters.exchanges += 1
         if is_exception(pdu):
             self.counters.exceptions += 1
-        if exchange.rewriting is not None:
-            pdu, changed = answer(exchange.rewriting, pdu, now_ns)
-            self._end_if_remapped(exchange)
-            for axis, is_referenced in changed:
-                self._reference_changed(axis, is_referenced=is_referenced)
-            self._note_directions(exchange)
-        self._send_reply(exchange, pdu)
+        if exchange.rewriting is None:
+            self._send_reply(exchange, pdu)
+            return
+        changed = answer(exchange.rewriting, pdu, now_ns, partial(self._send_reply, exchange))
+        self._end_if_remapped(exchange)
+        for axis, is_referenced in changed:
+            self._reference_changed(axis, is_referenced=is_referenced)
+        self._note_directions(exchange)
 
     def _learn(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         read = exchange.added_read
@@ -232,7 +235,7 @@ class LineExchange:
 
     def _start(self, exchange: Exchange, now_ns: int) -> None:
         """Send an exchange, or the read that it needs first; or withdraw or refuse it."""
-        reason = self._why_not_any_more(exchange, now_ns)
+        reason = "the gateway stops" if self._is_stopping else exchange.why_given_up(now_ns)
         if reason:
             self._withdrawn(exchange, reason, now_ns)
             return
@@ -248,18 +251,6 @@ class LineExchange:
             return
         if pdu is not None:
             self._send(exchange, pdu, now_ns)
-
-    def _why_not_any_more(self, exchange: Exchange, now_ns: int) -> str:
-        port = exchange.port
-        if port is None:
-            return ""
-        if self._is_stopping:
-            return "the gateway stops"
-        if exchange.is_orphan:
-            return "its controller gave up on it"
-        if now_ns - exchange.arrived_ns > port.plan.timeout_ms * NS_PER_MS:
-            return "it waited longer than its controller's timeout_ms"
-        return ""
 
     def _pdu_to_send(self, exchange: Exchange, now_ns: int) -> bytes | None:
         """Return what goes out for a request; None when it was answered instead.
