@@ -14,8 +14,8 @@ from gateway.compensation.direction import Direction, Travel, follow
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.readback import Readback, after_target
 from gateway.compensation.settings import AxisSettings, OutsideKind, Setpoints
+from gateway.times import NS_PER_MS
 
-NS_PER_MS: Final = 1_000_000
 JUST_BELOW: Final = 1.0 - 1e-6
 """A distance of exactly the hysteresis must count as one, whatever floating point makes of it."""
 

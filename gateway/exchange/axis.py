@@ -19,9 +19,7 @@ from gateway.exchange.reference import ReferenceState
 from gateway.exchange.shadow import Shadow
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import PositionField
-
-NS_PER_MS = 1_000_000
-NS_PER_S = 1_000_000_000
+from gateway.times import NS_PER_MS, NS_PER_S
 
 
 class RefusedPositionError(Exception):

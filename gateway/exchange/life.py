@@ -9,8 +9,8 @@ from gateway.exchange.parts import Known
 from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.rewriting import Rewriting
+from gateway.times import NS_PER_MS
 
-NS_PER_MS: Final = 1_000_000
 QUEUE_LIMIT: Final = 32
 """Requests of one connection that may wait; the next gets exception 6 (Messaging guide V1.0b, p. 29)."""
 

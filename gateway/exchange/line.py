@@ -16,7 +16,7 @@ from gateway.exchange.access import ACCESS, Access, only_reads
 from gateway.exchange.added_reads import homed_read, learn, next_read
 from gateway.exchange.aliases import why_not_passed
 from gateway.exchange.answering import answer, fail
-from gateway.exchange.axis import NS_PER_MS, AxisExchange
+from gateway.exchange.axis import AxisExchange
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.life import QUEUE_LIMIT, Exchange, WaitingExchanges
@@ -26,6 +26,7 @@ from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.rewriting import RefusedRequestError, prepare
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
+from gateway.times import NS_PER_MS
 
 
 class LineExchange:

@@ -7,8 +7,9 @@ ago; else it is seen in passing. While it is not set, positions pass 1:1 (M9).
 from typing import Final
 
 from gateway.exchange.plan import Reference
+from gateway.times import NS_PER_S
 
-REFERENCE_FRESH_NS: Final = 1_000_000_000
+REFERENCE_FRESH_NS: Final = NS_PER_S
 """A homed bit that was seen longer ago is read again before a target."""
 
 

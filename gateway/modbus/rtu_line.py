@@ -5,6 +5,7 @@ from typing import Final
 
 from gateway.modbus.errors import FrameError
 from gateway.modbus.lengths import MIN_ADU
+from gateway.times import NS_PER_S
 
 Frame = tuple[int, bytes]
 """Unit id and PDU."""
@@ -28,7 +29,7 @@ def silence_ns(baudrate: int, bits_per_character: int = 11) -> int:
     """
     if baudrate > FAST_ABOVE_BAUD:
         return FAST_SILENCE_NS
-    return round(SILENCE_CHARACTERS * bits_per_character * 1e9 / baudrate)
+    return round(SILENCE_CHARACTERS * bits_per_character * NS_PER_S / baudrate)
 
 
 @dataclass(slots=True)

@@ -5,17 +5,15 @@ of the loop between the last byte of a request and the write towards the drive.
 """
 
 from collections.abc import Callable
-from typing import Final
 
 from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
 from gateway.relay.timed import TimedExchange
+from gateway.times import NS_PER_MS
 from gateway.transport.channel import Channel
 from gateway.transport.timer import Timer
-
-NS_PER_MS: Final = 1_000_000
 
 
 class MbapControllerPort:

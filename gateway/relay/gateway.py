@@ -9,6 +9,7 @@ from gateway.ipc.plan import GatewayPlan
 from gateway.relay.errors import StartError
 from gateway.relay.journal import Journal, Note
 from gateway.relay.line import Line
+from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
 
@@ -79,7 +80,7 @@ class Relay:
         axes: dict[str, object] = {}
         for line in self._lines:
             axes.update(line.axes_status())
-        uptime_s = (time.monotonic_ns() - self._started_ns) / 1e9
+        uptime_s = (time.monotonic_ns() - self._started_ns) / NS_PER_S
         return {
             "gateway": {
                 "name": self._plan.name,

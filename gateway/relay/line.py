@@ -12,12 +12,12 @@ from gateway.relay.framing import endpoint_key, frame_silence_ns, reply_decoder
 from gateway.relay.front import Front, make_front
 from gateway.relay.journal import Journal, Severity
 from gateway.relay.timed import TimedExchange
+from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.errors import TransportError
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector
 
-NS_PER_MS: Final = 1_000_000
 STOP_MARGIN_S: Final = 1.0
 """Beyond the longest exchange: a stop that waits longer has met a bug, and ends anyway."""
 

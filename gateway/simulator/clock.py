@@ -4,11 +4,10 @@ import asyncio
 from collections.abc import Callable
 
 from gateway.simulator.errors import SimulatorError
+from gateway.times import NS_PER_S
 
 SimulationClock = Callable[[], float]
 """Returns the seconds that have passed in the simulated world."""
-
-NS_PER_S = 1_000_000_000
 
 
 def scaled_clock(speed_up: float = 1.0) -> SimulationClock:

@@ -10,10 +10,11 @@ from typing import Final
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.simulator.bus import DriveBus
-from gateway.simulator.clock import NS_PER_S, Alarm, SimulationClock, loop_now_ns
+from gateway.simulator.clock import Alarm, SimulationClock, loop_now_ns
 from gateway.simulator.errors import SimulatorError
 from gateway.simulator.pty import FdChannel
 from gateway.simulator.wire import Lane
+from gateway.times import NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint
 
 GATEWAY_TARGET_FAILED: Final = 0x0B

@@ -9,9 +9,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from gateway.simulator.errors import SimulatorError
-
-NS_PER_S = 1_000_000_000
-NS_PER_MS = 1_000_000
+from gateway.times import NS_PER_MS, NS_PER_S
 
 
 @dataclass(frozen=True, slots=True)

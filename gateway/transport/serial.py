@@ -16,6 +16,7 @@ from typing import Final
 
 import serial
 
+from gateway.times import NS_PER_S
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError, TransportError
@@ -26,7 +27,6 @@ RECEIVE_BYTES: Final = 1024
 DRAIN_TIMEOUT_S: Final = 1.0
 PTY_MAJORS: Final = range(136, 144)
 """Device numbers of UNIX98 pseudo terminals (Linux admin-guide/devices.txt)."""
-_NS_PER_S: Final = 1_000_000_000
 _IFLAG, _CC = 0, 6
 """Places in the list of ``termios.tcgetattr``."""
 
@@ -200,7 +200,7 @@ def character_ns(endpoint: SerialEndpoint) -> int:
     >>> character_ns(SerialEndpoint("/dev/ttyS0", 19200, "E"))  # 11 bits
     572916
     """
-    return endpoint.bits_per_character * _NS_PER_S // endpoint.baudrate
+    return endpoint.bits_per_character * NS_PER_S // endpoint.baudrate
 
 
 def open_port(endpoint: SerialEndpoint) -> tuple[serial.Serial, tuple[str, ...]]:

@@ -13,10 +13,11 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from gateway.times import NS_PER_S
+
 _TFD_FLAGS: Final = os.O_NONBLOCK | os.O_CLOEXEC
 """TFD_NONBLOCK and TFD_CLOEXEC are defined as these (timerfd_create(2))."""
 _TFD_TIMER_ABSTIME: Final = 1
-_NS_PER_S: Final = 1_000_000_000
 
 if sys.version_info >= (3, 13):
 
@@ -50,7 +51,7 @@ else:
         return _checked(_libc.timerfd_create(time.CLOCK_MONOTONIC, _TFD_FLAGS))
 
     def _set(timer_fd: int, deadline_ns: int) -> None:
-        spec = _Itimerspec(0, 0, deadline_ns // _NS_PER_S, deadline_ns % _NS_PER_S)
+        spec = _Itimerspec(0, 0, deadline_ns // NS_PER_S, deadline_ns % NS_PER_S)
         _checked(_libc.timerfd_settime(timer_fd, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None))
 
 

@@ -1,0 +1,6 @@
+"""Units of time. Instants and spans are integers of nanoseconds; the unit is in every name."""
+
+from typing import Final
+
+NS_PER_MS: Final = 1_000_000
+NS_PER_S: Final = 1_000_000_000
