@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gateway.cli.arguments import Config
 from gateway.relay.log import LogFormat
 
 if TYPE_CHECKING:
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    config: Annotated[Path, typer.Argument(help="The configuration, a TOML file.", show_default=False)],
+    config: Config,
     *,
     log_format: Annotated[
         LogFormat, typer.Option("--log-format", help="How the log is written; auto: console on a terminal.")

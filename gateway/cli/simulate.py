@@ -4,10 +4,11 @@ import asyncio
 import json
 import signal
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from gateway.cli.arguments import Config
 
 if TYPE_CHECKING:
     from gateway.ipc.plan import GatewayPlan
@@ -15,9 +16,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    config: Annotated[
-        Path, typer.Argument(help="Configuration of the gateway, a TOML file.", metavar="CONFIG")
-    ],
+    config: Config,
     speed_up: Annotated[
         float, typer.Option("--speed-up", min=0.001, help="Machine time per real time; wire times stay real.")
     ] = 1.0,

@@ -9,13 +9,13 @@ from typing import Annotated, Final, NoReturn
 import typer
 
 from gateway.cli import table_output as output
+from gateway.cli.arguments import TableFile
 from gateway.cli.table_convert import converted, letter_for, report, write
 from gateway.cli.table_options import (
     AsJson,
     AxisLetter,
     AxisUnits,
     Counts,
-    File,
     FileCounts,
     FileHome,
     FileStart,
@@ -54,7 +54,7 @@ FAILING: Final = frozenset({"L4"})
 
 @app.command()
 def show(
-    file: File,
+    file: TableFile,
     *,
     file_counts_per_unit: FileCounts = None,
     file_home: FileHome = None,
@@ -95,7 +95,7 @@ def show(
 
 @app.command()
 def explain(
-    file: File,
+    file: TableFile,
     *,
     at: Annotated[
         float, typer.Option("--at", metavar="X", help="Machine position, in the units of the table.")
@@ -145,7 +145,7 @@ def explain(
 
 @app.command()
 def lint(
-    file: File,
+    file: TableFile,
     *,
     file_counts_per_unit: FileCounts = None,
     file_home: FileHome = None,
@@ -207,8 +207,10 @@ def lint(
 
 @app.command()
 def convert(
-    file: File,
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False)],
+    file: TableFile,
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
+    ],
     *,
     to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="centroid-1, centroid-2 or centroid-3.")],
     file_counts_per_unit: FileCounts = None,

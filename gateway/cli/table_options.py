@@ -1,6 +1,5 @@
 """Options that the commands of ``pitch-gateway table`` share: what a file does not say about itself."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -8,7 +7,6 @@ import typer
 from gateway.compensation.units import Units
 from gateway.tabfile import HomeSide, V1Layout
 
-File = Annotated[Path, typer.Argument(metavar="FILE", help="A .tab file of any dialect.", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 FileCounts = Annotated[
     float | None,

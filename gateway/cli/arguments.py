@@ -1,0 +1,21 @@
+"""Arguments that several commands take.
+
+``readable=False`` everywhere: a file that may not be read is bad input and ends with exit code 1 and a
+remedy; typer's own check would call it wrong usage.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Config = Annotated[
+    Path,
+    typer.Argument(
+        metavar="CONFIG", help="The configuration, a TOML file.", show_default=False, readable=False
+    ),
+]
+TableFile = Annotated[
+    Path,
+    typer.Argument(metavar="FILE", help="A .tab file of any dialect.", show_default=False, readable=False),
+]
