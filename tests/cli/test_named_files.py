@@ -39,7 +39,8 @@ def refused(command: str, path: Path | str) -> str:
     code = "from gateway.cli.main import main; main()"
     if os.geteuid() == 0:  # All imports first: the interpreter may be where only root may look.
         needed = "gateway.config.load, gateway.relay.run, gateway.simulator.world"
-        code = f"import os, {needed}; from gateway.cli.main import main; os.setresuid({NOBODY}, {NOBODY}, 0); main()"
+        lesser = f"os.setresuid({NOBODY}, {NOBODY}, 0)"
+        code = f"import os, {needed}; from gateway.cli.main import main; {lesser}; main()"
     process = subprocess.run(
         [sys.executable, "-c", code, *command.format(path).split()],
         capture_output=True,
