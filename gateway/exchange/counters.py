@@ -16,5 +16,7 @@ class LineCounters:
     withdrawn: int = 0
     broadcasts: int = 0
     added_reads: int = 0
+    unmapped_reads: int = 0
+    """Reads of positions that are not mapped: they pass as they are."""
     malformed: int = 0
     """Requests without a function code."""

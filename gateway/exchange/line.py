@@ -140,6 +140,7 @@ class LineExchange:
             self._send_reply(exchange, pdu)
             return
         changed = answer(exchange.rewriting, pdu, now_ns, partial(self._send_reply, exchange))
+        self.counters.unmapped_reads += exchange.rewriting.reads_unmapped
         self._end_if_remapped(exchange)
         for axis, is_referenced in changed:
             self._reference_changed(axis, is_referenced=is_referenced)

@@ -74,6 +74,11 @@ class Rewriting:
         """Whether the request writes a command field."""
         return bool(self.command_hits)
 
+    @property
+    def reads_unmapped(self) -> bool:
+        """Whether the request reads a position that is not mapped, and so passes as it is (M10)."""
+        return any(hit.place.role is FieldRole.GUARDED for hit in self.read_hits.fields)
+
 
 def prepare(unit: UnitMap, pdu: bytes, access: Access, known: Known, now_ns: int) -> Rewriting:
     """Work out what is sent for a request. Nothing is changed until its reply is there.

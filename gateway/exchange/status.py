@@ -19,6 +19,7 @@ def line_status(line: LineExchange) -> dict[str, object]:
         "withdrawn": counters.withdrawn,
         "broadcasts": counters.broadcasts,
         "added_reads": counters.added_reads,
+        "unmapped_reads": counters.unmapped_reads,
     }
 
 

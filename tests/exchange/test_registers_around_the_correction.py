@@ -19,12 +19,13 @@ def test_a_write_to_a_position_that_is_not_mapped_is_refused_while_the_axis_is_c
     assert "0x602a" in bench.events[-1].detail
 
 
-def test_reading_it_passes_as_it_is() -> None:
+def test_reading_it_passes_as_it_is_and_is_counted() -> None:
     bench = Bench(axis_plan(guarded=(ALIAS,)))
     bench.move(50_000)
     bench.memory.put(ALIAS, 50_010)
     assert bench.ask(read(ALIAS)) == bytes.fromhex("03 04 0000 C35A")
     assert bench.ask(bytes.fromhex("03 602B 0001")) == bytes.fromhex("03 02 C35A")
+    assert bench.line.counters.unmapped_reads == 2
 
 
 @pytest.mark.parametrize(
