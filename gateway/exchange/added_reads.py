@@ -2,7 +2,7 @@
 
 There are three: the actual position, when nothing else tells the direction of a move or the offset in force;
 the drive's command words, when a controller writes a part of a position whose rest is not known; the homed
-bit, after the line came up.
+bit, when the line came up, after a silence, and before a target when it was last seen a while ago.
 """
 
 from dataclasses import dataclass

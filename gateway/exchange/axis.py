@@ -243,7 +243,7 @@ class AxisExchange:
         """Whether an actual position has to be read before this target can be rendered (M6)."""
         if not self.may_read or not self.plan.actual or self.wanted is NOTHING or not self.is_referenced:
             return False
-        if self.is_repeat(shadow, nominal_words) or self._is_unproven(shadow, nominal_words):
+        if self.is_repeat(shadow, nominal_words):
             return False
         nominal_counts = counts_of(field_, field_.unpack(nominal_words))
         accepted = self.compensation.accepted
@@ -286,8 +286,6 @@ class AxisExchange:
         """
         field_ = self.plan.command[index]
         shadow = self.shadows[index]
-        if self.unproven is not None and self._is_unproven(shadow, nominal_words):
-            return self.unproven
         raw = field_.unpack(nominal_words)
         if not isfinite(raw):
             if is_passing:
@@ -295,6 +293,8 @@ class AxisExchange:
             raise RefusedPositionError(f"{raw} is not a position")
         try:
             move = self._plan_move(counts_of(field_, raw), now_ns, fresh)
+            if move.state.is_unsure and self._is_unproven(shadow, nominal_words) and self.unproven:
+                return self.unproven  # nothing tells better: the same target is the same words (M4)
             corrected_words = nominal_words
             if move.correction_counts:
                 corrected_words = field_.pack(raw + _steps(field_, move.correction_counts))

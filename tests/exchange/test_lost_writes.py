@@ -130,6 +130,20 @@ def test_the_same_target_after_a_lost_acknowledgement_is_the_same_words() -> Non
     assert bench.actual() == 20_000
 
 
+def test_the_same_target_after_a_lost_acknowledgement_is_the_same_words_beside_a_standing_error() -> None:
+    bench = lost_acknowledgement()
+    bench.memory.put(ACTUAL, 19_993)  # 3 counts beside where it was sent, with 2 of hysteresis
+    bench.ask(write(COMMAND, 20_000))
+    assert bench.seen[-1] == write(COMMAND, 19_990)
+
+
+def test_the_same_target_from_somewhere_else_takes_the_branch_of_its_own_move() -> None:
+    bench = lost_acknowledgement()
+    bench.memory.put(ACTUAL, 0)  # it was jogged away meanwhile
+    bench.ask(write(COMMAND, 20_000))
+    assert bench.seen[-1] == write(COMMAND, 20_010)
+
+
 def test_the_drives_own_command_register_proves_a_lost_acknowledgement() -> None:
     bench = lost_acknowledgement()
     assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 20_000

@@ -193,4 +193,5 @@ def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: in
 
 
 def test_largest_values_are_allowed() -> None:
-    parse(TB058.replace("7.0000", "999.9999"), file_start=-2.5)
+    table = parse(TB058.replace("7.0000", "999.9999"), file_start=-2.5).table
+    assert table.forward[-1] == pytest.approx(0.09999999)  # 999.9999 tenths of a thousandth of an inch
