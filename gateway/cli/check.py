@@ -53,9 +53,9 @@ def _say_good(loaded: "Loaded", *, as_json: bool) -> None:
     from gateway.config.summary import summary, summary_lines
 
     if as_json:
-        _say_json((), loaded.warnings, summary(loaded.plan))
+        _say_json((), loaded.warnings, summary(loaded.plan, loaded.drives))
         return
-    for line in summary_lines(loaded.plan):
+    for line in summary_lines(loaded.plan, loaded.drives):
         typer.echo(line)
     for warning in loaded.warnings:
         typer.echo(f"warning: {warning}", err=True)

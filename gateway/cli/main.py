@@ -6,7 +6,22 @@ from typing import Annotated
 import typer
 
 from gateway import __version__
-from gateway.cli import check, demo, run, simulate, table
+from gateway.cli import (
+    check,
+    demo,
+    disable,
+    drives,
+    enable,
+    init,
+    probe,
+    record,
+    reference,
+    replay,
+    run,
+    signtest,
+    simulate,
+    table,
+)
 from gateway.cli.standard_streams import Output, OutputLostError
 
 app = typer.Typer(
@@ -20,8 +35,17 @@ app = typer.Typer(
 app.command("demo")(demo.demo)
 app.command("run")(run.run)
 app.command("check")(check.check)
+app.command("probe")(probe.probe)
+app.command("signtest")(signtest.signtest)
+app.command("enable")(enable.enable)
+app.command("disable")(disable.disable)
+app.command("reference")(reference.reference)
+app.command("record")(record.record)
+app.command("replay")(replay.replay)
+app.command("init")(init.init)
 app.command("simulate")(simulate.simulate)
 app.add_typer(table.app, name="table")
+app.add_typer(drives.app, name="drives")
 
 
 def _show_version(value: bool) -> None:

@@ -24,13 +24,20 @@ def simulate(
     *,
     paced: Annotated[
         bool,
-        typer.Option("--paced/--unpaced", help="Serial bytes take their time at the configured baud rate."),
+        typer.Option(
+            "--paced/--unpaced",
+            help="Serial bytes and the drives' replies take the time that they really take.",
+        ),
     ] = True,
     json_output: Annotated[
         bool, typer.Option("--json", help="Say what is served as one line of JSON.")
     ] = False,
 ) -> None:
     """Simulate every drive that CONFIG names, so that it can be tried without a machine.
+
+    An axis with a shipped drive profile gets an endpoint that behaves as that drive does: its way of starting
+    moves, its function codes and limits, its refusals. With registers of its own it gets a plain drive, which
+    moves when a position is written.
 
     Local TCP addresses of drives are listened on. Serial ports that do not exist are made; where a
     controller's port is made too, the controller opens the same path with .controller behind it. Runs until
@@ -78,9 +85,9 @@ async def _serve(plan: "GatewayPlan", speed_up: float, seed: int, *, paced: bool
 def _describe(line: "ServedLine") -> None:
     typer.echo(f"line {line.name}: drives on {line.address} ({line.kind})")
     for axis in line.axes:
-        typer.echo(
-            f"  axis {axis.name}: unit {axis.unit_id}, a worn screw, {axis.backlash_um:g} µm of backlash"
-        )
+        behaves = f", behaves as {axis.drive}" if axis.drive else ""
+        backlash = f"{axis.backlash_um:g} µm of backlash"
+        typer.echo(f"  axis {axis.name}: unit {axis.unit_id}, a worn screw, {backlash}{behaves}")
     for controller in line.controllers:
         opens = (
             "the gateway listens there"

@@ -156,6 +156,10 @@ class AxisSection(StrictModel):
     relative_unknown: ByName[Unmapped] = Field(
         default=Unmapped.REFUSE, description="relative moves from an unknown place"
     )
+    lost_ms: Milliseconds = Field(
+        default=1000.0,
+        description="silence in milliseconds after which the drive may have been switched off",
+    )
     added_frames: ByName[AddedFrames] = Field(
         default=AddedFrames.AUTO, description="frames that the gateway adds by itself"
     )

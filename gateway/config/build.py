@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping
 
-from gateway.config.axis_model import AddedFrames, AxisSection, Unmapped
+from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped
+from gateway.config.drive_files import NamedProfile
 from gateway.config.line_model import ControllerSection, LineSection
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
@@ -12,21 +13,27 @@ from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 
 
-def build_plan(sections: Sections, tables: Mapping[str, AxisTable]) -> GatewayPlan:
+def build_plan(
+    sections: Sections, tables: Mapping[str, AxisTable], drives: Mapping[str, NamedProfile]
+) -> GatewayPlan:
     """Build the plan of a configuration in which nothing is wrong."""
+    axes = {
+        name: _axis_plan(name, axis, tables.get(name), drives.get(name))
+        for name, axis in sections.axes.items()
+    }
     return GatewayPlan(
         sections.gateway.name,
-        tuple(_line_plan(name, line, sections, tables) for name, line in sections.lines.items()),
+        tuple(_line_plan(name, line, sections, axes) for name, line in sections.lines.items()),
     )
 
 
-def _line_plan(name: str, line: LineSection, sections: Sections, tables: Mapping[str, AxisTable]) -> LinePlan:
+def _line_plan(name: str, line: LineSection, sections: Sections, plans: Mapping[str, AxisPlan]) -> LinePlan:
     axes = {axis_name: axis for axis_name, axis in sections.axes.items() if axis.line == name}
     return LinePlan(
         name=name,
         drives=line.drives.endpoint,
         controllers=tuple(map(_controller_link, line.controllers)),
-        axes=tuple(_axis_plan(axis_name, axis, tables.get(axis_name)) for axis_name, axis in axes.items()),
+        axes=tuple(plans[axis_name] for axis_name in axes),
         timing=LineTiming(
             response_timeout_ms=line.response_timeout_ms,
             drain_ms=line.response_timeout_ms if line.drain_ms is None else line.drain_ms,
@@ -34,6 +41,7 @@ def _line_plan(name: str, line: LineSection, sections: Sections, tables: Mapping
             # Drives share the wire: the one that needs the longest silence sets the pace.
             gap_ms=max([line.gap_ms, *(_registers(axis).gap_ms for axis in axes.values())]),
         ),
+        groups=tuple(group.axes for group in sections.groups.values() if set(group.axes) <= set(axes)),
     )
 
 
@@ -44,7 +52,7 @@ def _controller_link(controller: ControllerSection) -> ControllerLink:
     return ControllerLink(plan, controller.endpoint, controller.allow)
 
 
-def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None) -> AxisPlan:
+def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: NamedProfile | None) -> AxisPlan:
     registers = _registers(axis)
     return AxisPlan(
         name=name,
@@ -53,18 +61,30 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None) -> AxisPla
         table=None if table is None else table.table,
         compensation=axis.compensation,
         referenced=axis.referenced,
-        command=tuple(position.field() for position in registers.command),
+        command=tuple(field for position in registers.command for field in position.fields()),
         actual=tuple(position.field() for position in registers.actual),
         commanded=tuple(position.field() for position in registers.commanded),
-        guarded=tuple(position.field() for position in registers.position_like),
-        remapping=tuple(position.field() for position in registers.remap),
+        guarded=tuple(field for position in registers.position_like for field in position.fields()),
+        remapping=tuple(field for position in registers.remap for field in position.fields()),
         passes_unmapped=axis.unmapped is Unmapped.PASS,
+        limits=tuple(position.field() for position in registers.limits),
+        aliases=tuple(position.field() for position in registers.aliases),
+        settable=frozenset(n for n, position in enumerate(registers.actual) if position.set_position),
+        motion=registers.motion(
+            passes_stored_moves=axis.stored_moves is StoredMoves.UNCORRECTED,
+            passes_unknown_relative=axis.relative_unknown is Unmapped.PASS,
+        ),
+        addressing=registers.addressing,
+        object_words={entry.address: entry.words for entry in registers.objects},
+        reads_with=registers.read,
+        writes_with=registers.write,
+        lost_ms=axis.lost_ms,
         bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
-        write_function=registers.write.code,
         max_registers=registers.max_registers,
         safe_read=registers.safe_read,
         added_frames=axis.added_frames is AddedFrames.AUTO,
         exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,
+        drive=drive.name if drive is not None and drive.is_shipped else "",
         table_name="" if table is None else table.path.name,
         table_format="" if table is None else table.source.format,
         table_digest="" if table is None else table.source.sha256,

@@ -5,7 +5,7 @@ from itertools import combinations
 
 from gateway.compensation.settings import BacklashKind, OutsideKind, ReversalKind, Setpoints
 from gateway.compensation.units import Units
-from gateway.config.axis_model import AddedFrames, AxisSection, HomeApproach
+from gateway.config.axis_model import AxisSection, HomeApproach
 from gateway.config.explain import suggest
 from gateway.config.findings import Findings
 from gateway.config.line_model import LineSection
@@ -14,7 +14,6 @@ from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.toml_lines import KeyPath
 from gateway.drives.registers import RegisterMap, Span, bit_spans, clashes, position_spans, share_register
-from gateway.exchange.plan import Reference
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
@@ -26,8 +25,7 @@ def check_axes(findings: Findings, sections: Sections) -> None:
         _check_line(findings, path, axis)
         _check_unit_id(findings, path, axis, sections.lines.get(axis.line))
         _check_registers(findings, path, axis)
-        _check_reference(findings, path, axis)
-        _check_motion(findings, path, axis)
+        _check_setpoints(findings, path, axis)
         _check_without_table(findings, path, axis)
     for name, axis in sections.axes.items():
         path = ("axis", name)
@@ -108,25 +106,7 @@ def _shared(one: RegisterMap, other: RegisterMap) -> Iterator[tuple[Span, Span]]
     return ((p, q) for p, q in candidates if share_register(p, q))
 
 
-def _check_reference(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
-    if axis.referenced is not Reference.DRIVE_BIT or axis.registers is None:
-        return
-    if axis.registers.bits.homed is None:
-        findings.refuse(
-            (*path, "referenced"),
-            'referenced = "drive-bit" without registers.bits.homed',
-            "name the bit that says that the drive is homed, or use another way to know it",
-        )
-    elif not axis.registers.safe_read or axis.added_frames is AddedFrames.NEVER:
-        findings.warn(
-            (*path, "referenced"),
-            "the gateway may not read the homed bit itself",
-            "the axis stays uncorrected until a controller reads that register; "
-            "allow safe_read and added_frames",
-        )
-
-
-def _check_motion(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+def _check_setpoints(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
     if axis.setpoints is Setpoints.STREAM:
         return
     if axis.reversal is not None and axis.reversal.kind is not ReversalKind.STEP:

@@ -13,6 +13,7 @@ from gateway.config.toml_lines import KeyPath
 from gateway.exchange.plan import Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
+MAY: Final = {Role.MOTION: "move", Role.OPERATOR: "read and stop", Role.MONITOR: "read"}
 WILDCARDS: Final = frozenset({"0.0.0.0", "::"})  # noqa: S104 (to be recognised, not to be bound)
 
 
@@ -29,7 +30,7 @@ def check_lines(findings: Findings, lines: Mapping[str, LineSection]) -> None:
     drives = [Use(_drives_key(name, line), line.drives.endpoint) for name, line in lines.items()]
     listeners = [
         Use(
-            (*_controller_key(findings, name, controller.name, i), "tcp" if controller.tcp else "rtu"),
+            (*controller_key(findings, name, controller.name, i), "tcp" if controller.tcp else "rtu"),
             controller.endpoint,
         )
         for name, line in lines.items()
@@ -49,7 +50,7 @@ def _drives_key(name: str, line: LineSection) -> KeyPath:
     return ("line", name, "drives", way)
 
 
-def _controller_key(findings: Findings, line: str, controller: str, index: int) -> KeyPath:
+def controller_key(findings: Findings, line: str, controller: str, index: int) -> KeyPath:
     """Return the place of a controller in the file, where refused ones before it still count."""
     raw = findings.document.tables["line"][line].get("controllers", [])
     same = [
@@ -62,7 +63,7 @@ def _check_names(findings: Findings, name: str, line: LineSection) -> None:
     names = [controller.name for controller in line.controllers]
     for i, controller in enumerate(names):
         if controller in names[:i]:
-            key = (*_controller_key(findings, name, controller, i), "name")
+            key = (*controller_key(findings, name, controller, i), "name")
             findings.refuse(
                 key, f'a second controller "{controller}"', "give each controller of a line its own name"
             )
@@ -82,10 +83,9 @@ def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> N
         if controller.tcp is None or controller.allow or _is_loopback(controller.tcp.host):
             continue
         index = line.controllers.index(controller)
-        verb = "read" if controller.role is Role.MONITOR else "move"
         findings.warn(
-            (*_controller_key(findings, name, controller.name, index), "tcp"),
-            f"whoever reaches {controller.tcp} may {verb} the drives",
+            (*controller_key(findings, name, controller.name, index), "tcp"),
+            f"whoever reaches {controller.tcp} may {MAY[controller.role]} the drives",
             'name who may connect, as in allow = ["192.168.0.7"], or listen on 127.0.0.1',
         )
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
-from typing import Any, Final, get_args
+from typing import Any, Final, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -122,14 +122,19 @@ def _field_at(root: type[BaseModel], place: KeyPath) -> FieldInfo | None:
 
 def _model_at(root: type[BaseModel], place: KeyPath) -> type[BaseModel] | None:
     model = root
+    names_follow = False
     for part in place:
         if isinstance(part, int):
+            continue
+        if names_follow:  # a name that the file chose; the keys of its table come next
+            names_follow = False
             continue
         if part not in model.model_fields:
             return None
         inside = next(models_in(model.model_fields[part].annotation), None)
         if inside is None:
             return None
+        names_follow = get_origin(model.model_fields[part].annotation) is dict
         model = inside
     return model
 

@@ -15,6 +15,7 @@ class Findings:
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
     _refused: set[KeyPath] = field(default_factory=set)
+    _lines_of: dict[KeyPath, KeyPath] = field(default_factory=dict)
 
     def refuse(self, path: KeyPath, found: str, remedy: str) -> None:
         """Note a problem of the key at ``path``."""
@@ -44,6 +45,11 @@ class Findings:
             file = str(self.document.path)
             raise ConfigErrors(in_file_order(self.problems, file), in_file_order(self.warnings, file))
 
+    def stand_on_line_of(self, path: KeyPath, other: KeyPath) -> None:
+        """Show problems of keys below ``path``, which is not in the file, on the line of ``other``."""
+        self._lines_of[path] = other
+
     def _problem(self, path: KeyPath, found: str, remedy: str) -> Problem:
-        line = self.document.lines.of(path)
+        shown = next((other for key, other in self._lines_of.items() if path[: len(key)] == key), path)
+        line = self.document.lines.of(shown)
         return Problem(str(self.document.path), key_text(path), found, remedy, line)

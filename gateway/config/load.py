@@ -6,10 +6,16 @@ from pathlib import Path
 
 from gateway.config.build import build_plan
 from gateway.config.check_axes import check_axes
+from gateway.config.check_drives import check_drives
+from gateway.config.check_groups import check_groups
 from gateway.config.check_lines import check_lines
+from gateway.config.check_motion import check_motion
+from gateway.config.check_references import check_references
+from gateway.config.check_roles import check_roles
 from gateway.config.check_tables import check_tables
 from gateway.config.check_ways import check_ways
 from gateway.config.document import read_document
+from gateway.config.drive_files import NamedProfile, fit_drives
 from gateway.config.findings import Findings
 from gateway.config.not_built import refuse_what_is_not_built
 from gateway.config.problems import Problem, in_file_order
@@ -29,6 +35,8 @@ class Loaded:
     tables: Mapping[str, AxisTable]
     """The table of each axis that has one, with the file it came from."""
     warnings: tuple[Problem, ...]
+    drives: Mapping[str, NamedProfile]
+    """The profile of each axis that names one."""
 
 
 def load(path: Path) -> Loaded:
@@ -39,19 +47,26 @@ def load(path: Path) -> Loaded:
     """
     findings = Findings(read_document(path))
     sections = read_sections(findings)
+    drives = fit_drives(findings, sections, path.parent)
     refuse_what_is_not_built(findings)
     check_ways(findings)
     check_lines(findings, sections.lines)
     check_axes(findings, sections)
+    check_references(findings, sections)
+    check_motion(findings, sections)
+    check_roles(findings, sections)
+    check_groups(findings, sections)
+    check_drives(findings, sections, drives)
     tables_folder = path.parent / sections.gateway.tables
     tables = read_tables(findings, sections, tables_folder)
     check_tables(findings, sections.axes, tables)
     findings.raise_if_any()
     return Loaded(
         path=path,
-        plan=build_plan(sections, tables),
+        plan=build_plan(sections, tables, drives),
         tables_folder=tables_folder,
         state_folder=path.parent / sections.gateway.state,
         tables=tables,
         warnings=in_file_order(findings.warnings, str(path)),
+        drives=drives,
     )

@@ -47,6 +47,7 @@ class Sections:
     axes: dict[str, AxisSection] = field(default_factory=dict)
     partial_axes: dict[str, AxisSection] = field(default_factory=dict)
     """Axes that lack a key they need: made whole with stand-ins, to be looked at for what else is wrong."""
+    groups: dict[str, GroupSection] = field(default_factory=dict)
 
 
 def read_sections(findings: Findings) -> Sections:
@@ -66,7 +67,7 @@ def read_sections(findings: Findings) -> Sections:
     sections.lines = read_named(findings, "line", LineSection)
     sections.axes = read_named(findings, "axis", AxisSection)
     sections.partial_axes = _partial_axes(findings, sections.axes)
-    read_named(findings, "group", GroupSection)
+    sections.groups = read_named(findings, "group", GroupSection)
     return sections
 
 

@@ -1,23 +1,29 @@
 """What a good configuration amounts to: plain data, and a few lines for a person."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.limits import MotionReport, motion_report
 from gateway.compensation.table import CorrectionTable
+from gateway.config.drive_files import NamedProfile
+from gateway.drives.profile import Tier
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 
-def summary(plan: GatewayPlan) -> dict[str, Any]:
-    """Return lines, axes and tables as plain data; lengths in the units of each axis."""
+def summary(plan: GatewayPlan, drives: Mapping[str, NamedProfile]) -> dict[str, Any]:
+    """Return lines, axes, drives and tables as plain data; lengths in the units of each axis."""
     return {
         "gateway": plan.name,
         "lines": {line.name: _line_summary(line) for line in plan.lines},
-        "axes": {axis.name: _axis_summary(line, axis) for line in plan.lines for axis in line.axes},
+        "axes": {
+            axis.name: _axis_summary(line, axis, drives.get(axis.name))
+            for line in plan.lines
+            for axis in line.axes
+        },
     }
 
 
@@ -27,6 +33,7 @@ def _line_summary(line: LinePlan) -> dict[str, Any]:
         "controllers": {
             link.plan.name: f"{_place(link.endpoint)}, {link.plan.role.value}" for link in line.controllers
         },
+        "groups": [list(group) for group in line.groups],
     }
 
 
@@ -37,7 +44,7 @@ def _place(endpoint: TcpEndpoint | SerialEndpoint) -> str:
     return f"RTU {endpoint} {endpoint.baudrate} {character}"
 
 
-def _axis_summary(line: LinePlan, axis: AxisPlan) -> dict[str, Any]:
+def _axis_summary(line: LinePlan, axis: AxisPlan, drive: NamedProfile | None) -> dict[str, Any]:
     return {
         "line": line.name,
         "unit_id": axis.unit_id,
@@ -47,7 +54,18 @@ def _axis_summary(line: LinePlan, axis: AxisPlan) -> dict[str, Any]:
         "referenced": axis.referenced.value,
         "setpoints": axis.settings.setpoints.value,
         "max_speed": axis.settings.max_speed,
+        "drive": None if drive is None else _drive_summary(drive),
         "table": None if axis.table is None else _table_summary(axis, axis.table),
+    }
+
+
+def _drive_summary(drive: NamedProfile) -> dict[str, Any]:
+    tier = drive.profile.tier if drive.is_shipped else Tier.OWN
+    return {
+        "name": drive.name,
+        "title": drive.profile.title,
+        "tier": tier.value,
+        "traps": len(drive.profile.traps),
     }
 
 
@@ -69,13 +87,14 @@ def _motion(axis: AxisPlan, table: CorrectionTable) -> MotionReport:
     return motion_report(spec_of_table(table, axis.settings), axis.settings)
 
 
-def summary_lines(plan: GatewayPlan) -> list[str]:
+def summary_lines(plan: GatewayPlan, drives: Mapping[str, NamedProfile]) -> list[str]:
     """Return the summary as lines of text."""
-    data = summary(plan)
+    data = summary(plan, drives)
     lines = [f"gateway {data['gateway']}"]
     for name, line in data["lines"].items():
         lines.append(f"line {name}: drives {line['drives']}")
         lines += [f"  controller {who}: {where}" for who, where in line["controllers"].items()]
+        lines += [f"  group of {', '.join(group)}: corrected together" for group in line["groups"]]
     for name, axis in data["axes"].items():
         lines += _axis_lines(name, axis)
     return lines
@@ -85,9 +104,21 @@ def _axis_lines(name: str, axis: dict[str, Any]) -> list[str]:
     scale = f"{axis['counts_per_unit']:g} counts/{axis['units']}"
     first = f"axis {name}: line {axis['line']}, unit {axis['unit_id']}, {scale}, {axis['setpoints']}, "
     first += f"referenced {axis['referenced']}, compensation {axis['compensation']}"
+    lines = [first]
+    if axis["drive"] is not None:
+        lines.append(_drive_line(axis["drive"]))
     if axis["table"] is None:
-        return [first, "  no table: positions pass 1:1"]
-    return [first, *_table_lines(axis["table"], axis["units"], axis["max_speed"])]
+        return [*lines, "  no table: positions pass 1:1"]
+    return [*lines, *_table_lines(axis["table"], axis["units"], axis["max_speed"])]
+
+
+def _drive_line(drive: dict[str, Any]) -> str:
+    line = f"  drive {drive['title']} ({drive['name']}): "
+    line += "a profile of your own" if drive["tier"] == Tier.OWN.value else f"tier {drive['tier']}"
+    if drive["traps"]:
+        line += f", {drive['traps']} traps to check before the machine is run"
+        line += "" if drive["tier"] == Tier.OWN.value else f" (pitch-gateway drives show {drive['name']})"
+    return line
 
 
 def _table_lines(table: dict[str, Any], unit: str, max_speed: float) -> Iterator[str]:

@@ -8,29 +8,26 @@ from typing import Annotated, Final
 
 from pydantic import Field, model_validator
 
-from gateway.drives.rules import ModeSpec, TriggerSpec
+from gateway.drives.motion import Addressing, Form, MotionPlan
+from gateway.drives.rules import ModeSource, ModeSpec, TriggerSpec
 from gateway.drives.strict import ByName, ListOf, StrictModel
 from gateway.drives.words import LAST_ADDRESS, Address, Bit
-from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
+from gateway.modbus.registers import (
+    BitField,
+    BitTable,
+    FieldAccess,
+    PositionField,
+    RegisterType,
+    WordOrder,
+)
 
 MAX_SCALE: Final = 1e9
 MAX_GAP_MS: Final = 10_000
 MAX_REGISTERS: Final = 125
 """Most registers that one frame can carry (FC03; Modbus application protocol V1.1b3, 6.3)."""
+MAX_PATHS: Final = 256
 DEFAULT_MAX_REGISTERS: Final = 123
 """Most registers that FC16 can write (6.12 there)."""
-
-
-class WriteFunction(Enum):
-    """The function code with which the gateway writes a position."""
-
-    FC16 = "fc16"
-    FC06 = "fc06"
-
-    @property
-    def code(self) -> int:
-        """The code itself."""
-        return 16 if self is WriteFunction.FC16 else 6
 
 
 class OnException(Enum):
@@ -38,6 +35,10 @@ class OnException(Enum):
 
     UNKNOWN = "unknown"
     NOTHING_WRITTEN = "nothing-written"
+
+
+READ_FORMS: Final = (Form.FC03, Form.FC04, Form.MEI)
+WRITE_FORMS: Final = (Form.FC16, Form.FC06, Form.MEI)
 
 
 class PositionSpec(StrictModel):
@@ -51,6 +52,13 @@ class PositionSpec(StrictModel):
     scale: Annotated[float, Field(gt=0.0, le=MAX_SCALE)] = Field(
         default=1.0, description="counts in one step of this field"
     )
+    access: ByName[FieldAccess] = Field(
+        default=FieldAccess.BOTH,
+        description="where something else is read at this address than was written: read or write",
+    )
+    block: Address | None = Field(
+        default=None, description="the position stands only in frames that begin at this address"
+    )
 
     @model_validator(mode="after")
     def _ends_inside(self) -> "PositionSpec":
@@ -60,22 +68,101 @@ class PositionSpec(StrictModel):
                 f"{self.type.value} takes {self.type.words} registers and would end at {last:#06x}: "
                 f"the last one is {LAST_ADDRESS:#06x}"
             )
+        if self.block is not None and self.block > self.address:
+            raise ValueError(
+                f"a frame that begins at {self.block:#06x} does not hold {self.address:#06x}: "
+                "block is the address of the frame, at or before the position"
+            )
         return self
 
-    def field(self) -> PositionField:
-        """Return it as the exchange uses it."""
-        return PositionField(self.address, self.type, self.words, self.scale)
+    def field(self, offset: int = 0) -> PositionField:
+        """Return it as the exchange uses it, ``offset`` registers further on."""
+        block = None if self.block is None else self.block + offset
+        return PositionField(self.address + offset, self.type, self.words, self.scale, self.access, block)
+
+
+class PathsSpec(StrictModel):
+    """Further positions of the same kind at even distances."""
+
+    count: Annotated[int, Field(ge=1, le=MAX_PATHS)] = Field(description="how many there are")
+    stride: Annotated[int, Field(ge=1, le=LAST_ADDRESS)] = Field(
+        description="registers from one to the next, for the mode too"
+    )
+
+
+class RepeatedSpec(PositionSpec):
+    """A position, and perhaps further ones of the same kind."""
+
+    paths: PathsSpec | None = Field(default=None, description="further positions at even distances")
+
+    @model_validator(mode="after")
+    def _paths_fit(self) -> "RepeatedSpec":
+        last = self.address + self.offsets[-1] + self.type.words - 1
+        if last > LAST_ADDRESS:
+            raise ValueError(
+                f"the last path would end at {last:#06x}: the last register is {LAST_ADDRESS:#06x}"
+            )
+        return self
+
+    @property
+    def overlap(self) -> str:
+        """Say which path would begin inside the one before it; empty when none does."""
+        if self.paths is None or self.paths.count == 1 or self.paths.stride >= self.type.words:
+            return ""
+        return f"stride = {self.paths.stride}, but {self.type.value} takes {self.type.words} registers"
+
+    def fields(self) -> list[PositionField]:
+        """Return one field for each path."""
+        return [self.field(offset) for offset in self.offsets]
+
+    @property
+    def offsets(self) -> list[int]:
+        """How many registers each path lies further on."""
+        return [0] if self.paths is None else [self.paths.stride * n for n in range(self.paths.count)]
+
+
+class CommandSpec(RepeatedSpec):
+    """A position that the controller writes."""
+
+    mode: ModeSpec | None = Field(
+        default=None, description="how this position is meant, where it is not as the map says"
+    )
+
+
+class ActualSpec(PositionSpec):
+    """A measured position."""
+
+    set_position: bool = Field(
+        default=False, description="writing it tells the drive that it stands somewhere else"
+    )
 
 
 class BitSpec(StrictModel):
-    """One bit of one register."""
+    """One bit of one register, or a coil or discrete input."""
 
-    address: Address = Field(description="the register")
-    bit: Bit = Field(description="the bit, 0 being the lowest")
+    address: Address = Field(description="the register, coil or input")
+    bit: Bit = Field(default=0, description="the bit of the register, 0 being the lowest")
+    table: ByName[BitTable] = Field(default=BitTable.REGISTER, description="register, coil or input")
+    inverted: bool = Field(default=False, description="0 means yes")
+
+    @model_validator(mode="after")
+    def _has_bits(self) -> "BitSpec":
+        if self.table is not BitTable.REGISTER and "bit" in self.model_fields_set:
+            raise ValueError("a coil or input has no bits: leave bit out")
+        if self.table is BitTable.REGISTER and "bit" not in self.model_fields_set:
+            raise ValueError("a register has 16 bits: say which")
+        return self
 
     def field(self) -> BitField:
         """Return it as the exchange uses it."""
-        return BitField(self.address, self.bit)
+        return BitField(self.address, self.bit, self.table, self.inverted)
+
+
+class ObjectSpec(StrictModel):
+    """How many registers an object takes that is not a position."""
+
+    address: Address = Field(description="index of the object")
+    words: Annotated[int, Field(ge=1, le=4)] = Field(description="its registers")
 
 
 class BitsSpec(StrictModel):
@@ -97,19 +184,23 @@ class BitsSpec(StrictModel):
 class RegisterMap(StrictModel):
     """Which registers of a drive hold positions, and how the drive wants to be spoken to."""
 
-    command: Annotated[ListOf[PositionSpec], Field(min_length=1)] = Field(
+    command: Annotated[ListOf[CommandSpec], Field(min_length=1)] = Field(
         description="positions that the controller writes; read back they give the nominal value too"
     )
-    actual: ListOf[PositionSpec] = Field(default=(), description="measured positions")
+    actual: ListOf[ActualSpec] = Field(default=(), description="measured positions")
     commanded: ListOf[PositionSpec] = Field(
         default=(), description="positions that the drive's own profile commands at the moment"
     )
-    limits: ListOf[PositionSpec] = Field(default=(), description="software limits")
-    aliases: ListOf[PositionSpec] = Field(default=(), description="further addresses of the same positions")
-    position_like: ListOf[PositionSpec] = Field(
+    limits: ListOf[PositionSpec] = Field(
+        default=(), description="positions that the drive compares its own with: software limits, areas"
+    )
+    aliases: ListOf[PositionSpec] = Field(
+        default=(), description="further addresses at which the same positions are read"
+    )
+    position_like: ListOf[RepeatedSpec] = Field(
         default=(), description="positions that are not mapped; writing them is refused"
     )
-    remap: ListOf[PositionSpec] = Field(
+    remap: ListOf[RepeatedSpec] = Field(
         default=(), description="registers that move other registers about; writing one ends the compensation"
     )
     mode: ModeSpec | None = Field(
@@ -119,8 +210,18 @@ class RegisterMap(StrictModel):
     bits: BitsSpec = Field(default=BitsSpec(), description="state bits")
     staged: bool = Field(default=False, description="a written position waits for a trigger")
     starts_on: ListOf[Address] = Field(default=(), description="words of a position that start the motion")
-    write: ByName[WriteFunction] = Field(
-        default=WriteFunction.FC16, description="function code with which the gateway writes a position"
+    addressing: ByName[Addressing] = Field(
+        default=Addressing.REGISTERS,
+        description="whether an address is a register or an object of its own width",
+    )
+    objects: ListOf[ObjectSpec] = Field(
+        default=(), description="widths of objects that are no positions, where frames hold several objects"
+    )
+    read: ByName[Form] = Field(
+        default=Form.FC03, description="how the gateway reads a position by itself: fc03, fc04 or mei"
+    )
+    write: ByName[Form] = Field(
+        default=Form.FC16, description="how the gateway writes a position by itself: fc16, fc06 or mei"
     )
     exception: ByName[OnException] = Field(
         default=OnException.UNKNOWN, description="what a refusal by the drive proves"
@@ -135,6 +236,56 @@ class RegisterMap(StrictModel):
         default=0.0, description="silence in milliseconds that the drive needs before a request"
     )
 
+    @model_validator(mode="after")
+    def _fits_together(self) -> "RegisterMap":
+        rule = self._broken_rule()
+        if rule:
+            raise ValueError(rule)
+        return self
+
+    def _broken_rule(self) -> str:
+        if self.read not in READ_FORMS:
+            return 'read: allowed: "fc03", "fc04" or "mei"'
+        if self.write not in WRITE_FORMS:
+            return 'write: allowed: "fc16", "fc06" or "mei"'
+        has_paths = any(position.paths is not None for position in self.command)
+        if has_paths and len(self.command) > 1:
+            return "command: paths need to be the only entry"
+        if not has_paths and any(trigger.paths for trigger in self.trigger):
+            return "trigger: paths = true, but no command has paths"
+        if self.staged and not self.trigger:
+            return "staged = true, but no trigger is named: nothing would ever run the target"
+        if self.mode is not None and self.mode.source is ModeSource.TRIGGER and not self.trigger:
+            return 'mode: source = "trigger", but no trigger is named'
+        if self.objects and self.addressing is not Addressing.OBJECTS:
+            return 'objects: only with addressing = "objects"'
+        if self.addressing is not Addressing.OBJECTS:
+            repeated = (*self.command, *self.position_like, *self.remap)
+            overlap = next(filter(None, (position.overlap for position in repeated)), "")
+            if overlap:
+                return f"paths: {overlap}"
+        paths = sum(len(position.offsets) for position in self.command)
+        wrong = next(filter(None, (trigger.wrong_paths(paths) for trigger in self.trigger)), "")
+        return f"trigger: {wrong}" if wrong else ""
+
+    def motion(
+        self, *, passes_stored_moves: bool = False, passes_unknown_relative: bool = False
+    ) -> MotionPlan:
+        """Return what the frames mean, as the exchange uses it."""
+        modes = tuple(
+            mode.plan(offset) if (mode := position.mode or self.mode) is not None else None
+            for position in self.command
+            for offset in position.offsets
+        )
+        return MotionPlan(
+            is_staged=self.staged,
+            modes=modes if any(modes) else (),
+            triggers=tuple(trigger.plan(len(modes)) for trigger in self.trigger),
+            starts_on=frozenset(self.starts_on),
+            passes_stored_moves=passes_stored_moves,
+            passes_unknown_relative=passes_unknown_relative,
+        )
+
 
 POSITION_KEYS: Final = ("command", "actual", "commanded", "limits", "aliases", "position_like", "remap")
 """Keys of a register map whose positions may not share a register."""
@@ -147,6 +298,8 @@ class Span:
     key: tuple[str | int, ...]
     first: int
     words: int
+    access: FieldAccess = FieldAccess.BOTH
+    block: int | None = None
 
     @property
     def last(self) -> int:
@@ -158,31 +311,54 @@ class Span:
 
 
 def position_spans(registers: RegisterMap) -> list[Span]:
-    """Return the registers of every mapped position."""
+    """Return the registers of every mapped position; an object takes one address, whatever its width."""
+    is_object = registers.addressing is Addressing.OBJECTS
     return [
-        Span((key, index), position.address, position.type.words)
+        Span((key, index), field.address, 1 if is_object else field.words, field.access, field.block)
         for key in POSITION_KEYS
         for index, position in enumerate(getattr(registers, key))
+        for field in (position.fields() if isinstance(position, RepeatedSpec) else (position.field(),))
     ]
 
 
 def bit_spans(registers: RegisterMap) -> list[Span]:
     """Return the registers that hold mapped bits."""
-    return [Span(("bits", name), bit.address, 1) for name, bit in registers.bits.named()]
+    return [
+        Span(("bits", name), bit.address, 1, FieldAccess.READ)
+        for name, bit in registers.bits.named()
+        if bit.table is BitTable.REGISTER
+    ]
+
+
+def rule_spans(registers: RegisterMap) -> list[Span]:
+    """Return the registers that decide what a position means, and those that make the drive act."""
+    motion = registers.motion()
+    modes = [Span(("mode",), mode.address, 1, FieldAccess.WRITE) for mode in motion.modes if mode]
+    triggers = [
+        Span(("trigger", index), trigger.address, 1, FieldAccess.WRITE, trigger.block)
+        for index, trigger in enumerate(motion.triggers)
+        if not trigger.is_coil
+    ]
+    return list(dict.fromkeys((*modes, *triggers)))
 
 
 def share_register(one: Span, other: Span) -> bool:
-    """Whether two spans have a register in common.
+    """Whether two spans have a register in common that the same request can reach.
 
     >>> share_register(Span(("command", 0), 10, 2), Span(("actual", 0), 11, 2))
     True
+    >>> written = Span(("command", 0), 10, 2, FieldAccess.WRITE)
+    >>> share_register(written, Span(("actual", 0), 10, 2, FieldAccess.READ))
+    False
     """
-    return one.first <= other.last and other.first <= one.last
+    if one.first > other.last or other.first > one.last or one.block != other.block:
+        return False
+    return {one.access, other.access} != {FieldAccess.READ, FieldAccess.WRITE}
 
 
 def clashes(registers: RegisterMap) -> list[tuple[Span, Span]]:
-    """Return every pair of one map that shares a register; several bits may share theirs."""
+    """Return every pair of one map that shares a register; bits may share theirs, and rules too."""
     positions: Sequence[Span] = position_spans(registers)
-    bits = bit_spans(registers)
-    pairs = [*combinations(positions, 2), *((p, b) for p in positions for b in bits)]
+    others = (*bit_spans(registers), *rule_spans(registers))
+    pairs = [*combinations(positions, 2), *((p, other) for p in positions for other in others)]
     return [(one, other) for one, other in pairs if share_register(one, other)]

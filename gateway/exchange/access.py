@@ -2,18 +2,26 @@
 
 One entry per function code. A function code that is not here never holds a position and passes as it is.
 
-Layouts: Modbus application protocol V1.1b3, sections 6.3, 6.4, 6.6, 6.12, 6.16 and 6.17.
+Layouts: Modbus application protocol V1.1b3, sections 6.3, 6.4, 6.6, 6.12, 6.16, 6.17 and 6.21 (CANopen
+general reference; its data is little-endian, as CiA 309-2 has it, and is turned round here).
 """
 
 from collections.abc import Callable
 from typing import Final, NamedTuple
+
+from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, FunctionCode
+
+COIL_ON: Final = 0xFF
+MEI_HEAD: Final = 12
+"""Bytes of a general reference before its data."""
 
 
 class Access(NamedTuple):
     """Registers touched by one request.
 
     Words of the write stand in the PDU from ``data_offset``; ``is_consistent`` is False when the counts of
-    the request contradict each other, so that nobody can tell what the drive would write.
+    the request contradict each other, so that nobody can tell what the drive would write. With ``is_mei`` the
+    address is an object's index, and the bytes of each word are swapped.
     """
 
     read_address: int = 0
@@ -23,6 +31,29 @@ class Access(NamedTuple):
     data_offset: int = 0
     is_mask: bool = False
     is_consistent: bool = True
+    is_mei: bool = False
+
+    def words(self, pdu: bytes) -> bytes:
+        """Return the words that the request writes, as registers hold them."""
+        data = pdu[self.data_offset :]
+        return swapped(data) if self.is_mei else data
+
+    def with_words(self, pdu: bytes, words: bytes) -> bytes:
+        """Return the request with other words in place of its own, of the same number."""
+        return pdu[: self.data_offset] + (swapped(words) if self.is_mei else words)
+
+
+def swapped(data: bytes) -> bytes:
+    """Swap the bytes of each word; a single byte is the low one of its word.
+
+    >>> swapped(bytes.fromhex("01 02 03 04")).hex(" "), swapped(bytes((6,))).hex(" ")
+    ('02 01 04 03', '00 06')
+    """
+    if len(data) % 2:
+        data += b"\x00"
+    turned = bytearray(data)
+    turned[0::2], turned[1::2] = data[1::2], data[0::2]
+    return bytes(turned)
 
 
 def _u16(pdu: bytes, offset: int) -> int:
@@ -65,6 +96,34 @@ def _read_write(pdu: bytes) -> Access | None:
     return Access(_u16(pdu, 1), _u16(pdu, 3), _u16(pdu, 5), max(quantity, present), 10, False, is_consistent)
 
 
+def _general_reference(pdu: bytes) -> Access | None:
+    """MEI type 13: read or write one object; other sub-indexes than 0 hold nothing that is mapped."""
+    if len(pdu) < MEI_HEAD or pdu[1] != MEI_CANOPEN_GENERAL_REFERENCE or pdu[7] != 0:
+        return None
+    index, quantity = _u16(pdu, 5), (pdu[11] + 1) // 2
+    if pdu[2] == 0:
+        return Access(read_address=index, read_quantity=quantity, is_mei=True)
+    present = (len(pdu) - MEI_HEAD + 1) // 2
+    is_consistent = pdu[11] == len(pdu) - MEI_HEAD > 0
+    return Access(0, 0, index, max(quantity, present), MEI_HEAD, False, is_consistent, is_mei=True)
+
+
+def coils_written(pdu: bytes) -> dict[int, int]:
+    """Return the coils that a request writes, with their values (6.5, 6.11 there).
+
+    >>> coils_written(bytes.fromhex("05 040B FF00"))
+    {1035: 1}
+    >>> coils_written(bytes.fromhex("0F 0019 0003 01 05"))
+    {25: 1, 26: 0, 27: 1}
+    """
+    if pdu[0] == FunctionCode.WRITE_SINGLE_COIL and len(pdu) == 5:
+        return {_u16(pdu, 1): int(pdu[3] == COIL_ON)}
+    if pdu[0] == FunctionCode.WRITE_MULTIPLE_COILS and len(pdu) > 6:
+        address, quantity = _u16(pdu, 1), min(_u16(pdu, 3), 8 * (len(pdu) - 6))
+        return {address + i: pdu[6 + i // 8] >> i % 8 & 1 for i in range(quantity)}
+    return {}
+
+
 ACCESS: Final[dict[int, Callable[[bytes], Access | None]]] = {
     0x03: _read,
     0x04: _read,
@@ -72,6 +131,7 @@ ACCESS: Final[dict[int, Callable[[bytes], Access | None]]] = {
     0x10: _write_multiple,
     0x16: _mask_write,
     0x17: _read_write,
+    0x2B: _general_reference,
 }
 """Function code to the registers that its request touches; None where the request is too short to tell."""
 
@@ -79,8 +139,10 @@ MONITOR_FUNCTIONS: Final = frozenset({0x01, 0x02, 0x03, 0x04, 0x07, 0x0B, 0x0C, 
 """Function codes that change nothing in a drive: all that a monitor may send, with 0x2B/0x0E."""
 
 READ_DEVICE_IDENTIFICATION: Final = bytes((0x2B, 0x0E))
+READ_OBJECT: Final = bytes((0x2B, MEI_CANOPEN_GENERAL_REFERENCE, 0))
 
 
 def only_reads(pdu: bytes) -> bool:
     """Whether a request changes nothing in any drive that keeps to the specification."""
-    return pdu[0] in MONITOR_FUNCTIONS or pdu[:2] == READ_DEVICE_IDENTIFICATION
+    is_object_read = pdu[:3] == READ_OBJECT and len(pdu) >= MEI_HEAD
+    return pdu[0] in MONITOR_FUNCTIONS or pdu[:2] == READ_DEVICE_IDENTIFICATION or is_object_read

@@ -18,18 +18,24 @@ ANY_TCP_DRIVE: Final = frozenset({BROADCAST_UNIT_ID, 0xFF})
 def why_not_passed(units: Iterable[UnitMap], unit_id: int, access: Access, *, is_serial: bool) -> str:
     """Return why a request to a unit id without axes must not pass; empty when it may."""
     if is_serial:
-        if unit_id == BROADCAST_UNIT_ID and _touches(units, access.write_address, access.write_quantity):
+        if unit_id == BROADCAST_UNIT_ID and _writes_position(units, access):
             return "a broadcast cannot carry a position that each axis corrects differently"
-    elif unit_id in ANY_TCP_DRIVE and (
-        _touches(units, access.write_address, access.write_quantity)
-        or _touches(units, access.read_address, access.read_quantity)
-    ):
+    elif unit_id in ANY_TCP_DRIVE and (_writes_position(units, access) or _reads_position(units, access)):
         return f"unit id {unit_id} is not mapped, and may reach an axis that is corrected"
     return ""
 
 
-def _touches(units: Iterable[UnitMap], address: int, quantity: int) -> bool:
-    """Whether a span of registers touches a position of an axis that does not pass 1:1."""
-    return bool(quantity) and any(
-        not hit.place.axis.passes_unchanged for unit in units for hit in unit.hits(address, quantity).fields
+def _writes_position(units: Iterable[UnitMap], access: Access) -> bool:
+    return any(
+        not hit.place.axis.passes_unchanged
+        for unit in units
+        for hit in unit.written(access.write_address, access.write_quantity).fields
+    )
+
+
+def _reads_position(units: Iterable[UnitMap], access: Access) -> bool:
+    return any(
+        not hit.place.axis.passes_unchanged
+        for unit in units
+        for hit in unit.read(access.read_address, access.read_quantity).fields
     )

@@ -1,77 +1,117 @@
 """Turning a drive's reply back into the controller's, and taking note of what it says."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.access import MEI_HEAD, swapped
+from gateway.exchange.effects import note_done, note_failed
+from gateway.exchange.meaning import Meaning
 from gateway.exchange.parts import note_lost
+from gateway.exchange.plan import HOMED_BIT
+from gateway.exchange.rendering import nominal_limit
 from gateway.exchange.rewriting import Rewriting
-from gateway.exchange.unit import FieldHit, FieldRole, Hits
+from gateway.exchange.unit import BitHit, FieldHit, FieldRole, UnitMap
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu, is_exception
+from gateway.modbus.registers import BitTable
 
 
-def answer(
-    rewriting: Rewriting, reply: bytes, now_ns: int, send: Callable[[bytes], None]
-) -> list[tuple[AxisExchange, bool]]:
+def answer(rewriting: Rewriting, reply: bytes, now_ns: int, send: Callable[[bytes], None]) -> None:
     """Turn a drive's reply into the controller's, send it, and take note of what it says.
 
     The controller waits for its reply, so it is sent as soon as it is known: before the state of the axis is
     worked out, unless the same frame also reads positions, which that state turns back.
-
-    Returns:
-        The axes whose reference changed with what it is now.
     """
     acknowledged = _acknowledges(rewriting, reply)
     if acknowledged and rewriting.access.read_quantity:
         if rewriting.writes:
             _settle(rewriting, reply, now_ns, is_acknowledged=True)
-        pdu, changed = _turn_back(rewriting, reply, now_ns)
-        send(pdu)
-        return changed
-    send(_native_echo(rewriting.request_pdu, reply) if acknowledged else _foreign_reply(rewriting, reply))
+        send(_turn_back(rewriting, reply, now_ns))
+        return
+    send(_native_echo(rewriting.request.pdu, reply) if acknowledged else _foreign_reply(rewriting, reply))
     if rewriting.writes:
         _settle(rewriting, reply, now_ns, is_acknowledged=acknowledged)
-    return []
 
 
 def _acknowledges(rewriting: Rewriting, reply: bytes) -> bool:
     """Whether a reply is the full native success of what was sent (M7)."""
-    sent = rewriting.sent_pdu
-    if rewriting.access.read_quantity:
+    sent, access = rewriting.sent_pdu, rewriting.access
+    if access.is_mei:
+        is_same = reply[:8] == sent[:8]
+        return is_same and (not access.read_quantity or len(reply) == MEI_HEAD + 2 * access.read_quantity)
+    if access.read_quantity:
         expected = 2 * rewriting.read_span.quantity
         return reply[0] == sent[0] and len(reply) == 2 + expected and reply[1] == expected
-    if sent[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS:
+    if sent[0] in (FunctionCode.WRITE_MULTIPLE_REGISTERS, FunctionCode.WRITE_MULTIPLE_COILS):
         return reply == sent[:5]
     return reply == sent
 
 
 def _settle(rewriting: Rewriting, reply: bytes, now_ns: int, *, is_acknowledged: bool) -> None:
-    if is_acknowledged:
-        for rendering in rewriting.renderings:
-            rendering.axis.commit(rendering, now_ns)
-        for axis, shadow in rewriting.touched_blindly:
-            axis.compensation.forget_target()
-            shadow.forget()
+    if not is_acknowledged:
+        is_refusal = len(reply) == 2 and is_exception(reply)
+        code = reply[1] if is_refusal else ExceptionCode.SERVER_DEVICE_FAILURE
+        fail(rewriting, code, now_ns, is_refusal=is_refusal)
         return
-    is_refusal = len(reply) == 2 and is_exception(reply)
-    fail(rewriting, now_ns, is_refusal=is_refusal)
+    for staging in rewriting.stagings:
+        staging.shadow.settle(staging.nominal_words, staging.corrected_words)
+    for hit in rewriting.pending:
+        note_lost(hit, rewriting.request.pdu, rewriting.access, now_ns)
+    for rendering in (*rewriting.renderings, *rewriting.runs):
+        rendering.axis.commit(rendering, now_ns)
+    for axis, shadow in rewriting.touched_blindly:
+        axis.forget_place()
+        shadow.forget()
+    for axis in rewriting.moved_unknown:
+        axis.forget_place()
+    for meaning in rewriting.request.meanings:
+        note_done(meaning, now_ns)
+        if meaning.runs_alone and not _is_run_known(rewriting, meaning):
+            meaning.axis.forget_place()
 
 
-def fail(rewriting: Rewriting, now_ns: int, *, is_refusal: bool) -> None:
+def _is_run_known(rewriting: Rewriting, meaning: Meaning) -> bool:
+    """Whether a trigger ran a target whose end is known."""
+    runs = [run for run in rewriting.runs if run.axis is meaning.axis]
+    return any(run.move is not None or not any(run.nominal_words) for run in runs)
+
+
+def fail(rewriting: Rewriting, code: int, now_ns: int, *, is_refusal: bool) -> None:
     """Note that a write was not acknowledged; what a refusal proves, the register map says (M7)."""
     for rendering in rewriting.renderings:
         if not (is_refusal and rendering.axis.plan.exception_writes_nothing):
             rendering.axis.fail(rendering)
+    for rendering in rewriting.runs:
+        if not (is_refusal and rendering.axis.plan.exception_writes_nothing):
+            rendering.axis.fail_run(rendering)
     for hit in rewriting.command_hits:
-        note_lost(hit, rewriting.request_pdu, rewriting.access, now_ns)
+        note_lost(hit, rewriting.request.pdu, rewriting.access, now_ns)
+    for staging in rewriting.stagings:
+        staging.shadow.forget()
     for axis, shadow in rewriting.touched_blindly:
-        axis.compensation.forget_target()
+        axis.forget_place()
         shadow.forget()
+    for meaning in rewriting.request.meanings:
+        note_failed(meaning, code, now_ns, is_refusal=is_refusal)
+
+
+def note_broadcast(rewriting: Rewriting, now_ns: int) -> None:
+    """Note a broadcast, which nobody acknowledges: what it did is unknown until it is read (M3)."""
+    for rendering in rewriting.renderings:
+        rendering.axis.fail(rendering)
+    for rendering in rewriting.runs:
+        rendering.axis.fail_run(rendering)
+    for staging in rewriting.stagings:
+        staging.shadow.forget()
+    for axis, shadow in rewriting.touched_blindly:
+        axis.forget_place()
+        shadow.forget()
+    for meaning in rewriting.request.meanings:
+        note_failed(meaning, 0, now_ns, is_refusal=False, is_broadcast=True)
 
 
 def _foreign_reply(rewriting: Rewriting, reply: bytes) -> bytes:
     """Pass what is no acknowledgement untouched, but for the function code of a recast request (W4)."""
-    asked, sent = rewriting.request_pdu[0], rewriting.sent_pdu[0]
+    asked, sent = rewriting.request.pdu[0], rewriting.sent_pdu[0]
     if asked != sent and len(reply) == 2 and reply[0] == sent | 0x80:
         return exception_pdu(asked, reply[1])
     return reply
@@ -86,27 +126,30 @@ def _native_echo(request: bytes, reply: bytes) -> bytes:
     return reply
 
 
-def _turn_back(
-    rewriting: Rewriting, reply: bytes, now_ns: int
-) -> tuple[bytes, list[tuple[AxisExchange, bool]]]:
-    data = bytearray(reply[2:])
+def _turn_back(rewriting: Rewriting, reply: bytes, now_ns: int) -> bytes:
+    """Return a reply to a read with every position on the controller's scale."""
+    access = rewriting.access
+    head = MEI_HEAD if access.is_mei else 2
+    data = bytearray(swapped(reply[head:]) if access.is_mei else reply[head:])
     try:
         for hit in rewriting.read_hits.fields:
             if hit.is_whole and hit.place.role.is_position:
                 _turn_field_back(hit, rewriting, data, now_ns)
     except RegisterRangeError:
-        return exception_pdu(rewriting.request_pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE), []
-    changed = note_bits(rewriting.read_hits, data, written_by(rewriting), now_ns)
-    skip = 2 * (rewriting.access.read_address - rewriting.read_span.address)
-    asked = data[skip : skip + 2 * rewriting.access.read_quantity]
-    return bytes((reply[0], len(asked))) + bytes(asked), changed
+        return exception_pdu(rewriting.request.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
+    note_bits(rewriting.read_hits.bits, data, written_by(rewriting), now_ns)
+    if access.is_mei:
+        return reply[:head] + swapped(bytes(data)) if rewriting.read_hits.fields else reply
+    skip = 2 * (access.read_address - rewriting.read_span.address)
+    asked = data[skip : skip + 2 * access.read_quantity]
+    return bytes((reply[0], len(asked))) + bytes(asked)
 
 
 def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray, now_ns: int) -> None:
     place = hit.place
     axis, at, end = place.axis, 2 * hit.word, 2 * (hit.word + place.field.words)
     words = bytes(data[at:end])
-    readback = rewriting.readbacks.get(axis.plan.name)
+    readback = rewriting.readback(axis)
     if readback is not None and rewriting.renderings:
         readback = axis.compensation.readback  # FC23 writes before it reads
     if place.role is FieldRole.ACTUAL and place.number == 0:
@@ -115,29 +158,37 @@ def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray, now_n
         return
     if place.role is FieldRole.COMMAND and place.shadow is not None:
         data[at:end] = axis.command_words(place.shadow, place.field, words, readback)
+    elif place.role is FieldRole.LIMIT and place.shadow is not None:
+        data[at:end] = nominal_limit(axis, place.shadow, place.number, words)
     else:
         data[at:end] = axis.nominal_words(place.field, words, readback)
 
 
 def written_by(rewriting: Rewriting) -> set[str]:
-    """Names of the axes whose command fields a request writes."""
-    return {r.axis.plan.name for r in rewriting.renderings} | {
+    """Names of the axes that a request sends somewhere."""
+    return {r.axis.plan.name for r in (*rewriting.renderings, *rewriting.runs)} | {
         a.plan.name for a, _ in rewriting.touched_blindly
     }
 
 
-def note_bits(
-    hits: Hits, data: bytes | bytearray, written: set[str], now_ns: int
-) -> list[tuple[AxisExchange, bool]]:
-    """Take note of status bits; return the axes whose reference changed, with what it is now.
+def note_discrete(unit: UnitMap, request: bytes, reply: bytes, now_ns: int) -> None:
+    """Take note of status bits among coils or discrete inputs that were read (6.1, 6.2)."""
+    if len(request) != 5 or len(reply) < 3 or reply[0] != request[0] or len(reply) != 2 + reply[1]:
+        return
+    table = BitTable.COIL if request[0] == FunctionCode.READ_COILS else BitTable.INPUT
+    address, quantity = int.from_bytes(request[1:3], "big"), int.from_bytes(request[3:5], "big")
+    hits = unit.read_bits(table, address, min(quantity, 8 * reply[1]))
+    if hits:
+        words = b"".join(bytes((0, reply[2 + i // 8] >> i % 8 & 1)) for i in range(8 * reply[1]))
+        note_bits(hits, words, set(), now_ns)
+
+
+def note_bits(hits: Iterable[BitHit], data: bytes | bytearray, written: set[str], now_ns: int) -> None:
+    """Take note of status bits, a word for each in ``data``.
 
     The done bit of a frame that wrote a target is still that of the one before.
     """
-    changed = []
-    for axis, name, bit, word in hits.bits:
+    for axis, name, bit, word in hits:
         is_set = bit.is_set(data[2 * word] << 8 | data[2 * word + 1])
-        if name == "done" and axis.plan.name not in written:
-            axis.observe_done(is_set)
-        elif name == "homed" and axis.reference.follows_bit and axis.see_homed_bit(now_ns, is_set=is_set):
-            changed.append((axis, is_set))
-    return changed
+        if axis.plan.name not in written or name == HOMED_BIT:
+            axis.observe_bit(name, now_ns, is_set=is_set)

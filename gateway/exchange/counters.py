@@ -16,6 +16,10 @@ class LineCounters:
     withdrawn: int = 0
     broadcasts: int = 0
     added_reads: int = 0
+    restaged: int = 0
+    """Staged targets that were written once more."""
+    unknown_modes: int = 0
+    """Frames whose meaning the register map does not know: they passed untouched."""
     unmapped_reads: int = 0
     """Reads of positions that are not mapped: they pass as they are."""
     malformed: int = 0

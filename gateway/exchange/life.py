@@ -4,8 +4,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from gateway.exchange.added_reads import AddedRead
-from gateway.exchange.parts import Known
+from gateway.exchange.added_frames import AddedFrame
+from gateway.exchange.known import Known
 from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.rewriting import Rewriting
@@ -19,17 +19,20 @@ class Exchange:
     """One request with its reply. ``port`` is None for a read that the gateway added by itself."""
 
     __slots__ = (
-        "added_read",
+        "added",
         "arrived_ns",
         "deadline_ns",
         "is_orphan",
+        "is_stop",
         "known",
+        "overtaken_by",
         "pdu",
         "port",
-        "rewriting",
+        "rewritings",
         "sent_ns",
         "transaction_id",
         "unit_id",
+        "wire_unit_id",
     )
 
     def __init__(
@@ -38,18 +41,30 @@ class Exchange:
         self.port = port
         self.transaction_id = transaction_id
         self.unit_id = unit_id
+        self.wire_unit_id = unit_id
+        """Of the frame that is on the wire for it."""
         self.pdu = pdu
         self.arrived_ns = arrived_ns
         self.sent_ns = 0
         self.deadline_ns = 0
         self.is_orphan = False
         """Its controller has gone or gone on: the reply is taken note of and then dropped."""
-        self.rewriting: Rewriting | None = None
-        self.added_read: AddedRead | None = None
+        self.overtaken_by = ""
+        """Why it must not be sent any more, although its controller waits for it."""
+        self.is_stop = False
+        self.rewritings: tuple[Rewriting, ...] = ()
+        """What it makes of each unit that it reaches; a broadcast reaches several."""
+        self.added: AddedFrame | None = None
+        """A frame of the gateway's own that goes first, or alone."""
         self.known: Known | None = None
 
     def why_given_up(self, now_ns: int) -> str:
-        """Return why its controller does not wait for it any more; empty while it does (W5)."""
+        """Return why its controller does not wait for it any more; empty while it does (W5).
+
+        A stop goes out all the same: to stop once too often does no harm.
+        """
+        if self.is_stop:
+            return ""
         if self.is_orphan:
             return "its controller gave up on it"
         if self.port is not None and now_ns - self.arrived_ns > self.port.plan.timeout_ms * NS_PER_MS:
@@ -58,27 +73,36 @@ class Exchange:
 
 
 class WaitingExchanges:
-    """Exchanges that wait for the line: the gateway's own first, then motion, then everybody else.
+    """Exchanges that wait for the line: stops first, then our own, then motion, then the others.
 
     Each controller's requests keep their order.
     """
 
     def __init__(self) -> None:
+        self._stops: deque[Exchange] = deque()
         self._own: deque[Exchange] = deque()
         self._motion: deque[Exchange] = deque()
         self._others: deque[Exchange] = deque()
 
+    @property
+    def _queues(self) -> tuple[deque[Exchange], ...]:
+        return (self._stops, self._own, self._motion, self._others)
+
+    def __bool__(self) -> bool:
+        return bool(self._motion or self._others or self._own or self._stops)
+
     def __len__(self) -> int:
-        return len(self._own) + len(self._motion) + len(self._others)
+        return sum(map(len, self._queues))
 
     def __iter__(self) -> Iterator[Exchange]:
-        yield from self._own
-        yield from self._motion
-        yield from self._others
+        for queue in self._queues:
+            yield from queue
 
     def add(self, exchange: Exchange) -> None:
         """Queue an exchange behind those of its rank."""
-        if exchange.port is None:
+        if exchange.is_stop:
+            self._stops.append(exchange)
+        elif exchange.port is None:
             self._own.append(exchange)
         elif exchange.port.plan.role is Role.MOTION:
             self._motion.append(exchange)
@@ -87,7 +111,7 @@ class WaitingExchanges:
 
     def pop(self) -> Exchange:
         """Take the next one."""
-        for queue in (self._own, self._motion, self._others):
+        for queue in self._queues:
             if queue:
                 return queue.popleft()
         raise IndexError("nothing waits")
@@ -99,7 +123,7 @@ class WaitingExchanges:
     def withdraw(self, condition: Callable[[Exchange], bool]) -> list[Exchange]:
         """Take out and return every exchange that meets a condition."""
         taken: list[Exchange] = []
-        for queue in (self._own, self._motion, self._others):
+        for queue in self._queues:
             if not queue:
                 continue
             kept = [exchange for exchange in queue if not condition(exchange)]

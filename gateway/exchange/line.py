@@ -4,29 +4,37 @@ States of the line:
 
 - *down*: no way to the drives; requests are answered 0x0A (serial controllers: silence).
 - *free*: the next request is sent in the same call in which it arrives.
-- *busy*: one exchange is on the wire (W6); others wait.
+- *busy*: one exchange is on the wire (W6); others wait, stops at their head (M3).
 - *resting*: nothing is sent until an instant passes: the turnaround after a broadcast, or the silence after a
   time-out, so that a late reply never answers the next request (W6).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from typing import Final
 
-from gateway.exchange.access import ACCESS, Access, only_reads
-from gateway.exchange.added_reads import homed_read, learn, next_read
-from gateway.exchange.aliases import why_not_passed
-from gateway.exchange.answering import answer, fail
+from gateway.exchange import control
+from gateway.exchange.access import only_reads
+from gateway.exchange.added_frames import homed_read
+from gateway.exchange.answering import answer, note_broadcast, note_discrete
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.counters import LineCounters
+from gateway.exchange.dispatch import Units, is_acting_on
+from gateway.exchange.effects import note_unknown
 from gateway.exchange.events import Event, EventKind
+from gateway.exchange.groups import join
 from gateway.exchange.life import QUEUE_LIMIT, Exchange, WaitingExchanges
-from gateway.exchange.parts import Known, note_unsent
+from gateway.exchange.losses import lose, note_learned, note_unsent
+from gateway.exchange.meaning import Meaning
+from gateway.exchange.news import AxisNews
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
-from gateway.exchange.rewriting import RefusedRequestError, prepare
-from gateway.exchange.unit import UnitMap
-from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
+from gateway.exchange.refusal import RefusedRequestError
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, FunctionCode, exception_pdu, is_exception
 from gateway.times import NS_PER_MS
+
+REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
+READS_BITS: Final = (FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS)
 
 
 class LineExchange:
@@ -38,15 +46,15 @@ class LineExchange:
         timing: LineTiming,
         link: DriveLink,
         on_event: Callable[[Event], None],
+        groups: Iterable[Iterable[str]] = (),
     ) -> None:
         self.axes = [AxisExchange(plan) for plan in axes]
+        join(self.axes, groups)
         self.counters = LineCounters()
-        self._units = {
-            unit_id: UnitMap(axis for axis in self.axes if axis.plan.unit_id == unit_id)
-            for unit_id in {axis.plan.unit_id for axis in self.axes}
-        }
+        self._units = Units(self.axes, is_serial=link.is_serial)
         self._link = link
         self._on_event = on_event
+        self._news = AxisNews(self.axes, on_event)
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
         self._drain_ns = int((timing.drain_ms or timing.response_timeout_ms) * NS_PER_MS)
         self._turnaround_ns = int(timing.turnaround_ms * NS_PER_MS)
@@ -89,18 +97,41 @@ class LineExchange:
             self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
-        if port.plan.role is Role.MONITOR and not only_reads(pdu):
+        is_free = self._current is None and self._rest_until_ns is None and not self._waiting
+        role = port.plan.role
+        stops: list[Meaning] = []
+        if self._units.have_rules and not (is_free and role is Role.MOTION) and not only_reads(pdu):
+            stops = self._units.stops_of(unit_id, pdu)
+        if role is not Role.MOTION and not only_reads(pdu) and not (stops and role is Role.OPERATOR):
             self._refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
         elif not self._is_up:
-            self._note_unsent(exchange, now_ns)
+            self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE, now_ns)
             self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
-        elif self._current is None and self._rest_until_ns is None and not self._waiting:
+        elif is_free:
             self._start(exchange, now_ns)
+        elif stops:
+            self._overtake(exchange, stops, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
-            self._note_unsent(exchange, now_ns)
+            self._note_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
             self._refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
         else:
             self._waiting.add(exchange)
+
+    def _overtake(self, stop: Exchange, stops: list[Meaning], now_ns: int) -> None:
+        """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3)."""
+        axes = [meaning.axis for meaning in stops]
+        reason = "a stop of its axis came after it"
+        for exchange in self._waiting.withdraw(lambda each: is_acting_on(self._units, each, axes)):
+            self._overtaken(exchange, reason, now_ns)
+        current = self._current
+        if current is not None and current.added is not None and is_acting_on(self._units, current, axes):
+            current.overtaken_by = reason
+        stop.is_stop = True
+        self._waiting.add(stop)
+
+    def _overtaken(self, exchange: Exchange, reason: str, now_ns: int) -> None:
+        self._withdrawn(exchange, reason, now_ns)
+        self._refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
@@ -108,55 +139,79 @@ class LineExchange:
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
-        for exchange in self._waiting.withdraw(lambda waiting: waiting.port is port):
+        for exchange in self._waiting.withdraw(lambda each: each.port is port and not each.is_stop):
             self._withdrawn(exchange, reason, now_ns)
+        for exchange in self._waiting:
+            exchange.is_orphan |= exchange.port is port
         if self._current is not None and self._current.port is port:
             self._current.is_orphan = True
+
+    # --- from people -----------------------------------------------------------------------------------
+
+    def enable(self, axis: str, now_ns: int) -> tuple[str, ...]:
+        """Apply the table of an axis and its group; return their names. Raises ControlError."""
+        return control.switch(self.axes, axis, is_wanted=True)
+
+    def disable(self, axis: str, now_ns: int) -> tuple[str, ...]:
+        """Apply the table of an axis and its group no longer; return their names. Raises ControlError."""
+        return control.switch(self.axes, axis, is_wanted=False)
+
+    def reference(self, axis: str, now_ns: int) -> tuple[str, ...]:
+        """Take an axis as standing where its drive says. Raises ControlError."""
+        names = control.declare(self.axes, axis)
+        self._news.look(self.axes)
+        return names
 
     # --- from the drives -------------------------------------------------------------------------------
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """Take the reply that the link framed for the exchange on the wire."""
         exchange = self._current
-        if exchange is None or unit_id != exchange.unit_id or not pdu:
+        if exchange is None or unit_id != exchange.wire_unit_id or not pdu:
             self.stray(now_ns)
             return
         if unit_id in self._silent_units:
             self._silent_units.discard(unit_id)
             self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
-        if exchange.added_read is not None:
+        axes = self._units.axes_of(unit_id)
+        for axis in axes:
+            if axis.silent_since_ns is not None:
+                axis.end_silence(now_ns, is_answer=True)
+        if exchange.added is not None:
             self._current = None
             self._learn(exchange, pdu, now_ns)
         else:
             self._answer(exchange, pdu, now_ns)
             self._current = None
+        if axes:
+            self._news.look(axes)
         self._next(now_ns)
 
     def _answer(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         self.counters.exchanges += 1
         if is_exception(pdu):
             self.counters.exceptions += 1
-        if exchange.rewriting is None:
+        if not exchange.rewritings:
             self._send_reply(exchange, pdu)
+            unit = self._units.get(exchange.unit_id)
+            if unit is not None and exchange.pdu[0] in READS_BITS:
+                note_discrete(unit, exchange.pdu, pdu, now_ns)
             return
-        changed = answer(exchange.rewriting, pdu, now_ns, partial(self._send_reply, exchange))
-        self.counters.unmapped_reads += exchange.rewriting.reads_unmapped
+        for rewriting in exchange.rewritings:
+            answer(rewriting, pdu, now_ns, partial(self._send_reply, exchange))
+            self.counters.unmapped_reads += rewriting.reads_unmapped
         self._end_if_remapped(exchange)
-        for axis, is_referenced in changed:
-            self._reference_changed(axis, is_referenced=is_referenced)
-        self._note_directions(exchange)
 
     def _learn(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
-        read = exchange.added_read
-        assert read is not None
-        self.counters.added_reads += 1
-        exchange.known = exchange.known or Known()
-        exchange.added_read = None
-        is_referenced = learn(read, pdu, exchange.known, now_ns)
-        if is_referenced is not None:
-            self._reference_changed(read.axis, is_referenced=is_referenced)
-        if exchange.port is not None:
-            self._start(exchange, now_ns)
+        """Take note of the reply to a frame of the gateway's own, and go on with what it was for."""
+        code = note_learned(exchange, pdu, self.counters, now_ns)
+        if exchange.port is None:
+            return
+        if code is not None:
+            self._note_unsent(exchange, code, now_ns)
+            self._refuse(exchange, code)
+            return
+        self._start(exchange, now_ns)
 
     def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
         """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).
@@ -181,11 +236,13 @@ class LineExchange:
         if self._owes_silence:
             self._drain(now_ns)
         for axis in self.axes:
+            axis.end_silence(now_ns, is_answer=True)
             read = homed_read(axis)
             if read is not None:
                 exchange = Exchange(None, 0, axis.plan.unit_id, read.pdu, now_ns)
-                exchange.added_read = read
+                exchange.added = read
                 self._waiting.add(exchange)
+        self._news.look(self.axes)
         self._next(now_ns)
 
     def link_down(self, now_ns: int) -> None:
@@ -200,14 +257,14 @@ class LineExchange:
         self._rest_until_ns = None
         self._is_draining = False
         for axis in self.axes:
-            if axis.link_lost(now_ns):
-                self._reference_changed(axis, is_referenced=False)
+            axis.link_lost(now_ns)
         if current is not None:
             self._lose(current, now_ns)
             self._fail(current, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND)
         for exchange in self._waiting.withdraw(lambda _: True):
-            self._note_unsent(exchange, now_ns)
+            self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE, now_ns)
             self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
+        self._news.look(self.axes)
 
     # --- time ------------------------------------------------------------------------------------------
 
@@ -236,71 +293,56 @@ class LineExchange:
             self._start(self._waiting.pop(), now_ns)
 
     def _start(self, exchange: Exchange, now_ns: int) -> None:
-        """Send an exchange, or the read that it needs first; or withdraw or refuse it."""
+        """Send an exchange, or the frame that it needs first; or withdraw or refuse it."""
         reason = "the gateway stops" if self._is_stopping else exchange.why_given_up(now_ns)
         if reason:
             self._withdrawn(exchange, reason, now_ns)
-            return
-        if exchange.added_read is not None:
-            self._send(exchange, exchange.pdu, now_ns)
-            return
-        try:
-            pdu = self._pdu_to_send(exchange, now_ns)
-        except RefusedRequestError as refusal:
-            self._note_unsent(exchange, now_ns)
-            self._on_event(Event(EventKind.REFUSED_VALUE, refusal.axis, refusal.reason))
-            self._refuse(exchange, refusal.code)
-            return
-        if pdu is not None:
-            self._send(exchange, pdu, now_ns)
-
-    def _pdu_to_send(self, exchange: Exchange, now_ns: int) -> bytes | None:
-        """Return what goes out for a request; None when it was answered instead.
-
-        Raises:
-            RefusedRequestError: it must not reach the drive.
-        """
-        pdu = exchange.pdu
-        look = ACCESS.get(pdu[0])
-        access = None if look is None else look(pdu)
-        if access is None:
-            return pdu
-        unit = self._units.get(exchange.unit_id)
-        if unit is None:
-            return self._pdu_to_nobody(exchange, access)
-        known = exchange.known = exchange.known or Known()
-        exchange.added_read = next_read(unit, pdu, access, known, now_ns)
-        if exchange.added_read is not None:
-            return exchange.added_read.pdu
-        exchange.rewriting = prepare(unit, pdu, access, known, now_ns)
-        return exchange.rewriting.sent_pdu
-
-    def _pdu_to_nobody(self, exchange: Exchange, access: Access) -> bytes | None:
-        """Return a request to a unit id without axes, unless it would reach an axis all the same."""
-        is_serial = self._link.is_serial
-        reason = why_not_passed(self._units.values(), exchange.unit_id, access, is_serial=is_serial)
-        if not reason:
-            return exchange.pdu
-        self._on_event(Event(EventKind.REFUSED_VALUE, None, reason))
-        if is_serial:
-            self.counters.refused += 1  # nobody answers a broadcast
+        elif exchange.overtaken_by:
+            self._overtaken(exchange, exchange.overtaken_by, now_ns)
+        elif exchange.port is None:
+            self._send(exchange, exchange.pdu, exchange.unit_id, now_ns)
         else:
-            self._refuse(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
-        return None
+            self._start_request(exchange, now_ns)
 
-    def _send(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
+    def _start_request(self, exchange: Exchange, now_ns: int) -> None:
+        for axis in self._units.axes_of(exchange.unit_id):
+            if axis.silent_since_ns is not None:
+                axis.end_silence(now_ns, is_answer=False)
+        try:
+            added, pdu = self._units.next_to_send(exchange, now_ns)
+        except RefusedRequestError as refusal:
+            self._refused_by_us(exchange, refusal, now_ns)
+            return
+        exchange.added = added
+        if added is not None:
+            self._send(exchange, added.pdu, added.axis.plan.unit_id, now_ns)
+            return
+        for rewriting in exchange.rewritings:
+            self.counters.unknown_modes += note_unknown(rewriting.request.meanings)
+        self._send(exchange, pdu, exchange.unit_id, now_ns)
+
+    def _refused_by_us(self, exchange: Exchange, refusal: RefusedRequestError, now_ns: int) -> None:
+        self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason))
+        self._note_unsent(exchange, refusal.code, now_ns)
+        self._refuse(exchange, refusal.code)
+
+    def _send(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
         exchange.sent_ns = now_ns
-        if exchange.unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
-            self._link.send_request(exchange.unit_id, pdu)
+        exchange.wire_unit_id = unit_id
+        if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
+            self._link.send_request(unit_id, pdu)
             self.counters.broadcasts += 1
             self._rest_until_ns = now_ns + self._turnaround_ns
+            for rewriting in exchange.rewritings:
+                note_broadcast(rewriting, now_ns)
+            self._news.look(self.axes)
             return
         self._current = exchange
         patience_ns = self._response_timeout_ns
-        if exchange.port is not None and exchange.added_read is None:
+        if exchange.port is not None and exchange.added is None:
             patience_ns = max(patience_ns, int(exchange.port.plan.timeout_ms * NS_PER_MS))
         exchange.deadline_ns = now_ns + patience_ns
-        self._link.send_request(exchange.unit_id, pdu)
+        self._link.send_request(unit_id, pdu)
 
     # --- endings ---------------------------------------------------------------------------------------
 
@@ -308,14 +350,15 @@ class LineExchange:
         self._link.abandon()
         self._current = None
         self.counters.timeouts += 1
-        if exchange.unit_id not in self._silent_units:
-            self._silent_units.add(exchange.unit_id)
-            self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {exchange.unit_id}"))
+        unit_id = exchange.wire_unit_id
+        if unit_id not in self._silent_units:
+            self._silent_units.add(unit_id)
+            self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {unit_id}"))
         self._lose(exchange, now_ns)
-        unit = self._units.get(exchange.unit_id)
-        for axis in unit.axes if unit else ():
-            if axis.doubt(now_ns):
-                self._reference_changed(axis, is_referenced=False)
+        axes = self._units.axes_of(unit_id)
+        for axis in axes:
+            axis.doubt(now_ns)
+        self._news.look(axes)
         if self._link.is_serial:
             self._drain(now_ns)
         self._fail(exchange, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND)
@@ -326,40 +369,30 @@ class LineExchange:
 
     def _lose(self, exchange: Exchange, now_ns: int) -> None:
         """Take note of an exchange whose reply never came."""
-        if exchange.rewriting is not None:
-            fail(exchange.rewriting, now_ns, is_refusal=False)
-            self._end_if_remapped(exchange)
-        elif exchange.added_read is not None:
-            self._note_unsent(exchange, now_ns)
+        code = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
+        lose(exchange, code, now_ns)
+        if exchange.added is not None:
+            self._note_unsent(exchange, code, now_ns)
+        self._end_if_remapped(exchange)
 
-    def _note_unsent(self, exchange: Exchange, now_ns: int) -> None:
-        """Take note of a request that never reached the drive: what it wrote is torn from the rest (M3)."""
-        unit = self._units.get(exchange.unit_id)
-        look = ACCESS.get(exchange.pdu[0])
-        access = None if look is None or exchange.port is None else look(exchange.pdu)
-        if unit is not None and access is not None and access.write_quantity:
-            note_unsent(unit, exchange.pdu, access, now_ns)
+    def _note_unsent(self, exchange: Exchange, code: int, now_ns: int) -> None:
+        """Take note of a request that never reached the drive (M3)."""
+        if exchange.port is not None and not only_reads(exchange.pdu):
+            note_unsent(self._units, exchange, code, now_ns)
+            self._news.look(self._units.axes_of(exchange.unit_id))
 
     def _end_if_remapped(self, exchange: Exchange) -> None:
         """End the compensation of a unit whose registers may mean something else now, acknowledged or not."""
-        if exchange.rewriting is None or not exchange.rewriting.remaps:
-            return
-        for axis in self._units[exchange.unit_id].axes:
-            if not axis.is_ended:
-                axis.end()
-                detail = (
-                    "its drive's registers were moved about; corrected again after a restart of the gateway"
-                )
-                self._on_event(Event(EventKind.COMPENSATION_ENDED, axis.plan.name, detail))
-
-    def _note_directions(self, exchange: Exchange) -> None:
-        for rendering in exchange.rewriting.renderings if exchange.rewriting else ():
-            axis = rendering.axis
-            if axis.is_unsure is not axis.was_unsure:
-                axis.was_unsure = axis.is_unsure
-                if axis.was_unsure:
-                    detail = "where the axis is could not be told; it keeps its branch"
-                    self._on_event(Event(EventKind.DIRECTION_UNSURE, axis.plan.name, detail))
+        for rewriting in exchange.rewritings:
+            if not rewriting.remaps or exchange.added is not None:
+                continue
+            for axis in (each for own in rewriting.request.unit.axes for each in (own, *own.peers)):
+                if not axis.is_ended:
+                    axis.end()
+                    detail = (
+                        "a drive's registers were moved about; corrected again after a restart of the gateway"
+                    )
+                    self._on_event(Event(EventKind.COMPENSATION_ENDED, axis.plan.name, detail))
 
     def _send_reply(self, exchange: Exchange, pdu: bytes) -> None:
         port = exchange.port
@@ -373,19 +406,14 @@ class LineExchange:
         if exchange.port is not None and not exchange.port.plan.serial:
             self._send_reply(exchange, exception_pdu(exchange.pdu[0], code))
 
-    def _refuse(self, exchange: Exchange, code: ExceptionCode) -> None:
+    def _refuse(self, exchange: Exchange, code: int) -> None:
         """Answer what the gateway itself refuses, on serial lines too (W7)."""
         self.counters.refused += 1
         self._send_reply(exchange, exception_pdu(exchange.pdu[0], code))
 
     def _withdrawn(self, exchange: Exchange, reason: str, now_ns: int) -> None:
-        self._note_unsent(exchange, now_ns)
+        self._note_unsent(exchange, ExceptionCode.SERVER_DEVICE_FAILURE, now_ns)
         self.counters.withdrawn += 1
         if exchange.port is not None:
             name = exchange.port.plan.name
             self._on_event(Event(EventKind.WITHDRAWN, None, f"a request of {name} was not sent: {reason}"))
-
-    def _reference_changed(self, axis: AxisExchange, *, is_referenced: bool) -> None:
-        kind = EventKind.AXIS_REFERENCED if is_referenced else EventKind.REFERENCE_LOST
-        detail = "" if is_referenced else "the drive does not say that it is homed: positions pass 1:1"
-        self._on_event(Event(kind, axis.plan.name, detail))

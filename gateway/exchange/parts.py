@@ -1,36 +1,25 @@
 """Parts of positions: what a request writes of a command field, and what it makes of the whole."""
 
 from gateway.exchange.access import Access
-from gateway.exchange.axis import Actual
+from gateway.exchange.request import Request
 from gateway.exchange.unit import FieldHit, FieldPlace, UnitMap
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import WordOrder
 
 
-class Known:
-    """What was read for one request before it could be rendered."""
-
-    def __init__(self) -> None:
-        self.actual: dict[str, Actual | None] = {}
-        """By axis; None: it was tried and could not be had."""
-        self.command_words: dict[int, bytes | None] = {}
-        """Nominal words by identity of the shadow they belong to; None as above."""
-        self.references: set[str] = set()
-        """Axes whose reference was asked for."""
-
-
 def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]:
     """Return the part of a command field that a request writes: its first word, and the words."""
-    data = pdu[access.data_offset :]
+    data = access.words(pdu)
     first = max(0, -hit.word)
     start = 2 * max(0, hit.word)
     return first, data[start : start + 2 * (hit.place.field.words - first)]
 
 
-def nominal_words(hit: FieldHit, pdu: bytes, access: Access, known: Known, now_ns: int) -> bytes | None:
+def nominal_words(hit: FieldHit, request: Request) -> bytes | None:
     """Return all words of a command field once this request is applied, or None when some are not known."""
     shadow = hit.place.shadow
     assert shadow is not None
+    pdu, access, known, now_ns = request.pdu, request.access, request.known, request.now_ns
     if access.is_mask:
         return _masked(hit, pdu, access)
     first, words = written_part(hit, pdu, access)
@@ -83,7 +72,7 @@ def kept_words_are_certain(place: FieldPlace, words: bytes, first: int, count: i
 
 def note_unsent(unit: UnitMap, pdu: bytes, access: Access, now_ns: int) -> None:
     """Note that a request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
-    for hit in unit.hits(access.write_address, access.write_quantity).fields:
+    for hit in unit.written(access.write_address, access.write_quantity).fields:
         note_lost(hit, pdu, access, now_ns)
 
 

@@ -3,10 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Final
 
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import CorrectionTable
+from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan
 from gateway.modbus.registers import BitField, PositionField
+
+HOMED_BIT: Final = "homed"
+DONE_BIT: Final = "done"
+MOVING_BIT: Final = "moving"
+ALARM_BIT: Final = "alarm"
 
 
 class CompensationMode(Enum):
@@ -65,9 +72,21 @@ class AxisPlan:
     """Registers that move other registers about (M10)."""
     passes_unmapped: bool = False
     """Writes to guarded registers pass all the same."""
+    limits: tuple[PositionField, ...] = ()
+    """Positions that the drive compares its own with."""
+    aliases: tuple[PositionField, ...] = ()
+    """Further addresses at which positions can be read."""
+    settable: frozenset[int] = frozenset()
+    """Actual positions, by number, whose writing tells the drive that it stands somewhere else."""
+    motion: MotionPlan = DIRECT
+    addressing: Addressing = Addressing.REGISTERS
+    object_words: Mapping[int, int] = field(default_factory=dict)
+    """Registers of each object that is not a position, where addresses are objects."""
+    reads_with: Form = Form.FC03
+    writes_with: Form = Form.FC16
+    lost_ms: float = 1000.0
+    """After a silence as long as this the drive may have been switched off."""
     bits: Mapping[str, BitField] = field(default_factory=dict)
-    write_function: int = 16
-    """16, or 6 for drives that take no FC16."""
     max_registers: int = 123
     """Most registers that the drive takes in one frame."""
     safe_read: bool = True
@@ -75,9 +94,16 @@ class AxisPlan:
     added_frames: bool = True
     exception_writes_nothing: bool = False
     """The profile says ``exception = "nothing-written"`` (M7)."""
+    drive: str = ""
+    """Name of the shipped profile that the registers came from; the simulator's endpoint goes by it."""
     table_name: str = ""
     table_format: str = ""
     table_digest: str = ""
+
+    @property
+    def has_rules(self) -> bool:
+        """Whether a frame may mean something else than positions to be gone to at once."""
+        return self.motion.waits_for_trigger or any(self.motion.modes) or bool(self.settable)
 
 
 @dataclass(frozen=True, slots=True)

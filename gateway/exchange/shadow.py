@@ -34,8 +34,8 @@ class Shadow:
         """Whether a write was lost and no whole position has been acknowledged since."""
         return self._pending is not None
 
-    def settle(self, nominal_words: bytes, corrected_words: bytes) -> None:
-        """Note that the drive holds these words."""
+    def settle(self, nominal_words: bytes, corrected_words: bytes | None) -> None:
+        """Note that the drive holds these words; ``corrected_words`` None: which ones is not known."""
         self.nominal_words = nominal_words
         self.corrected_words = corrected_words
         self._pending = None

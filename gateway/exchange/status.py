@@ -3,7 +3,6 @@
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.line import LineExchange
-from gateway.exchange.plan import CompensationMode
 
 
 def line_status(line: LineExchange) -> dict[str, object]:
@@ -19,6 +18,8 @@ def line_status(line: LineExchange) -> dict[str, object]:
         "withdrawn": counters.withdrawn,
         "broadcasts": counters.broadcasts,
         "added_reads": counters.added_reads,
+        "restaged": counters.restaged,
+        "unknown_modes": counters.unknown_modes,
         "unmapped_reads": counters.unmapped_reads,
     }
 
@@ -62,7 +63,7 @@ def direction_state(axis: AxisExchange) -> str:
 
 def compensation_state(axis: AxisExchange) -> str:
     """Return the state of the compensation as the status shows it."""
-    if axis.plan.compensation is CompensationMode.OFF or axis.is_ended:
+    if axis.is_ended or not axis.is_enabled:
         return "off"
     if axis.plan.table is None:
         return "no-table"
@@ -70,6 +71,8 @@ def compensation_state(axis: AxisExchange) -> str:
         return "unreferenced"
     if axis.is_shadow:
         return "shadow"
+    if axis.blocked_by is not None:
+        return "blocked"
     accepted = axis.compensation.accepted
     if accepted is not None and axis.compensation.is_outside(accepted.nominal_counts):
         return "outside"

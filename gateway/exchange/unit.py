@@ -1,12 +1,13 @@
-"""Which words of which frame are positions: the register map of one unit id."""
+"""Which words of which frame are positions, modes and triggers: the register map of one unit id."""
 
 from collections.abc import Iterable
 from enum import Enum
 from typing import Final, NamedTuple
 
+from gateway.drives.motion import Addressing
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.shadow import Shadow
-from gateway.modbus.registers import BitField, PositionField
+from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField
 
 CACHE_LIMIT: Final = 4096
 """Distinct (address, quantity) pairs that are remembered; a controller uses a few dozen."""
@@ -18,6 +19,10 @@ class FieldRole(Enum):
     COMMAND = "command"
     ACTUAL = "actual"
     COMMANDED = "commanded"
+    ALIAS = "alias"
+    """A further address at which a position is read."""
+    LIMIT = "limit"
+    """A position that the drive compares its own with."""
     GUARDED = "guarded"
     """Holds a position that is not mapped."""
     REMAPPING = "remapping"
@@ -28,8 +33,16 @@ class FieldRole(Enum):
         """Whether the gateway knows what position the register holds."""
         return self in _POSITIONS
 
+    @property
+    def is_written(self) -> bool:
+        """Whether the controller tells the drive a position there."""
+        return self in _WRITTEN
 
-_POSITIONS: Final = frozenset({FieldRole.COMMAND, FieldRole.ACTUAL, FieldRole.COMMANDED})
+
+_POSITIONS: Final = frozenset(
+    {FieldRole.COMMAND, FieldRole.ACTUAL, FieldRole.COMMANDED, FieldRole.ALIAS, FieldRole.LIMIT}
+)
+_WRITTEN: Final = frozenset({FieldRole.COMMAND, FieldRole.LIMIT})
 
 
 class FieldPlace(NamedTuple):
@@ -54,11 +67,19 @@ class FieldHit(NamedTuple):
 
 
 class BitHit(NamedTuple):
-    """A status bit inside a span; ``word`` is the index of its register in the span."""
+    """A status bit inside a span; ``word`` is the index of its register, coil or input in the span."""
 
     axis: AxisExchange
     name: str
     bit: BitField
+    word: int
+
+
+class RuleHit(NamedTuple):
+    """A register inside a span whose content decides what positions mean, or makes the drive act."""
+
+    axis: AxisExchange
+    address: int
     word: int
 
 
@@ -67,6 +88,9 @@ class Hits(NamedTuple):
 
     fields: tuple[FieldHit, ...]
     bits: tuple[BitHit, ...]
+    rules: tuple[RuleHit, ...] = ()
+    is_unclear: bool = False
+    """Where addresses are objects: the span holds one of unknown width before a mapped one."""
 
 
 NO_HITS: Final = Hits((), ())
@@ -77,22 +101,53 @@ class UnitMap:
 
     def __init__(self, axes: Iterable[AxisExchange]) -> None:
         self.axes = tuple(axes)
+        self.has_rules = any(
+            axis.plan.motion.waits_for_trigger or any(axis.plan.motion.modes) for axis in self.axes
+        )
+        """Whether a frame may mean something else than positions to be gone to at once."""
+        self.asks_for_bits = any(axis.reference.hangs_on_a_bit for axis in self.axes)
+        """Whether a status bit may have to be read before positions pass."""
         self._places = tuple(place for axis in self.axes for place in _places(axis))
         self._bits = tuple((axis, name, bit) for axis in self.axes for name, bit in axis.plan.bits.items())
+        self._rules = tuple((axis, address) for axis in self.axes for address in axis.motion.rule_addresses)
+        self._widths = _object_widths(self.axes)
         self._cache: dict[int, Hits] = {}
 
-    def hits(self, address: int, quantity: int) -> Hits:
-        """Return what the span ``address`` to ``address + quantity - 1`` touches."""
-        key = address << 16 | quantity
+    def written(self, address: int, quantity: int) -> Hits:
+        """Return what a write of ``address`` to ``address + quantity - 1`` touches."""
+        return self._hits(address, quantity, FieldAccess.READ)
+
+    def read(self, address: int, quantity: int) -> Hits:
+        """Return what a read of these registers touches."""
+        return self._hits(address, quantity, FieldAccess.WRITE)
+
+    def read_bits(self, table: BitTable, address: int, quantity: int) -> list[BitHit]:
+        """Return the status bits among these coils or discrete inputs."""
+        return [
+            BitHit(axis, name, bit, bit.address - address)
+            for axis, name, bit in self._bits
+            if bit.table is table and address <= bit.address < address + quantity
+        ]
+
+    def _hits(self, address: int, quantity: int, other: FieldAccess) -> Hits:
+        key = (address << 16 | quantity) << 1 | (other is FieldAccess.READ)
         hits = self._cache.get(key)
         if hits is None:
-            hits = self._find(address, quantity)
+            hits = self._find(address, quantity, other)
             if len(self._cache) >= CACHE_LIMIT:
                 self._cache.clear()
             self._cache[key] = hits
         return hits
 
-    def _find(self, address: int, quantity: int) -> Hits:
+    def _find(self, address: int, quantity: int, other: FieldAccess) -> Hits:
+        if not quantity:
+            return NO_HITS
+        places = [place for place in self._places if place.field.access is not other]
+        is_read = other is FieldAccess.WRITE
+        bits = [(a, n, b) for a, n, b in self._bits if b.table is BitTable.REGISTER] if is_read else []
+        rules = () if is_read else self._rules
+        if self._widths is not None:
+            return self._find_objects(address, quantity, places, bits, rules)
         end = address + quantity
         fields = tuple(
             FieldHit(
@@ -100,22 +155,76 @@ class UnitMap:
                 place.field.address - address,
                 address <= place.field.address and place.field.end <= end,
             )
-            for place in self._places
-            if place.field.address < end and place.field.end > address
+            for place in places
+            if place.field.address < end
+            and place.field.end > address
+            and (place.field.block is None or place.field.block == address)
         )
-        bits = tuple(
-            BitHit(axis, name, bit, bit.address - address)
-            for axis, name, bit in self._bits
-            if address <= bit.address < end
+        return Hits(
+            fields,
+            tuple(BitHit(a, n, b, b.address - address) for a, n, b in bits if address <= b.address < end),
+            tuple(RuleHit(a, at, at - address) for a, at in rules if address <= at < end),
         )
-        return Hits(fields, bits) if fields or bits else NO_HITS
+
+    def _find_objects(
+        self,
+        address: int,
+        quantity: int,
+        places: list[FieldPlace],
+        bits: list[tuple[AxisExchange, str, BitField]],
+        rules: tuple[tuple[AxisExchange, int], ...],
+    ) -> Hits:
+        """Walk through the objects of a span: each takes as many registers as it is wide."""
+        assert self._widths is not None
+        layout: dict[int, int] = {}
+        index, word = address, 0
+        while word < quantity:
+            layout[index] = word
+            width = self._widths.get(index)
+            if width is None:
+                break
+            index, word = index + 1, word + width
+        mapped = {p.field.address for p in places} | {b.address for _, _, b in bits} | {a for _, a in rules}
+        is_unclear = word < quantity and any(index < at < index + quantity - word for at in mapped)
+        fields = tuple(
+            FieldHit(place, at, at + place.field.words <= quantity)
+            for place in places
+            if (at := layout.get(place.field.address)) is not None
+        )
+        return Hits(
+            fields,
+            tuple(BitHit(a, n, b, layout[b.address]) for a, n, b in bits if b.address in layout),
+            tuple(RuleHit(a, at, layout[at]) for a, at in rules if at in layout),
+            is_unclear,
+        )
+
+
+def _object_widths(axes: tuple[AxisExchange, ...]) -> dict[int, int] | None:
+    """Return the registers of each known object; None where addresses are registers."""
+    if not any(axis.plan.addressing is Addressing.OBJECTS for axis in axes):
+        return None
+    widths: dict[int, int] = {}
+    for axis in axes:
+        widths.update(dict.fromkeys(axis.motion.rule_addresses, 1))
+        widths.update({bit.address: 1 for bit in axis.plan.bits.values() if bit.table is BitTable.REGISTER})
+        widths.update(axis.plan.object_words)
+        widths.update({place.field.address: place.field.words for place in _places(axis)})
+    return widths
 
 
 def _places(axis: AxisExchange) -> list[FieldPlace]:
     plan = axis.plan
+    read_or_guarded = (
+        (FieldRole.ACTUAL, plan.actual),
+        (FieldRole.COMMANDED, plan.commanded),
+        (FieldRole.ALIAS, plan.aliases),
+        (FieldRole.GUARDED, plan.guarded),
+        (FieldRole.REMAPPING, plan.remapping),
+    )
     places = [FieldPlace(axis, FieldRole.COMMAND, i, f, axis.shadows[i]) for i, f in enumerate(plan.command)]
-    places += [FieldPlace(axis, FieldRole.ACTUAL, i, f, None) for i, f in enumerate(plan.actual)]
-    places += [FieldPlace(axis, FieldRole.COMMANDED, i, f, None) for i, f in enumerate(plan.commanded)]
-    places += [FieldPlace(axis, FieldRole.GUARDED, i, f, None) for i, f in enumerate(plan.guarded)]
-    places += [FieldPlace(axis, FieldRole.REMAPPING, i, f, None) for i, f in enumerate(plan.remapping)]
+    places += [
+        FieldPlace(axis, FieldRole.LIMIT, i, f, axis.limit_shadows[i]) for i, f in enumerate(plan.limits)
+    ]
+    for role, fields in read_or_guarded:
+        places += [FieldPlace(axis, role, i, f, None) for i, f in enumerate(fields)]
     return places

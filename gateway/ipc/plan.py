@@ -25,6 +25,8 @@ class LinePlan:
     controllers: tuple[ControllerLink, ...]
     axes: tuple[AxisPlan, ...]
     timing: LineTiming
+    groups: tuple[tuple[str, ...], ...] = ()
+    """Names of axes that are corrected together or not at all."""
 
 
 @dataclass(frozen=True, slots=True)

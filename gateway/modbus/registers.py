@@ -12,7 +12,15 @@ from typing import Final
 from gateway.modbus.errors import RegisterFieldError, RegisterRangeError
 from gateway.modbus.words import Codec, codec_of
 
-__all__ = ["BitField", "PositionField", "RegisterRangeError", "RegisterType", "WordOrder"]
+__all__ = [
+    "BitField",
+    "BitTable",
+    "FieldAccess",
+    "PositionField",
+    "RegisterRangeError",
+    "RegisterType",
+    "WordOrder",
+]
 
 ADDRESSES: Final = 0x10000
 BITS_OF_A_WORD: Final = 16
@@ -51,11 +59,29 @@ class RegisterType(Enum):
         return self is RegisterType.FLOAT32
 
 
+class FieldAccess(Enum):
+    """Which requests reach a field: some drives read something else at an address than was written there."""
+
+    BOTH = "both"
+    READ = "read"
+    WRITE = "write"
+
+
+class BitTable(Enum):
+    """Where a status bit stands."""
+
+    REGISTER = "register"
+    COIL = "coil"
+    INPUT = "input"
+    """A discrete input."""
+
+
 @dataclass(frozen=True, slots=True)
 class PositionField:
     """One position in a drive's registers: counts = raw × ``scale``.
 
-    The address is the one on the wire, counted from 0.
+    The address is the one on the wire, counted from 0. With ``block`` the field exists only in frames that
+    begin at that address: there an address is a command, not memory.
 
     >>> target = PositionField(0x6F00, RegisterType.INT32, WordOrder.LOW_FIRST)
     >>> target.pack(0x00085555).hex(" ")
@@ -68,6 +94,8 @@ class PositionField:
     type: RegisterType
     order: WordOrder = WordOrder.HIGH_FIRST
     scale: float = 1.0
+    access: FieldAccess = FieldAccess.BOTH
+    block: int | None = None
     _codec: Codec = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -109,14 +137,20 @@ class PositionField:
 
 @dataclass(frozen=True, slots=True)
 class BitField:
-    """One bit of one register; bit 0 is the least significant.
+    """One bit of one register, bit 0 being the least significant; or one coil or discrete input.
+
+    ``is_inverted``: the drive says 0 for yes.
 
     >>> BitField(0x1003, 6).is_set(0x0040)
     True
+    >>> BitField(0x0048, 0, BitTable.INPUT, is_inverted=True).is_set(1)
+    False
     """
 
     address: int
-    bit: int
+    bit: int = 0
+    table: BitTable = BitTable.REGISTER
+    is_inverted: bool = False
 
     def __post_init__(self) -> None:
         if not 0 <= self.address < ADDRESSES:
@@ -125,5 +159,5 @@ class BitField:
             raise RegisterFieldError(f"bit {self.bit} of register {self.address} is not in 0 … 15")
 
     def is_set(self, word: int) -> bool:
-        """Whether the bit is set in the register's value."""
-        return bool(word >> self.bit & 1)
+        """Whether the register's value says yes; of a coil or input, its own value."""
+        return bool(word >> self.bit & 1) is not self.is_inverted

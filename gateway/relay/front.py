@@ -7,12 +7,12 @@ from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
-from gateway.relay.framing import frame_silence_ns, request_decoder
 from gateway.relay.journal import Journal, Severity
 from gateway.relay.refusals import Refusals
 from gateway.relay.timed import TimedExchange
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.framing import frame_silence_ns, request_decoder
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpListener
 

@@ -3,12 +3,18 @@
 import asyncio
 import time
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 
 import gateway
+from gateway.ipc.place import SocketError
 from gateway.ipc.plan import GatewayPlan
+from gateway.ipc.server import ControlServer
+from gateway.relay.control import answer
 from gateway.relay.errors import StartError
-from gateway.relay.journal import Journal, Note
+from gateway.relay.journal import Journal, Note, Severity
 from gateway.relay.line import Line
+from gateway.relay.recorder import Recorder
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -17,14 +23,45 @@ class Relay:
     """Runs a plan on the loop of whoever starts it.
 
     ``write`` gets what happened, a few times a second, off the hot path; without it the newest notes can be
-    looked at with :meth:`recent`. A relay lives once: make another one to start again.
+    looked at with :meth:`recent`. ``state`` is the folder of its socket; without it there is none. With a
+    ``recorder`` everything that passes is recorded. A relay lives once: make another one to start again.
     """
 
-    def __init__(self, plan: GatewayPlan, write: Callable[[Note], None] | None = None) -> None:
+    def __init__(
+        self,
+        plan: GatewayPlan,
+        write: Callable[[Note], None] | None = None,
+        *,
+        state: Path | None = None,
+        recorder: Recorder | None = None,
+    ) -> None:
         self._plan = plan
         self._journal = Journal(write)
         self._lines: list[Line] = []
         self._started_ns = 0
+        self._state = state
+        self._control: ControlServer | None = None
+        self._recorder = recorder
+
+    @property
+    def name(self) -> str:
+        """Name of the gateway."""
+        return self._plan.name
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of all axes, as they are configured."""
+        return tuple(axis.name for line in self._plan.lines for axis in line.axes)
+
+    @property
+    def control_socket(self) -> Path | None:
+        """Where commands reach it."""
+        return None if self._control is None else self._control.path
+
+    @property
+    def recording(self) -> Path | None:
+        """The file that everything is recorded into, while it is."""
+        return self._recorder.path if self._recorder is not None and self._recorder.is_on else None
 
     @property
     def addresses(self) -> dict[tuple[str, str], tuple[TcpEndpoint, ...]]:
@@ -47,20 +84,41 @@ class Relay:
         """
         self._started_ns = time.monotonic_ns()
         self._journal.start()
-        self._lines = [Line(plan, self._journal) for plan in self._plan.lines]
-        problems: list[str] = []
-        for line in self._lines:
+        problems = self._start_recorder()
+        self._lines = [Line(plan, self._journal, self._recorder) for plan in self._plan.lines]
+        problems += await self._open_control()
+        for line in () if problems else self._lines:
             problems += await line.open()
         if problems:
             for line in self._lines:
                 await line.close()
-            await self._journal.stop()
+            if self._recorder is not None:
+                await self._recorder.discard()
+            await self._close_rest()
             raise StartError(problems)
 
     async def stop(self) -> None:
         """Take no new requests, let the exchanges on the wires end, close everything."""
+        if self._control is not None:
+            await self._control.close()
         await asyncio.gather(*(line.stop() for line in self._lines))
-        await self._journal.stop()
+        await self._close_rest()
+
+    def enable(self, axis: str) -> tuple[str, ...]:
+        """Switch the compensation of an axis on; returns the names of the axes that changed with it.
+
+        Raises:
+            ControlError: why it cannot be, and what to do.
+        """
+        return self._commanded("enabled", self._line_of(axis).enable(axis))
+
+    def disable(self, axis: str) -> tuple[str, ...]:
+        """Switch the compensation of an axis off; as :meth:`enable`."""
+        return self._commanded("disabled", self._line_of(axis).disable(axis))
+
+    def reference(self, axis: str) -> tuple[str, ...]:
+        """Take an axis as referenced where it stands; as :meth:`enable`."""
+        return self._commanded("referenced", self._line_of(axis).reference(axis))
 
     @property
     def busy_lines(self) -> dict[str, float]:
@@ -92,3 +150,41 @@ class Relay:
             "lines": {line.plan.name: line.status() for line in self._lines},
             "axes": axes,
         }
+
+    def _commanded(self, what: str, axes: tuple[str, ...]) -> tuple[str, ...]:
+        """Put it on record that somebody changed something."""
+        if axes:
+            self._journal.note(Severity.INFO, what, axes=list(axes), detail="by a command")
+        return axes
+
+    def _line_of(self, axis: str) -> Line:
+        return next(line for line in self._lines if axis in (plan.name for plan in line.plan.axes))
+
+    def _start_recorder(self) -> list[str]:
+        if self._recorder is None:
+            return []
+        try:
+            self._recorder.start()
+        except FileExistsError:
+            return [f"{self._recorder.path} exists: record into a new file, or remove this one"]
+        except OSError as error:
+            return [f"{self._recorder.path} cannot be written: {error.strerror or error}"]
+        self._recorder.on_lost = lambda why: self._journal.note(Severity.ERROR, "recording-ended", detail=why)
+        return []
+
+    async def _open_control(self) -> list[str]:
+        if self._state is None:
+            return []
+        try:
+            self._control = ControlServer(self._state, partial(answer, self))
+            await self._control.open()
+        except SocketError as error:
+            return [f"gateway.state: {error}"]
+        return []
+
+    async def _close_rest(self) -> None:
+        if self._control is not None:
+            await self._control.close()
+        if self._recorder is not None:
+            await self._recorder.stop()
+        await self._journal.stop()

@@ -8,13 +8,15 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc.plan import LinePlan
 from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink
-from gateway.relay.framing import endpoint_key, frame_silence_ns, reply_decoder
 from gateway.relay.front import Front, make_front
 from gateway.relay.journal import Journal, Severity
+from gateway.relay.recorded import RecordedExchange, RecordedLink
+from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
 from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.errors import TransportError
+from gateway.transport.framing import endpoint_key, frame_silence_ns, reply_decoder
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector
 
@@ -25,14 +27,23 @@ STOP_MARGIN_S: Final = 1.0
 class Line:
     """A bus of drives with its controllers, from the configuration to open sockets and ports."""
 
-    def __init__(self, plan: LinePlan, journal: Journal) -> None:
+    def __init__(self, plan: LinePlan, journal: Journal, recorder: Recorder | None = None) -> None:
         self.plan = plan
         self._journal = journal
         self._link = _make_link(plan)
+        link = self._link if recorder is None else RecordedLink(self._link, plan.name, recorder)
         self._exchange = LineExchange(
-            plan.axes, plan.timing, self._link, lambda event: journal.exchange_event(plan.name, event)
+            plan.axes,
+            plan.timing,
+            link,
+            lambda event: journal.exchange_event(plan.name, event),
+            groups=plan.groups,
         )
-        self._timed = TimedExchange(self._exchange)
+        self._timed = (
+            TimedExchange(self._exchange)
+            if recorder is None
+            else RecordedExchange(self._exchange, plan.name, recorder)
+        )
         self._link.attach(self._timed)
         self._drives = _make_drives(plan.drives, self._link, self._drives_failed)
         self._fronts = [make_front(plan.name, link, self._timed, journal) for link in plan.controllers]
@@ -106,6 +117,18 @@ class Line:
     def axes_status(self) -> dict[str, dict[str, object]]:
         """Return the status of each axis on this line, by name."""
         return axes_status(self._exchange)
+
+    def enable(self, axis: str) -> tuple[str, ...]:
+        """Switch the compensation of an axis on; returns all axes that changed with it. Or ControlError."""
+        return self._timed.enable(axis, time.monotonic_ns())
+
+    def disable(self, axis: str) -> tuple[str, ...]:
+        """Switch the compensation of an axis off; as :meth:`enable`."""
+        return self._timed.disable(axis, time.monotonic_ns())
+
+    def reference(self, axis: str) -> tuple[str, ...]:
+        """Take an axis as referenced where it stands; as :meth:`enable`."""
+        return self._timed.reference(axis, time.monotonic_ns())
 
     async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
         try:

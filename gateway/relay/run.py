@@ -9,16 +9,18 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Any, Final
 
 from gateway.exchange.plan import CompensationMode
 from gateway.ipc.plan import GatewayPlan
 from gateway.relay.gateway import Relay
 from gateway.relay.journal import Note, Severity
+from gateway.relay.recorder import Recorder
 
 SWITCH_INTERVAL_S: Final = 1e-4
-"""How long another thread may keep the interpreter from the loop. The relay has none of its own but the one
-that looks up host names; the default of 5 ms would be fifty exchanges."""
+"""How long another thread may keep the interpreter from the loop. There are only those which look up host
+names and write a recording; the default of 5 ms would be fifty exchanges."""
 AXIS_FIELDS: Final = (
     "compensation",
     "direction",
@@ -46,15 +48,24 @@ UNFINISHED: Final = "an exchange was not finished: whether the drive took it is 
 SHADOW_MEANS: Final = "corrections are computed and shown; positions pass unchanged in both directions"
 
 
-def run_relay(plan: GatewayPlan, write: Callable[[Note], None], status_every_s: float = 0.0) -> None:
+def run_relay(
+    plan: GatewayPlan,
+    write: Callable[[Note], None],
+    status_every_s: float = 0.0,
+    *,
+    state: Path | None = None,
+    recorder: Recorder | None = None,
+) -> None:
     """Run until SIGTERM or SIGINT, then stop cleanly. ``status_every_s`` 0: no status lines.
 
+    ``state`` is the folder of the gateway's socket; with a ``recorder`` all traffic is recorded.
+
     Raises:
-        StartError: a listener or port cannot be opened.
+        StartError: a listener, a port, the socket or the recording cannot be opened.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
-        runner.run(_serve(plan, write, status_every_s))
+        runner.run(_serve(Relay(plan, write, state=state, recorder=recorder), plan, write, status_every_s))
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
@@ -66,10 +77,11 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
     return factory
 
 
-async def _serve(plan: GatewayPlan, write: Callable[[Note], None], status_every_s: float) -> None:
+async def _serve(
+    relay: Relay, plan: GatewayPlan, write: Callable[[Note], None], status_every_s: float
+) -> None:
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
-    relay = Relay(plan, write)
     log = _Log(write, relay.flush)
 
     def stop() -> None:
@@ -150,7 +162,9 @@ class _Log:
             f"{line}/{controller}": [str(address) for address in where]
             for (line, controller), where in relay.addresses.items()
         }
-        self.say("ready", addresses=addresses)
+        socket = {"socket": str(relay.control_socket)} if relay.control_socket else {}
+        recording = {"recording": str(relay.recording)} if relay.recording else {}
+        self.say("ready", Severity.INFO, addresses=addresses, **socket, **recording)
 
     def status(self, status: Mapping[str, Mapping[str, object]]) -> None:
         for name, axis in status["axes"].items():

@@ -55,6 +55,33 @@ class TimedExchange:
         self._exchange.link_down(now_ns)
         self._settle()
 
+    def enable(self, axis: str, now_ns: int) -> tuple[str, ...]:
+        """Switch the compensation of an axis on; returns the names of all axes that changed with it.
+
+        Raises:
+            ControlError: why it cannot be, and what to do.
+        """
+        changed = self._exchange.enable(axis, now_ns)
+        self._settle()
+        return changed
+
+    def disable(self, axis: str, now_ns: int) -> tuple[str, ...]:
+        """Switch the compensation of an axis off; as :meth:`enable`."""
+        changed = self._exchange.disable(axis, now_ns)
+        self._settle()
+        return changed
+
+    def reference(self, axis: str, now_ns: int) -> tuple[str, ...]:
+        """Take an axis as referenced where it stands; as :meth:`enable`."""
+        changed = self._exchange.reference(axis, now_ns)
+        self._settle()
+        return changed
+
+    def is_due(self, now_ns: int) -> bool:
+        """Whether the exchange's deadline has passed."""
+        deadline_ns = self._exchange.deadline_ns
+        return deadline_ns is not None and now_ns >= deadline_ns
+
     async def stop(self, now_ns: int, timeout_s: float) -> None:
         """Send nothing new; return when the exchange on the wire has ended, or after ``timeout_s``."""
         self._exchange.stop(now_ns)

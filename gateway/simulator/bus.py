@@ -3,10 +3,9 @@
 from collections.abc import Iterable
 from typing import Final
 
-from gateway.simulator.axis import SimulatedAxis
-from gateway.simulator.drive import SimulatedDrive
 from gateway.simulator.errors import SimulatorError
 from gateway.simulator.ledger import Ledger
+from gateway.simulator.server import RegisterServer, ServedMotion
 
 BROADCAST: Final = 0
 
@@ -17,9 +16,9 @@ class DriveBus:
     Unit id 0 is a broadcast, obeyed by all and answered by none, unless a drive has that very id.
     """
 
-    def __init__(self, drives: Iterable[SimulatedDrive]) -> None:
+    def __init__(self, drives: Iterable[RegisterServer]) -> None:
         self.ledger = Ledger()
-        self._drives: dict[int, SimulatedDrive] = {}
+        self._drives: dict[int, RegisterServer] = {}
         for drive in drives:
             if drive.unit_id in self._drives:
                 raise SimulatorError(f"two drives with unit id {drive.unit_id} on one bus")
@@ -27,11 +26,11 @@ class DriveBus:
             self._drives[drive.unit_id] = drive
 
     @property
-    def drives(self) -> tuple[SimulatedDrive, ...]:
+    def drives(self) -> tuple[RegisterServer, ...]:
         """The drives in the order in which they were given."""
         return tuple(self._drives.values())
 
-    def axis(self, name: str) -> SimulatedAxis:
+    def axis(self, name: str) -> ServedMotion:
         """An axis by its name.
 
         Raises:
@@ -43,10 +42,21 @@ class DriveBus:
         """Whether a request to this unit id is anybody's business."""
         return unit_id in self._drives or unit_id == BROADCAST
 
+    def response_delay_s(self, unit_id: int, baudrate: int) -> float:
+        """Return how long the drive with this unit id thinks about a reply; ``baudrate`` is 0 on TCP."""
+        drive = self._drives.get(unit_id)
+        return 0.0 if drive is None else drive.response_delay_s(baudrate)
+
+    def bad_crc_reply(self, unit_id: int, function: int) -> bytes | None:
+        """Return what a drive answers to an RTU frame with a wrong check sum; None: nothing, as is right."""
+        drive = self._drives.get(unit_id)
+        return None if drive is None else drive.bad_crc_reply(function)
+
     def answer(self, unit_id: int, pdu: bytes, now_s: float) -> bytes | None:
         """Obey a request.
 
-        Returns None where nobody answers: a broadcast, an unknown unit id, a request without a function.
+        Returns None where nobody answers: a broadcast, an unknown unit id, a request without a function, a
+        drive that refuses in silence.
         """
         if not pdu:
             return None

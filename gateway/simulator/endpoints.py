@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final
 
+from gateway.modbus.lengths import MIN_ADU
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.simulator.bus import DriveBus
@@ -21,20 +22,28 @@ GATEWAY_TARGET_FAILED: Final = 0x0B
 """What a TCP device answers for a unit id that nobody has (Modbus application protocol V1.1b3, section 7)."""
 
 
+Delay = Callable[[int], float]
+"""Unit id -> seconds that its drive thinks about a reply."""
+
+
+def _same_delay(delay_s: float | Delay) -> Delay:
+    return delay_s if callable(delay_s) else lambda _unit_id: delay_s
+
+
 class _DelayedSender:
     """Sends replies after the drive's response delay, in the order of the requests."""
 
-    def __init__(self, send: Callable[[bytes], None], delay_s: float) -> None:
+    def __init__(self, send: Callable[[bytes], None]) -> None:
         self._send = send
-        self._delay_ns = round(delay_s * NS_PER_S)
         self._waiting: deque[tuple[int, bytes]] = deque()
         self._alarm = Alarm(self._send_due)
 
-    def send(self, adu: bytes) -> None:
-        if not self._delay_ns:
+    def send(self, adu: bytes, delay_s: float) -> None:
+        if not delay_s and not self._waiting:
             self._send(adu)
             return
-        self._waiting.append((loop_now_ns() + self._delay_ns, adu))
+        due_ns = loop_now_ns() + round(delay_s * NS_PER_S)
+        self._waiting.append((max(due_ns, self._waiting[-1][0]) if self._waiting else due_ns, adu))
         self._alarm.set(self._waiting[0][0])
 
     def close(self) -> None:
@@ -52,15 +61,19 @@ class _RtuUnit:
     """RTU bytes in, RTU bytes out: what serial ports and RTU over TCP share."""
 
     def __init__(
-        self, bus: DriveBus, clock: SimulationClock, send: Callable[[bytes], None], delay_s: float
+        self, bus: DriveBus, clock: SimulationClock, send: Callable[[bytes], None], delay: Delay
     ) -> None:
         self._bus = bus
         self._clock = clock
+        self._delay = delay
         self._decoder = RtuRequestDecoder()
-        self._sender = _DelayedSender(send, delay_s)
+        self._sender = _DelayedSender(send)
         self._silence = Alarm(self._on_silence)
+        self._unread = b""
+        """What has come since the last whole frame."""
 
     def feed(self, data: bytes) -> None:
+        self._unread += data
         self._answer(self._decoder.feed(data, loop_now_ns()))
 
     def close(self) -> None:
@@ -68,13 +81,27 @@ class _RtuUnit:
         self._sender.close()
 
     def _on_silence(self) -> None:
+        is_due = self._decoder.deadline_ns is not None and loop_now_ns() >= self._decoder.deadline_ns
         self._answer(self._decoder.on_silence(loop_now_ns()))
+        if is_due and len(self._unread) >= MIN_ADU:
+            self._answer_garbled(self._unread)
+
+    def _answer_garbled(self, data: bytes) -> None:
+        """Some drives answer what the decoder made no frame of: a wrong check sum, to them."""
+        reply = self._bus.bad_crc_reply(data[0], data[1])
+        if reply is not None:
+            self._sender.send(encode_rtu(data[0], reply), self._delay(data[0]))
+            self._unread = b""
+            self._decoder.reset()
+            self._silence.set(None)
 
     def _answer(self, requests: list[tuple[int, bytes]]) -> None:
         for unit_id, pdu in requests:
             reply = self._bus.answer(unit_id, pdu, self._clock())
             if reply is not None:
-                self._sender.send(encode_rtu(unit_id, reply))
+                self._sender.send(encode_rtu(unit_id, reply), self._delay(unit_id))
+        if self._decoder.deadline_ns is None:
+            self._unread = b""
         self._silence.set(self._decoder.deadline_ns)
 
 
@@ -82,6 +109,7 @@ class SerialDriveServer:
     """Drives on a serial port, given by a raw, non-blocking descriptor: a pty's master or an opened device.
 
     With ``wire`` the bytes take the time that they need at that port's baud rate, in both directions.
+    ``response_delay_s`` is that of all drives, or a function that takes a unit id.
     """
 
     def __init__(
@@ -90,13 +118,13 @@ class SerialDriveServer:
         clock: SimulationClock,
         fd: int,
         *,
-        response_delay_s: float = 0.0,
+        response_delay_s: float | Delay = 0.0,
         wire: SerialEndpoint | None = None,
     ) -> None:
         self.bus = bus
         channel = FdChannel(fd)
         to_gateway = Lane(channel.send, wire)
-        unit = _RtuUnit(bus, clock, to_gateway.send, response_delay_s)
+        unit = _RtuUnit(bus, clock, to_gateway.send, _same_delay(response_delay_s))
         to_drives = Lane(unit.feed, wire)
         self._parts = (channel, to_drives, unit, to_gateway)
         channel.listen(to_drives.send)
@@ -118,14 +146,14 @@ class TcpDriveServer:
         host: str = "127.0.0.1",
         port: int = 0,
         rtu: bool = False,
-        response_delay_s: float = 0.0,
+        response_delay_s: float | Delay = 0.0,
     ) -> None:
         self.bus = bus
         self.host = host
         self.port = port
         self._clock = clock
         self.rtu = rtu
-        self._delay_s = response_delay_s
+        self._delay = _same_delay(response_delay_s)
         self._server: asyncio.Server | None = None
         self._connections: set[_Connection] = set()
 
@@ -158,19 +186,19 @@ class TcpDriveServer:
 
     def _connection(self) -> asyncio.Protocol:
         if self.rtu:
-            return _RtuConnection(self.bus, self._clock, self._delay_s, self._connections)
-        return _MbapConnection(self.bus, self._clock, self._delay_s, self._connections)
+            return _RtuConnection(self.bus, self._clock, self._delay, self._connections)
+        return _MbapConnection(self.bus, self._clock, self._delay, self._connections)
 
 
 class _Connection(asyncio.Protocol):
     """What both kinds of connection share."""
 
     def __init__(
-        self, bus: DriveBus, clock: SimulationClock, delay_s: float, connections: "set[_Connection]"
+        self, bus: DriveBus, clock: SimulationClock, delay: Delay, connections: "set[_Connection]"
     ) -> None:
         self.bus = bus
         self.clock = clock
-        self.delay_s = delay_s
+        self.delay = delay
         self._connections = connections
         self._transport: asyncio.WriteTransport | None = None
 
@@ -195,7 +223,7 @@ class _Connection(asyncio.Protocol):
 class _RtuConnection(_Connection):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
-        self._unit = _RtuUnit(self.bus, self.clock, self.send, self.delay_s)
+        self._unit = _RtuUnit(self.bus, self.clock, self.send, self.delay)
 
     def connection_lost(self, exc: Exception | None) -> None:
         super().connection_lost(exc)
@@ -209,7 +237,7 @@ class _MbapConnection(_Connection):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
         self._decoder = MbapDecoder()
-        self._sender = _DelayedSender(self.send, self.delay_s)
+        self._sender = _DelayedSender(self.send)
 
     def connection_lost(self, exc: Exception | None) -> None:
         super().connection_lost(exc)
@@ -225,7 +253,7 @@ class _MbapConnection(_Connection):
             if reply is None and pdu and not self.bus.has(unit_id):
                 reply = bytes((pdu[0] | 0x80, GATEWAY_TARGET_FAILED))
             if reply is not None:
-                self._sender.send(encode_mbap(transaction_id, unit_id, reply))
+                self._sender.send(encode_mbap(transaction_id, unit_id, reply), self.delay(unit_id))
 
 
 def _why(error: OSError) -> str:

@@ -35,11 +35,27 @@ class RegisterImage:
         _swap(chunk)
         self._words[address : address + len(chunk)] = chunk
 
+    def word(self, address: int) -> int:
+        """One register."""
+        return self._words[address]
+
+    def set_word(self, address: int, word: int) -> None:
+        """Change one register; more than 16 bits are cut off."""
+        self._words[address] = word & 0xFFFF
+
     def set_bit(self, bit_field: BitField, on: bool) -> None:
         """Set or clear one bit and leave the rest of its register alone."""
         mask = 1 << bit_field.bit
         word = self._words[bit_field.address]
         self._words[bit_field.address] = word | mask if on else word & ~mask
+
+    def coil(self, address: int) -> bool:
+        """One coil or discrete input."""
+        return bool(self._coils[address])
+
+    def set_coil(self, address: int, on: bool) -> None:
+        """Change one coil or discrete input."""
+        self._coils[address] = on
 
     def coils(self, address: int, count: int) -> bytes:
         """Coils as they travel: eight to a byte, the lowest address in the lowest bit."""
@@ -47,11 +63,6 @@ class RegisterImage:
         for index in range(count):
             packed[index >> 3] |= self._coils[address + index] << (index & 7)
         return bytes(packed)
-
-    def store_coils(self, address: int, count: int, packed: bytes) -> None:
-        """Write coils from the bytes of a frame."""
-        for index in range(count):
-            self._coils[address + index] = packed[index >> 3] >> (index & 7) & 1
 
 
 def _swap(chunk: "array[int]") -> None:

@@ -119,6 +119,13 @@ class Mechanics:
             self._start(at_mm, now_s)
             self._target_counts = self.encoder.counts(at_mm)
 
+    def redefine(self, counts: float) -> None:
+        """Call the place where the axis is ``counts`` from now on; nothing moves."""
+        shift = counts - self.actual_counts
+        encoder = self.encoder
+        self.encoder = Encoder(encoder.counts_per_mm, encoder.zero_counts + shift)
+        self._target_counts += shift
+
     def _start(self, target_mm: float, now_s: float) -> None:
         speed_mm_s = self._motion.speed_mm_s(now_s)
         self._motion = plan_motion(self.motor_mm, speed_mm_s, target_mm, now_s, self.dynamics)

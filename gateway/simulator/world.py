@@ -7,17 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
+from gateway.drives.motion import Form
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.simulator.axis import SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import SimulationClock
 from gateway.simulator.drive import MAX_READ_REGISTERS, MAX_WRITE_REGISTERS, SimulatedDrive
-from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
+from gateway.simulator.drives.catalogue import DRIVES
+from gateway.simulator.drives.motor import Motor
+from gateway.simulator.endpoints import Delay, SerialDriveServer, TcpDriveServer
 from gateway.simulator.mechanics import Mechanics, encoder_of, unit_mm
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.ports import PortLinks
 from gateway.simulator.screw import worn_screw
+from gateway.simulator.server import RegisterServer
 from gateway.simulator.wire import SerialWire
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
@@ -36,6 +40,8 @@ class ServedAxis:
     name: str
     unit_id: int
     backlash_um: float
+    drive: str = ""
+    """The make whose endpoint it is; empty for the plain drive that moves when a position is written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,45 +65,57 @@ class ServedLine:
 
 
 def simulated_axis(plan: AxisPlan, seed: int) -> SimulatedAxis:
-    """An axis with a worn screw and 20 to 45 µm of backlash, the same for the same seed and name.
+    """An axis of the plain drive, with the registers of its plan."""
+    return SimulatedAxis.from_plan(plan, simulated_mechanics(plan, seed))
 
-    It stands at machine position 0, or at the end of travel that is nearest to it.
+
+def simulated_mechanics(plan: AxisPlan, seed: int) -> Mechanics:
+    """A worn screw with 20 to 45 µm of backlash, the same for the same seed and name.
+
+    The axis stands at machine position 0, or at the end of travel that is nearest to it.
     """
     rng = random.Random(f"{seed}/{plan.name}")
     settings = plan.settings
     mm = unit_mm(settings.units)
     low, high = (end * mm for end in settings.travel) if settings.travel else DEFAULT_TRAVEL_MM
     speed = settings.max_speed * mm or DEFAULT_SPEED_MM_S
-    mechanics = Mechanics(
+    return Mechanics(
         worn_screw(rng, low, high - low, LEAD_MM),
         encoder_of(settings),
         backlash_mm=rng.uniform(0.020, 0.045),
         dynamics=Dynamics(speed, speed / ACCELERATION_S),
         start_mm=min(max(0.0, low), high),
     )
-    return SimulatedAxis.from_plan(plan, mechanics)
 
 
 def simulated_bus(axes: Sequence[AxisPlan], seed: int) -> DriveBus:
-    """The drives of one line: axes with the same unit id share a drive."""
+    """The drives of one line: axes with the same unit id share a drive.
+
+    Raises:
+        SimulatorError: more axes with one unit id than the drive that they name can have.
+    """
     units = dict.fromkeys(axis.unit_id for axis in axes)
     return DriveBus(_drive([axis for axis in axes if axis.unit_id == unit], seed) for unit in units)
 
 
-def _drive(axes: Sequence[AxisPlan], seed: int) -> SimulatedDrive:
+def _drive(axes: Sequence[AxisPlan], seed: int) -> RegisterServer:
+    make = DRIVES.get(axes[0].drive)
+    if make is not None:
+        return make(axes[0].unit_id, [Motor(a.name, simulated_mechanics(a, seed)) for a in axes])
     most = min(axis.max_registers for axis in axes)
     return SimulatedDrive(
         axes[0].unit_id,
         [simulated_axis(axis, seed) for axis in axes],
         max_registers=most if most < MAX_WRITE_REGISTERS else MAX_READ_REGISTERS,
-        without=(16,) if axes[0].write_function == 6 else (),
+        without=(16,) if axes[0].writes_with is Form.FC06 else (),
     )
 
 
 class World:
     """Everything outside the gateway: enter it to serve, leave it to take every port and link away.
 
-    With ``paced`` serial bytes take the time that they need at the baud rate of their port.
+    With ``paced`` serial bytes take the time that they need at the baud rate of their port, and drives of a
+    known make think about their replies as long as the make does.
     """
 
     def __init__(
@@ -138,8 +156,14 @@ class World:
         else:
             self._serve_serial(bus, line.drives)
             kind = "rtu"
+        makes = {axis.name: axis.drive for axis in line.axes if axis.drive in DRIVES}
         axes = [
-            ServedAxis(axis.name, drive.unit_id, round(axis.mechanics.backlash_mm * 1000.0, 1))
+            ServedAxis(
+                axis.name,
+                drive.unit_id,
+                round(axis.mechanics.backlash_mm * 1000.0, 1),
+                makes.get(axis.name, ""),
+            )
             for drive in bus.drives
             for axis in drive.axes
         ]
@@ -147,15 +171,28 @@ class World:
         return ServedLine(line.name, kind, str(line.drives), tuple(axes), tuple(controllers))
 
     async def _serve_tcp(self, bus: DriveBus, endpoint: TcpEndpoint) -> None:
-        server = TcpDriveServer(bus, self._clock, host=endpoint.host, port=endpoint.port, rtu=endpoint.rtu)
+        server = TcpDriveServer(
+            bus,
+            self._clock,
+            host=endpoint.host,
+            port=endpoint.port,
+            rtu=endpoint.rtu,
+            response_delay_s=self._delay(bus, 0),
+        )
         await server.start()
         self._exits.push_async_callback(server.stop)
 
     def _serve_serial(self, bus: DriveBus, endpoint: SerialEndpoint) -> None:
         pty = self._ports.make(Path(endpoint.device))
         wire = endpoint if self._paced else None
-        server = SerialDriveServer(bus, self._clock, pty.master_fd, wire=wire)
+        delay = self._delay(bus, endpoint.baudrate)
+        server = SerialDriveServer(bus, self._clock, pty.master_fd, wire=wire, response_delay_s=delay)
         self._exits.callback(server.close)
+
+    def _delay(self, bus: DriveBus, baudrate: int) -> Delay:
+        return (
+            (lambda unit_id: bus.response_delay_s(unit_id, baudrate)) if self._paced else lambda _unit_id: 0.0
+        )
 
     def _controller(self, link: ControllerLink) -> ControllerPath:
         endpoint = link.endpoint

@@ -8,7 +8,7 @@ was opened is looked at again.
 import os
 import stat
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 _KINDS: Final = (
     (stat.S_ISDIR, "a folder"),
@@ -34,13 +34,33 @@ def read_regular_file(path: Path, limit_bytes: int, what: str) -> bytes:
     Raises:
         FileRefusedError: missing, no permission, no regular file, or longer than ``limit_bytes``.
     """
+    with open_regular_file(path, what) as file:
+        try:
+            content = file.read(limit_bytes + 1)
+        except OSError as error:
+            why = error.strerror or str(error)
+            raise FileRefusedError(f"cannot be read ({why})", f"give the path of {what}") from None
+    if len(content) > limit_bytes:
+        raise FileRefusedError(f"more than {limit_bytes} bytes", f"this is not {what}")
+    return content
+
+
+def open_regular_file(path: Path, what: str) -> BinaryIO:
+    """Open a regular file for reading; ``what`` is named where another file is needed.
+
+    Raises:
+        FileRefusedError: missing, no permission, or no regular file.
+    """
     try:
         _refuse_irregular(path.stat(), what)
         # Non-blocking: should the name have become a FIFO meanwhile, opening it must not wait either.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
-        with open(descriptor, "rb") as file:  # noqa: PTH123 (a descriptor)
+        file = open(descriptor, "rb")  # noqa: PTH123, SIM115 - a descriptor, and the caller closes it
+        try:
             _refuse_irregular(os.fstat(descriptor), what)
-            content = file.read(limit_bytes + 1)
+        except FileRefusedError:
+            file.close()
+            raise
     except FileNotFoundError:
         raise FileRefusedError("no such file", f"give the path of {what}") from None
     except PermissionError:
@@ -49,9 +69,7 @@ def read_regular_file(path: Path, limit_bytes: int, what: str) -> bytes:
     except (OSError, ValueError) as error:
         why = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise FileRefusedError(f"cannot be read ({why})", f"give the path of {what}") from None
-    if len(content) > limit_bytes:
-        raise FileRefusedError(f"more than {limit_bytes} bytes", f"this is not {what}")
-    return content
+    return file
 
 
 def kind_of(mode: int) -> str:

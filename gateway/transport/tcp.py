@@ -265,18 +265,28 @@ class TcpConnector:
         if self._channel is not None and self._channel.bytes_received:
             self._keeper.backoff.reset()
         self._channel = None
-        loop = asyncio.get_running_loop()
-        try:
-            async with asyncio.timeout(CONNECT_TIMEOUT_S):
-                _, self._channel = await loop.create_connection(
-                    lambda: TcpChannel(self._receiver), self._endpoint.host, self._endpoint.port
-                )
-        except TimeoutError as error:
-            raise AbsentError(f"{self._endpoint} did not answer within {CONNECT_TIMEOUT_S:g} s") from error
-        except OSError as error:
-            why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
-            raise AbsentError(f"{self._endpoint} cannot be reached: {why}") from error
+        self._channel = await connect(self._endpoint, self._receiver)
         return self._channel.lost
+
+
+async def connect(endpoint: TcpEndpoint, receiver: Receiver) -> TcpChannel:
+    """Connect once.
+
+    Raises:
+        AbsentError: nobody answers there.
+    """
+    loop = asyncio.get_running_loop()
+    try:
+        async with asyncio.timeout(CONNECT_TIMEOUT_S):
+            _, channel = await loop.create_connection(
+                lambda: TcpChannel(receiver), endpoint.host, endpoint.port
+            )
+    except TimeoutError as error:
+        raise AbsentError(f"{endpoint} did not answer within {CONNECT_TIMEOUT_S:g} s") from error
+    except OSError as error:
+        why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+        raise AbsentError(f"{endpoint} cannot be reached: {why}") from error
+    return channel
 
 
 def _name(peername: tuple[str, int] | None) -> str:

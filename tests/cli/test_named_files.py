@@ -16,6 +16,13 @@ COMMANDS = (
     "check {}",
     "run {}",
     "simulate {}",
+    "record {} never.jsonl",
+    "replay {}",
+    "probe {}",
+    "signtest {} --axis x",
+    "enable {}",
+    "disable {}",
+    "reference {} x --yes",
     "table show {}",
     "table explain {} --at 0",
     "table lint {}",
@@ -38,7 +45,10 @@ def refused(command: str, path: Path | str) -> str:
     """Run a command as somebody whom the kernel refuses things; return its one line on stderr."""
     code = "from gateway.cli.main import main; main()"
     if os.geteuid() == 0:  # All imports first: the interpreter may be where only root may look.
-        needed = "gateway.config.load, gateway.relay.run, gateway.simulator.world"
+        needed = (
+            "gateway.config.load, gateway.relay.run, gateway.simulator.world, gateway.cli.recordings, "
+            "gateway.relay.readable, gateway.ipc.client"
+        )
         lesser = f"os.setresuid({NOBODY}, {NOBODY}, 0)"
         code = f"import os, {needed}; from gateway.cli.main import main; {lesser}; main()"
     process = subprocess.run(
@@ -86,7 +96,8 @@ def test_a_file_of_gigabytes_is_refused_with_the_limit(command: str, folder: Pat
     path = folder / "huge"
     path.write_bytes(b"")
     os.truncate(path, 8 * 1024**3)  # a hole: it takes no room
-    limit = 16 * 1024**2 if command.startswith("table") else 4_000_000
+    limits = {"table": 16 * 1024**2, "replay": 64_000_000}
+    limit = limits.get(command.split(maxsplit=1)[0], 4_000_000)
     assert f"more than {limit} bytes" in refused(command, path)
 
 

@@ -14,6 +14,7 @@ from gateway.config.sections import NAMED, SINGLE
 ROOT = Path(__file__).parents[2]
 REFERENCE = (ROOT / "docs" / "configuration.md").read_text()
 EXAMPLE = ROOT / "deploy" / "gateway.example.toml"
+PROFILE_EXAMPLE = ROOT / "deploy" / "gateway.profile.example.toml"
 
 
 def fields_of(model: type[BaseModel], path: str) -> Iterator[tuple[str, str, str]]:
@@ -46,6 +47,16 @@ def test_the_example_has_nothing_wrong_and_nothing_to_warn_of() -> None:
     assert [axis.table_name for line in result.plan.lines for axis in line.axes] == ["cnc10x.tab"]
 
 
+def test_the_example_of_known_drives_is_a_gantry_with_nothing_to_warn_of() -> None:
+    result = load(PROFILE_EXAMPLE)
+    assert result.warnings == ()
+    [line] = result.plan.lines
+    assert line.groups == (("y1", "y2"),)
+    assert [axis.drive for axis in line.axes] == ["oriental-az", "oriental-az"]
+    assert [axis.table_name for axis in line.axes] == ["gantry-y1.tab", "gantry-y2.tab"]
+    assert [link.plan.role.value for link in line.controllers] == ["motion", "operator"]
+
+
 def test_the_example_as_it_stands_with_its_defaults_written_out(tmp_path: Path) -> None:
     """A default that the example shows behind a # may be uncommented and changes nothing."""
     text = EXAMPLE.read_text().replace('tables = "tables"', f'tables = "{EXAMPLE.parent / "tables"}"')
@@ -60,6 +71,9 @@ def test_the_example_as_it_stands_with_its_defaults_written_out(tmp_path: Path) 
         "max_slope",
         "travel_margin",
         "added_frames",
+        "unmapped",
+        "stored_moves",
+        "relative_unknown",
         "write",
         "exception",
         "safe_read",

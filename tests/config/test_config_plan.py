@@ -17,6 +17,7 @@ from gateway.compensation.settings import (
     Setpoints,
 )
 from gateway.compensation.units import Units
+from gateway.drives.motion import Form
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
 from gateway.ipc.plan import ControllerLink, LinePlan
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
@@ -71,7 +72,7 @@ def test_the_registers_of_an_axis(tmp_path: Path) -> None:
     assert axis.actual == (PositionField(0x0520, RegisterType.INT32, WordOrder.LOW_FIRST, 1.0),)
     assert axis.commanded == ()
     assert axis.bits == {"homed": BitField(0x0140, 6), "done": BitField(0x0140, 1)}
-    assert (axis.write_function, axis.max_registers, axis.safe_read) == (16, 123, True)
+    assert (axis.writes_with, axis.max_registers, axis.safe_read) == (Form.FC16, 123, True)
     assert (axis.added_frames, axis.exception_writes_nothing) == (True, False)
     assert (axis.compensation, axis.referenced) == (CompensationMode.ON, Reference.DRIVE_BIT)
 

@@ -226,7 +226,7 @@ def test_everything_is_said_at_once(tmp_path: Path) -> None:
         ('line = "xyz"', 'line = "xzy"'),
         ('table = "cnc10x.tab"', 'table = "cnc10y.tab"'),
         ('role = "monitor"', "timeout_ms = -5"),
-        ("baudrate = 38400", 'role = "operator"'),
+        ("baudrate = 38400", 'role = "operatr"'),
         ("address = 0x0520", "address = 0x0607"),
     )
     assert [problem.key for problem in refused(tmp_path, text)] == [

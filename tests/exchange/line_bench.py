@@ -1,5 +1,6 @@
 """A line on the bench: a controller's port, a link that records, and a drive that is plain memory."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -125,13 +126,19 @@ class Bench:
     """One line with one controller and a drive that answers at once, or not at all."""
 
     def __init__(
-        self, *plans: AxisPlan, timing: LineTiming | None = None, serial: bool = True, tcp_drive: bool = False
+        self,
+        *plans: AxisPlan,
+        timing: LineTiming | None = None,
+        serial: bool = True,
+        tcp_drive: bool = False,
+        memory: Memory | None = None,
+        groups: Iterable[Iterable[str]] = (),
     ) -> None:
         self.link = Link(is_serial=not tcp_drive)
         self.events: list[Event] = []
-        self.line = LineExchange(plans, timing or LineTiming(), self.link, self.events.append)
+        self.line = LineExchange(plans, timing or LineTiming(), self.link, self.events.append, groups)
         self.port = Port(ControllerPlan("cnc", serial=serial))
-        self.memory = Memory()
+        self.memory = memory or Memory()
         self.seen: list[bytes] = []
         """Every PDU that the drive received."""
         self.now_ns = 1_000 * MS
@@ -150,7 +157,7 @@ class Bench:
             self.seen.append(pdu)
             reply = self.memory.answer(pdu)
             self.now_ns += MS
-            if unit_id:
+            if unit_id or not self.link.is_serial:
                 self.line.reply(unit_id, reply, self.now_ns)
 
     def serve_reads(self) -> None:

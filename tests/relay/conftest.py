@@ -24,8 +24,10 @@ from gateway.transport.tcp import TcpConnector, TcpListener
 PATIENCE_S = 5.0
 LOOPBACK = TcpEndpoint("127.0.0.1", 0)
 KINDS = ("tcp", "rtu")
+TIMING = LineTiming(response_timeout_ms=200.0, drain_ms=20.0, turnaround_ms=5.0)
 COMMAND, ACTUAL, OTHER = 100, 110, 200
 """Addresses: where a position is commanded, where it is reported, and registers that mean nothing to us."""
+QUICK = LineTiming(response_timeout_ms=20.0, drain_ms=5.0, turnaround_ms=1.0)
 Script = Callable[[bytes], bytes | None]
 
 
@@ -126,8 +128,7 @@ class Bench:
         axes: tuple[AxisPlan, ...] = (),
         timing: LineTiming | None = None,
     ) -> Relay:
-        timing = timing or LineTiming(response_timeout_ms=200.0, drain_ms=20.0, turnaround_ms=5.0)
-        line = LinePlan("line", drives, controllers, axes, timing)
+        line = LinePlan("line", drives, controllers, axes, timing or TIMING)
         relay = Relay(GatewayPlan("bench", (line,)), self.notes.append)
         await relay.start()
         self.stack.push_async_callback(relay.stop)
@@ -203,6 +204,9 @@ class Tools:
     """What tests need of this file, for they cannot import it."""
 
     axis: Callable[..., AxisPlan] = axis
+    timing: LineTiming = TIMING
+    quick: LineTiming = QUICK
+    """Time-outs of a few milliseconds, for tests that have many of them."""
     eventually: Callable[[Callable[[], bool]], Awaitable[None]] = eventually
     line_status: Callable[[Relay], dict[str, object]] = line_status
     first_controller: Callable[[Relay], dict[str, object]] = first_controller

@@ -133,3 +133,42 @@ def test_a_configuration_that_is_not_there_is_named(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["simulate", str(tmp_path / "none.toml")])
     assert result.exit_code == 1
     assert "none.toml" in result.stderr
+
+
+async def test_an_axis_with_a_shipped_profile_is_played_by_that_drive(
+    tmp_path: Path, unused_tcp_port: int
+) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(
+        f"""
+[gateway]
+name = "trial"
+
+[line.l]
+drives = {{ tcp = "127.0.0.1:{unused_tcp_port}" }}
+
+[[line.l.controllers]]
+name = "plc"
+tcp = "127.0.0.1:1"
+
+[axis.x]
+line = "l"
+unit_id = 255
+drive = "mitsubishi-mr-je-c"
+units = "mm"
+counts_per_unit = 1000.0
+compensation = "off"
+referenced = "absolute"
+""",
+        encoding="utf-8",
+    )
+    with subprocess.Popen([*COMMAND_LINE, str(path)], stdout=subprocess.PIPE, text=True) as process:  # noqa: ASYNC220
+        assert process.stdout is not None
+        lines = [process.stdout.readline().strip() for _ in range(4)]
+        assert lines[1].endswith(", behaves as mitsubishi-mr-je-c")
+        master = await TcpMaster.connect("127.0.0.1", unused_tcp_port, timeout_s=5.0)
+        # Half of an object of two words, at its one address.
+        assert await master.exchange(255, pack(">BHH", 3, 0x6064, 1)) == b"\x83\x03"
+        await master.close()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 0

@@ -1,0 +1,58 @@
+"""Sending a command to the gateway of a configuration, and saying what came of it."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gateway.cli.configuration import state_folder_or_exit
+
+if TYPE_CHECKING:
+    from gateway.ipc.messages import Reply, Request
+
+Axes = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[AXIS]...", help="Names of axes; none: all of them.", show_default=False),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+
+
+def ask_or_exit(config: Path, request: "Request") -> "Reply":
+    """Return the reply of the gateway that runs CONFIG; without one, say so and end with exit code 1."""
+    from gateway.ipc.client import NoGatewayError, ask
+    from gateway.ipc.place import SocketError, socket_path
+
+    state = state_folder_or_exit(config)
+    try:
+        return ask(socket_path(state), request)
+    except SocketError as error:
+        typer.echo(f"{config}: gateway.state: {error}", err=True)
+    except NoGatewayError as error:
+        remedy = f"; start it with: pitch-gateway run {config}" if "no gateway runs" in str(error) else ""
+        typer.echo(f"{config}: {error}{remedy}", err=True)
+    raise typer.Exit(1)
+
+
+def command(config: Path, request: "Request", done: str, nothing: str, *, as_json: bool) -> None:
+    """Send a command and say which axes changed; exit code 1 when any axis could not be commanded."""
+    from gateway.ipc.messages import Done
+
+    reply = ask_or_exit(config, request)
+    assert isinstance(reply, Done), "a command is answered by what it did"
+    if as_json:
+        typer.echo(json.dumps({"changed": list(reply.changed), "problems": list(reply.problems)}))
+    else:
+        _say(reply.changed, done)
+        if not reply.changed and not reply.problems:
+            typer.echo(nothing)
+    for problem in reply.problems:
+        typer.echo(f"{config}: {problem}", err=True)
+    if reply.problems:
+        raise typer.Exit(1)
+
+
+def _say(axes: Iterable[str], done: str) -> None:
+    for axis in axes:
+        typer.echo(f"{axis}: {done}")

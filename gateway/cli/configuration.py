@@ -1,0 +1,44 @@
+"""A configuration as commands need it: whole and checked, or only where its gateway keeps its state."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from gateway.config.load import Loaded
+
+
+def load_or_exit(config: Path) -> "Loaded":
+    """Load a configuration; what is wrong with it goes to stderr and ends the command with exit code 1."""
+    from gateway.config.load import load
+    from gateway.config.problems import ConfigErrors
+
+    try:
+        loaded = load(config)
+    except ConfigErrors as errors:
+        for problem in errors.problems:
+            typer.echo(problem, err=True)
+        raise typer.Exit(1) from None
+    for warning in loaded.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    return loaded
+
+
+def state_folder_or_exit(config: Path) -> Path:
+    """Return the state folder of a configuration, whatever else may be wrong with it by now.
+
+    A gateway that runs can be commanded while its configuration is being edited.
+    """
+    from gateway.config.document import read_document
+    from gateway.config.findings import Findings
+    from gateway.config.problems import ConfigErrors
+    from gateway.config.sections import read_sections
+
+    try:
+        document = read_document(config)
+    except ConfigErrors as errors:
+        for problem in errors.problems:
+            typer.echo(problem, err=True)
+        raise typer.Exit(1) from None
+    return config.parent / read_sections(Findings(document)).gateway.state

@@ -1,0 +1,165 @@
+"""What ``pitch-gateway drives`` prints: lines for people, plain data for programs."""
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from gateway.drives import library
+from gateway.drives.motion import Action
+from gateway.drives.profile import Evidence, Profile, entries, evidence_of
+
+WIDTH: Final = 110
+ADDRESSES: Final = ("address", "block", "coil")
+FIRST: Final = frozenset({*ADDRESSES, "source"})
+LISTS_OF_VALUES: Final = frozenset(action.value for action in Action)
+
+
+def list_data() -> list[dict[str, Any]]:
+    """Return the list of profiles as plain data."""
+    return [
+        {
+            "name": name,
+            "tier": profile.tier.value,
+            "title": profile.title,
+            "vendor": profile.vendor,
+            "models": list(profile.models),
+            "transports": [transport.value for transport in profile.transports],
+        }
+        for name in library.names()
+        for profile in (library.shipped(name),)
+    ]
+
+
+def list_lines() -> Iterator[str]:
+    """Yield the list of profiles as a table."""
+    rows = [("name", "tier", "transports", "drive")]
+    rows += [
+        (drive["name"], drive["tier"], ", ".join(drive["transports"]), drive["title"])
+        for drive in list_data()
+    ]
+    yield from aligned(rows)
+
+
+def markdown_lines() -> Iterator[str]:
+    """Yield the list of profiles as a table for the documentation."""
+    yield "| name | tier | transports | models | traps |"
+    yield "|---|---|---|---|---|"
+    for drive in list_data():
+        traps = len(library.shipped(drive["name"]).traps)
+        models = f"{drive['vendor']}: {', '.join(drive['models'])}"
+        transports = ", ".join(drive["transports"])
+        yield f"| `{drive['name']}` | {drive['tier']} | {transports} | {models} | {traps} |"
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield rows with their columns below each other.
+
+    >>> list(aligned([("a", "bb"), ("ccc", "d")]))
+    ['a    bb', 'ccc  d']
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+
+
+def profile_data(name: str, profile: Profile) -> dict[str, Any]:
+    """Return everything a profile says as plain data."""
+    return {"name": name, **profile.model_dump(mode="json", exclude_unset=True)}
+
+
+def profile_lines(name: str, profile: Profile) -> Iterator[str]:
+    """Yield a profile as a person reads it."""
+    yield f"{profile.title} ({name}), tier {profile.tier.value}"
+    yield from _facts(profile)
+    yield ""
+    yield "registers"
+    yield from _map_lines(profile)
+    if profile.traps:
+        yield ""
+        yield "traps: go through them before the machine is run"
+    for number, trap in enumerate(profile.traps, start=1):
+        yield from _wrapped(trap.what, f"{number:3}. ")
+        if trap.check:
+            yield from _wrapped(f"Check: {trap.check}", "     ")
+    yield from _source_lines(profile)
+
+
+def _facts(profile: Profile) -> Iterator[str]:
+    facts = {
+        "made by": profile.vendor,
+        "models": ", ".join(profile.models),
+        "moves": " ".join(profile.summary.split()),
+        "counts": profile.counts,
+        "transports": ", ".join(transport.value for transport in profile.transports),
+        "unit ids": profile.unit_ids,
+        "functions": ", ".join(map(str, profile.function_codes)),
+        "serial": _in_words(profile.serial.model_dump(exclude_none=True)),
+    }
+    for what, said in facts.items():
+        if said:
+            yield from _wrapped(said, f"{what:<11} ")
+
+
+def _map_lines(profile: Profile) -> Iterator[str]:
+    """Yield each entry of the map with how well it is known, its meaning and its sources."""
+    rows = list(_rows(profile))
+    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
+    for key, confidence, said in rows:
+        first = f"  {key:<{widths[0]}}  {confidence:<{widths[1]}}  "
+        yield from textwrap.wrap(
+            said, WIDTH, initial_indent=first, subsequent_indent=" " * len(first), break_on_hyphens=False
+        )
+
+
+def _rows(profile: Profile) -> Iterator[tuple[str, str, str]]:
+    written = profile.written()
+    for key in entries(written):
+        yield _row(key, _in_words(_value_at(written, key)), evidence_of(profile, key))
+        for inner, own in profile.evidence.items():
+            if inner.startswith(f"{key}."):
+                yield _row(f"  {inner.removeprefix(f'{key}.')}", "", own)
+
+
+def _row(key: str, said: str, evidence: Evidence | None) -> tuple[str, str, str]:
+    if evidence is None:
+        return key, "", said
+    return key, evidence.confidence.value, f"{said} [{', '.join(evidence.sources)}]".strip()
+
+
+def _value_at(written: Mapping[str, Any], key: str) -> Any:
+    name, _, inside = key.partition("[")
+    if inside:
+        return written[name][int(inside.rstrip("]")) - 1]
+    outer, _, inner = key.partition(".")
+    return written[outer][inner] if inner else written[outer]
+
+
+def _in_words(value: Any, key: str = "") -> str:
+    if isinstance(value, Mapping):
+        places_first = sorted(value, key=lambda name: name not in FIRST)
+        said = ", ".join(f"{name} {_in_words(value[name], name)}" for name in places_first)
+        return f"({said})" if key else said
+    if isinstance(value, list):
+        return "/".join(_in_words(found, key) for found in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int) and (key in ADDRESSES or key in LISTS_OF_VALUES or key in {"mask", "rising"}):
+        return f"{value:#06x}"
+    return str(value)
+
+
+def _source_lines(profile: Profile) -> Iterator[str]:
+    if profile.sources:
+        yield ""
+        yield "sources"
+    for name, source in profile.sources.items():
+        said = ". ".join(part for part in (source.title, source.place, source.note) if part)
+        yield from _wrapped(said, f"  {name}: ")
+        if source.url:
+            yield f"    {source.url}"
+
+
+def _wrapped(text: str, first: str) -> list[str]:
+    return textwrap.wrap(
+        text, WIDTH, initial_indent=first, subsequent_indent=" " * min(len(first), 12), break_on_hyphens=False
+    )

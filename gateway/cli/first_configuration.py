@@ -1,0 +1,144 @@
+"""The text of a first configuration: one line, one controller, one axis, with a comment on each choice."""
+
+import json
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from gateway.drives.profile import Profile, Tier
+
+DELETE: Final = "\x7f"
+RTU_OVER_TCP: Final = "rtu://"
+
+
+class Serial(NamedTuple):
+    """How serial ports are to be set; None: as the drive is when it is new."""
+
+    baudrate: int | None = None
+    parity: str | None = None
+    stop_bits: int | None = None
+
+
+AS_WHEN_NEW: Final = Serial()
+USUAL: Final = Serial(19200, "none", 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What has to be known before a configuration can be written. Lengths in ``units``."""
+
+    drive: str
+    drives_at: str
+    """A path from /, HOST:PORT, or rtu://HOST:PORT."""
+    controller_at: str
+    axis: str
+    unit_id: int
+    units: str
+    counts_per_unit: float
+    travel: tuple[float, float]
+    referenced: str
+    serial: Serial = AS_WHEN_NEW
+    table: str | None = None
+    home_approach: str = "none"
+
+
+def configuration_text(answers: Answers, profile: Profile) -> str:
+    """Return the configuration with its comments."""
+    serial = _serial(answers.serial, profile)
+    return "\n".join((*_head(), *_line(answers, serial), *_axis(answers, profile), ""))
+
+
+def _serial(asked: Serial, profile: Profile) -> Serial:
+    known = profile.serial
+    return Serial(
+        asked.baudrate or known.baudrate or USUAL.baudrate,
+        asked.parity or known.parity or USUAL.parity,
+        asked.stop_bits or known.stop_bits or USUAL.stop_bits,
+    )
+
+
+def _quoted(text: str) -> str:
+    """JSON's strings are TOML's, but for one character that TOML wants escaped."""
+    return json.dumps(text, ensure_ascii=False).replace(DELETE, "\\u007F")
+
+
+def _one_line(text: str) -> str:
+    """A comment ends with its line."""
+    return " ".join(text.split())
+
+
+def _endpoint(place: str, serial: Serial) -> list[str]:
+    """Return the keys of a place with their values."""
+    if place.startswith(RTU_OVER_TCP):
+        return [f"rtu_over_tcp = {_quoted(place.removeprefix(RTU_OVER_TCP))}"]
+    if not place.startswith("/"):
+        return [f"tcp = {_quoted(place)}"]
+    return [
+        f"rtu = {_quoted(place)}",
+        f"baudrate = {serial.baudrate}",
+        f"parity = {_quoted(serial.parity or '')}",
+        f"stop_bits = {serial.stop_bits}",
+    ]
+
+
+def _head() -> list[str]:
+    return [
+        "# Written by `pitch-gateway init`. docs/configuration.md has every key. Check it after each change",
+        "# with `pitch-gateway check`.",
+        "#",
+        "# The controller's own compensation and backlash are said to be off. With both at work the error of",
+        "# the screw would be taken out twice.",
+        "",
+        "[gateway]",
+        'tables = "tables"          # folder with the .tab files, relative to this file',
+        "",
+        "",
+    ]
+
+
+def _line(answers: Answers, serial: Serial) -> list[str]:
+    return [
+        "[line.main]",
+        "# A path from /dev/serial/by-id stays the same when adapters are replugged.",
+        f"drives = {{ {', '.join(_endpoint(answers.drives_at, serial))} }}",
+        "",
+        "[[line.main.controllers]]",
+        'name = "controller"',
+        *_endpoint(answers.controller_at, serial),
+        'role = "motion"            # may do everything; a display gets "monitor", which may only read',
+        "# timeout_ms = 1000        # after this the controller gives up; take it from its program",
+        "",
+        "",
+    ]
+
+
+def _axis(answers: Answers, profile: Profile) -> list[str]:
+    return [
+        f"[axis.{answers.axis}]",
+        'line = "main"',
+        f"unit_id = {answers.unit_id}",
+        *_drive(answers, profile),
+        f"units = {_quoted(answers.units)}",
+        f"# {_one_line(profile.counts or 'Counts of the drive in one unit.')}",
+        "# Negative where the drive counts down while the axis goes forward.",
+        f"counts_per_unit = {answers.counts_per_unit!r}",
+        "# zero_counts = 0          # count of the drive at machine position 0",
+        f"travel = [{answers.travel[0]!r}, {answers.travel[1]!r}]",
+        "# In the folder named above; without a table positions pass 1:1.",
+        '# table = "x.tab"' if answers.table is None else f"table = {_quoted(answers.table)}",
+        "# How it is known that the axis knows where it is; as long as it does not, nothing is corrected.",
+        f"referenced = {_quoted(answers.referenced)}",
+        '# Direction of the last movement of homing: "forward", "backward" or "none" (not known).',
+        f"home_approach = {_quoted(answers.home_approach)}",
+        "# max_speed = 200.0        # units/s",
+        '# "shadow" computes and shows everything and changes nothing; then "on".',
+        'compensation = "shadow"',
+    ]
+
+
+def _drive(answers: Answers, profile: Profile) -> list[str]:
+    tier = "" if profile.tier is Tier.OWN else f" (tier {profile.tier.value})"
+    return [
+        f"# {_one_line(profile.title)}{tier}. Go through its traps before the machine is run:",
+        f"# pitch-gateway drives show {_one_line(answers.drive)}",
+        f"drive = {_quoted(answers.drive)}",
+    ]

@@ -1,0 +1,42 @@
+"""The options of ``pitch-gateway init``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Option = typer.Option
+
+TargetFile = Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")]
+CompensationOff = Annotated[
+    bool,
+    Option(
+        "--controller-compensation-off", help="The controller's own pitch and backlash compensation are off."
+    ),
+]
+Drive = Annotated[str | None, Option(help="A profile of `pitch-gateway drives`, or a file.")]
+DrivesAt = Annotated[
+    str | None,
+    Option(help="Where the drives are: /dev/…, HOST:PORT, or rtu://HOST:PORT for raw RTU over TCP."),
+]
+ControllerAt = Annotated[
+    str | None, Option(help="Where the controller connects: /dev/…, or HOST:PORT to listen on.")
+]
+Baudrate = Annotated[int | None, Option(help="Of serial ports; default: the drive's.")]
+Parity = Annotated[str | None, Option(help="none, even or odd; default: the drive's.")]
+StopBits = Annotated[int | None, Option(help="1 or 2; default: the drive's.")]
+Axis = Annotated[str, Option(help="Name of the axis.")]
+UnitId = Annotated[int | None, Option(min=0, max=255, help="Modbus unit id of the drive.")]
+AxisUnits = Annotated[str | None, Option(help="mm, inch or degree.")]
+Counts = Annotated[
+    float | None, Option(help="Counts of the drive in one unit; negative where it counts down.")
+]
+Travel = Annotated[tuple[float, float] | None, Option(help="Lowest and highest machine position.")]
+Table = Annotated[str | None, Option(help="Name of the .tab file in the tables folder.")]
+Referenced = Annotated[str | None, Option(help="absolute, drive-bit, homing or set-position.")]
+HomeApproach = Annotated[str, Option(help="none, forward or backward.")]
+Ask = Annotated[
+    bool | None, Option("--ask/--no-ask", help="Ask for what is missing; default: on a terminal.")
+]
+Force = Annotated[bool, Option("--force", help="Overwrite FILE.")]
+AsJson = Annotated[bool, Option("--json", help="Say what is left to do as JSON.")]

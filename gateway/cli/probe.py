@@ -1,0 +1,173 @@
+"""``pitch-gateway probe CONFIG``."""
+
+import asyncio
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gateway.cli.arguments import Config
+from gateway.cli.configuration import load_or_exit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gateway.cli.probing.judgement import Finding
+    from gateway.cli.probing.readings import AxisReadings
+    from gateway.config.load import Loaded
+    from gateway.ipc.plan import LinePlan
+
+BEFORE_THE_FIRST_MOVE = (
+    "is the controller's own pitch and backlash compensation off?",
+    "does the drive count the way that counts_per_unit says? jog it and probe again",
+    "are the table's sense and its columns right? pitch-gateway signtest tells",
+    "make the first moves slow and short, in the middle of the travel",
+)
+
+
+def probe(
+    config: Config,
+    *,
+    axis: Annotated[str | None, typer.Option("--axis", help="Only this axis.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Look at the real drives before anything moves. Nothing is written.
+
+    Reads the positions and bits that the register maps name, one request at a time and with the silences that
+    the drives want: does each drive answer, do the words stand in the right order, is the axis inside its
+    travel and its table, do commanded and actual position agree.
+
+    Not while the gateway runs: a line belongs to one program only. Exit code 1 when anything is wrong.
+
+    Examples:
+        pitch-gateway probe gateway.toml
+
+        pitch-gateway probe gateway.toml --axis x --json | jq .axes.x
+    """
+    loaded = load_or_exit(config)
+    lines = _lines(loaded, config, axis)
+    problems: list[str] = []
+    _refuse_beside_gateway(loaded, config)
+    found = asyncio.run(_probe(lines, axis, problems))
+    reports = {readings.plan.name: _report(readings) for readings in found}
+    if as_json:
+        typer.echo(json.dumps({"axes": reports, "problems": problems}))
+    else:
+        for readings in found:
+            for text in _text(readings):
+                typer.echo(text)
+        _say_before_the_first_move(bool(found))
+    for problem in problems:
+        typer.echo(f"{config}: {problem}", err=True)
+    if problems or any(report["wrong"] for report in reports.values()):
+        raise typer.Exit(1)
+
+
+def _lines(loaded: "Loaded", config: Path, axis: str | None) -> "list[LinePlan]":
+    names = [plan.name for line in loaded.plan.lines for plan in line.axes]
+    if axis is not None and axis not in names:
+        typer.echo(f"{config}: there is no axis {axis}; there are {', '.join(names)}", err=True)
+        raise typer.Exit(1)
+    return [line for line in loaded.plan.lines if any(axis in (None, plan.name) for plan in line.axes)]
+
+
+def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
+    from gateway.ipc.client import NoGatewayError, ask
+    from gateway.ipc.messages import Ping
+    from gateway.ipc.place import SocketError, socket_path
+
+    try:
+        ask(socket_path(loaded.state_folder), Ping())
+    except (NoGatewayError, SocketError):
+        return
+    typer.echo(
+        f"{config}: its gateway runs and has the drives: stop it first, or look at what it says about them "
+        "(its log, --status-every)",
+        err=True,
+    )
+    raise typer.Exit(1)
+
+
+async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str]) -> "list[AxisReadings]":
+    from gateway.cli.probing.readings import read_axis
+    from gateway.transport.errors import TransportError
+    from gateway.transport.framing import endpoint_key
+    from gateway.transport.master import ModbusMaster
+
+    found = []
+    for line in lines:
+        timing = line.timing
+        master = ModbusMaster(line.drives, timing.response_timeout_ms, timing.gap_ms, timing.drain_ms)
+        try:
+            async with master:
+                found += [await read_axis(master, plan) for plan in line.axes if axis in (None, plan.name)]
+        except TransportError as error:
+            problems.append(f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}")
+    return found
+
+
+def _report(found: "AxisReadings") -> dict[str, Any]:
+    from gateway.cli.probing.judgement import Weight, findings_of, position_of
+
+    findings = findings_of(found)
+    positions = {
+        name: {
+            "address": reading.place.address,
+            "raw": place.raw,
+            "machine_position": place.corrected,
+            "nominal_forward": place.forward,
+            "nominal_backward": place.backward,
+        }
+        for name, reading in found.readings.items()
+        if reading.words and reading.place.field is not None
+        for place in [position_of(found.plan, reading)]
+    }
+    bits = {name: found.bit(name) for name in found.plan.bits}
+    return {
+        "unit_id": found.plan.unit_id,
+        "units": found.plan.settings.units.value,
+        "answers": found.answers,
+        "bits": bits,
+        "positions": positions,
+        "findings": [{"weight": finding.weight.value, "text": finding.text} for finding in findings],
+        "wrong": any(finding.weight is Weight.ERROR for finding in findings),
+    }
+
+
+def _text(found: "AxisReadings") -> "Iterator[str]":
+    from gateway.cli.probing.judgement import findings_of, position_of
+
+    plan = found.plan
+    units = plan.settings.units.value
+    yield f"axis {plan.name}, unit id {plan.unit_id}: {'answers' if found.answers else 'no answer'}"
+    bits = [f"{name} {_bit(found.bit(name))}" for name in plan.bits]
+    if bits and found.answers:
+        yield f"  bits       {', '.join(bits)}"
+    for name, reading in found.readings.items():
+        if not reading.words or reading.place.field is None:
+            continue
+        place = position_of(plan, reading)
+        yield (
+            f"  {name:<10} raw {place.raw:g}, machine position {place.corrected:.6g} {units}; "
+            f"nominal {place.forward:.6g} forward, {place.backward:.6g} backward"
+        )
+    findings = findings_of(found)
+    yield from (_line(finding) for finding in findings)
+    if not findings:
+        yield "  nothing is wrong"
+
+
+def _bit(is_set: bool | None) -> str:
+    return "not read" if is_set is None else "yes" if is_set else "no"
+
+
+def _line(finding: "Finding") -> str:
+    return f"  {finding.weight.value}: {finding.text}"
+
+
+def _say_before_the_first_move(has_axes: bool) -> None:
+    if has_axes:
+        typer.echo("\nBefore the first move:")
+        for question in BEFORE_THE_FIRST_MOVE:
+            typer.echo(f"  - {question}")

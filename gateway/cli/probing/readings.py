@@ -1,0 +1,162 @@
+"""Reading what a register map names, as the gateway itself would read it, and nothing else."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Final, Protocol
+
+from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.plan import AxisPlan
+from gateway.modbus.pdu import ExceptionCode, is_exception
+from gateway.modbus.registers import BitField, FieldAccess, PositionField
+from gateway.transport.master import NoReplyError
+
+SILENT_READS: Final = 2
+"""After so many reads without any reply a drive is not asked any more."""
+
+
+class Asking(Protocol):
+    """One exchange at a time, as ``ModbusMaster`` does it."""
+
+    async def exchange(self, unit_id: int, pdu: bytes) -> bytes:
+        """Send a request and return its reply. Raises NoReplyError."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A register that is read. ``name`` is its key in the register map, with a number from the second on."""
+
+    name: str
+    field: PositionField | None = None
+    bit: BitField | None = None
+
+    @property
+    def address(self) -> int:
+        """Where it stands."""
+        entry = self.field or self.bit
+        assert entry is not None
+        return entry.address
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.address:#06x})"
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a read brought: words, or what went wrong."""
+
+    place: Place
+    words: bytes = b""
+    problem: str = ""
+    is_silent: bool = False
+
+    @property
+    def raw(self) -> float | None:
+        """Content of a position's register."""
+        field_ = self.place.field
+        return field_.unpack(self.words) if self.words and field_ is not None else None
+
+    @property
+    def is_set(self) -> bool | None:
+        """What a bit says."""
+        bit = self.place.bit
+        return bit.is_set(int.from_bytes(self.words, "big")) if self.words and bit is not None else None
+
+
+@dataclass(slots=True)
+class AxisReadings:
+    """Everything that was read of one axis."""
+
+    plan: AxisPlan
+    readings: dict[str, Reading] = field(default_factory=dict)
+    again: Reading | None = None
+    """The actual position once more, last of all."""
+    left_out: list[str] = field(default_factory=list)
+    """What was not read, and why."""
+
+    def of(self, name: str) -> Reading | None:
+        """Return one reading that brought something."""
+        reading = self.readings.get(name)
+        return reading if reading is not None and reading.words else None
+
+    def bit(self, name: str) -> bool | None:
+        """Return what a status bit says; None where there is none, or it could not be read."""
+        reading = self.of(f"bits.{name}")
+        return None if reading is None else reading.is_set
+
+    @property
+    def answers(self) -> bool:
+        """Whether the drive answered anything at all."""
+        return any(not reading.is_silent for reading in self.readings.values())
+
+
+async def read_axis(master: Asking, plan: AxisPlan) -> AxisReadings:
+    """Read every bit and position of an axis that may be read."""
+    found = AxisReadings(plan)
+    if not plan.safe_read:
+        found.left_out.append("its register map says safe_read = false: nothing is read")
+        return found
+    axis = AxisExchange(plan)
+    for place in _places(found):
+        found.readings[place.name] = await _read(master, axis, place)
+        silent = [reading for reading in found.readings.values() if reading.is_silent]
+        if len(silent) >= SILENT_READS and len(silent) == len(found.readings):
+            found.left_out.append("it does not answer: the rest was not asked for")
+            return found
+    actual = found.of("actual")
+    if actual is not None:
+        found.again = await _read(master, axis, actual.place)
+    return found
+
+
+def _places(found: AxisReadings) -> Iterator[Place]:
+    plan = found.plan
+    for name, bit in plan.bits.items():
+        yield Place(f"bits.{name}", bit=bit)
+    for role, fields in (("actual", plan.actual), ("commanded", plan.commanded), ("command", plan.command)):
+        readable = [f for f in fields if f.access is not FieldAccess.WRITE and f.block is None]
+        if fields and not readable:
+            found.left_out.append(f"{role}: it can only be written")
+        for number, field_ in enumerate(readable[:1] if role == "command" else readable, start=1):
+            place = Place(role if number == 1 else f"{role} {number}", field_)
+            if field_.words > plan.max_registers:
+                found.left_out.append(
+                    f"{place}: it fills {field_.words} registers, and the drive takes {plan.max_registers}"
+                )
+            else:
+                yield place
+
+
+async def _read(master: Asking, axis: AxisExchange, place: Place) -> Reading:
+    frame = _frame(axis, place)
+    try:
+        reply = await master.exchange(axis.plan.unit_id, frame.pdu)
+    except NoReplyError as error:
+        return Reading(place, problem=str(error), is_silent=True)
+    if is_exception(reply):
+        return Reading(place, problem=f"the drive refuses to be read there: {_exception(reply)}")
+    words = frame.words_of(reply)
+    if words is None:
+        return Reading(place, problem=f"the reply is none to what was asked: {reply.hex(' ')}")
+    if place.field is not None and not isfinite(place.field.unpack(words)):
+        return Reading(
+            place, problem=f"{words.hex(' ')} is no finite {place.field.type.value}: check its type"
+        )
+    return Reading(place, words)
+
+
+def _frame(axis: AxisExchange, place: Place) -> AddedFrame:
+    if place.field is not None:
+        return read_field(axis, Purpose.ACTUAL, place.field)
+    assert place.bit is not None
+    return read_bit(axis, Purpose.STANDING, place.bit)
+
+
+def _exception(reply: bytes) -> str:
+    code = reply[1] if len(reply) > 1 else 0
+    try:
+        return f"exception {code} ({ExceptionCode(code).name.lower().replace('_', ' ')})"
+    except ValueError:
+        return f"exception {code}"

@@ -1,0 +1,64 @@
+"""``pitch-gateway record CONFIG FILE``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.cli.arguments import Config
+from gateway.cli.configuration import load_or_exit
+from gateway.cli.run import HowToLog, StatusEvery
+from gateway.relay.log import LogFormat
+
+MEGA = 1_000_000
+
+
+def record(
+    config: Config,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="The recording; a new file.", show_default=False)
+    ],
+    *,
+    max_mb: Annotated[
+        int, typer.Option("--max-mb", min=1, help="Size in megabytes at which the recording ends.")
+    ] = 1000,
+    log_format: HowToLog = LogFormat.AUTO,
+    status_every: StatusEvery = 0.0,
+) -> None:
+    """Run the gateway as ``run`` does, and record everything that passes.
+
+    The recording holds every request, reply, time-out and command with its time, what the gateway made of it,
+    the configuration and the tables: ``replay`` runs it again, anywhere. Anybody who may read it can see the
+    configuration with its passwords, so only this user may.
+
+    When the disk is full or too slow the recording ends with an error in the log; the gateway goes on.
+
+    Examples:
+        pitch-gateway record gateway.toml monday.jsonl
+
+        pitch-gateway replay monday.jsonl --show
+    """
+    from gateway.cli.recordings import header_of
+    from gateway.relay.errors import StartError
+    from gateway.relay.log import note_writer
+    from gateway.relay.recorder import Recorder
+    from gateway.relay.run import run_relay
+
+    loaded = load_or_exit(config)
+    try:
+        recorder = Recorder(file, header_of(loaded), max_mb * MEGA)
+        run_relay(
+            loaded.plan,
+            note_writer(log_format),
+            status_every,
+            state=loaded.state_folder,
+            recorder=recorder,
+        )
+    except OSError as error:
+        typer.echo(f"{error.filename or config}: {error.strerror or error}", err=True)
+        raise typer.Exit(1) from None
+    except StartError as error:
+        for problem in error.problems:
+            typer.echo(f"{config}: {problem}", err=True)
+        raise typer.Exit(1) from None
+    typer.echo(f"{recorder.entries} entries in {file}", err=True)

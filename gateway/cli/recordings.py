@@ -1,0 +1,95 @@
+"""What a recording has to hold of a configuration, and the configuration that a recording holds."""
+
+import tempfile
+import tomllib
+from datetime import UTC, datetime
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+import gateway
+from gateway.ipc.traffic import FORMAT, Header
+from gateway.relay.replay import ReplayError
+
+if TYPE_CHECKING:
+    from gateway.config.load import Loaded
+    from gateway.ipc.plan import GatewayPlan
+
+TABLES_FOLDER = "tables"
+ANY_BYTES = "iso-8859-1"
+"""Each byte is a character, so that a file comes back as it was, whatever its encoding."""
+
+
+def header_of(loaded: "Loaded") -> Header:
+    """Return the header of a recording that runs a configuration: with all files that it was read from.
+
+    Raises:
+        OSError: a file cannot be read any more.
+    """
+    text = loaded.path.read_bytes().decode("utf-8")
+    paths = {table.path for table in loaded.tables.values()}
+    profiles = sorted({drive.name for drive in loaded.drives.values() if not drive.is_shipped})
+    return Header(
+        format=FORMAT,
+        gateway_version=gateway.__version__,
+        started=datetime.now(UTC).isoformat(timespec="milliseconds"),
+        config_name=loaded.path.name,
+        config=text,
+        tables={path.name: path.read_bytes().decode(ANY_BYTES) for path in sorted(paths)},
+        files={name: (loaded.path.parent / name).read_bytes().decode(ANY_BYTES) for name in profiles},
+    )
+
+
+def plan_of(header: Header) -> "GatewayPlan":
+    """Return the plan of the configuration in a recording, wherever its files were.
+
+    Raises:
+        ReplayError: a recording of another format, or a configuration that cannot be laid out here.
+        ConfigErrors: this release does not accept the configuration.
+    """
+    from gateway.config.load import load
+
+    if header.format != FORMAT:
+        raise ReplayError(
+            f"a recording of format {header.format}, made by release {header.gateway_version}; "
+            f"this release replays format {FORMAT}"
+        )
+    with tempfile.TemporaryDirectory(prefix="pitch-gateway-replay-") as name:
+        folder = Path(name)
+        config = folder / (Path(header.config_name).name or "gateway.toml")
+        files = {PurePosixPath(TABLES_FOLDER) / n: text for n, text in header.tables.items()}
+        moved = {old: f"files/{i}.toml" for i, old in enumerate(sorted(header.files))}
+        files |= {PurePosixPath(new): header.files[old] for old, new in moved.items()}
+        for place, content in files.items():
+            path = folder / place.parent / place.name
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(content.encode(ANY_BYTES))
+        (folder / TABLES_FOLDER).mkdir(exist_ok=True)
+        config.write_bytes(_portable(header.config, moved).encode("utf-8"))
+        return load(config).plan
+
+
+def _plain(text: str) -> str:
+    return text.removeprefix("\ufeff").replace("\r\n", "\n")
+
+
+def _portable(text: str, moved: dict[str, str]) -> str:
+    """Return a configuration with its files under the names that they have beside it now."""
+    before: dict[str, Any] = tomllib.loads(_plain(text))
+    wanted: dict[str, Any] = tomllib.loads(_plain(text))
+    tables = before.get("gateway", {}).get("tables", TABLES_FOLDER)
+    changes = {**moved, tables: TABLES_FOLDER}
+    if tables != TABLES_FOLDER:
+        wanted["gateway"]["tables"] = TABLES_FOLDER
+    for axis in wanted.get("axis", {}).values():
+        axis["drive"] = moved.get(axis["drive"], axis["drive"]) if "drive" in axis else None
+        if axis["drive"] is None:
+            del axis["drive"]
+    changed = _plain(text)
+    for old, new in changes.items():
+        changed = changed.replace(f'"{old}"', f'"{new}"').replace(f"'{old}'", f'"{new}"')
+    if tomllib.loads(changed) != wanted:
+        raise ReplayError(
+            f"the files of its configuration cannot be laid out here (tables = {tables!r}); "
+            "give the configuration with --config"
+        )
+    return changed

@@ -1,0 +1,52 @@
+"""``pitch-gateway reference CONFIG AXIS``."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from gateway.cli.arguments import Config
+from gateway.cli.commanding import AsJson, command
+
+
+def reference(
+    config: Config,
+    axis: Annotated[str, typer.Argument(metavar="AXIS", help="Name of the axis.", show_default=False)],
+    *,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask; for scripts.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Tell the gateway that an axis stands where its drive says, so that its table holds.
+
+    For axes that were homed while the gateway did not watch, or whose drive has no bit for it. If it is not
+    true, every correction is that of another place. Asks first.
+
+    Exit code 1 when no gateway runs, the answer was no, or the axis cannot be referenced.
+
+    Examples:
+        pitch-gateway reference gateway.toml x
+
+        pitch-gateway reference gateway.toml x --yes
+    """
+    from gateway.ipc.messages import SetReference
+
+    if not yes:
+        _confirm(axis)
+    command(
+        config,
+        SetReference(axis=axis),
+        "referenced where it stands",
+        f"nothing to change: {axis} was referenced already",
+        as_json=as_json,
+    )
+
+
+def _confirm(axis: str) -> None:
+    if not sys.stdin.isatty():
+        raise typer.BadParameter(
+            "standard input is no terminal to ask on: give --yes where a script is sure", param_hint="--yes"
+        )
+    question = f"Has axis {axis} been homed, and does it stand where its drive says?"
+    if not typer.confirm(question, err=True):
+        typer.echo("nothing was changed", err=True)
+        raise typer.Exit(1)

@@ -1,0 +1,169 @@
+"""``pitch-gateway replay FILE``."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gateway.cli.configuration import load_or_exit
+
+if TYPE_CHECKING:
+    from gateway.exchange.events import Event
+    from gateway.ipc.traffic import Entry, Output
+    from gateway.relay.replay import Difference, ReplayResult
+
+LONGEST_LINE = 64_000_000
+"""A header holds every table: more than the largest that is read."""
+
+
+def replay(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A recording.", show_default=False, readable=False)
+    ],
+    *,
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", help="Replay it with this configuration in place of the recorded one."),
+    ] = None,
+    line: Annotated[str | None, typer.Option("--line", help="Only this line of the gateway.")] = None,
+    show: Annotated[bool, typer.Option("--show", help="Print the traffic, readable.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Run a recording through the exchange again and compare every byte that comes out.
+
+    The same inputs at the same times have to cause the same outputs, to the drives and to the controllers.
+    With another configuration, or another release, the differences show what it would have done instead.
+
+    Exit code 0 when everything is as recorded; 1 when anything differs (the first differences are printed) or
+    the file is no recording.
+
+    Examples:
+        pitch-gateway replay monday.jsonl
+
+        pitch-gateway replay monday.jsonl --show --line xyz | less
+
+        pitch-gateway replay monday.jsonl --config new.toml --json | jq .first
+    """
+    from gateway.config.problems import ConfigErrors
+    from gateway.ipc.traffic import WrongEntryError
+    from gateway.relay.replay import ReplayError
+    from gateway.tabfile.files import FileRefusedError
+
+    try:
+        result = _replayed(file, config, line, show=show and not as_json)
+    except ConfigErrors as errors:
+        typer.echo(f"{file}: its configuration is not accepted by this release:", err=True)
+        for problem in errors.problems:
+            typer.echo(problem, err=True)
+        raise typer.Exit(1) from None
+    except (ReplayError, WrongEntryError, FileRefusedError) as error:
+        typer.echo(f"{file}: {error}", err=True)
+        raise typer.Exit(1) from None
+    except OSError as error:
+        typer.echo(f"{file}: {error.strerror or error}", err=True)
+        raise typer.Exit(1) from None
+    _report(file, result, as_json=as_json)
+    if result.different:
+        raise typer.Exit(1)
+
+
+def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) -> "ReplayResult":
+    from gateway.cli.recordings import plan_of
+    from gateway.ipc.traffic import End, Header
+    from gateway.relay.readable import Reader
+    from gateway.relay.replay import Replay, ReplayError
+
+    entries = _entries(file)
+    first = next(entries, None)
+    if first is None or not isinstance(first[1], Header):
+        raise ReplayError("no recording: it does not begin with a header")
+    plan = plan_of(first[1]) if config is None else load_or_exit(config).plan
+    reader = Reader(plan)
+    again = Replay(plan, line, _show_event if show else None)
+    for number, entry in entries:
+        different = again.result.different
+        is_ours = again.feed(number, entry)
+        if show and is_ours and not isinstance(entry, Header | End):
+            mark = "≠" if again.result.different > different else " "
+            typer.echo(f"{mark}{reader.line(entry)}")
+    return again.result
+
+
+def _entries(file: Path) -> Iterator[tuple[int, "Entry"]]:
+    """Yield the entries of a file with their line numbers; a last line that was cut off is left out."""
+    from gateway.ipc.traffic import WrongEntryError, decode
+    from gateway.tabfile.files import open_regular_file
+
+    with open_regular_file(file, "a recording") as lines:
+        number = 0
+        while data := lines.readline(LONGEST_LINE):
+            number += 1
+            if len(data) == LONGEST_LINE:
+                raise WrongEntryError(f"line {number}: more than {LONGEST_LINE} bytes; this is no recording")
+            if not data.endswith(b"\n") and number > 1:
+                return
+            try:
+                yield number, decode(data)
+            except WrongEntryError as error:
+                raise WrongEntryError(f"line {number}: {error}") from None
+
+
+def _show_event(line: str, event: "Event") -> None:
+    axis = f" axis {event.axis}" if event.axis else ""
+    typer.echo(f"              {line:<8} * {event.kind.value}{axis} {event.detail}".rstrip())
+
+
+def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:
+    if as_json:
+        typer.echo(
+            json.dumps(
+                {
+                    "inputs": result.inputs,
+                    "outputs": result.outputs,
+                    "different": result.different,
+                    "is_cut_off": result.is_cut_off,
+                    "first": [_as_json(difference) for difference in result.first],
+                }
+            )
+        )
+        return
+    if result.is_cut_off:
+        typer.echo(f"warning: {file} was cut off: it is replayed as far as it goes", err=True)
+    if not result.different:
+        typer.echo(f"{result.inputs} inputs, {result.outputs} outputs: all as recorded")
+        return
+    for difference in result.first:
+        typer.echo(
+            f"{file}:{difference.entry}: at {difference.t} ns on line {difference.line}: "
+            f"expected {_shown(difference.expected)}, got {_shown(difference.got)}",
+            err=True,
+        )
+    more = result.different - len(result.first)
+    if more:
+        typer.echo(f"{file}: and {more} more", err=True)
+    typer.echo(f"{result.inputs} inputs, {result.outputs} outputs: {result.different} differ")
+
+
+def _as_json(difference: "Difference") -> dict[str, object]:
+    return {
+        "entry": difference.entry,
+        "t": difference.t,
+        "line": difference.line,
+        "expected": None if difference.expected is None else _shown(difference.expected),
+        "got": None if difference.got is None else _shown(difference.got),
+    }
+
+
+def _shown(output: "Output | None") -> str:
+    from gateway.ipc.traffic import Abandoned, Answered
+    from gateway.relay.readable import pdu_name
+
+    if output is None:
+        return "nothing"
+    if isinstance(output, Abandoned):
+        return "to give up waiting"
+    pdu = bytes.fromhex(output.pdu)
+    to = f"controller port {output.port}" if isinstance(output, Answered) else "drive"
+    return f"to {to} unit {output.unit}: {pdu_name(pdu)} {pdu.hex(' ')}"

@@ -1,0 +1,145 @@
+"""``pitch-gateway signtest CONFIG --axis X``."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gateway.cli.arguments import Config
+from gateway.cli.configuration import load_or_exit
+
+if TYPE_CHECKING:
+    from gateway.cli.sign_report import SignReport
+    from gateway.exchange.plan import AxisPlan
+
+UNCERTAINTY_MM = 0.002
+"""What a dial gauge with 1 µm marks or a laser in a workshop can be trusted with."""
+COUNTS = 2
+MISSING = "numbers for a sign test come together: --at, --forward-reading and --backward-reading"
+
+
+def signtest(
+    config: Config,
+    *,
+    axis: Annotated[str, typer.Option("--axis", help="The axis.", show_default=False)],
+    at: Annotated[
+        float | None, typer.Option("--at", help="Commanded position at which both readings were taken.")
+    ] = None,
+    forward_reading: Annotated[
+        float | None, typer.Option("--forward-reading", help="True position, approached from below.")
+    ] = None,
+    backward_reading: Annotated[
+        float | None, typer.Option("--backward-reading", help="True position, approached from above.")
+    ] = None,
+    uncertainty: Annotated[
+        float | None,
+        typer.Option("--uncertainty", help="Of a reading, in units of the axis; default 2 µm or 2 counts."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Tell from two readings at one point whether a table is used the right way round.
+
+    The mistake that everybody makes: the sense of the table, its two columns, or the direction of the axis is
+    the other way round, and the machine gets twice as bad instead of good. Switch the compensation off
+    (pitch-gateway disable), go to one position from below and from above, and read a laser or a gauge each
+    time, with its zero where the table has its own. Without numbers it asks for them, and says where to
+    measure.
+
+    Exit code 0 when the table is right; 1 when it is not, or when it cannot be told.
+
+    Examples:
+        pitch-gateway signtest gateway.toml --axis x
+
+        pitch-gateway signtest gateway.toml --axis x --at 150 --forward-reading 149.99 --backward-reading 150
+    """
+    from gateway.metrology.errors import ReadingsError
+
+    numbers = (at, forward_reading, backward_reading)
+    if any(number is None for number in numbers) and any(number is not None for number in numbers):
+        raise typer.BadParameter(MISSING)
+    plan = _axis(config, axis)
+    if uncertainty is None:
+        settings = plan.settings
+        uncertainty = max(settings.units.from_mm(UNCERTAINTY_MM), COUNTS / abs(settings.counts_per_unit))
+    if at is None or forward_reading is None or backward_reading is None:
+        at, forward_reading, backward_reading = _asked_for(plan)
+    try:
+        report = _report(plan, at, forward_reading, backward_reading, uncertainty)
+    except ReadingsError as error:
+        typer.echo(f"{config}: axis {axis}: {error}", err=True)
+        raise typer.Exit(1) from None
+    if as_json:
+        typer.echo(json.dumps(report.as_json()))
+    else:
+        for line in report.text():
+            typer.echo(line)
+    if not report.test.is_right:
+        raise typer.Exit(1)
+
+
+def _axis(config: Path, name: str) -> "AxisPlan":
+    axes = {axis.name: axis for line in load_or_exit(config).plan.lines for axis in line.axes}
+    if name not in axes:
+        typer.echo(f"{config}: there is no axis {name}; there are {', '.join(axes)}", err=True)
+        raise typer.Exit(1)
+    if axes[name].table is None:
+        typer.echo(f"{config}: axis.{name}.table: missing; name the table that is to be tested", err=True)
+        raise typer.Exit(1)
+    return axes[name]
+
+
+def _report(
+    plan: "AxisPlan", at: float, forward_reading: float, backward_reading: float, uncertainty: float
+) -> "SignReport":
+    from gateway.cli.sign_report import SignReport
+    from gateway.compensation.correction_spec import spec_of_table
+    from gateway.metrology.errors import ReadingsError
+    from gateway.metrology.sign_test import Measurement, Pair, sign_test
+
+    settings, table = plan.settings, plan.table
+    assert table is not None
+    curve = spec_of_table(table, settings).curve
+    assert curve is not None
+    offset = settings.machine_offset
+    position = at + offset
+    measurement = Measurement(
+        position,
+        Pair(forward_reading + offset, backward_reading + offset),
+        uncertainty,
+        # A worn screw errs by up to the largest correction, the other way by as much again.
+        largest=2.0 * settings.max_correction,
+        # The axis counts the other way about machine zero, or the instrument about its own.
+        mirrored=(-position, offset - at),
+    )
+    if not curve.covers(position):
+        raise ReadingsError(
+            f"{at:g} is outside its table, which reaches from {table.first - offset:g} to "
+            f"{table.last - offset:g}: measure inside it"
+        )
+    return SignReport(plan, at, uncertainty, sign_test(curve, measurement))
+
+
+def _asked_for(plan: "AxisPlan") -> tuple[float, float, float]:
+    """Ask for the readings on the terminal; returns position, forward and backward reading."""
+    from gateway.compensation.correction_spec import spec_of_table
+    from gateway.metrology.sign_test import best_place
+
+    settings, units = plan.settings, plan.settings.units.value
+    assert plan.table is not None
+    curve = spec_of_table(plan.table, settings).curve
+    assert curve is not None
+    best = best_place(curve.table)
+    typer.echo(
+        f"Axis {plan.name}: switch its compensation off (pitch-gateway disable), home it, and set the "
+        "instrument to 0 where the table has its zero.\n"
+        f"The table tells most at {best.position - settings.machine_offset:.6g} {units}: go there from "
+        "below, read, go well past it, come back from above, read again.",
+        err=True,
+    )
+    at: float = typer.prompt(
+        f"Position [{units}]", default=best.position - settings.machine_offset, type=float, err=True
+    )
+    forward: float = typer.prompt(f"Reading approached from below, forward [{units}]", type=float, err=True)
+    backward: float = typer.prompt(f"Reading approached from above, backward [{units}]", type=float, err=True)
+    return at, forward, backward

@@ -1,0 +1,116 @@
+"""Whether an axis can be moved the way its registers and its other keys say; profiles are looked at too."""
+
+from typing import Final
+
+from gateway.compensation.settings import Setpoints
+from gateway.config.axis_model import AddedFrames, AxisSection, Unmapped
+from gateway.config.findings import Findings
+from gateway.config.meanings import rule_meaning
+from gateway.config.sections import Sections
+from gateway.config.toml_lines import KeyPath
+from gateway.drives.motion import Action, Form
+from gateway.drives.registers import RegisterMap
+from gateway.modbus.registers import FieldAccess
+
+RELATIVE: Final = (Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIVE_TO_ACTUAL)
+
+
+def check_motion(findings: Findings, sections: Sections) -> None:
+    """Check every axis whose registers are known.
+
+    An axis without a table passes 1:1: of what concerns corrections it is not warned.
+    """
+    for name, axis in (sections.axes | sections.partial_axes).items():
+        registers = axis.registers
+        if registers is None:
+            continue
+        path = ("axis", name)
+        _check_halves(findings, path, registers)
+        _check_stops(findings, path, registers)
+        _check_relative_to_actual(findings, path, registers)
+        if axis.table is not None:
+            _check_relative(findings, path, axis, registers)
+            _check_restaging(findings, path, axis, registers)
+            _check_stream(findings, path, axis, registers)
+
+
+def _check_halves(findings: Findings, path: KeyPath, registers: RegisterMap) -> None:
+    """Words that are written one by one must not move the axis one by one."""
+    longer = next((position for position in registers.command if position.type.words > 1), None)
+    if registers.write is Form.FC06 and longer is not None and not registers.staged:
+        findings.refuse(
+            (*path, "registers", "write"),
+            f'write = "fc06", a command of {longer.type.words} registers ({longer.type.value}) and '
+            "staged = false",
+            "the first word alone would move the axis; allowed: staged = true with the trigger that runs the "
+            'target, a type of one register, or "fc16"',
+        )
+
+
+def _check_stops(findings: Findings, path: KeyPath, registers: RegisterMap) -> None:
+    if registers.trigger and rule_meaning(registers, Action.STOP) is None:
+        findings.warn(
+            (*path, "registers", "trigger"),
+            "no value is listed that stops the axis",
+            "a stop cannot go before other requests, and withdraws none of them; list its value under stop",
+        )
+
+
+def _check_relative_to_actual(findings: Findings, path: KeyPath, registers: RegisterMap) -> None:
+    key = rule_meaning(registers, Action.RELATIVE_TO_ACTUAL)
+    if key is not None and not registers.actual:
+        findings.refuse(
+            (*path, "registers", *key),
+            "distances from the measured position, and registers.actual is not mapped",
+            "map actual; without it none of these moves could be corrected",
+        )
+
+
+def _check_relative(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+    """Warn where nothing tells where a relative move starts after something else than a target."""
+    key = rule_meaning(registers, *RELATIVE)
+    if key is None or axis.relative_unknown is Unmapped.PASS:
+        return
+    lack, do = _lack_of_base(axis, registers)
+    if lack:
+        findings.warn(
+            (*path, "registers", *key),
+            f"relative moves, and {lack}",
+            f"after a stop, a jog or homing they are refused until an absolute move was accepted; {do}",
+        )
+
+
+def _lack_of_base(axis: AxisSection, registers: RegisterMap) -> tuple[str, str]:
+    """Return what is missing to read where an axis stands, and what to do; empty when nothing is."""
+    if axis.added_frames is AddedFrames.NEVER:
+        return 'added_frames = "never" forbids to read where the axis stands', 'allowed for it: "auto"'
+    if not registers.safe_read:
+        return "safe_read = false forbids to read where the axis stands", "allow safe_read if the drive does"
+    reported = (*registers.commanded, *registers.actual)
+    if all(position.access is FieldAccess.WRITE for position in reported):
+        return "neither commanded nor actual is mapped", "map one of them"
+    if registers.bits.done is None and registers.bits.moving is None:
+        return "neither bits.done nor bits.moving is mapped: nothing tells that the axis stands", "map one"
+    return "", ""
+
+
+def _check_restaging(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+    if registers.staged and axis.added_frames is AddedFrames.NEVER:
+        findings.warn(
+            (*path, "added_frames"),
+            'added_frames = "never" with targets that wait for a trigger',
+            "a trigger is refused whenever the correction has changed since its target was written; "
+            'allow "auto"',
+        )
+
+
+def _check_stream(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+    if axis.setpoints is not Setpoints.STREAM or not registers.staged:
+        return
+    if rule_meaning(registers, Action.FOLLOW) is None:
+        findings.warn(
+            (*path, "setpoints"),
+            'setpoints = "stream", and the drive waits for a trigger after each target',
+            "every setpoint needs a trigger of its own; list under follow the value that makes the drive go "
+            'to each target as it is written, or use "targets"',
+        )

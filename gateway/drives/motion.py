@@ -1,0 +1,163 @@
+"""What frames mean on one axis: how a written position is meant, and which values make the drive act.
+
+Plain data that a drive profile fills in. Nothing here has state.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final, NamedTuple
+
+
+class Action(Enum):
+    """What a value of a mode or trigger register means; the value is the key that profiles use."""
+
+    ABSOLUTE = "absolute"
+    RELATIVE = "relative"
+    """A distance from the last target."""
+    RELATIVE_TO_COMMANDED = "relative_to_commanded"
+    """A distance from where the drive's own profile stands at that moment."""
+    RELATIVE_TO_ACTUAL = "relative_to_actual"
+    START = "start"
+    """Runs the target as the mode says; without a mode it is an absolute position."""
+    FOLLOW = "follow"
+    """Runs the target, and from then on each one as soon as it is written."""
+    STOP = "stop"
+    HOME = "home"
+    SET_POSITION = "set_position"
+    """Tells the drive that it stands somewhere else."""
+    STORED = "stored"
+    """Runs a position that the drive keeps: nobody knows which correction it carries."""
+    OTHER_MOTION = "other_motion"
+    """Moves without a target: jog, velocity, torque."""
+    IGNORE = "ignore"
+    UNKNOWN = "unknown"
+    """The profile does not know this value: passed on, counted, and never corrected by guess."""
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether a position is a distance."""
+        return self in _RELATIVE
+
+    @property
+    def runs_target(self) -> bool:
+        """Whether it starts a move to a position that was written."""
+        return self in _RUNS_TARGET
+
+
+_RELATIVE: Final = frozenset({Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIVE_TO_ACTUAL})
+_RUNS_TARGET: Final = _RELATIVE | {Action.ABSOLUTE, Action.START, Action.FOLLOW}
+
+
+class Addressing(Enum):
+    """What consecutive addresses of one frame mean."""
+
+    REGISTERS = "registers"
+    OBJECTS = "objects"
+    """Each address is an object with a width of its own; a frame holds whole objects one after the other."""
+
+
+class Form(Enum):
+    """Function code with which the gateway reads or writes a position by itself."""
+
+    FC03 = "fc03"
+    FC04 = "fc04"
+    FC06 = "fc06"
+    FC16 = "fc16"
+    MEI = "mei"
+    """Function code 43 with MEI type 13, CANopen general reference."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModePlan:
+    """A register that says how a written position is meant. It counts as it stands at the trigger."""
+
+    address: int
+    mask: int = 0xFFFF
+    actions: Mapping[int, Action] = field(default_factory=dict)
+    """By masked value."""
+    otherwise: Action = Action.UNKNOWN
+    is_in_frame: bool = False
+    """It counts only where the frame that holds the position holds it too."""
+    resets_to: int | None = None
+    """Content after each move that was started; None: it stays."""
+
+    def action(self, word: int) -> Action:
+        """Return what a content of the register means."""
+        return self.actions.get(word & self.mask, self.otherwise)
+
+
+class Deed(NamedTuple):
+    """An action, and the command field that it runs; None: the one written last."""
+
+    action: Action
+    number: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TriggerPlan:
+    """A register, or a coil, whose values make the drive act."""
+
+    address: int
+    is_coil: bool = False
+    mask: int = 0xFFFF
+    rising: int = 0
+    """Bits of which one must rise from 0 to 1 for the drive to act; 0: every write acts."""
+    deeds: Mapping[int, Deed] = field(default_factory=dict)
+    """By masked value; a coil that is set has the value 1."""
+    otherwise: Action = Action.UNKNOWN
+    block: int | None = None
+    """It acts only in frames that begin at this address."""
+
+    def deed(self, word: int, before: int | None) -> Deed:
+        """Return what writing ``word`` does, where the register held ``before`` (None: not known).
+
+        A stop needs no rising bit, and a bit that may have risen is taken as risen.
+        """
+        deed = self.deeds.get(word & self.mask) or Deed(self.otherwise)
+        if not self.rising or deed.action is Action.STOP:
+            return deed
+        risen = word & self.rising & ~(before or 0)
+        return deed if risen else NOTHING_DONE
+
+    def is_following(self, word: int) -> bool:
+        """Whether the drive goes to each position as it is written while the register holds ``word``."""
+        deed = self.deeds.get(word & self.mask)
+        return deed is not None and deed.action is Action.FOLLOW
+
+    @property
+    def can_follow(self) -> bool:
+        """Whether one of its values makes the drive follow each position written."""
+        return any(deed.action is Action.FOLLOW for deed in self.deeds.values())
+
+
+NOTHING_DONE: Final = Deed(Action.IGNORE)
+
+
+@dataclass(frozen=True, slots=True)
+class MotionPlan:
+    """How the drive of one axis is made to move."""
+
+    is_staged: bool = False
+    """A written position waits for a trigger."""
+    modes: tuple[ModePlan | None, ...] = ()
+    """By command field; missing or None: every position is absolute unless the trigger says otherwise."""
+    triggers: tuple[TriggerPlan, ...] = ()
+    starts_on: frozenset[int] = frozenset()
+    """Registers that start the motion when they are written, whatever their value."""
+    passes_stored_moves: bool = False
+    passes_unknown_relative: bool = False
+    """A relative move from a place that nobody knows is sent unchanged."""
+
+    def mode(self, number: int) -> ModePlan | None:
+        """Return the mode of one command field."""
+        return self.modes[number] if number < len(self.modes) else None
+
+    @property
+    def waits_for_trigger(self) -> bool:
+        """Whether a position may stand in the drive without being run (M3)."""
+        return self.is_staged or bool(self.starts_on) or bool(self.triggers)
+
+
+DIRECT: Final = MotionPlan()
+"""A drive that moves to each absolute position as soon as it is written."""

@@ -1,0 +1,214 @@
+"""The frames that the gateway adds of its own accord (W8), and what it learns from their replies.
+
+Reads: the actual position, where nothing else tells the direction of a move or the offset in force; the
+drive's command words, when a controller writes a part of a position whose rest is not known; the homed bit;
+a mode register whose content decides what a target means; the place from which a relative move starts, and
+whether the axis stands there. One kind of write: a staged target once more, corrected for its trigger (M2).
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from gateway.drives.motion import Form
+from gateway.exchange.access import MEI_HEAD, swapped
+from gateway.exchange.axis import AxisExchange, Rendering
+from gateway.exchange.field_counts import counts_of
+from gateway.exchange.known import Known
+from gateway.exchange.plan import DONE_BIT
+from gateway.exchange.unit import FieldHit
+from gateway.modbus.errors import RegisterRangeError
+from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, FunctionCode
+from gateway.modbus.registers import BitField, BitTable, PositionField
+
+_FUNCTIONS: Final = {
+    Form.FC03: FunctionCode.READ_HOLDING_REGISTERS,
+    Form.FC04: FunctionCode.READ_INPUT_REGISTERS,
+    Form.FC06: FunctionCode.WRITE_SINGLE_REGISTER,
+    Form.FC16: FunctionCode.WRITE_MULTIPLE_REGISTERS,
+    Form.MEI: FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT,
+}
+
+
+class Purpose(Enum):
+    """Why a frame is added."""
+
+    ACTUAL = "actual"
+    COMMANDED = "commanded"
+    COMMAND = "command"
+    HOMED = "homed"
+    STANDING = "standing"
+    RULE = "rule"
+    RESTAGE = "restage"
+
+
+@dataclass(frozen=True, slots=True)
+class AddedFrame:
+    """One read of ``quantity`` registers for one axis, or one write of ``words``."""
+
+    axis: AxisExchange
+    purpose: Purpose
+    address: int
+    quantity: int
+    hit: FieldHit | None = None
+    bit: BitField | None = None
+    words: bytes = b""
+    rendering: Rendering | None = None
+    """Of a restaged target."""
+
+    @property
+    def pdu(self) -> bytes:
+        """The request."""
+        if self.bit is not None and self.bit.table is not BitTable.REGISTER:
+            is_coil = self.bit.table is BitTable.COIL
+            code = FunctionCode.READ_COILS if is_coil else FunctionCode.READ_DISCRETE_INPUTS
+            return bytes((code,)) + self.address.to_bytes(2, "big") + b"\x00\x01"
+        form = self.axis.plan.writes_with if self.words else self.axis.plan.reads_with
+        head = bytes((_FUNCTIONS[form],))
+        if form is Form.MEI:
+            return _general_reference(self.address, self.quantity, self.words)
+        head += self.address.to_bytes(2, "big")
+        if form is Form.FC06:
+            return head + self.words
+        head += self.quantity.to_bytes(2, "big")
+        return head + bytes((len(self.words),)) + self.words if self.words else head
+
+    def words_of(self, reply: bytes) -> bytes | None:
+        """Return the words that a reply carries; None when it is no good."""
+        sent = self.pdu
+        if sent[0] == FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT:
+            is_good = reply[:8] == sent[:8] and len(reply) > MEI_HEAD and len(reply) == MEI_HEAD + reply[11]
+            return swapped(reply[MEI_HEAD:]) if is_good else None
+        if sent[0] in (FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS):
+            is_good = len(reply) == 3 and reply[0] == sent[0] and reply[1] == 1
+            return bytes((0, reply[2] & 1)) if is_good else None
+        is_good = len(reply) == 2 + 2 * self.quantity and reply[0] == sent[0]
+        return reply[2:] if is_good else None
+
+    def is_acknowledged(self, reply: bytes) -> bool:
+        """Whether a reply is the full native success of the write."""
+        sent = self.pdu
+        if sent[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS:
+            return reply == sent[:5]
+        if sent[0] == FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT:
+            return reply[:8] == sent[:8]
+        return reply == sent
+
+
+def _general_reference(index: int, quantity: int, words: bytes) -> bytes:
+    data = swapped(words)
+    count = len(data) if words else 2 * quantity
+    head = bytes((FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT, MEI_CANOPEN_GENERAL_REFERENCE, bool(words)))
+    return head + bytes(2) + index.to_bytes(2, "big") + bytes(4) + bytes((count,)) + data
+
+
+def read_field(axis: AxisExchange, purpose: Purpose, field: PositionField) -> AddedFrame:
+    """Return the read of a whole position."""
+    return AddedFrame(axis, purpose, field.address, field.words)
+
+
+def read_word(axis: AxisExchange, address: int) -> AddedFrame:
+    """Return the read of a mode or trigger register."""
+    return AddedFrame(axis, Purpose.RULE, address, 1)
+
+
+def read_bit(axis: AxisExchange, purpose: Purpose, bit: BitField) -> AddedFrame:
+    """Return the read of a status bit."""
+    return AddedFrame(axis, purpose, bit.address, 1, bit=bit)
+
+
+def homed_read(axis: AxisExchange) -> AddedFrame | None:
+    """Return the read of the bit on which the reference of an axis hangs at the moment."""
+    bit = axis.plan.bits.get(axis.homed_bit)
+    is_needed = axis.reference.follows_bit or axis.reference.is_homing
+    if not is_needed or not axis.may_read or bit is None:
+        return None
+    return read_bit(axis, Purpose.HOMED, bit)
+
+
+def restage(rendering: Rendering) -> AddedFrame | None:
+    """Return the next write that brings the drive's words in line with a rendering, if any (M2)."""
+    held, wanted = rendering.shadow.corrected_words, rendering.corrected_words
+    if held == wanted:
+        return None
+    axis = rendering.axis
+    place = axis.plan.command[axis.shadows.index(rendering.shadow)]
+    if axis.plan.writes_with is not Form.FC06:
+        return AddedFrame(
+            axis, Purpose.RESTAGE, place.address, place.words, words=wanted, rendering=rendering
+        )
+    for word in range(place.words):
+        at = slice(2 * word, 2 * word + 2)
+        if held is None or held[at] != wanted[at]:
+            return AddedFrame(
+                axis, Purpose.RESTAGE, place.address + word, 1, words=wanted[at], rendering=rendering
+            )
+    return None
+
+
+def note_restaged(frame: AddedFrame) -> None:
+    """Take note of an acknowledged write of a staged target."""
+    rendering = frame.rendering
+    assert rendering is not None
+    shadow = rendering.shadow
+    words = frame.words
+    if len(words) < len(rendering.corrected_words):
+        held = bytearray(shadow.corrected_words or bytes(len(rendering.corrected_words)))
+        place = rendering.axis.plan.command[rendering.axis.shadows.index(shadow)]
+        at = 2 * (frame.address - place.address)
+        held[at : at + len(words)] = words
+        words = bytes(held)
+    shadow.settle(rendering.nominal_words, words)
+
+
+def learn(read: AddedFrame, reply: bytes, known: Known, now_ns: int) -> None:
+    """Take note of the reply to an added read; a refused one is not tried again for this request.
+
+    A drive that will not tell whether it is homed is taken as not homed.
+    """
+    axis, name, words = read.axis, read.axis.plan.name, read.words_of(reply)
+    if read.purpose is Purpose.HOMED:
+        known.references.add(name)
+        assert read.bit is not None
+        axis.observe_bit(axis.homed_bit, now_ns, is_set=words is not None and read.bit.is_set(_word(words)))
+    elif read.purpose is Purpose.ACTUAL:
+        field = axis.plan.actual[0]
+        known.actual[name] = None if words is None else axis.observe_actual(field, words, now_ns)
+    elif read.purpose is Purpose.COMMANDED:
+        field = axis.plan.commanded[0]
+        known.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
+    elif read.purpose is Purpose.RULE:
+        known.rule_words.setdefault(name, {})[read.address] = None if words is None else _word(words)
+    elif read.purpose is Purpose.STANDING:
+        _learn_standing(read, words, known)
+    else:
+        assert read.hit is not None
+        known.command_words[id(read.hit.place.shadow)] = _nominal_command(read.hit, words)
+
+
+def _learn_standing(read: AddedFrame, words: bytes | None, known: Known) -> None:
+    axis = read.axis
+    assert read.bit is not None
+    if words is None:
+        known.is_standing[axis.plan.name] = None
+        return
+    is_set = read.bit.is_set(_word(words))
+    if read.bit is axis.plan.bits.get(DONE_BIT):
+        axis.observe_done(is_set)
+        known.is_standing[axis.plan.name] = is_set
+    else:
+        known.is_standing[axis.plan.name] = not is_set
+
+
+def _word(words: bytes) -> int:
+    return words[0] << 8 | words[1]
+
+
+def _nominal_command(hit: FieldHit, words: bytes | None) -> bytes | None:
+    if words is None:
+        return None
+    axis = hit.place.axis
+    try:
+        return axis.nominal_words(hit.place.field, words, axis.compensation.readback)
+    except RegisterRangeError:
+        return None

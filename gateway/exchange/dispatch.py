@@ -1,0 +1,113 @@
+"""What goes out next for one request: itself, or a frame that it needs first."""
+
+from collections.abc import Sequence
+
+from gateway.drives.motion import Action
+from gateway.exchange.access import ACCESS, Access
+from gateway.exchange.added_frames import AddedFrame
+from gateway.exchange.aliases import why_not_passed
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.known import NOTHING_KNOWN, Known
+from gateway.exchange.life import Exchange
+from gateway.exchange.meaning import NO_ACCESS, Meaning, meanings
+from gateway.exchange.preliminaries import next_frame
+from gateway.exchange.preparing import prepare
+from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.request import Request
+from gateway.exchange.unit import UnitMap
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
+
+
+def access_of(pdu: bytes) -> Access | None:
+    """Return the registers that a request touches; None for none."""
+    look = ACCESS.get(pdu[0])
+    return None if look is None else look(pdu)
+
+
+class Units:
+    """The mapped unit ids of one line."""
+
+    def __init__(self, axes: Sequence[AxisExchange], *, is_serial: bool) -> None:
+        unit_ids = dict.fromkeys(axis.plan.unit_id for axis in axes)
+        self._units = {
+            unit_id: UnitMap(axis for axis in axes if axis.plan.unit_id == unit_id) for unit_id in unit_ids
+        }
+        self._is_serial = is_serial
+        self._reached: dict[int, tuple[UnitMap, ...]] = {
+            unit_id: (unit,) for unit_id, unit in self._units.items()
+        }
+        if is_serial:
+            self._reached[BROADCAST_UNIT_ID] = tuple(self._units.values())
+        self._axes = {
+            unit_id: tuple(axis for unit in reached for axis in unit.axes)
+            for unit_id, reached in self._reached.items()
+        }
+        self.have_rules = any(unit.has_rules for unit in self._units.values())
+        """Whether any frame may mean something else than positions to be gone to at once."""
+
+    def get(self, unit_id: int) -> UnitMap | None:
+        """Return a unit id's register map; None where it has none."""
+        return self._units.get(unit_id)
+
+    def axes_of(self, unit_id: int) -> tuple[AxisExchange, ...]:
+        """Return the axes that a request to a unit id reaches."""
+        return self._axes.get(unit_id, ())
+
+    def reached(self, unit_id: int) -> tuple[UnitMap, ...]:
+        """Return the mapped units that a request reaches: on a serial line a broadcast reaches all."""
+        return self._reached.get(unit_id, ())
+
+    def stops_of(self, unit_id: int, pdu: bytes) -> list[Meaning]:
+        """Return what a request stops; it goes before everything else (M3)."""
+        stops: list[Meaning] = []
+        for unit in self.reached(unit_id):
+            if unit.has_rules:
+                stops += [meaning for meaning in meanings(unit, pdu, access_of(pdu)) if meaning.is_stop]
+        return stops
+
+    def next_to_send(self, exchange: Exchange, now_ns: int) -> tuple[AddedFrame | None, bytes]:
+        """Return what goes out next for an exchange: a frame that it needs first, or its own request.
+
+        Raises:
+            RefusedRequestError: it must not reach the drive.
+        """
+        pdu, access = exchange.pdu, access_of(exchange.pdu)
+        if access is None and not self.have_rules:
+            return None, pdu
+        if access is not None and exchange.unit_id not in self._units:
+            self._check_unmapped(exchange.unit_id, access)
+        if exchange.known is None and self.have_rules:
+            exchange.known = Known()
+        known = exchange.known or NOTHING_KNOWN
+        requests = []
+        for unit in self.reached(exchange.unit_id):
+            found = meanings(unit, pdu, access, known.rule_words) if unit.has_rules else []
+            if access is None and not found:
+                continue
+            request = Request(unit, pdu, access or NO_ACCESS, found, known, now_ns)
+            added = next_frame(request)
+            if added is not None:
+                return added, b""
+            requests.append(request)
+        if len(requests) == 1:
+            rewriting = prepare(requests[0])
+            exchange.rewritings = (rewriting,)
+            return None, rewriting.sent_pdu
+        exchange.rewritings = tuple(map(prepare, requests))
+        return None, pdu
+
+    def _check_unmapped(self, unit_id: int, access: Access) -> None:
+        reason = why_not_passed(self._units.values(), unit_id, access, is_serial=self._is_serial)
+        if reason:
+            raise RefusedRequestError(ExceptionCode.GATEWAY_PATH_UNAVAILABLE, "", reason)
+
+
+def is_acting_on(units: Units, exchange: Exchange, axes: Sequence[AxisExchange]) -> bool:
+    """Whether a request, which is no stop, would move one of these axes or give it a target."""
+    if exchange.is_stop or exchange.port is None:
+        return False
+    for unit in units.reached(exchange.unit_id):
+        for meaning in meanings(unit, exchange.pdu, access_of(exchange.pdu)):
+            if any(meaning.axis is axis for axis in axes):
+                return bool(meaning.commands) or meaning.action is not Action.IGNORE
+    return False

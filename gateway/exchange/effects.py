@@ -1,0 +1,135 @@
+"""What a request leaves behind on an axis beside its positions: stops, homing, modes, blocks."""
+
+from typing import Final
+
+from gateway.drives.motion import Action
+from gateway.exchange.events import EventKind
+from gateway.exchange.meaning import Meaning
+from gateway.exchange.refusal import RefusedRequestError
+from gateway.modbus.pdu import ExceptionCode
+
+MOVES_OTHERWISE: Final = frozenset(
+    {
+        Action.STOP,
+        Action.HOME,
+        Action.SET_POSITION,
+        Action.STORED,
+        Action.OTHER_MOTION,
+        Action.UNKNOWN,
+    }
+)
+"""Actions after which the last target does not say any more where the axis is."""
+
+
+def check_may_act(meaning: Meaning) -> None:
+    """Refuse what must not run: a stored position, a trigger whose target was lost.
+
+    Raises:
+        RefusedRequestError: with the exception code of the lost target, or 4.
+    """
+    axis = meaning.axis
+    motion = axis.motion
+    action = meaning.action
+    if action is Action.STORED and not (axis.passes_unchanged or motion.plan.passes_stored_moves):
+        raise RefusedRequestError(
+            ExceptionCode.SERVER_DEVICE_FAILURE,
+            axis.plan.name,
+            "it runs a position that the drive keeps, and nobody knows which correction that carries "
+            '(stored_moves = "uncorrected" lets it pass)',
+            EventKind.STORED_MOVE,
+        )
+    code = axis.blocked_by
+    if code is None or meaning.is_stop:
+        return
+    runs_unseen = meaning.runs_alone or (action is Action.UNKNOWN and not meaning.commands)
+    lacks_mode = action.runs_target and bool(motion.lost_modes - set(meaning.words))
+    if runs_unseen or lacks_mode:
+        raise RefusedRequestError(
+            code,
+            axis.plan.name,
+            "a trigger, but the target, its mode or a part of it was lost before: write all of it again",
+            EventKind.AXIS_BLOCKED,
+        )
+
+
+def note_done(meaning: Meaning, now_ns: int) -> None:
+    """Take note of a request that the drive acknowledged in full."""
+    axis, motion, action = meaning.axis, meaning.axis.motion, meaning.action
+    motion.note_words(dict(meaning.words))
+    motion.note_coils(dict(meaning.coils))
+    motion.doubt(dict.fromkeys(meaning.unclear_words, 0), {})
+    for hit in meaning.commands:
+        motion.staged = hit.place.number
+    if action.runs_target:
+        motion.last_run = action
+        mode = None if meaning.number is None else motion.plan.mode(meaning.number)
+        if mode is not None and mode.resets_to is not None:
+            motion.note_words({mode.address: mode.resets_to})
+    if action in MOVES_OTHERWISE:
+        _move_otherwise(meaning, now_ns)
+    elif meaning.is_doubtful:
+        axis.forget_place()
+    is_whole = all(hit.place.shadow and not hit.place.shadow.is_torn for hit in meaning.commands)
+    if meaning.commands and is_whole and motion.release():
+        axis.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
+
+
+def note_failed(
+    meaning: Meaning, code: int, now_ns: int, *, is_refusal: bool, is_broadcast: bool = False
+) -> None:
+    """Take note of a request that was sent and not acknowledged; what a refusal proves, the map says (M7)."""
+    axis = meaning.axis
+    if not (is_refusal and axis.plan.exception_writes_nothing):
+        axis.motion.doubt({**meaning.words, **dict.fromkeys(meaning.unclear_words, 0)}, dict(meaning.coils))
+        if meaning.action in MOVES_OTHERWISE:
+            _move_otherwise(meaning, now_ns, is_certain=False)
+        elif meaning.runs_alone:
+            axis.forget_place()
+    if not (is_broadcast or (axis.passes_unchanged and is_refusal)):
+        block(meaning, code)
+
+
+def note_unknown(found: list[Meaning]) -> int:
+    """Report frames that mean something the register map does not know; return how many there are."""
+    unknown = [m for m in found if m.action is Action.UNKNOWN and not m.axis.passes_unchanged]
+    for meaning in unknown:
+        words = tuple(sorted(meaning.words.items()))
+        if meaning.axis.motion.told_unknown != words:
+            meaning.axis.motion.told_unknown = words
+            shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in words) or "its mode"
+            meaning.axis.tell(
+                EventKind.UNKNOWN_MODE, f"the register map does not know {shown}: it passed untouched"
+            )
+    return len(unknown)
+
+
+def block(meaning: Meaning, code: int) -> None:
+    """A target, its mode or a part of it was lost: its triggers are refused from now on (M3)."""
+    axis, motion = meaning.axis, meaning.axis.motion
+    if not motion.plan.waits_for_trigger or not (meaning.commands or meaning.writes_mode):
+        return
+    if meaning.writes_mode:
+        modes = {mode.address for mode in motion.plan.modes if mode is not None}
+        motion.lost_modes |= modes & (set(meaning.words) | meaning.unclear_words)
+    if motion.block(code):
+        axis.tell(
+            EventKind.AXIS_BLOCKED,
+            f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a complete "
+            "one was accepted; stops always pass",
+        )
+
+
+def _move_otherwise(meaning: Meaning, now_ns: int, *, is_certain: bool = True) -> None:
+    axis, action = meaning.axis, meaning.action
+    is_at_rest = axis.is_moving is not True
+    was_referenced = axis.is_referenced
+    axis.forget_place()
+    if action in (Action.HOME, Action.SET_POSITION):
+        axis.doubt_words()
+    if action is Action.HOME:
+        axis.reference.note_homing(now_ns)
+    elif action is Action.SET_POSITION:
+        axis.reference.note_position_set(is_at_rest=is_at_rest and is_certain)
+    elif action is Action.STORED:
+        axis.motion.runs_stored = True
+    axis.follow_reference(was_referenced=was_referenced)

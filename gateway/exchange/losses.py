@@ -1,0 +1,62 @@
+"""Requests that were lost on the way, and replies to the gateway's own frames."""
+
+from gateway.exchange import parts
+from gateway.exchange.added_frames import Purpose, learn, note_restaged
+from gateway.exchange.answering import fail
+from gateway.exchange.counters import LineCounters
+from gateway.exchange.dispatch import Units, access_of
+from gateway.exchange.effects import block
+from gateway.exchange.events import EventKind
+from gateway.exchange.known import Known
+from gateway.exchange.life import Exchange
+from gateway.exchange.meaning import meanings
+from gateway.modbus.pdu import ExceptionCode, is_exception
+
+
+def note_learned(exchange: Exchange, reply: bytes, counters: LineCounters, now_ns: int) -> int | None:
+    """Take note of the reply to a frame of the gateway's own.
+
+    Returns:
+        The exception code with which the request that it was for is refused; None when it can go on.
+    """
+    frame = exchange.added
+    assert frame is not None
+    exchange.known = exchange.known or Known()
+    if frame.purpose is not Purpose.RESTAGE:
+        counters.added_reads += 1
+        learn(frame, reply, exchange.known, now_ns)
+        return None
+    assert frame.rendering is not None
+    if frame.is_acknowledged(reply):
+        counters.restaged += 1
+        note_restaged(frame)
+        frame.axis.tell(EventKind.RESTAGED, "the staged target was written anew for its trigger")
+        return None
+    code = reply[1] if len(reply) == 2 and is_exception(reply) else ExceptionCode.SERVER_DEVICE_FAILURE
+    frame.rendering.shadow.tear()
+    frame.axis.motion.block(code)
+    frame.axis.tell(EventKind.AXIS_BLOCKED, "the drive refused the staged target when it was written anew")
+    return code
+
+
+def lose(exchange: Exchange, code: int, now_ns: int) -> None:
+    """Take note of an exchange whose reply never came."""
+    frame = exchange.added
+    if frame is None:
+        for rewriting in exchange.rewritings:
+            fail(rewriting, code, now_ns, is_refusal=False)
+    elif frame.rendering is not None:
+        frame.rendering.shadow.tear()
+        frame.axis.motion.block(code)
+        frame.axis.tell(EventKind.AXIS_BLOCKED, "nobody knows whether the staged target was written anew")
+
+
+def note_unsent(units: Units, exchange: Exchange, code: int, now_ns: int) -> None:
+    """Note that a request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
+    access = access_of(exchange.pdu)
+    for unit in units.reached(exchange.unit_id):
+        if access is not None and access.write_quantity:
+            parts.note_unsent(unit, exchange.pdu, access, now_ns)
+        if unit.has_rules:
+            for meaning in meanings(unit, exchange.pdu, access):
+                block(meaning, code)

@@ -1,0 +1,287 @@
+"""What one request means for one axis: the move, stop or homing it starts, and the modes it sets (M2).
+
+Decided when the request is about to be sent, from the request itself and from what the drive acknowledged
+before. Nothing is changed here.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from gateway.drives.motion import NOTHING_DONE, Action, Deed, ModePlan
+from gateway.exchange.access import Access, coils_written
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.unit import NO_HITS, FieldHit, FieldRole, Hits, RuleHit, UnitMap
+
+NO_ACCESS: Final = Access()
+NOTHING_READ: Final[Mapping[str, Mapping[int, int | None]]] = {}
+
+PRECEDENCE: Final = (
+    Action.STOP,
+    Action.HOME,
+    Action.SET_POSITION,
+    Action.STORED,
+    Action.UNKNOWN,
+    Action.FOLLOW,
+    Action.ABSOLUTE,
+    Action.RELATIVE,
+    Action.RELATIVE_TO_COMMANDED,
+    Action.RELATIVE_TO_ACTUAL,
+    Action.START,
+    Action.OTHER_MOTION,
+    Action.IGNORE,
+)
+"""Which one counts where a request does several things to one axis."""
+_RANK: Final = {action: rank for rank, action in enumerate(PRECEDENCE)}
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a request does to one axis."""
+
+    axis: AxisExchange
+    action: Action
+    """IGNORE where nothing moves; never START: that is what the mode makes of it."""
+    number: int | None = None
+    """The command field that runs, of an action that runs a target."""
+    words: Mapping[int, int] = field(default_factory=dict)
+    """Mode and trigger registers, as the request leaves them."""
+    coils: Mapping[int, int] = field(default_factory=dict)
+    unclear_words: frozenset[int] = frozenset()
+    """Such registers that it changes in a way that nobody can tell."""
+    needs_word: int | None = None
+    """A mode or trigger register that must be read before the meaning is known."""
+    commands: tuple[FieldHit, ...] = ()
+    """The command fields that it writes."""
+    is_doubtful: bool = False
+    """A bit that starts the motion is set, and nobody knows whether it was set before."""
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether it must never be refused or late (M3)."""
+        return self.action is Action.STOP
+
+    @property
+    def runs_alone(self) -> bool:
+        """Whether it runs a target that was written before."""
+        return self.action.runs_target and all(hit.place.number != self.number for hit in self.commands)
+
+    @property
+    def running(self) -> tuple[FieldHit, ...]:
+        """The command fields that it writes and runs."""
+        if not self.action.runs_target:
+            return ()
+        if self.axis.motion.plan.waits_for_trigger:
+            return tuple(hit for hit in self.commands if hit.place.number == self.number)
+        return self.commands
+
+    @property
+    def staging(self) -> tuple[FieldHit, ...]:
+        """The command fields that it writes and does not run."""
+        running = self.running
+        return tuple(hit for hit in self.commands if hit not in running)
+
+    @property
+    def writes_mode(self) -> bool:
+        """Whether it sets a register that decides what a position means."""
+        modes = {mode.address for mode in self.axis.plan.motion.modes if mode is not None}
+        return bool(modes & (set(self.words) | self.unclear_words))
+
+
+def meanings(
+    unit: UnitMap,
+    pdu: bytes,
+    access: Access | None,
+    read_words: Mapping[str, Mapping[int, int | None]] = NOTHING_READ,
+) -> list[Meaning]:
+    """Return what a request means for each axis of a unit that it means something to.
+
+    Args:
+        unit: the unit's registers.
+        pdu: the request.
+        access: the registers that it touches, None for none.
+        read_words: mode and trigger registers that were read for this request, by axis and address; None
+            where one would not tell.
+    """
+    coils = coils_written(pdu)
+    hits = unit.written(access.write_address, access.write_quantity) if access else NO_HITS
+    if not (coils or hits.fields or hits.rules):
+        return []
+    frame = _Frame(pdu, access or NO_ACCESS, hits, coils)
+    found = []
+    for axis in unit.axes:
+        read = read_words.get(axis.plan.name, {})
+        meaning = _Reading(axis, frame, read).meaning()
+        if meaning is not None:
+            found.append(meaning)
+    return found
+
+
+class _Frame(NamedTuple):
+    """A request, and what it writes."""
+
+    pdu: bytes
+    access: Access
+    hits: Hits
+    coils: Mapping[int, int]
+
+
+class _Reading:
+    """One request, looked at for one axis."""
+
+    def __init__(self, axis: AxisExchange, frame: _Frame, read_words: Mapping[int, int | None]) -> None:
+        pdu, access, hits, coils = frame
+        self.axis = axis
+        self.plan = axis.plan.motion
+        self.access = access
+        self.read_words = read_words
+        rules = [hit for hit in hits.rules if hit.axis is axis]
+        own = [hit for hit in hits.fields if hit.place.axis is axis]
+        self.commands = tuple(hit for hit in own if hit.place.role is FieldRole.COMMAND)
+        self.sets_position = any(
+            hit.place.role is FieldRole.ACTUAL and hit.place.number in axis.plan.settable for hit in own
+        )
+        self.words: dict[int, int] = {}
+        self.unclear: set[int] = set()
+        data = access.words(pdu) if rules else b""
+        for hit in rules:
+            self._note_word(hit, data)
+        own_coils = {trigger.address for trigger in self.plan.triggers if trigger.is_coil}
+        self.is_doubtful = any(
+            trigger.rising & self.words.get(trigger.address, 0) and axis.motion.word(trigger.address) is None
+            for trigger in self.plan.triggers
+            if not trigger.is_coil
+        )
+        self.coils = {address: value for address, value in coils.items() if address in own_coils}
+
+    def _note_word(self, hit: RuleHit, data: bytes) -> None:
+        if not self.access.is_consistent or len(data) < 2 * hit.word + 2:
+            self.unclear.add(hit.address)
+            return
+        word = data[2 * hit.word] << 8 | data[2 * hit.word + 1]
+        if self.access.is_mask:
+            before = self.axis.motion.word(hit.address)
+            or_mask = data[2] << 8 | data[3]
+            if before is None and word:
+                self.unclear.add(hit.address)
+                return
+            word = ((before or 0) & word) | (or_mask & ~word & 0xFFFF)
+        self.words[hit.address] = word
+
+    def meaning(self) -> Meaning | None:
+        if not (self.commands or self.words or self.unclear or self.coils or self.sets_position):
+            return None
+        following = self._unknown_following()
+        if following is not None:
+            return self._meaning(Action.UNKNOWN, None, needs_word=following)
+        deed = min(self._deeds(), key=lambda each: _RANK[each.action], default=NOTHING_DONE)
+        if not deed.action.runs_target:
+            return self._meaning(deed.action, None)
+        number = self._number(deed)
+        mode = None if number is None else self.plan.mode(number)
+        if mode is None:
+            return self._meaning(_run_as(deed.action, Action.ABSOLUTE), number)
+        word = self._mode_word(mode)
+        if word is not None:
+            return self._meaning(_run_as(deed.action, mode.action(word)), number)
+        is_asked = mode.is_in_frame or mode.address in self.read_words or mode.address in self.unclear
+        if is_asked or not self.axis.may_read:
+            return self._meaning(Action.UNKNOWN, number)
+        return self._meaning(Action.UNKNOWN, number, needs_word=mode.address)
+
+    def _meaning(self, action: Action, number: int | None, needs_word: int | None = None) -> Meaning:
+        return Meaning(
+            axis=self.axis,
+            action=action,
+            number=number,
+            words=self.words,
+            coils=self.coils,
+            unclear_words=frozenset(self.unclear),
+            needs_word=needs_word,
+            commands=self.commands,
+            is_doubtful=action.runs_target and self.is_doubtful,
+        )
+
+    def _deeds(self) -> list[Deed]:
+        motion = self.axis.motion
+        deeds = []
+        for trigger in self.plan.triggers:
+            if trigger.is_coil:
+                if trigger.address in self.coils:
+                    deeds.append(trigger.deed(self.coils[trigger.address], motion.coil(trigger.address)))
+            elif trigger.block is not None and trigger.block != self.access.write_address:
+                continue
+            elif trigger.address in self.words:
+                deeds.append(trigger.deed(self.words[trigger.address], motion.word(trigger.address)))
+            elif trigger.address in self.unclear:
+                deeds.append(Deed(Action.UNKNOWN))
+        if self.sets_position:
+            deeds.append(Deed(Action.SET_POSITION))
+        if any(address in self.words or address in self.unclear for address in self.plan.starts_on) or (
+            self.commands and self._moves_at_once()
+        ):
+            deeds.append(Deed(Action.START))
+        if any(self._sets_other_motion(mode) for mode in self.plan.modes if mode is not None):
+            deeds.append(Deed(Action.OTHER_MOTION))
+        return deeds
+
+    def _sets_other_motion(self, mode: ModePlan) -> bool:
+        """Whether a mode is set in which the drive moves without targets, perhaps at once."""
+        word = self.words.get(mode.address)
+        return word is not None and mode.action(word) is Action.OTHER_MOTION
+
+    def _unknown_following(self) -> int | None:
+        """Return a trigger register that decides whether a position moves at once, and is not known."""
+        if not self.commands or not self.axis.may_read:
+            return None
+        asked = self.unclear | set(self.read_words)
+        for trigger in self.plan.triggers:
+            if trigger.can_follow and trigger.address not in asked and self._known(trigger.address) is None:
+                return trigger.address
+        return None
+
+    def _known(self, address: int) -> int | None:
+        """Return the content of a register as it is, or as this request leaves it."""
+        if address in self.words:
+            return self.words[address]
+        known = self.axis.motion.word(address)
+        return self.read_words.get(address) if known is None else known
+
+    def _is_following(self) -> bool:
+        """Whether the drive goes to each position as soon as it is written."""
+        for trigger in self.plan.triggers:
+            word = self._known(trigger.address) if trigger.can_follow else None
+            if word is not None and trigger.is_following(word):
+                return True
+        return False
+
+    def _moves_at_once(self) -> bool:
+        """Whether a written position is gone to without anything else."""
+        if not (self.plan.is_staged or self.plan.starts_on) or self._is_following():
+            return True
+        mode = self.plan.mode(self.commands[0].place.number)
+        word = None if mode is None else self._mode_word(mode)
+        return mode is not None and word is not None and mode.action(word) is Action.FOLLOW
+
+    def _number(self, deed: Deed) -> int | None:
+        if deed.number is not None:
+            return deed.number
+        if self.commands:
+            return self.commands[0].place.number
+        if self.axis.motion.staged is not None:
+            return self.axis.motion.staged
+        return 0 if len(self.axis.plan.command) == 1 else None
+
+    def _mode_word(self, mode: ModePlan) -> int | None:
+        if mode.address in self.unclear or (mode.is_in_frame and mode.address not in self.words):
+            return None
+        return self._known(mode.address)
+
+
+def _run_as(trigger: Action, mode: Action) -> Action:
+    """Return what running a target amounts to, with what the trigger and what the mode say."""
+    if not mode.runs_target:
+        return mode
+    if trigger is Action.START or (trigger is Action.FOLLOW and mode.is_relative):
+        return Action.ABSOLUTE if mode is Action.START else mode
+    return trigger

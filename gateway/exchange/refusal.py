@@ -1,0 +1,14 @@
+"""What the gateway refuses by itself."""
+
+from gateway.exchange.events import EventKind
+
+
+class RefusedRequestError(Exception):
+    """A request that the gateway answers itself: with ``code``, and nothing was sent."""
+
+    def __init__(self, code: int, axis: str, reason: str, kind: EventKind = EventKind.REFUSED_VALUE) -> None:
+        super().__init__(reason)
+        self.code = code
+        self.axis = axis
+        self.reason = reason
+        self.kind = kind

@@ -1,0 +1,64 @@
+"""Where a relative move starts (M5).
+
+The last accepted target, where nothing else has moved the axis since and the drive counts from it. Else what
+the drive says, of an axis that stands: its own commanded position, or the actual one. Never a moving axis.
+"""
+
+from gateway.drives.motion import Action
+from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.known import Known
+from gateway.exchange.plan import DONE_BIT, MOVING_BIT
+from gateway.exchange.rendering import Base
+
+
+def next_base_read(axis: AxisExchange, action: Action, known: Known) -> AddedFrame | None:
+    """Return what must be read next to know where a relative move starts; None when no reading helps."""
+    if not axis.may_read or base_of(axis, action, known) is not None:
+        return None
+    name, bits = axis.plan.name, axis.plan.bits
+    if name not in known.is_standing:
+        for bit_name in (DONE_BIT, MOVING_BIT):
+            if bit_name in bits:
+                return read_bit(axis, Purpose.STANDING, bits[bit_name])
+    if _counts_from_commanded(axis, action):
+        if name not in known.commanded:
+            return read_field(axis, Purpose.COMMANDED, axis.plan.commanded[0])
+    elif axis.plan.actual and name not in known.actual:
+        return read_field(axis, Purpose.ACTUAL, axis.plan.actual[0])
+    return None
+
+
+def base_of(axis: AxisExchange, action: Action, known: Known) -> Base | None:
+    """Return where a relative move starts, as far as is known by now; None where it is not."""
+    accepted = axis.compensation.accepted
+    is_certain = axis.is_done_seen and action is not Action.RELATIVE_TO_ACTUAL
+    if accepted is not None and (action is Action.RELATIVE or is_certain):
+        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=axis.is_done_seen)
+    name = axis.plan.name
+    is_standing = known.is_standing.get(name)
+    if _counts_from_commanded(axis, action):
+        counts = known.commanded.get(name)
+        return None if counts is None else _base_at(axis, counts, is_standing, tolerance=0.0)
+    actual = known.actual.get(name)
+    if actual is None:
+        return None
+    settings = axis.plan.settings
+    tolerance = settings.hysteresis * abs(settings.counts_per_unit)
+    if action is Action.RELATIVE_TO_ACTUAL:
+        return _base_at(axis, actual.counts, is_standing, tolerance=0.0)
+    return _base_at(axis, actual.counts, is_standing, tolerance=tolerance)
+
+
+def _counts_from_commanded(axis: AxisExchange, action: Action) -> bool:
+    return bool(axis.plan.commanded) and action is not Action.RELATIVE_TO_ACTUAL
+
+
+def _base_at(axis: AxisExchange, counts: float, is_standing: bool | None, *, tolerance: float) -> Base | None:
+    """Return the base at a position that the drive reported."""
+    accepted = axis.compensation.accepted
+    if accepted is not None and abs(counts - accepted.corrected_counts) <= tolerance:
+        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=True)
+    if not is_standing:
+        return None
+    return Base(round(axis.nominal_of(counts)), counts, is_standing=True)

@@ -1,0 +1,237 @@
+"""From a commanded position to the words that the drive is told (M2 to M6, M8). Nothing is changed here."""
+
+from math import isfinite
+from typing import NamedTuple
+
+from gateway.compensation.axis import Move, Place, PlaceKind
+from gateway.compensation.correction_spec import NOTHING
+from gateway.compensation.errors import OutOfTableError, OutsideTravelError
+from gateway.compensation.settings import Setpoints
+from gateway.exchange.axis import Actual, AxisExchange, Rendering
+from gateway.exchange.field_counts import counts_of, steps_of
+from gateway.exchange.shadow import Shadow
+from gateway.modbus.errors import RegisterRangeError
+from gateway.times import NS_PER_MS, NS_PER_S
+
+
+class RefusedPositionError(Exception):
+    """A position that must not reach the drive (M8); the message says why."""
+
+
+class Seen(NamedTuple):
+    """What a target is rendered with: monotonic time, and an actual position that was read for it."""
+
+    now_ns: int
+    fresh: Actual | None
+
+
+class Base(NamedTuple):
+    """Where a relative move starts, in both frames (M5)."""
+
+    nominal_counts: float
+    corrected_counts: float
+    is_standing: bool
+    """The axis is known to stand there."""
+
+
+def is_repeat(axis: AxisExchange, shadow: Shadow, nominal_words: bytes) -> bool:
+    """Whether a command field is written with what the drive acknowledged there already (M4)."""
+    return (
+        axis.compensation.accepted is not None
+        and not shadow.is_torn
+        and shadow.nominal_words == nominal_words
+        and shadow.corrected_words is not None
+    )
+
+
+def render_repeat(axis: AxisExchange, shadow: Shadow, *, is_passing: bool) -> Rendering:
+    """Render exactly the same words as before; accepting them changes nothing."""
+    assert shadow.nominal_words is not None
+    assert shadow.corrected_words is not None
+    words = shadow.nominal_words if is_passing else shadow.corrected_words
+    return Rendering(axis, shadow, shadow.nominal_words, words, 0.0, None)
+
+
+def as_it_came(axis: AxisExchange, shadow: Shadow) -> Rendering:
+    """Return a staged target with the words of the controller itself; where it leads is not known."""
+    assert shadow.nominal_words is not None
+    return Rendering(axis, shadow, shadow.nominal_words, shadow.nominal_words, 0.0, None, is_distance=True)
+
+
+def render(
+    axis: AxisExchange,
+    number: int,
+    nominal_words: bytes,
+    seen: Seen,
+    *,
+    is_passing: bool,
+) -> Rendering:
+    """Render a whole target with the correction in force.
+
+    Args:
+        axis: whose target.
+        number: which of the axis's command fields.
+        nominal_words: the target as commanded, in the field's own form.
+        seen: when, and where the axis was read to be.
+        is_passing: the words go out as they came; what they would have become is still worked out.
+
+    Raises:
+        RefusedPositionError: the corrected position must not reach the drive (M8).
+    """
+    field_ = axis.plan.command[number]
+    shadow = axis.shadows[number]
+    raw = field_.unpack(nominal_words)
+    if not isfinite(raw):
+        if is_passing:
+            return Rendering(axis, shadow, nominal_words, nominal_words, 0.0, None)
+        raise RefusedPositionError(f"{raw} is not a position")
+    try:
+        move = _plan_move(axis, counts_of(field_, raw), seen)
+        if move.state.is_unsure and _is_unproven(axis, shadow, nominal_words) and axis.unproven:
+            return axis.unproven  # nothing tells better: the same target is the same words (M4)
+        corrected_words = nominal_words
+        if move.correction_counts:
+            corrected_words = field_.pack(raw + steps_of(field_, move.correction_counts))
+    except (OutOfTableError, OutsideTravelError, RegisterRangeError) as error:
+        raise RefusedPositionError(str(error)) from error
+    corrected_counts = counts_of(field_, field_.unpack(corrected_words))
+    sent = nominal_words if is_passing else corrected_words
+    return Rendering(axis, shadow, nominal_words, sent, corrected_counts, move)
+
+
+def render_distance(
+    axis: AxisExchange,
+    number: int,
+    distance_words: bytes,
+    base: Base,
+    seen: Seen,
+    *,
+    is_passing: bool,
+) -> Rendering:
+    """Render a relative move: through the absolute nominal position, so that no error adds up (M5).
+
+    Raises:
+        RefusedPositionError: where it would end must not be gone to (M8).
+    """
+    field_ = axis.plan.command[number]
+    shadow = axis.shadows[number]
+    raw = field_.unpack(distance_words)
+    if not isfinite(raw):
+        raise RefusedPositionError(f"{raw} is not a distance")
+    if not raw:
+        return Rendering(axis, shadow, distance_words, distance_words, 0.0, None, is_distance=True)
+    nominal_counts = base.nominal_counts + counts_of(field_, raw)
+    place = Place(base.nominal_counts, PlaceKind.REACHED) if base.is_standing else None
+    try:
+        move = _plan_move(axis, nominal_counts, seen, place)
+        corrected_counts = nominal_counts + move.correction_counts
+        steps = steps_of(field_, corrected_counts - base.corrected_counts)
+        words = field_.pack(steps)
+    except (OutOfTableError, OutsideTravelError, RegisterRangeError) as error:
+        raise RefusedPositionError(str(error)) from error
+    ends_at = base.corrected_counts + counts_of(field_, steps)
+    if is_passing:
+        words, ends_at = distance_words, base.corrected_counts + counts_of(field_, raw)
+    return Rendering(axis, shadow, distance_words, words, ends_at, move, is_distance=True)
+
+
+def needs_offset(axis: AxisExchange) -> bool:
+    """Whether the next streamed setpoint is the first: nothing is in force before it."""
+    return axis.compensation.state.position is None
+
+
+def needs_actual(axis: AxisExchange, nominal_counts: float, now_ns: int) -> bool:
+    """Whether an actual position has to be read before this target can be rendered (M6)."""
+    if not axis.may_read or not axis.plan.actual or axis.wanted is NOTHING or not axis.is_referenced:
+        return False
+    accepted = axis.compensation.accepted
+    if accepted is not None and accepted.nominal_counts == nominal_counts:
+        return False
+    if axis.plan.settings.setpoints is Setpoints.STREAM:
+        return needs_offset(axis)
+    return axis.has_branches and _known_place(axis, nominal_counts, now_ns) is None
+
+
+def render_limit(axis: AxisExchange, number: int, nominal_words: bytes) -> bytes:
+    """Return what a limit becomes: half-way between the branches, whatever moves at the moment.
+
+    A limit of 0 passes as it is, because for many drives it means that there is none.
+
+    Raises:
+        RefusedPositionError: it does not fit its register.
+    """
+    field_ = axis.plan.limits[number]
+    raw = field_.unpack(nominal_words)
+    if not raw or not isfinite(raw) or axis.passes_unchanged:
+        return nominal_words
+    settings = axis.plan.settings
+    position = axis.compensation.machine_position(counts_of(field_, raw))
+    correction = axis.wanted.map_at(0.5).correction(position) * settings.counts_per_unit
+    try:
+        return field_.pack(raw + steps_of(field_, correction))
+    except RegisterRangeError as error:
+        raise RefusedPositionError(str(error)) from error
+
+
+def nominal_limit(axis: AxisExchange, shadow: Shadow, number: int, words: bytes) -> bytes:
+    """Turn the words of a limit that is read back into what the controller wrote."""
+    if shadow.nominal_words is not None and shadow.corrected_words == words:
+        return shadow.nominal_words
+    field_ = axis.plan.limits[number]
+    raw = field_.unpack(words)
+    if not raw or not isfinite(raw) or axis.passes_unchanged:
+        return words
+    counts = counts_of(field_, raw)
+    position = axis.compensation.machine_position(counts)
+    correction = axis.wanted.map_at(0.5).solve(position, position).correction
+    return field_.pack(raw - steps_of(field_, correction * axis.plan.settings.counts_per_unit))
+
+
+def _is_unproven(axis: AxisExchange, shadow: Shadow, nominal_words: bytes) -> bool:
+    unproven = axis.unproven
+    return unproven is not None and unproven.shadow is shadow and unproven.nominal_words == nominal_words
+
+
+def _plan_move(axis: AxisExchange, nominal_counts: float, seen: Seen, place: Place | None = None) -> Move:
+    compensation = axis.compensation
+    accepted = compensation.accepted
+    now_ns, fresh = seen
+    if accepted is not None and accepted.nominal_counts == nominal_counts:
+        return compensation.again()  # the same target through another register of the axis
+    if axis.plan.settings.setpoints is Setpoints.STREAM:
+        if needs_offset(axis) and fresh is not None and axis.is_referenced:
+            compensation.assume_offset(fresh.counts, nominal_counts)
+        return compensation.plan(nominal_counts, None, now_ns)
+    place = place or _known_place(axis, nominal_counts, now_ns)
+    if place is None and fresh is not None:
+        place = _measured(axis, fresh)
+    if place is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
+        # Nothing tells where this axis is; the order of its targets is the best there is, and flagged.
+        place = Place(accepted.nominal_counts, PlaceKind.ASSUMED)
+    return compensation.plan(nominal_counts, place, now_ns)
+
+
+def _known_place(axis: AxisExchange, nominal_counts: float, now_ns: int) -> Place | None:
+    """Where the axis is, as far as passing traffic told it (M6)."""
+    accepted = axis.compensation.accepted
+    if accepted is not None and axis.is_done_seen:
+        return Place(accepted.nominal_counts, PlaceKind.REACHED)
+    actual = axis.actual
+    settings = axis.plan.settings
+    if actual is None or not settings.max_speed:
+        return None
+    age_ns = now_ns - actual.seen_ns
+    if age_ns > settings.fresh_ms * NS_PER_MS:
+        return None
+    place = _measured(axis, actual)
+    reach = settings.max_speed * age_ns / NS_PER_S * abs(settings.counts_per_unit)
+    return None if abs(nominal_counts - place.counts) <= reach else place
+
+
+def _measured(axis: AxisExchange, actual: Actual) -> Place:
+    """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
+    if axis.is_shadow:
+        return Place(actual.counts, PlaceKind.MEASURED)
+    if axis.compensation.accepted is None:
+        return Place(actual.counts, PlaceKind.ON_DRIVE)
+    return Place(axis.nominal_of(actual.counts), PlaceKind.MEASURED)

@@ -1,0 +1,125 @@
+"""The socket of a gateway: where it is, who may have it, and what is left of one that ended badly."""
+
+import contextlib
+import fcntl
+import os
+import socket
+import stat
+from pathlib import Path
+from typing import Final
+
+SOCKET_NAME: Final = "relay.sock"
+LOCK_NAME: Final = "relay.lock"
+LONGEST_PATH: Final = 107
+"""Bytes: ``sun_path`` of unix(7) has 108 with the zero at its end."""
+BACKLOG: Final = 16
+
+
+class SocketError(Exception):
+    """The socket cannot be had; one sentence with the path and the remedy."""
+
+
+def socket_path(state: Path) -> Path:
+    """Return the path of the socket of the gateway that keeps its state in this folder.
+
+    Raises:
+        SocketError: it is too long for a socket.
+    """
+    path = Path(os.path.abspath(state)) / SOCKET_NAME  # noqa: PTH100 - links stay links, they may be shorter
+    length = len(os.fsencode(path))
+    if length > LONGEST_PATH:
+        raise SocketError(
+            f"{path} has {length} bytes, and the path of a socket has {LONGEST_PATH} at most; "
+            "give [gateway] state a shorter folder, for example /run/pitch-gateway"
+        )
+    return path
+
+
+class SocketPlace:
+    """The place of one gateway's socket, from :meth:`take` to :meth:`leave`.
+
+    A lock beside the socket tells a gateway that runs from one that was killed; the system lets go of it
+    whatever way the process ends.
+    """
+
+    def __init__(self, state: Path) -> None:
+        self.path = socket_path(state)
+        self._lock_fd: int | None = None
+        self._inode = 0
+
+    def take(self) -> socket.socket:
+        """Return a listening socket that only this user may use.
+
+        Raises:
+            SocketError: another gateway has it, or the folder cannot be made or written.
+        """
+        try:
+            self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self._lock()
+            self._remove_stale()
+            return self._listen()
+        except OSError as error:
+            self.leave()
+            raise SocketError(
+                f"{error.filename or self.path}: {error.strerror or error}; give this user write permission "
+                "to the folder, or choose another one with [gateway] state"
+            ) from error
+        except SocketError:
+            self.leave()
+            raise
+
+    def leave(self) -> None:
+        """Remove the socket, if it is still ours, and let others have the place."""
+        if self._inode:
+            with contextlib.suppress(OSError):
+                if self.path.lstat().st_ino == self._inode:
+                    self.path.unlink()
+            self._inode = 0
+        if self._lock_fd is not None:
+            os.close(self._lock_fd)
+            self._lock_fd = None
+
+    def _lock(self) -> None:
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        self._lock_fd = os.open(self.path.with_name(LOCK_NAME), flags, 0o600)
+        try:
+            fcntl.flock(self._lock_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise self._in_use() from None
+
+    def _remove_stale(self) -> None:
+        try:
+            mode = self.path.lstat().st_mode
+        except FileNotFoundError:
+            return
+        if not stat.S_ISSOCK(mode):
+            raise SocketError(f"{self.path} is there and is no socket; move it away")
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
+            other.setblocking(False)
+            try:
+                other.connect(str(self.path))
+            except ConnectionRefusedError:
+                self.path.unlink()  # whoever made it has gone
+                return
+            except BlockingIOError:
+                pass  # somebody listens and is too busy to take us
+        raise self._in_use()
+
+    def _listen(self) -> socket.socket:
+        listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            listening.bind(str(self.path))
+            self._inode = self.path.lstat().st_ino
+            self.path.chmod(0o600)  # before anybody can connect
+            listening.setblocking(False)
+            listening.listen(BACKLOG)
+        except OSError:
+            listening.close()
+            raise
+        return listening
+
+    def _in_use(self) -> SocketError:
+        return SocketError(
+            f"{self.path} belongs to a gateway that runs: stop it first, or give this one a folder of its "
+            "own with [gateway] state"
+        )

@@ -1,0 +1,149 @@
+"""What a recording holds: everything that crosses the border of a line's exchange, in order; JSON lines.
+
+A header comes first, an end last; a file without an end was cut off. In between stand inputs, each with its
+monotonic time in nanoseconds, and behind each input the outputs that it caused. Bytes are hexadecimal.
+"""
+
+from typing import Final
+
+import msgspec
+
+FORMAT: Final = 1
+
+
+class WrongEntryError(Exception):
+    """A line that is no entry of a recording; the text says what is wrong with it."""
+
+
+class _Entry(msgspec.Struct, frozen=True, tag_field="kind"):
+    """What all entries have."""
+
+
+class Header(_Entry, frozen=True, tag="header"):
+    """What is needed to run the same exchange again."""
+
+    format: int
+    gateway_version: str
+    started: str
+    """Date and time of day, ISO 8601."""
+    config_name: str
+    config: str
+    tables: dict[str, str] = {}
+    """Table files of the tables folder by name, each byte a character (ISO 8859-1)."""
+    files: dict[str, str] = {}
+    """Further files that the configuration names, by the name that it gives them."""
+
+
+class _Input(_Entry, frozen=True):
+    """Something that happened to a line at ``t`` ns."""
+
+    line: str
+    t: int
+
+
+class Request(_Input, frozen=True, tag="request"):
+    """A whole request of a controller. ``port`` numbers connections, ``controller`` is its name."""
+
+    port: int
+    controller: str
+    transaction: int
+    unit: int
+    pdu: str
+
+
+class Gone(_Input, frozen=True, tag="gone"):
+    """A controller's connection or port was lost."""
+
+    port: int
+
+
+class Reply(_Input, frozen=True, tag="reply"):
+    """A reply of a drive."""
+
+    unit: int
+    pdu: str
+
+
+class Stray(_Input, frozen=True, tag="stray"):
+    """Bytes from the drives that answer nothing."""
+
+    is_frame: bool
+
+
+class Up(_Input, frozen=True, tag="up"):
+    """The drives can be reached."""
+
+
+class Down(_Input, frozen=True, tag="down"):
+    """The drives cannot be reached."""
+
+
+class Tick(_Input, frozen=True, tag="tick"):
+    """A deadline passed."""
+
+
+class Stop(_Input, frozen=True, tag="stop"):
+    """The gateway stops."""
+
+
+class Control(_Input, frozen=True, tag="control"):
+    """A person's command: ``enable``, ``disable`` or ``reference``."""
+
+    command: str
+    axis: str
+
+
+class Sent(_Entry, frozen=True, tag="sent"):
+    """What went to the drives."""
+
+    line: str
+    unit: int
+    pdu: str
+
+
+class Abandoned(_Entry, frozen=True, tag="abandoned"):
+    """The reply is not expected any more."""
+
+    line: str
+
+
+class Answered(_Entry, frozen=True, tag="answered"):
+    """What went to a controller."""
+
+    line: str
+    port: int
+    transaction: int
+    unit: int
+    pdu: str
+
+
+class End(_Entry, frozen=True, tag="end"):
+    """The recording ended in order."""
+
+    entries: int
+
+
+Input = Request | Gone | Reply | Stray | Up | Down | Tick | Stop | Control
+Output = Sent | Abandoned | Answered
+Entry = Header | Input | Output | End
+
+_encoder: Final = msgspec.json.Encoder()
+_decoder: Final = msgspec.json.Decoder(Entry)
+
+
+def encode(entry: Entry) -> bytes:
+    r"""Return an entry as one line.
+
+    >>> encode(Sent("xyz", 1, "0300640002"))
+    b'{"kind":"sent","line":"xyz","unit":1,"pdu":"0300640002"}\n'
+    """
+    return _encoder.encode(entry) + b"\n"
+
+
+def decode(line: bytes) -> Entry:
+    """Read one line. Raises WrongEntryError."""
+    try:
+        entry: Entry = _decoder.decode(line)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise WrongEntryError(f"no entry of a recording: {error}") from None
+    return entry

@@ -1,0 +1,216 @@
+"""Two readings at one point tell whether a table is used the right way round.
+
+With the compensation off the drive stands where the controller says, and the nut where the screw takes it.
+A table claims to know that place: ``corrected = nominal + correction`` puts the nut at ``nominal``, so with
+the drive at ``p`` the nut stands at the exact inverse of that map, ``p - correction`` to first order. Each
+way of getting a table wrong predicts other readings:
+
+====================  =====================================  =========================================
+way                   approached forward, measured ≈         approached backward, measured ≈
+====================  =====================================  =========================================
+right                 ``p - forward(p)``                     ``p - backward(p)``
+sense inverted        ``p + forward(p)``                     ``p + backward(p)``
+columns swapped       ``p - backward(p)``                    ``p - forward(p)``
+both                  ``p + backward(p)``                    ``p + forward(p)``
+direction inverted    ``-p``                                 ``-p``
+====================  =====================================  =========================================
+
+Everything here is in machine positions and units; the readings are from the table's own zero.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from math import isfinite
+from typing import Final
+
+from gateway.compensation.correction_map import CorrectionMap, Term
+from gateway.compensation.curve import Curve
+from gateway.compensation.table import CorrectionTable
+from gateway.metrology.errors import ReadingsError
+
+BEYOND: Final = 0.5
+"""A best guess that leaves more than this share of the table unexplained is none."""
+
+
+class Way(Enum):
+    """How a table may be used; the value is what reports call it."""
+
+    RIGHT = "right"
+    SENSE_INVERTED = "sense inverted"
+    COLUMNS_SWAPPED = "columns swapped"
+    BOTH = "sense inverted and columns swapped"
+
+
+class Verdict(Enum):
+    """What the readings say."""
+
+    RIGHT = "right"
+    SENSE_INVERTED = "sense inverted"
+    COLUMNS_SWAPPED = "columns swapped"
+    BOTH = "sense inverted and columns swapped"
+    DIRECTION_INVERTED = "axis direction inverted"
+    CANNOT_TELL = "cannot tell"
+    NOTHING_FITS = "nothing fits"
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """One number for each direction of approach."""
+
+    forward: float
+    backward: float
+
+    def distance(self, other: "Pair") -> float:
+        """Return the larger of both differences."""
+        return max(abs(self.forward - other.forward), abs(self.backward - other.backward))
+
+
+NOTHING: Final = Pair(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """Two readings of the nut with the drive at one position, approached forward and backward.
+
+    Machine positions in units; ``uncertainty`` is that of a reading. No correction can be larger than
+    ``largest``: beyond it the readings are of another place. An axis, or an instrument, that counts the other
+    way seems to stand at one of ``mirrored``.
+
+    Raises:
+        ReadingsError: a number that is not finite, an uncertainty that is not positive.
+    """
+
+    position: float
+    readings: Pair
+    uncertainty: float
+    largest: float
+    mirrored: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, number in (
+            ("position", self.position),
+            ("forward reading", self.readings.forward),
+            ("backward reading", self.readings.backward),
+        ):
+            if not isfinite(number):
+                raise ReadingsError(f"the {name} is {number}: it must be a finite number")
+        if not (isfinite(self.uncertainty) and self.uncertainty > 0.0):
+            raise ReadingsError(f"the uncertainty is {self.uncertainty}: it must be a number above 0")
+
+    @property
+    def measured(self) -> Pair:
+        """The correction that the readings ask for: position less reading."""
+        return Pair(self.position - self.readings.forward, self.position - self.readings.backward)
+
+
+@dataclass(frozen=True, slots=True)
+class BestPlace:
+    """Where a table tells the ways apart best: the smallest difference between any two of them there."""
+
+    position: float
+    separation: float
+
+
+@dataclass(frozen=True, slots=True)
+class SignTest:
+    """Result of a sign test; all numbers in units."""
+
+    verdict: Verdict
+    position: float
+    measured: Pair
+    """The correction that the readings ask for: position less reading."""
+    table: Pair
+    """The correction that the table makes there, as it is used now."""
+    expected: Mapping[Way, Pair]
+    """The readings that each way predicts."""
+    off_by: Mapping[Way, float]
+    """How far the readings are from them."""
+    candidates: tuple[Way, ...]
+    """The ways that the readings do not exclude, the nearest first."""
+    best: BestPlace
+    share: float | None
+    """Share of the table that explains the readings best (least squares); None where the table is 0."""
+    tells_direction: bool
+    """Whether an axis that went the other way would be somewhere else."""
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the table is used as it should be."""
+        return self.verdict is Verdict.RIGHT
+
+
+def sign_test(curve: Curve, at: Measurement) -> SignTest:
+    """Judge two readings against the table as the axis uses it, in the same units."""
+    ways = _ways(curve.table)
+    expected = {way: _expected(curve, way, at.position) for way in ways}
+    off_by = {way: at.readings.distance(pair) for way, pair in expected.items()}
+    nearest = min(off_by.values())
+    # Two ways are told apart when the readings, right to the uncertainty, prefer one of them.
+    near = [way for way in ways if off_by[way] - nearest <= 2.0 * at.uncertainty]
+    table = Pair(
+        CorrectionMap((Term(curve, 1.0, 0.0),)).correction(at.position),
+        CorrectionMap((Term(curve, 0.0, 1.0),)).correction(at.position),
+    )
+    return SignTest(
+        verdict=_verdict(at, near, nearest, table),
+        position=at.position,
+        measured=at.measured,
+        table=table,
+        expected=expected,
+        off_by=off_by,
+        candidates=tuple(sorted(near, key=lambda way: off_by[way])),
+        best=best_place(curve.table),
+        share=_share(table, at.measured),
+        tells_direction=all(abs(place - at.position) > 2.0 * at.largest for place in at.mirrored),
+    )
+
+
+def best_place(table: CorrectionTable) -> BestPlace:
+    """Return the point of a table at which a sign test tells most.
+
+    Right and inverted differ by twice the larger correction; right and swapped by forward - backward; right
+    and both by forward + backward. The smallest of the three counts, and its largest value wins. A table of
+    one direction has no columns to swap, and only the first one counts.
+    """
+    return max(
+        (
+            BestPlace(x, _separation(f, b, is_one_way=table.is_unidirectional))
+            for x, f, b in zip(table.positions, table.forward, table.backward, strict=True)
+        ),
+        key=lambda place: place.separation,
+    )
+
+
+def _separation(forward: float, backward: float, *, is_one_way: bool) -> float:
+    inverted = 2.0 * max(abs(forward), abs(backward))
+    return inverted if is_one_way else min(inverted, abs(forward - backward), abs(forward + backward))
+
+
+def _ways(table: CorrectionTable) -> tuple[Way, ...]:
+    """Return what can be wrong: where both directions are the same, nothing can be swapped."""
+    return (Way.RIGHT, Way.SENSE_INVERTED) if table.is_unidirectional else tuple(Way)
+
+
+def _expected(curve: Curve, way: Way, position: float) -> Pair:
+    sign = -1.0 if way in (Way.SENSE_INVERTED, Way.BOTH) else 1.0
+    first, second = Term(curve, sign, 0.0), Term(curve, 0.0, sign)
+    if way in (Way.COLUMNS_SWAPPED, Way.BOTH):
+        first, second = second, first
+    return Pair(CorrectionMap((first,)).nominal(position), CorrectionMap((second,)).nominal(position))
+
+
+def _verdict(at: Measurement, near: list[Way], nearest: float, table: Pair) -> Verdict:
+    if at.measured.distance(NOTHING) > at.largest:
+        is_mirrored = any(at.readings.distance(Pair(place, place)) <= at.largest for place in at.mirrored)
+        return Verdict.DIRECTION_INVERTED if is_mirrored else Verdict.NOTHING_FITS
+    if nearest > max(2.0 * at.uncertainty, BEYOND * table.distance(NOTHING)):
+        return Verdict.NOTHING_FITS
+    return Verdict.CANNOT_TELL if len(near) > 1 else Verdict(near[0].value)
+
+
+def _share(table: Pair, measured: Pair) -> float | None:
+    square = table.forward**2 + table.backward**2
+    return (
+        (table.forward * measured.forward + table.backward * measured.backward) / square if square else None
+    )

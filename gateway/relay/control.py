@@ -1,0 +1,80 @@
+"""What a person may ask a running gateway: the requests of its socket, answered by the relay."""
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import gateway
+from gateway.exchange.control import ControlError
+from gateway.ipc.messages import (
+    Disable,
+    Done,
+    Enable,
+    GetStatus,
+    Ping,
+    Pong,
+    Reply,
+    Request,
+    SetReference,
+    Status,
+)
+
+
+class Controllable(Protocol):
+    """What the relay offers; each command returns the names of the axes that changed with it."""
+
+    @property
+    def name(self) -> str:
+        """Name of the gateway."""
+        ...
+
+    @property
+    def axes(self) -> Sequence[str]:
+        """Names of all axes."""
+        ...
+
+    def status(self) -> dict[str, dict[str, object]]:
+        """Return the status model."""
+        ...
+
+    def enable(self, axis: str) -> tuple[str, ...]:
+        """Switch the compensation of an axis on. Raises ControlError with reason and remedy."""
+        ...
+
+    def disable(self, axis: str) -> tuple[str, ...]:
+        """Switch the compensation of an axis off. Raises ControlError with reason and remedy."""
+        ...
+
+    def reference(self, axis: str) -> tuple[str, ...]:
+        """Take an axis as referenced where it stands. Raises ControlError with reason and remedy."""
+        ...
+
+
+def answer(relay: Controllable, request: Request) -> Reply:
+    """Do what a request asks for and return the reply."""
+    match request:
+        case Ping():
+            return Pong(name=relay.name, gateway_version=gateway.__version__, pid=os.getpid())
+        case GetStatus():
+            return Status(status=dict(relay.status()))
+        case Enable(axes=axes):
+            return _on_axes(relay, axes, relay.enable)
+        case Disable(axes=axes):
+            return _on_axes(relay, axes, relay.disable)
+        case SetReference(axis=axis):
+            return _on_axes(relay, (axis,), relay.reference)
+
+
+def _on_axes(relay: Controllable, asked: Sequence[str], command: Callable[[str], tuple[str, ...]]) -> Done:
+    """Command each axis; one that cannot be commanded does not keep the others from it."""
+    changed: dict[str, None] = {}
+    problems: list[str] = []
+    for axis in asked or relay.axes:
+        if axis not in relay.axes:
+            problems.append(f"axis {axis}: there is none of that name; there are {', '.join(relay.axes)}")
+            continue
+        try:
+            changed.update(dict.fromkeys(command(axis)))
+        except ControlError as error:
+            problems.append(str(error))
+    return Done(changed=tuple(changed), problems=tuple(problems))

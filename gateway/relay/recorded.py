@@ -1,0 +1,130 @@
+"""A line's exchange with a recorder at its border: every input with its time, then what it caused."""
+
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import ControllerPlan
+from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.ipc import traffic
+from gateway.relay.recorder import Recorder
+from gateway.relay.timed import TimedExchange
+
+
+class RecordedLink:
+    """The way to the drives, listened to."""
+
+    def __init__(self, link: DriveLink, line: str, recorder: Recorder) -> None:
+        self._link = link
+        self._line = line
+        self._recorder = recorder
+
+    @property
+    def is_serial(self) -> bool:
+        """See ``DriveLink``."""
+        return self._link.is_serial
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        """See ``DriveLink``."""
+        self._recorder.put(traffic.Sent(self._line, unit_id, pdu.hex()))
+        self._link.send_request(unit_id, pdu)
+
+    def abandon(self) -> None:
+        """See ``DriveLink``."""
+        self._recorder.put(traffic.Abandoned(self._line))
+        self._link.abandon()
+
+
+class _RecordedPort:
+    """A controller's port, listened to."""
+
+    def __init__(self, port: ControllerPort, number: int, line: str, recorder: Recorder) -> None:
+        self.plan: ControllerPlan = port.plan
+        self.number = number
+        self._port = port
+        self._line = line
+        self._recorder = recorder
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """See ``ControllerPort``."""
+        self._recorder.put(traffic.Answered(self._line, self.number, transaction_id, unit_id, pdu.hex()))
+        self._port.send_reply(transaction_id, unit_id, pdu)
+
+
+class RecordedExchange(TimedExchange):
+    """A :class:`TimedExchange` that writes down what it is told before it acts on it."""
+
+    def __init__(self, exchange: LineExchange, line: str, recorder: Recorder) -> None:
+        super().__init__(exchange)
+        self._line = line
+        self._recorder = recorder
+        self._ports: dict[ControllerPort, _RecordedPort] = {}
+        self._last_number = 0
+
+    def request(
+        self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
+    ) -> None:
+        """See ``TimedExchange``."""
+        recorded = self._port(port)
+        self._recorder.put(
+            traffic.Request(
+                self._line, now_ns, recorded.number, port.plan.name, transaction_id, unit_id, pdu.hex()
+            )
+        )
+        super().request(recorded, transaction_id, unit_id, pdu, now_ns)
+
+    def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Reply(self._line, now_ns, unit_id, pdu.hex()))
+        super().reply(unit_id, pdu, now_ns)
+
+    def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Stray(self._line, now_ns, is_frame))
+        super().stray(now_ns, is_frame=is_frame)
+
+    def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
+        """See ``TimedExchange``. A port that never asked for anything has not been here."""
+        recorded = self._ports.pop(port, None)
+        if recorded is not None:
+            self._recorder.put(traffic.Gone(self._line, now_ns, recorded.number))
+            super().controller_gone(recorded, now_ns)
+
+    def link_up(self, now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Up(self._line, now_ns))
+        super().link_up(now_ns)
+
+    def link_down(self, now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Down(self._line, now_ns))
+        super().link_down(now_ns)
+
+    async def stop(self, now_ns: int, timeout_s: float) -> None:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Stop(self._line, now_ns))
+        await super().stop(now_ns, timeout_s)
+
+    def enable(self, axis: str, now_ns: int) -> tuple[str, ...]:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Control(self._line, now_ns, "enable", axis))
+        return super().enable(axis, now_ns)
+
+    def disable(self, axis: str, now_ns: int) -> tuple[str, ...]:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Control(self._line, now_ns, "disable", axis))
+        return super().disable(axis, now_ns)
+
+    def reference(self, axis: str, now_ns: int) -> tuple[str, ...]:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Control(self._line, now_ns, "reference", axis))
+        return super().reference(axis, now_ns)
+
+    def _tick(self, now_ns: int) -> None:
+        if self.is_due(now_ns):
+            self._recorder.put(traffic.Tick(self._line, now_ns))
+        super()._tick(now_ns)
+
+    def _port(self, port: ControllerPort) -> _RecordedPort:
+        recorded = self._ports.get(port)
+        if recorded is None:
+            self._last_number += 1
+            recorded = self._ports[port] = _RecordedPort(port, self._last_number, self._line, self._recorder)
+        return recorded

@@ -1,0 +1,213 @@
+"""A recording through a fresh exchange: the same inputs at the same times have to cause the same bytes."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+from gateway.exchange.control import ControlError
+from gateway.exchange.events import Event
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import ControllerPlan
+from gateway.ipc import traffic
+from gateway.ipc.plan import GatewayPlan, LinePlan
+from gateway.transport.endpoints import TcpEndpoint
+
+KEPT_DIFFERENCES: Final = 10
+"""The first ones tell; what follows a difference mostly follows from it."""
+
+
+class ReplayError(Exception):
+    """A recording that this configuration cannot replay; the text says why and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One output that is not as recorded. ``entry`` is the line in the file of the input that caused it."""
+
+    entry: int
+    t: int
+    line: str
+    expected: traffic.Output | None
+    got: traffic.Output | None
+
+
+@dataclass(slots=True)
+class ReplayResult:
+    """What came of a replay."""
+
+    inputs: int = 0
+    outputs: int = 0
+    """Recorded outputs that were compared."""
+    different: int = 0
+    first: list[Difference] = field(default_factory=list)
+    is_cut_off: bool = False
+
+
+class _Port:
+    """A controller's connection; its replies are outputs."""
+
+    def __init__(self, plan: ControllerPlan, number: int, line: "_Line") -> None:
+        self.plan = plan
+        self._number = number
+        self._line = line
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """See ``ControllerPort``."""
+        name = self._line.plan.name
+        self._line.outputs.append(traffic.Answered(name, self._number, transaction_id, unit_id, pdu.hex()))
+
+
+class _Line:
+    """One line's exchange; it is the link to the drives too, and what goes there is output."""
+
+    def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None]) -> None:
+        self.plan = plan
+        self.is_serial = not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu
+        self.outputs: deque[traffic.Output] = deque()
+        self._controllers = {link.plan.name: link.plan for link in plan.controllers}
+        self._ports: dict[int, _Port] = {}
+        self._exchange = LineExchange(
+            plan.axes, plan.timing, self, lambda event: on_event(plan.name, event), plan.groups
+        )
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        """See ``DriveLink``."""
+        self.outputs.append(traffic.Sent(self.plan.name, unit_id, pdu.hex()))
+
+    def abandon(self) -> None:
+        """See ``DriveLink``."""
+        self.outputs.append(traffic.Abandoned(self.plan.name))
+
+    def feed(self, entry: traffic.Input) -> None:
+        """Let it happen again."""
+        exchange = self._exchange
+        match entry:
+            case traffic.Request():
+                pdu = bytes.fromhex(entry.pdu)
+                exchange.request(self._port(entry), entry.transaction, entry.unit, pdu, entry.t)
+            case traffic.Reply():
+                exchange.reply(entry.unit, bytes.fromhex(entry.pdu), entry.t)
+            case traffic.Stray():
+                exchange.stray(entry.t, is_frame=entry.is_frame)
+            case traffic.Gone():
+                if entry.port in self._ports:
+                    exchange.controller_gone(self._ports.pop(entry.port), entry.t)
+            case traffic.Up():
+                exchange.link_up(entry.t)
+            case traffic.Down():
+                exchange.link_down(entry.t)
+            case traffic.Tick():
+                exchange.tick(entry.t)
+            case traffic.Stop():
+                exchange.stop(entry.t)
+            case traffic.Control():
+                self._control(entry)
+
+    def _control(self, entry: traffic.Control) -> None:
+        commands = {
+            "enable": self._exchange.enable,
+            "disable": self._exchange.disable,
+            "reference": self._exchange.reference,
+        }
+        if entry.command not in commands:
+            raise ReplayError(f"the command {entry.command!r} is not known; replay it with a newer release")
+        if entry.axis not in (axis.name for axis in self.plan.axes):
+            return  # of another configuration
+        try:
+            commands[entry.command](entry.axis, entry.t)
+        except ControlError:
+            return  # it was refused then as well, and a refusal changes nothing
+
+    def _port(self, entry: traffic.Request) -> _Port:
+        port = self._ports.get(entry.port)
+        if port is None:
+            plan = self._controllers.get(entry.controller)
+            if plan is None:
+                raise ReplayError(
+                    f"line {self.plan.name} has no controller {entry.controller}, which the recording has: "
+                    f"there are {', '.join(self._controllers)}; replay it with a configuration that names it"
+                )
+            port = self._ports[entry.port] = _Port(plan, entry.port, self)
+        return port
+
+
+class Replay:
+    """Takes the entries of a recording one after the other; ask for :attr:`result` when all are fed.
+
+    ``only`` is the name of the one line that counts; ``on_event`` gets what the exchange reports.
+    """
+
+    def __init__(
+        self,
+        plan: GatewayPlan,
+        only: str | None = None,
+        on_event: Callable[[str, Event], None] | None = None,
+    ) -> None:
+        names = [line.name for line in plan.lines]
+        if only is not None and only not in names:
+            raise ReplayError(f"there is no line {only}; there are {', '.join(names)}")
+        self.result = ReplayResult(is_cut_off=True)
+        tell = on_event or _tell_nobody
+        self._lines = {line.name: _Line(line, tell) for line in plan.lines if only in (None, line.name)}
+        self._only = only
+        self._input: tuple[int, traffic.Input] | None = None
+
+    def feed(self, number: int, entry: traffic.Entry) -> bool:
+        """Take one entry, which stands on line ``number``; whether it belongs to what is replayed.
+
+        Raises:
+            ReplayError: the configuration has no such line or controller.
+        """
+        match entry:
+            case traffic.Header():
+                return False
+            case traffic.End():
+                self._settle()
+                self.result.is_cut_off = False
+                return False
+            case traffic.Sent() | traffic.Abandoned() | traffic.Answered():
+                if self._line(entry.line) is None:
+                    return False
+                self._compare(entry)
+            case _:
+                line = self._line(entry.line)
+                if line is None:
+                    return False
+                self._settle()
+                self._input = number, entry
+                self.result.inputs += 1
+                line.feed(entry)
+        return True
+
+    def _line(self, name: str) -> _Line | None:
+        line = self._lines.get(name)
+        if line is None and self._only is None:
+            raise ReplayError(
+                f"the recording has a line {name}, and the configuration has none of that name: there are "
+                f"{', '.join(self._lines)}; choose one of the recording's with --line"
+            )
+        return line
+
+    def _compare(self, expected: traffic.Output) -> None:
+        self.result.outputs += 1
+        outputs = self._lines[expected.line].outputs
+        got = outputs.popleft() if outputs else None
+        if got != expected:
+            self._differs(expected.line, expected, got)
+
+    def _settle(self) -> None:
+        """What the last input caused beyond what was recorded is a difference too."""
+        for name, line in self._lines.items():
+            while line.outputs:
+                self._differs(name, None, line.outputs.popleft())
+
+    def _differs(self, line: str, expected: traffic.Output | None, got: traffic.Output | None) -> None:
+        self.result.different += 1
+        if len(self.result.first) < KEPT_DIFFERENCES:
+            number, cause = self._input or (0, traffic.Up(line, 0))
+            self.result.first.append(Difference(number, cause.t, line, expected, got))
+
+
+def _tell_nobody(line: str, event: Event) -> None:
+    pass

@@ -1,0 +1,134 @@
+"""Delta ASDA-A2 and B3, SureServo2: PR mode.
+
+Source: ASDA-A2 user manual (parameters, chapter on communication: function codes, 10 ms of silence), ASDA-B
+manual (exception codes 27h to 29h).
+
+Each parameter Pg.n takes the two registers g × 0x100 + 2n, the low word first. The drive is commissioned:
+servo on, all paths absolute single moves (type 2). Not simulated: the option bits of a path's definition,
+which the sources leave open (a path with options, or of a type other than 2 and 3, starts nothing), the
+pause that a drive needs between target and trigger, EEPROM wear, paths above 49, setting the position.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of
+from gateway.simulator.drives.motor import Motor
+from gateway.simulator.server import RefusedError
+
+ALARM: Final = 0x0002
+MONITOR: Final = 0x0012
+MONITOR_CHOICE: Final = 0x0022
+FEEDBACK_PUU: Final = 0
+STATUS: Final = 0x005C
+ABSOLUTE_POSITION: Final = 0x0066
+TRIGGER: Final = 0x050E
+ACTUAL: Final = 0x0520
+DEFINITIONS: Final = 0x0600
+TARGETS: Final = 0x0602
+PATH_STRIDE: Final = 4
+LAST_PATH: Final = 49
+HOME: Final = 0
+STOP: Final = 1000
+RUNNING: Final = 10_000
+DONE: Final = 20_000
+TYPE_MASK: Final = 0xFF
+ABSOLUTE_TYPES: Final = frozenset({2, 3})
+
+LAST_GROUP: Final = 7
+LAST_REGISTER: Final = 2 * 99 + 1
+MONITORS: Final = frozenset(
+    register
+    for first in (ALARM, MONITOR, STATUS, ABSOLUTE_POSITION, ACTUAL)
+    for register in (first, first + 1)
+)
+NO_GROUP: Final = 0x01
+NO_PARAMETER: Final = 0x02
+TOO_MANY_WORDS: Final = 0x04
+NO_WORDS: Final = 0x05
+READ_ONLY: Final = 0x06
+ILLEGAL_VALUE: Final = 0x27
+
+SILENCE_S: Final = 0.010
+
+
+class DeltaAsda(MotorDrive):
+    """See the module."""
+
+    functions = frozenset({3, 6, 16})
+    max_read = 10
+    max_write = 12
+    order = Order.LOW_FIRST
+
+    def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
+        super().__init__(unit_id, motors)
+        self._path: int | None = None
+        for path in range(1, LAST_PATH + 1):
+            self.image.set_word(DEFINITIONS + PATH_STRIDE * path, 2)
+
+    def response_delay_s(self, baudrate: int) -> float:
+        """Return the silence that stands before every frame; 0 on TCP, which only device servers speak."""
+        return SILENCE_S
+
+    def refusal(self, request: bytes, code: int) -> bytes | None:
+        """Return the drive's own codes for words and addresses."""
+        if code == 3 and len(request) >= 5:
+            count = int.from_bytes(request[3:5])
+            code = NO_WORDS if not count else TOO_MANY_WORDS if count > self.max_read else code
+        elif code == 2 and len(request) >= 3 and request[1] > LAST_GROUP:
+            code = NO_GROUP
+        return super().refusal(request, code)
+
+    def has(self, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`."""
+        return address >> 8 <= LAST_GROUP and (address & 0xFF) + count - 1 <= LAST_REGISTER
+
+    def before_write(self, address: int, count: int, now_s: float) -> None:
+        """See :class:`RegisterServer`."""
+        if MONITORS & set(range(address, address + count)):
+            raise RefusedError(READ_ONLY)
+
+    def show(self) -> None:
+        """See :class:`MotorDrive`."""
+        motor = self.motor
+        self.put32(ACTUAL, motor.actual_counts)
+        self.put32(ABSOLUTE_POSITION, motor.actual_counts)
+        if self.image.word(MONITOR_CHOICE) == FEEDBACK_PUU:
+            self.put32(MONITOR, motor.actual_counts)
+        self.image.set_word(ALARM, int(motor.has_alarm))
+        self.image.set_word(
+            STATUS,
+            bits_of(
+                b0=not motor.has_alarm,
+                b1=not motor.has_alarm,
+                b2=not motor.is_moving,
+                b4=motor.is_done,
+                b6=motor.has_alarm,
+                b8=motor.is_homed,
+            ),
+        )
+        if self._path is not None:
+            self.image.set_word(TRIGGER, (RUNNING if motor.is_moving else DONE) + self._path)
+
+    def written(self, before: dict[int, int], now_s: float) -> None:
+        """See :class:`MotorDrive`."""
+        if TRIGGER not in before:
+            return
+        value = self.image.word(TRIGGER)
+        if value == HOME:
+            self._path = 0
+            self.motor.home(now_s)
+        elif value == STOP:
+            self._path = None
+            self.motor.stop(now_s)
+        elif value <= LAST_PATH:
+            self._run(value, now_s)
+        else:
+            raise RefusedError(ILLEGAL_VALUE)
+
+    def _run(self, path: int, now_s: float) -> None:
+        if self.image.word(DEFINITIONS + PATH_STRIDE * path) & TYPE_MASK not in ABSOLUTE_TYPES:
+            self.motor.other()
+            return
+        self._path = path
+        self.motor.absolute(self.get32(TARGETS + PATH_STRIDE * path), now_s)

@@ -1,0 +1,87 @@
+"""Festo CMMO-ST with FHPP over Modbus TCP, direct mode.
+
+Source: Festo, CMMO-ST description GDCP-CMMO-ST-LK-C-HP-EN (2017-05b, page 23: FC23 on address 0) and the
+FHPP description for CCON, CPOS, CDIR, SCON, SPOS.
+
+Reading address 0 gives the state, not what was written there. A controller writes the image again and again:
+only rising start bits act. Taking "no halt" back stops the axis for good. Not simulated: record selection,
+FPC parameters, velocity and force mode.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.simulator.drives.endpoint import MotorDrive, bits_of
+from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.image import RegisterImage
+
+CONTROL: Final = 0
+DIRECTION: Final = 1
+SETPOINT: Final = 2
+WORDS: Final = 8
+
+ENABLE: Final = 1 << 8
+NO_STOP: Final = 1 << 9
+RESET_FAULT: Final = 1 << 11
+NO_HALT: Final = 1 << 0
+START: Final = 1 << 1
+HOME: Final = 1 << 2
+RUNNING: Final = ENABLE | NO_STOP | NO_HALT
+RELATIVE: Final = 1 << 8
+
+
+class FestoCmmoFhpp(MotorDrive):
+    """See the module."""
+
+    functions = frozenset({3, 7, 16, 23})
+
+    def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
+        super().__init__(unit_id, motors)
+        self._state = RegisterImage(WORDS)
+
+    def has(self, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`."""
+        return address + count <= WORDS
+
+    def read_words(self, address: int, count: int) -> bytes:
+        """See :class:`RegisterServer`: the state, which lies at the same addresses."""
+        return self._state.words(address, count)
+
+    def show(self) -> None:
+        """See :class:`MotorDrive`. SCON and SPOS share a register, SDIR and the velocity another one."""
+        motor = self.motor
+        word = self.image.word(CONTROL)
+        enabled = bool(word & ENABLE) and not motor.has_alarm
+        scon = bits_of(b0=enabled, b1=enabled and bool(word & NO_STOP), b3=motor.has_alarm, b6=True)
+        spos = bits_of(
+            b0=bool(word & NO_HALT),
+            b1=bool(word & START) and word & RUNNING == RUNNING,
+            b2=motor.is_done,
+            b4=motor.is_moving,
+            b7=motor.is_homed,
+        )
+        self._state.set_word(CONTROL, scon << 8 | spos)
+        self._state.set_word(DIRECTION, self.image.word(DIRECTION) & RELATIVE)
+        self._state.set_word(SETPOINT, motor.actual_counts >> 16)
+        self._state.set_word(SETPOINT + 1, motor.actual_counts)
+
+    def written(self, before: dict[int, int], now_s: float) -> None:
+        """See :class:`MotorDrive`."""
+        if CONTROL not in before:
+            return
+        word, was = self.image.word(CONTROL), before[CONTROL]
+        risen = word & ~was
+        if risen & RESET_FAULT:
+            self.motor.mechanics.alarm = False
+        if was & RUNNING == RUNNING != word & RUNNING:
+            self.motor.stop(now_s)
+        elif word & RUNNING == RUNNING and risen & HOME:
+            self.motor.home(now_s)
+        elif word & RUNNING == RUNNING and risen & START:
+            self._start(now_s)
+
+    def _start(self, now_s: float) -> None:
+        if self.image.word(DIRECTION) & RELATIVE:
+            self.motor.relative(self.get32(SETPOINT), Basis.COMMANDED, now_s)
+        else:
+            self.motor.absolute(self.get32(SETPOINT), now_s)

@@ -1,0 +1,109 @@
+"""Festo CMMT-AS and CMMT-ST: PROFIdrive telegram 111 in Modbus TCP registers.
+
+Source: Festo's own library festo-edcon 1.0.3 (PyPI) for the layout of telegram 111; the PROFIdrive profile of
+PROFIBUS & PROFINET International, positioning mode, for the bits of STW1 and ZSW1.
+
+A controller writes the whole output image every few milliseconds and reads the input image: only edges and
+changes act. Simulated: traversing tasks (absolute, relative, continuous with POS_STW1 bit 12), rejected and
+interrupted tasks, reference run, device identification. Not simulated: going on after an intermediate stop,
+the watchdog of register 400, the parameter mailbox, jog.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of, within
+from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.server import ILLEGAL_VALUE, check
+
+STW1: Final = 0
+POS_STW1: Final = 1
+TARGET: Final = 5
+IMAGE_WORDS: Final = 28
+ZSW1: Final = 100
+ACTUAL: Final = 105
+FAULT_CODE: Final = 109
+KNOWN: Final = ((0, IMAGE_WORDS - 1), (ZSW1, ZSW1 + IMAGE_WORDS - 1), (400, 401), (500, 599))
+
+ON_BITS: Final = 0x000F
+NOT_REJECTED: Final = 1 << 4
+NOT_INTERRUPTED: Final = 1 << 5
+TASK: Final = 1 << 6
+ACKNOWLEDGE_FAULT: Final = 1 << 7
+REFERENCE: Final = 1 << 11
+RUNNING: Final = ON_BITS | NOT_REJECTED | NOT_INTERRUPTED
+ABSOLUTE: Final = 1 << 8
+CONTINUOUS: Final = 1 << 12
+
+READ_IDENTIFICATION: Final = b"\x2b\x0e"
+IDENTIFICATION: Final = (b"Festo", b"CMMT", b"1")
+
+
+class FestoCmmt111(MotorDrive):
+    """See the module."""
+
+    functions = frozenset({3, 16, 43})
+    order = Order.LOW_FIRST
+
+    def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
+        super().__init__(unit_id, motors)
+        self._handlers[43] = self._identify
+        self._has_acknowledged = False
+
+    def _identify(self, pdu: bytes, _now_s: float) -> bytes:
+        """Read device identification, basic objects (Modbus application protocol V1.1b3, 6.21)."""
+        check(pdu[:2] == READ_IDENTIFICATION and len(pdu) == 4, ILLEGAL_VALUE)
+        objects = b"".join(bytes((i, len(text))) + text for i, text in enumerate(IDENTIFICATION))
+        return READ_IDENTIFICATION + bytes((pdu[2], 1, 0, 0, len(IDENTIFICATION))) + objects
+
+    def has(self, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`."""
+        return within(address, count, KNOWN)
+
+    def show(self) -> None:
+        """See :class:`MotorDrive`."""
+        motor = self.motor
+        enabled = self.image.word(STW1) & ON_BITS == ON_BITS and not motor.has_alarm
+        state = bits_of(
+            b0=not motor.has_alarm,
+            b1=enabled,
+            b2=enabled,
+            b3=motor.has_alarm,
+            b9=True,
+            b10=motor.is_done,
+            b11=motor.is_homed,
+            b12=self._has_acknowledged,
+            b13=not motor.is_moving,
+        )
+        self.image.set_word(ZSW1, state)
+        self.put32(ACTUAL, motor.actual_counts)
+        self.image.set_word(FAULT_CODE, int(motor.has_alarm))
+
+    def written(self, before: dict[int, int], now_s: float) -> None:
+        """See :class:`MotorDrive`."""
+        word = self.image.word(STW1)
+        was = before.get(STW1, word)
+        risen = word & ~was
+        if not word & TASK:
+            self._has_acknowledged = False
+        if risen & ACKNOWLEDGE_FAULT:
+            self.motor.mechanics.alarm = False
+        if was & RUNNING == RUNNING != word & RUNNING:
+            self.motor.stop(now_s)
+        elif word & RUNNING == RUNNING:
+            self._run(before, risen, now_s)
+
+    def _run(self, before: dict[int, int], risen: int, now_s: float) -> None:
+        mode = self.image.word(POS_STW1)
+        target = self.get32(TARGET)
+        changed = any(before.get(a, self.image.word(a)) != self.image.word(a) for a in (TARGET, TARGET + 1))
+        if risen & REFERENCE:
+            self.motor.home(now_s)
+        elif risen & TASK:
+            self._has_acknowledged = True
+            if mode & ABSOLUTE:
+                self.motor.absolute(target, now_s)
+            else:
+                self.motor.relative(target, Basis.COMMANDED, now_s)
+        elif mode & CONTINUOUS and mode & ABSOLUTE and changed:
+            self.motor.absolute(target, now_s)

@@ -1,0 +1,121 @@
+"""IAI ROBO Cylinder controllers (PCON, ACON, SCON, ERC2) with Modbus RTU.
+
+Source: IAI, ROBO Cylinder series, serial communication manual for Modbus, pages 60 to 183 and 286.
+
+Positions are in 0.01 mm. Writing the low word of PCMD, VCMD, ACMD or PPOW starts a move; CTLF holds for one
+move. Simulated besides: servo on, homing, pause (STP, without going on when it is taken back), deceleration
+stop, stored positions by number. Not simulated: push mode's force, INP band, jog, positioning by CSTR.
+"""
+
+from typing import Final
+
+from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
+from gateway.simulator.drives.motor import Basis
+
+POSITION_TABLE: Final = 0x1000
+TABLE_STRIDE: Final = 16
+POSITION: Final = 0x9000
+ALARM: Final = 0x9002
+DSS1: Final = 0x9005
+DSSE: Final = 0x9007
+COMPLETED: Final = 0x9014
+DEVICE_CONTROL: Final = 0x0D00
+MOVE_TO_NUMBER: Final = 0x9800
+PCMD: Final = 0x9900
+STARTING: Final = frozenset({0x9901, 0x9904, 0x9905, 0x9906, 0x9907})
+"""The low word of PCMD, VCMD, ACMD, PPOW."""
+CTLF: Final = 0x9908
+PUSH: Final = 1 << 1
+INCREMENTAL: Final = 1 << 3
+
+COMMAND_COILS: Final = 0x0400
+SERVO_ON: Final = 0x0403
+ALARM_RESET: Final = 0x0407
+PAUSE: Final = 0x040A
+HOME: Final = 0x040B
+DECELERATION_STOP: Final = 0x042C
+STATUS_COILS: Final = 0x0100
+EXPANSION_COILS: Final = 0x0120
+
+KNOWN: Final = ((0x0D00, 0x0D03), (0x1000, 0x3FFF), (0x9000, 0x9015), (0x9800, 0x9800), (0x9900, 0x9908))
+KNOWN_COILS: Final = ((0x0100, 0x013F), (0x0400, 0x043F))
+
+
+class IaiRoboCylinder(MotorDrive):
+    """See the module."""
+
+    functions = frozenset({1, 3, 5, 6, 16})
+
+    def has(self, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`."""
+        return within(address, count, KNOWN)
+
+    def has_bits(self, function: int, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`: the coils at 0x0100 can only be read."""
+        return within(address, count, KNOWN_COILS if function == 1 else KNOWN_COILS[1:])
+
+    def show(self) -> None:
+        """See :class:`MotorDrive`. Coil n of a group is bit 15 - n of its register."""
+        motor = self.motor
+        self.put32(POSITION, motor.actual_counts)
+        self.image.set_word(ALARM, int(motor.has_alarm))
+        state = bits_of(
+            b12=self.image.coil(SERVO_ON),
+            b10=motor.has_alarm,
+            b5=self.image.coil(PAUSE),
+            b4=motor.is_homed,
+            b3=motor.is_done,
+        )
+        self._show_state(DSS1, STATUS_COILS, state)
+        self._show_state(DSSE, EXPANSION_COILS, bits_of(b5=motor.is_moving))
+
+    def _show_state(self, register: int, coils: int, state: int) -> None:
+        self.image.set_word(register, state)
+        for bit in range(16):
+            self.image.set_coil(coils + 15 - bit, bool(state >> bit & 1))
+
+    def coil_written(self, address: int, *, before: bool, on: bool, now_s: float) -> None:
+        """See :class:`RegisterServer`."""
+        if before == on:
+            return
+        motor = self.motor
+        if address == SERVO_ON and not on:
+            motor.stop(now_s)
+        elif address == ALARM_RESET and on:
+            motor.mechanics.alarm = False
+        elif address in {PAUSE, DECELERATION_STOP} and on:
+            motor.stop(now_s)
+        elif address == HOME and on and self._may_move:
+            motor.home(now_s)
+        self.show()
+
+    @property
+    def _may_move(self) -> bool:
+        return self.image.coil(SERVO_ON) and not self.image.coil(PAUSE)
+
+    def written(self, before: dict[int, int], now_s: float) -> None:
+        """See :class:`MotorDrive`."""
+        if DEVICE_CONTROL in before:
+            self._device_control(self.image.word(DEVICE_CONTROL), now_s)
+        if MOVE_TO_NUMBER in before and self._may_move:
+            number = self.image.word(MOVE_TO_NUMBER)
+            self.motor.absolute(self.get32(POSITION_TABLE + TABLE_STRIDE * number), now_s)
+            self.image.set_word(COMPLETED, number)
+        if STARTING & before.keys() and self._may_move:
+            self._start(now_s)
+
+    def _device_control(self, word: int, now_s: float) -> None:
+        """Set coils 0x0400 to 0x040F as a register does: the first coil is the highest bit."""
+        for bit in range(16):
+            address, on = COMMAND_COILS + 15 - bit, bool(word >> bit & 1)
+            before = self.image.coil(address)
+            self.image.set_coil(address, on)
+            self.coil_written(address, before=before, on=on, now_s=now_s)
+
+    def _start(self, now_s: float) -> None:
+        target, flags = self.get32(PCMD), self.image.word(CTLF)
+        if flags & INCREMENTAL:
+            self.motor.relative(target, Basis.ACTUAL if flags & PUSH else Basis.TARGET, now_s)
+        else:
+            self.motor.absolute(target, now_s)
+        self.image.set_word(CTLF, 0)

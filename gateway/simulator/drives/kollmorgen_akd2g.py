@@ -1,0 +1,112 @@
+"""Kollmorgen AKD2G with its default Modbus map, both axes.
+
+Source: Kollmorgen 907-200010 rev. A (AKD2G Modbus communications manual): default map, MODBUS.ERRORMODE,
+action commands.
+
+Every parameter takes two registers, the high word first, in thousandths of the axis's units; axis 2 lies 50
+registers further on. MT.MOVE is an action: it starts motion task 0 when it changes from 0. Errors are not
+reported (``error_mode`` 1): a block runs to its end, and what cannot be written is left out. Which of the
+codes 33, 34 and 35 stands for what is not published in the sources: here a part of a parameter, a parameter
+that can only be read, and no parameter. Not simulated: MODBUS.MAP, the bits of MOTIONCONTROL (homing and
+stop) and of MT.CNTL (anything but 0 starts nothing), other motion tasks, throttling.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.simulator.drives.endpoint import MotorDrive, bits_of
+from gateway.simulator.drives.motor import Motor
+from gateway.simulator.server import RefusedError
+
+POSITION: Final = 0
+VELOCITY: Final = 2
+ACTIVE: Final = 4
+MOTION_STATUS: Final = 6
+DISABLE_SOURCES: Final = 8
+FAULTED: Final = 10
+MOTION_CONTROL: Final = 20
+MOVE: Final = 22
+TASK_ACCELERATION: Final = 24
+TASK_DECELERATION: Final = 26
+TASK_VELOCITY: Final = 28
+TASK_POSITION: Final = 30
+TASK_CONTROL: Final = 32
+INPUTS: Final = 100
+AXIS_STRIDE: Final = 50
+LAST_REGISTER: Final = 299
+
+READABLE: Final = frozenset({POSITION, VELOCITY, ACTIVE, MOTION_STATUS, DISABLE_SOURCES, FAULTED})
+WRITABLE: Final = frozenset(
+    {MOTION_CONTROL, MOVE, TASK_ACCELERATION, TASK_DECELERATION, TASK_VELOCITY, TASK_POSITION, TASK_CONTROL}
+)
+ABSOLUTE: Final = 0
+PARTIAL: Final = 33
+READ_ONLY: Final = 34
+NOT_MAPPED: Final = 35
+
+
+class KollmorgenAkd2g(MotorDrive):
+    """See the module."""
+
+    functions = frozenset({3, 6, 16})
+    most_motors = 2
+
+    def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
+        super().__init__(unit_id, motors)
+        self.error_mode = 1
+
+    def has(self, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`."""
+        return address + count - 1 <= LAST_REGISTER
+
+    def show(self) -> None:
+        """See :class:`MotorDrive`."""
+        for index, motor in enumerate(self.axes):
+            base = AXIS_STRIDE * index
+            self.put32(base + POSITION, motor.actual_counts)
+            self.put32(base + ACTIVE, int(not motor.has_alarm))
+            state = bits_of(
+                b0=motor.is_moving,
+                b1=motor.is_homed,
+                b2=motor.is_homed,
+                b11=motor.is_done,
+                b13=motor.has_alarm,
+            )
+            self.put32(base + MOTION_STATUS, state)
+            self.put32(base + FAULTED, int(motor.has_alarm))
+
+    def write_words(self, address: int, data: bytes, now_s: float) -> None:
+        """Write the parameters that are whole and can be written; the rest is left out."""
+        error = 0
+        end = address + len(data) // 2
+        for parameter in range(address & ~1, end, 2):
+            wrong = self._wrong(parameter, address, end)
+            error = error or wrong
+            if not wrong:
+                at = 2 * (parameter - address)
+                self._write(parameter, data[at : at + 4], now_s)
+        self.show()
+        if error and not self.error_mode:
+            raise RefusedError(error)
+
+    def _wrong(self, parameter: int, address: int, end: int) -> int:
+        """Return the code for a parameter that cannot be written, or 0."""
+        index, offset = divmod(parameter, AXIS_STRIDE)
+        if parameter < address or parameter + 2 > end:
+            return PARTIAL
+        if parameter == INPUTS or (index < len(self.axes) and offset in READABLE):
+            return READ_ONLY
+        return 0 if index < len(self.axes) and offset in WRITABLE else NOT_MAPPED
+
+    def _write(self, parameter: int, data: bytes, now_s: float) -> None:
+        before = self.get32(parameter)
+        self.image.store_words(parameter, data)
+        index, offset = divmod(parameter, AXIS_STRIDE)
+        if offset == MOVE and not before and self.get32(parameter):
+            self._run(self.axes[index], AXIS_STRIDE * index, now_s)
+
+    def _run(self, motor: Motor, base: int, now_s: float) -> None:
+        if self.get32(base + TASK_CONTROL) == ABSOLUTE:
+            motor.absolute(self.get32(base + TASK_POSITION), now_s)
+        else:
+            motor.other()

@@ -1,0 +1,182 @@
+"""Leadshine steppers with PR paths: CS2RS, iCL-RS, EM2RS / DM-RS (and the StepperOnline versions of them).
+
+Source: user manuals of the iCL-RS and CS2RS series (registers of Pr8 and Pr9, chapter on communication).
+
+Simulated: 16 paths, one-frame moves, homing, zero, quick stop, proxies 0x0F00 to 0x0F09, the save status that
+clears when it is read, the answer to a wrong check sum. Not simulated: jumps from path to path, interruption
+rules of paths (a new one always interrupts), speeds, jog, enforcement of the software limits.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
+from gateway.simulator.drives.motor import Basis, Motor
+from gateway.times import NS_PER_MS, NS_PER_S
+
+PROXIES: Final = 0x0F00
+PROXY_TARGETS: Final = 0x0F10
+PROXY_COUNT: Final = 10
+STATUS: Final = 0x1003
+FOLLOWING_ERROR: Final = 0x1010
+COMMANDED_MIRROR: Final = 0x1012
+ACTUAL_MIRROR: Final = 0x1014
+AUXILIARY: Final = 0x1801
+RESET_ALARM: Final = 0x1111
+SAVE: Final = 0x2211
+JOGS: Final = (0x4001, 0x4002)
+SAVE_STATUS: Final = 0x1901
+SAVED: Final = 0x5555
+ALARM: Final = 0x2203
+TRIGGER: Final = 0x6002
+COMMANDED: Final = 0x602A
+ACTUAL: Final = 0x602C
+PATHS: Final = 0x6200
+PATH_STRIDE: Final = 8
+PATH_COUNT: Final = 16
+TRIGGER_ALIAS: Final = 0x6207
+"""The last register of path 0 is the trigger, so that one frame holds a whole move."""
+
+RUN_PATH: Final = 0x0010
+RUNNING_PATH: Final = 0x0100
+HOME: Final = 0x0020
+SET_ZERO: Final = 0x0021
+QUICK_STOP: Final = 0x0040
+
+KIND_MASK: Final = 0x000F
+POSITION: Final = 1
+VELOCITY: Final = 2
+HOMING: Final = 3
+IS_RELATIVE: Final = 0x0040
+
+KNOWN: Final = ((0x0000, 0x0FFF), (0x1000, 0x2FFF), (0x6000, 0x6FFF))
+TURNAROUND_MS: Final = {9600: 24.9, 19200: 13.34, 38400: 7.12, 115200: 3.08}
+"""From the first bit of a two-register read to the last one of its reply."""
+READ_CHARACTERS: Final = 8 + 9
+BITS_PER_CHARACTER: Final = 10
+WRONG_CRC: Final = 8
+
+
+class LeadshinePr(MotorDrive):
+    """See the module."""
+
+    functions = frozenset({3, 6, 16})
+    max_read = 97
+    """Messages have at most 200 bytes: 5 of them are not data in the reply to a read …"""
+    max_write = 95
+    """… and 9 in a write."""
+
+    def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
+        super().__init__(unit_id, motors)
+        self._path: int | None = None
+
+    def has(self, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`."""
+        return within(address, count, KNOWN)
+
+    def bad_crc_reply(self, function: int) -> bytes | None:
+        """Answer it, which no other drive does."""
+        return bytes((function | 0x80, WRONG_CRC))
+
+    def response_delay_s(self, baudrate: int) -> float:
+        """Return what the manual's total leaves when the characters themselves are taken off."""
+        if baudrate not in TURNAROUND_MS:
+            return 0.0
+        wire_ns = READ_CHARACTERS * BITS_PER_CHARACTER * NS_PER_S / baudrate
+        return max(0.0, TURNAROUND_MS[baudrate] * NS_PER_MS - wire_ns) / NS_PER_S
+
+    def show(self) -> None:
+        """See :class:`MotorDrive`."""
+        motor = self.motor
+        for address in (COMMANDED, COMMANDED_MIRROR, ACTUAL, ACTUAL_MIRROR):
+            self.put32(address, motor.actual_counts)
+        self.put32(FOLLOWING_ERROR, 0)
+        self.show_status()
+        if self._path is not None and not motor.is_moving:
+            self._show_trigger(self._path)
+            self._path = None
+        elif not motor.is_moving and self.image.word(TRIGGER) in {HOME, QUICK_STOP}:
+            self._show_trigger(0)
+
+    def show_status(self) -> None:
+        """Put the state where this series has it."""
+        motor = self.motor
+        self.image.set_word(
+            STATUS,
+            bits_of(
+                b0=motor.has_alarm,
+                b1=not motor.has_alarm,
+                b2=motor.is_moving,
+                b4=motor.is_done,
+                b5=motor.is_done,
+                b6=motor.is_homed,
+            ),
+        )
+        self.image.set_word(ALARM, int(motor.has_alarm))
+
+    def read_words(self, address: int, count: int) -> bytes:
+        """See :class:`RegisterServer`."""
+        for proxy in range(PROXIES, PROXIES + PROXY_COUNT):
+            self.image.set_word(proxy, self.image.word(self._target_of(proxy)))
+        words = super().read_words(address, count)
+        if address <= SAVE_STATUS < address + count:
+            self.image.set_word(SAVE_STATUS, 0)
+        return words
+
+    def written(self, before: dict[int, int], now_s: float) -> None:
+        """See :class:`MotorDrive`."""
+        for proxy in range(PROXIES, PROXIES + PROXY_COUNT):
+            if proxy in before and self._target_of(proxy):
+                self.write_words(self._target_of(proxy), self.image.words(proxy, 1), now_s)
+        if AUXILIARY in before:
+            self._auxiliary(self.image.word(AUXILIARY))
+        for address in (TRIGGER, TRIGGER_ALIAS):
+            if address in before:
+                self._trigger(self.image.word(address), now_s)
+
+    def _target_of(self, proxy: int) -> int:
+        return self.image.word(PROXY_TARGETS + proxy - PROXIES)
+
+    def _auxiliary(self, command: int) -> None:
+        if command == RESET_ALARM:
+            self.motor.mechanics.alarm = False
+        elif command == SAVE:
+            self.image.set_word(SAVE_STATUS, SAVED)
+        elif command in JOGS:
+            self.motor.other()
+
+    def _trigger(self, value: int, now_s: float) -> None:
+        if RUN_PATH <= value < RUN_PATH + PATH_COUNT:
+            self._run(value - RUN_PATH, now_s)
+        elif value == HOME:
+            self._path = None
+            self.motor.home(now_s)
+            self._show_trigger(HOME)
+        elif value == SET_ZERO:
+            self.motor.set_position(0, now_s)
+            self._show_trigger(0)
+        elif value == QUICK_STOP:
+            self._path = None
+            self.motor.stop(now_s)
+            self._show_trigger(QUICK_STOP)
+
+    def _run(self, path: int, now_s: float) -> None:
+        mode = self.image.word(PATHS + PATH_STRIDE * path)
+        target = self.get32(PATHS + PATH_STRIDE * path + 1)
+        match mode & KIND_MASK:
+            case kind if kind == POSITION and mode & IS_RELATIVE:
+                self.motor.relative(target, Basis.COMMANDED, now_s)
+            case kind if kind == POSITION:
+                self.motor.absolute(target, now_s)
+            case kind if kind == VELOCITY:
+                self.motor.other()
+            case kind if kind == HOMING:
+                self.motor.home(now_s)
+            case _:
+                return
+        self._path = path
+        self._show_trigger(RUNNING_PATH | path)
+
+    def _show_trigger(self, value: int) -> None:
+        self.image.set_word(TRIGGER, value)
+        self.image.set_word(TRIGGER_ALIAS, value)

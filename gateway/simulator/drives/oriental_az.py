@@ -1,0 +1,161 @@
+"""Oriental Motor AZ series (AZD-KD, AZD-CD; CVD and AZ mini have the same block).
+
+Source: Oriental Motor HM-60262 (AZ series function manual): direct data operation, remote input and output.
+
+Simulated: direct data operation with every trigger, operation types 1, 2, 3 and 16, operation data No. 0,
+START, ZHOME, STOP, FREE and ALM-RST at their default places, the transmission wait of 3 ms, slave errors.
+Not simulated: other operation types (refused with 04), preset, indirect references, data No. 1 and up, the
+data destination of 0x0068, other orders of words and bytes.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from gateway.simulator.drives.endpoint import MotorDrive, bits_of, signed
+from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.server import EXECUTION_FAILED, RefusedError
+
+DATA: Final = 0x0058
+TYPE: Final = 0x005A
+POSITION: Final = 0x005C
+TRIGGER: Final = 0x0066
+FIELDS: Final = {-7: 0x0058, -6: 0x005A, -5: 0x005C, -4: 0x005E, -3: 0x0060, -2: 0x0062, -1: 0x0064}
+"""Trigger value -> the field of direct data whose writing starts the motion."""
+ALL_DATA: Final = 1
+INPUT: Final = 0x007D
+OUTPUT: Final = 0x007F
+ALARM: Final = 0x0080
+COMMANDED: Final = 0x00C6
+ACTUAL: Final = 0x00CC
+ACTUAL_MIRROR: Final = 0x0120
+COMMANDED_MIRROR: Final = 0x0122
+HOME_END: Final = 0x0178
+STORED_TYPE: Final = 0x1800
+STORED_POSITION: Final = 0x1802
+
+START: Final = 1 << 3
+ZHOME: Final = 1 << 4
+STOP: Final = 1 << 5
+FREE: Final = 1 << 6
+ALARM_RESET: Final = 1 << 7
+
+ABSOLUTE: Final = 1
+RELATIVE: Final[Mapping[int, Basis]] = {2: Basis.COMMANDED, 3: Basis.ACTUAL}
+CONTINUOUS: Final = frozenset({16})
+
+WAIT_S: Final = 0.003
+
+
+class OrientalAz(MotorDrive):
+    """See the module.
+
+    With ``is_busy`` every write is a slave error, as while the drive saves its memory; with
+    ``suppresses_slave_errors`` such a refusal looks like a success.
+    """
+
+    functions = frozenset({3, 6, 8, 16})
+    absolute: frozenset[int] = frozenset({ABSOLUTE})
+    relative = RELATIVE
+    continuous = CONTINUOUS
+
+    def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
+        super().__init__(unit_id, motors)
+        self.is_busy = False
+        self.suppresses_slave_errors = False
+
+    def answer(self, pdu: bytes, now_s: float) -> bytes | None:
+        """See :class:`RegisterServer`."""
+        reply = super().answer(pdu, now_s)
+        if self.suppresses_slave_errors and reply == bytes((pdu[0] | 0x80, EXECUTION_FAILED)):
+            return pdu[:5]
+        return reply
+
+    def response_delay_s(self, baudrate: int) -> float:
+        """Return the transmission wait time (default 3.0 ms)."""
+        return WAIT_S
+
+    def before_write(self, address: int, count: int, now_s: float) -> None:
+        """See :class:`RegisterServer`."""
+        if self.is_busy:
+            raise RefusedError(EXECUTION_FAILED)
+
+    def show(self) -> None:
+        """See :class:`MotorDrive`."""
+        motor = self.motor
+        for address in (COMMANDED, COMMANDED_MIRROR, ACTUAL, ACTUAL_MIRROR):
+            self.put32(address, motor.actual_counts)
+        self.put32(ALARM, int(motor.has_alarm))
+        self.show_outputs()
+
+    def show_outputs(self) -> None:
+        """Put the state where this series has it."""
+        motor = self.motor
+        state = bits_of(
+            b5=motor.is_done and self.is_excited,
+            b7=motor.has_alarm,
+            b8=self.is_busy,
+            b13=motor.is_moving,
+            b14=motor.is_done,
+        )
+        self.image.set_word(OUTPUT, state)
+        self.image.set_word(HOME_END, int(motor.is_homed))
+
+    @property
+    def is_excited(self) -> bool:
+        """Whether the motor is under current."""
+        return not self.image.word(INPUT) & FREE
+
+    def written(self, before: dict[int, int], now_s: float) -> None:
+        """Act. Data are stored before the drive refuses to run them: an exception proves nothing."""
+        if INPUT in before:
+            self._inputs(self.image.word(INPUT), before[INPUT], now_s)
+        trigger = self.trigger()
+        if TRIGGER + 1 in before and trigger == ALL_DATA:
+            self.consume_trigger(before)
+        elif trigger not in FIELDS or not {FIELDS[trigger], FIELDS[trigger] + 1} & before.keys():
+            return
+        self._run(self.get32(TYPE), self.get32(POSITION), now_s)
+
+    def trigger(self) -> int:
+        """Return the trigger in force."""
+        return self.get32(TRIGGER)
+
+    def consume_trigger(self, before: dict[int, int]) -> None:
+        """Clear a trigger that has been obeyed."""
+        self.put32(TRIGGER, 0)
+
+    def _inputs(self, word: int, before: int, now_s: float) -> None:
+        risen = word & ~before
+        if risen & ALARM_RESET:
+            self.motor.mechanics.alarm = False
+        if risen & (STOP | FREE):
+            self.motor.stop(now_s)
+        elif risen & START:
+            self._run(self.get32(STORED_TYPE), self.get32(STORED_POSITION), now_s)
+        elif risen & ZHOME:
+            self._check_ready()
+            self.motor.home(now_s)
+
+    def _check_ready(self) -> None:
+        if not self.is_excited or self.motor.has_alarm or self.image.word(INPUT) & STOP:
+            raise RefusedError(EXECUTION_FAILED)
+
+    def _run(self, operation_type: int, position: int, now_s: float) -> None:
+        self._check_ready()
+        if operation_type in self.absolute:
+            self.motor.absolute(position, now_s)
+        elif operation_type in self.relative:
+            self.motor.relative(position, self.relative[operation_type], now_s)
+        elif operation_type in self.continuous:
+            self.motor.other()
+        else:
+            raise RefusedError(EXECUTION_FAILED)
+
+
+def trigger_of_low_word(word: int) -> int:
+    """Return a trigger that is only the lower half of its register pair.
+
+    >>> trigger_of_low_word(0xFFFB)
+    -5
+    """
+    return signed(word, 16)

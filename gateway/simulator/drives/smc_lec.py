@@ -1,0 +1,89 @@
+"""SMC LECP6 and LECA6 with Modbus RTU.
+
+Source: SMC, LEC series serial communication manual, as cpppo_positioner 3.2.0 (PyPI) and another program use
+it.
+
+Positions are in 0.01 mm. Nothing moves without the coils SVON and "serial drive mode", nor before the axis
+has been homed. SETUP (homing) must be taken back as soon as SETON is up: a start while it is still set is an
+alarm. RESET stops the axis. Not simulated: HOLD, DRIVE with step data by number, pushing.
+"""
+
+from typing import Final
+
+from gateway.simulator.drives.endpoint import MotorDrive, within
+from gateway.simulator.drives.motor import Basis
+
+SVON: Final = 0x19
+RESET: Final = 0x1B
+SETUP: Final = 0x1C
+SERIAL_MODE: Final = 0x30
+BUSY: Final = 0x48
+SVRE: Final = 0x49
+SETON: Final = 0x4A
+IN_POSITION: Final = 0x4B
+ALARM: Final = 0x4F
+POSITION: Final = 0x9000
+PRESENT_TARGET: Final = 0x9004
+START: Final = 0x9100
+RUN: Final = 0x0100
+MOVEMENT_MODE: Final = 0x9102
+ABSOLUTE: Final = 1
+RELATIVE: Final = 2
+TARGET: Final = 0x9104
+
+KNOWN: Final = ((0x0400, 0x07FF), (0x9000, 0x9010), (0x9100, 0x9111))
+KNOWN_BITS: Final = ((0x00, 0x7F),)
+
+
+class SmcLec(MotorDrive):
+    """See the module."""
+
+    functions = frozenset({1, 2, 3, 5, 8, 15, 16})
+
+    def has(self, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`."""
+        return within(address, count, KNOWN)
+
+    def has_bits(self, function: int, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`: coils end where the inputs begin."""
+        return within(address, count, KNOWN_BITS)
+
+    def show(self) -> None:
+        """See :class:`MotorDrive`."""
+        motor = self.motor
+        self.put32(POSITION, motor.actual_counts)
+        self.put32(PRESENT_TARGET, motor.target_counts)
+        self.image.set_coil(BUSY, motor.is_moving)
+        self.image.set_coil(SVRE, self.image.coil(SVON) and not motor.has_alarm)
+        self.image.set_coil(SETON, motor.is_homed)
+        self.image.set_coil(IN_POSITION, motor.is_done)
+        self.image.set_coil(ALARM, motor.has_alarm)
+
+    def coil_written(self, address: int, *, before: bool, on: bool, now_s: float) -> None:
+        """See :class:`RegisterServer`."""
+        if before == on:
+            return
+        if address == RESET and on:
+            self.motor.mechanics.alarm = False
+            self.motor.stop(now_s)
+        elif address == SVON and not on:
+            self.motor.stop(now_s)
+        elif address == SETUP and on and self.image.coil(SVON):
+            self.motor.home(now_s)
+        self.show()
+
+    def written(self, before: dict[int, int], now_s: float) -> None:
+        """See :class:`MotorDrive`."""
+        if START not in before or self.image.word(START) != RUN:
+            return
+        self.image.set_word(START, 0)
+        if not self.image.coil(SVON) or not self.image.coil(SERIAL_MODE):
+            return
+        if not self.motor.is_homed or self.image.coil(SETUP):
+            self.motor.mechanics.alarm = True
+            return
+        mode = self.image.word(MOVEMENT_MODE)
+        if mode == ABSOLUTE:
+            self.motor.absolute(self.get32(TARGET), now_s)
+        elif mode == RELATIVE:
+            self.motor.relative(self.get32(TARGET), Basis.COMMANDED, now_s)

@@ -1,0 +1,74 @@
+"""TL-R series closed-loop steppers (TLC, TLO 42/57/60/86-R).
+
+Source: TL-R_RS485EN manual, list of registers, and published notes of a driver that was tried on the
+hardware.
+
+The firmware takes no more than four registers out of a longer FC16 and says nothing about it. Bit 4 of the
+state is documented as "enabled" and was measured to be 0 then. A start while the axis moves is refused with
+04 unless the interrupt bit is set. Not simulated: jog, speeds.
+"""
+
+from typing import Final
+
+from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
+from gateway.simulator.drives.motor import Basis
+from gateway.simulator.server import EXECUTION_FAILED, RefusedError
+
+STATUS: Final = 4
+POSITION: Final = 8
+TARGET: Final = 55
+CONTROL: Final = 78
+AUXILIARY: Final = 79
+SET_ZERO: Final = 0x0400
+START: Final = 1 << 0
+ABSOLUTE: Final = 1 << 1
+INTERRUPT: Final = 1 << 2
+JOG: Final = 1 << 3
+HOME: Final = 1 << 4
+STOPS: Final = 1 << 5 | 1 << 6
+TAKEN_REGISTERS: Final = 4
+KNOWN: Final = ((0, 199),)
+
+
+class TlR(MotorDrive):
+    """See the module."""
+
+    functions = frozenset({3, 6, 16})
+
+    def has(self, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`."""
+        return within(address, count, KNOWN)
+
+    def show(self) -> None:
+        """See :class:`MotorDrive`."""
+        motor = self.motor
+        self.put32(POSITION, motor.actual_counts)
+        state = bits_of(b0=motor.is_done, b1=motor.is_homed, b2=motor.is_moving, b3=motor.has_alarm, b4=False)
+        self.image.set_word(STATUS, state)
+
+    def write_words(self, address: int, data: bytes, now_s: float) -> None:
+        """See :class:`MotorDrive`: what is too long is cut off."""
+        super().write_words(address, data[: 2 * TAKEN_REGISTERS], now_s)
+
+    def written(self, before: dict[int, int], now_s: float) -> None:
+        """See :class:`MotorDrive`."""
+        if AUXILIARY in before and self.image.word(AUXILIARY) & SET_ZERO & ~before[AUXILIARY]:
+            self.motor.set_position(0, now_s)
+        if CONTROL in before:
+            word = self.image.word(CONTROL)
+            self._control(word, word & ~before[CONTROL], now_s)
+
+    def _control(self, word: int, risen: int, now_s: float) -> None:
+        if risen & STOPS:
+            self.motor.stop(now_s)
+        elif risen & HOME:
+            self.motor.home(now_s)
+        elif risen & START:
+            if self.motor.is_moving and not word & INTERRUPT:
+                raise RefusedError(EXECUTION_FAILED)
+            if word & ABSOLUTE:
+                self.motor.absolute(self.get32(TARGET), now_s)
+            else:
+                self.motor.relative(self.get32(TARGET), Basis.COMMANDED, now_s)
+        elif risen & JOG:
+            self.motor.other()

@@ -1,0 +1,242 @@
+"""A Modbus master: one exchange at a time with the drives of a line, for tools and trials.
+
+It keeps the manners of the gateway's own drive side: the silence that a drive wants before each request, and
+after a time-out on a line without transaction ids a silence so long that no late reply is taken for another.
+Nothing is ever sent twice.
+"""
+
+import asyncio
+import time
+from types import TracebackType
+from typing import Final, Protocol, Self
+
+from gateway.modbus.mbap import MbapDecoder, encode_mbap
+from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
+from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.transport.channel import Channel
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.framing import frame_silence_ns, reply_decoder
+from gateway.transport.serial import SerialChannel, open_port
+from gateway.transport.tcp import connect
+from gateway.transport.timer import Timer
+
+SHOWN_BYTES: Final = 32
+
+
+class NoReplyError(Exception):
+    """Base of the ways in which no reply comes; one sentence."""
+
+
+class SilentError(NoReplyError):
+    """Nothing came in time."""
+
+
+class GarbledError(NoReplyError):
+    """Bytes came in time, and no reply could be made of them."""
+
+
+class LostError(NoReplyError):
+    """The connection or the port is gone."""
+
+
+class _Framing(Protocol):
+    """How requests and replies lie in the bytes."""
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """When the line has been silent for long enough to tell."""
+        ...
+
+    def request(self, unit_id: int, pdu: bytes) -> bytes:
+        """Return the frame of a request, and expect its reply."""
+        ...
+
+    def feed(self, data: bytes, now_ns: int) -> list[bytes]:
+        """Return the PDU of the reply, if it is whole now."""
+        ...
+
+    def silent(self, now_ns: int) -> list[bytes]:
+        """Return the reply that silence has ended, if it has."""
+        ...
+
+    def give_up(self) -> None:
+        """Expect nothing any more."""
+        ...
+
+
+class _RtuFraming:
+    def __init__(self, decoder: RtuReplyDecoder) -> None:
+        self._decoder = decoder
+
+    @property
+    def deadline_ns(self) -> int | None:
+        return self._decoder.deadline_ns
+
+    def request(self, unit_id: int, pdu: bytes) -> bytes:
+        self._decoder.expect(unit_id, pdu)
+        return encode_rtu(unit_id, pdu)
+
+    def feed(self, data: bytes, now_ns: int) -> list[bytes]:
+        return [pdu for _, pdu in self._decoder.feed(data, now_ns)]
+
+    def silent(self, now_ns: int) -> list[bytes]:
+        return [pdu for _, pdu in self._decoder.on_silence(now_ns)]
+
+    def give_up(self) -> None:
+        self._decoder.cancel()
+
+
+class _MbapFraming:
+    deadline_ns = None
+
+    def __init__(self) -> None:
+        self._decoder = MbapDecoder()
+        self._transaction_id = 0
+
+    def request(self, unit_id: int, pdu: bytes) -> bytes:
+        self._transaction_id = (self._transaction_id + 1) & 0xFFFF
+        return encode_mbap(self._transaction_id, unit_id, pdu)
+
+    def feed(self, data: bytes, now_ns: int) -> list[bytes]:
+        # The reply to an earlier request carries another number.
+        return [pdu for number, _, pdu in self._decoder.feed(data) if number == self._transaction_id]
+
+    def silent(self, now_ns: int) -> list[bytes]:
+        return []
+
+    def give_up(self) -> None:
+        pass
+
+
+class ModbusMaster:
+    """A master on one line; enter it to open the line, leave it to close it.
+
+    ``gap_ms``: silence that the drives want before a request, beyond that of the line. ``drain_ms``: silence
+    after a time-out; 0: ``timeout_ms``.
+    """
+
+    def __init__(
+        self,
+        endpoint: TcpEndpoint | SerialEndpoint,
+        timeout_ms: float = 1000.0,
+        gap_ms: float = 0.0,
+        drain_ms: float = 0.0,
+    ) -> None:
+        self._endpoint = endpoint
+        self._timeout_s = timeout_ms / 1000.0
+        self._gap_ns = int(gap_ms * NS_PER_MS)
+        self._drain_ns = int((drain_ms or timeout_ms) * NS_PER_MS)
+        self._has_ids = isinstance(endpoint, TcpEndpoint) and not endpoint.rtu
+        self._framing: _Framing = _MbapFraming() if self._has_ids else _RtuFraming(reply_decoder(endpoint))
+        self._channel: Channel | None = None
+        self._lost: asyncio.Future[None] | None = None
+        self._timer: Timer | None = None
+        self._turn = asyncio.Lock()
+        self._reply: asyncio.Future[bytes] | None = None
+        self._heard = b""
+        self._quiet_ns = 0
+        """The next request may go out then."""
+        self._is_draining = False
+
+    async def __aenter__(self) -> Self:
+        """Open the line.
+
+        Raises:
+            TransportError: nobody there, in use, no permission; with the remedy.
+        """
+        if isinstance(self._endpoint, SerialEndpoint):
+            port, _ = open_port(self._endpoint)
+            channel = SerialChannel(port, self._endpoint, self)
+            channel.begin()
+            self._lost = channel.lost
+        else:
+            self._lost = (await connect(self._endpoint, self)).lost
+        self._timer = Timer(self._silent)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the line."""
+        if self._timer is not None:
+            self._timer.close()
+        if self._channel is not None:
+            self._channel.close()
+        if self._lost is not None:
+            await asyncio.wait([self._lost])
+
+    async def exchange(self, unit_id: int, pdu: bytes) -> bytes:
+        """Send a request and return the PDU of its reply, also one that refuses it.
+
+        Raises:
+            SilentError: nothing came in time.
+            GarbledError: what came in time is no reply.
+            LostError: the connection or the port is gone.
+        """
+        async with self._turn:
+            await self._wait_for_silence()
+            if self._channel is None:
+                raise LostError(f"the connection to {self._endpoint} is closed")
+            self._heard = b""
+            self._reply = asyncio.get_running_loop().create_future()
+            frame = self._framing.request(unit_id, pdu)
+            self._channel.write(frame)
+            self._quiet_ns = time.monotonic_ns() + len(frame) * self._channel.wire_ns_per_byte + self._gap()
+            try:
+                async with asyncio.timeout(self._timeout_s):
+                    return await self._reply
+            except TimeoutError:
+                raise self._nothing() from None
+            finally:
+                self._reply = None
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        """See ``Receiver``. What went before on its wire is unknown: it begins with a silence."""
+        self._channel = channel
+        self._quiet_ns = now_ns + self._gap()
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._heard = (self._heard + data)[-SHOWN_BYTES:]
+        self._quiet_ns = max(self._quiet_ns, now_ns + self._gap())
+        self._resolve(self._framing.feed(data, now_ns))
+
+    def closed(self, reason: str, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._channel = None
+        if self._reply is not None and not self._reply.done():
+            self._reply.set_exception(LostError(f"{self._endpoint}: {reason}"))
+
+    def _gap(self) -> int:
+        if self._is_draining:
+            return max(self._drain_ns, self._gap_ns)
+        is_wire = self._channel is not None and self._channel.wire_ns_per_byte
+        if is_wire and isinstance(self._endpoint, SerialEndpoint):
+            return max(self._gap_ns, frame_silence_ns(self._endpoint))
+        return self._gap_ns
+
+    async def _wait_for_silence(self) -> None:
+        while (left_ns := self._quiet_ns - time.monotonic_ns()) > 0:  # noqa: ASYNC110 - each byte puts it off
+            await asyncio.sleep(left_ns / NS_PER_S)
+        self._is_draining = False
+
+    def _nothing(self) -> NoReplyError:
+        """Give up on a reply, and say what came instead of it."""
+        self._framing.give_up()
+        if not self._has_ids:
+            self._is_draining = True
+            self._quiet_ns = time.monotonic_ns() + self._gap()
+        within = f"within {self._timeout_s * 1000.0:g} ms"
+        if self._heard:
+            return GarbledError(f"no whole reply {within}; the last bytes were {self._heard.hex(' ')}")
+        return SilentError(f"no reply {within}")
+
+    def _silent(self, now_ns: int) -> None:
+        self._resolve(self._framing.silent(now_ns))
+
+    def _resolve(self, replies: list[bytes]) -> None:
+        if self._timer is not None:
+            self._timer.arm(self._framing.deadline_ns)
+        for pdu in replies:
+            if self._reply is not None and not self._reply.done():
+                self._reply.set_result(pdu)

@@ -1,0 +1,288 @@
+"""``enable``, ``disable``, ``reference``, ``record`` and ``replay`` as a person types them."""
+
+import contextlib
+import json
+import os
+import pty
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gateway.modbus.mbap import encode_mbap
+
+ROOT = Path(__file__).parents[2]
+COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
+SECONDS = 30.0
+WRITE = bytes.fromhex("10 0064 0002 04 0000C350")
+CONFIG = """
+[gateway]
+name = "trial"
+tables = "{tables}"
+
+[line.xyz]
+drives = {{ tcp = "127.0.0.1:{drives}" }}
+response_timeout_ms = 500
+
+[[line.xyz.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:{port}"
+
+[axis.x]
+line = "xyz"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 100.0]
+referenced = "absolute"
+table = "x.tab"
+registers.command = [{{ address = 100, type = "int32" }}]
+
+[axis.y]
+line = "xyz"
+unit_id = 2
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 100.0]
+referenced = "absolute"
+registers.command = [{{ address = 100, type = "int32" }}]
+"""
+TABLE = """CNC10 TAB FILE VERSION 3
+AXIS X
+UNITS MILLIMETER
+INTERVAL 50.0
+ENTRIES 3
+0.0 0.0 0.0
+50.0 0.05 0.05
+100.0 0.1 0.1
+"""
+
+
+def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [*COMMAND, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+    )
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port: int = free.getsockname()[1]
+        return port
+
+
+def acknowledge(drive: socket.socket) -> None:
+    """Be a drive that acknowledges FC16, for one connection."""
+    try:
+        connection, _ = drive.accept()
+    except OSError:
+        return  # nobody came before the test was over
+    with connection, contextlib.suppress(OSError):
+        while data := connection.recv(300):
+            connection.sendall(data[:4] + bytes((0, 6)) + data[6:12])
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Iterator[Path]:
+    """A configuration, with a drive behind it and its tables somewhere else."""
+    tables = tmp_path / "elsewhere"
+    tables.mkdir()
+    (tables / "x.tab").write_text(TABLE)
+    folder = tmp_path / "machine"
+    folder.mkdir()
+    path = folder / "gateway.toml"
+    with socket.create_server(("127.0.0.1", 0)) as drive:
+        ports = {"drives": drive.getsockname()[1], "port": free_port()}
+        path.write_text(CONFIG.format(tables=tables, **ports))
+        threading.Thread(target=acknowledge, args=(drive,), daemon=True).start()
+        yield path
+
+
+@contextlib.contextmanager
+def running(command: str, config: Path, *more: str) -> Iterator[tuple["subprocess.Popen[str]", int]]:
+    """Run the gateway; yields it with its controller's port when the drive is reached."""
+    arguments = [*COMMAND, command, str(config), *more, "--log-format", "json"]
+    with subprocess.Popen(arguments, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stderr is not None
+            port = 0
+            for line in process.stderr:
+                note = json.loads(line)
+                if note["event"] == "ready":
+                    port = int(note["addresses"]["xyz/cnc"][0].rpartition(":")[2])
+                    assert note["socket"] == str(config.parent / "state" / "relay.sock")
+                if note["event"] == "line-up":
+                    break
+            yield process, port
+        finally:
+            process.kill()
+
+
+def exchange(port: int, pdu: bytes) -> bytes:
+    with socket.create_connection(("127.0.0.1", port), timeout=SECONDS) as controller:
+        controller.sendall(encode_mbap(1, 1, pdu))
+        return controller.recv(300)[7:]
+
+
+def test_a_gateway_that_runs_is_commanded(config: Path) -> None:
+    with running("run", config) as (process, _):
+        off = typed("disable", str(config), "x")
+        assert (off.returncode, off.stderr) == (0, "")
+        assert off.stdout == "x: compensation is off; the correction goes with the next motion\n"
+        on = typed("enable", str(config), "x", "--json")
+        assert json.loads(on.stdout) == {"changed": ["x"], "problems": []}
+        wrong = typed("enable", str(config), "z", "x")
+        assert wrong.returncode == 1
+        assert f"{config}: axis z: there is none of that name; there are x, y" in wrong.stderr
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(SECONDS) == 0
+    assert not (config.parent / "state" / "relay.sock").exists()
+
+
+@pytest.mark.parametrize("command", ["enable {}", "disable {} x", "reference {} x --yes"])
+def test_without_a_gateway_the_socket_and_the_remedy_are_said(config: Path, command: str) -> None:
+    result = typed(*command.format(config).split())
+    assert result.returncode == 1
+    assert result.stderr == (
+        f"{config}: no gateway runs: nobody listens at {config.parent}/state/relay.sock; "
+        f"start it with: pitch-gateway run {config}\n"
+    )
+
+
+def test_a_gateway_is_commanded_while_its_configuration_is_being_edited(config: Path) -> None:
+    with running("run", config):
+        config.write_text(config.read_text() + "\n[axis.half]\nline = 1\n")
+        assert typed("disable", str(config), "x").returncode == 0
+
+
+def test_a_second_gateway_on_the_same_folder_is_refused(config: Path) -> None:
+    with running("run", config):
+        second = typed("run", str(config))
+        assert second.returncode == 1
+        assert second.stderr.splitlines()[-1].startswith(
+            f"{config}: gateway.state: {config.parent}/state/relay.sock belongs to a gateway that runs"
+        )
+
+
+def test_a_reference_is_not_given_without_being_asked(config: Path) -> None:
+    result = typed("reference", str(config), "x")
+    assert result.returncode == 2
+    assert "give --yes" in result.stderr
+
+
+@pytest.mark.parametrize(("answer", "said"), [(b"n\n", b"nothing was changed"), (b"y\n", b"no gateway runs")])
+def test_on_a_terminal_a_reference_is_asked_for(config: Path, answer: bytes, said: bytes) -> None:
+    controlling, terminal = pty.openpty()
+    with subprocess.Popen(
+        [*COMMAND, "reference", str(config), "x"], cwd=ROOT, stdin=terminal, stderr=subprocess.PIPE
+    ) as process:
+        os.write(controlling, answer)
+        assert process.stderr is not None
+        text = process.stderr.read()
+        assert process.wait(SECONDS) == 1
+    os.close(controlling)
+    os.close(terminal)
+    assert b"Has axis x been homed" in text
+    assert said in text
+
+
+@pytest.fixture
+def recording(config: Path, tmp_path: Path) -> Path:
+    """A recording of one corrected target and of a command."""
+    path = tmp_path / "record.jsonl"
+    with running("record", config, str(path)) as (process, port):
+        assert exchange(port, WRITE) == WRITE[:5]
+        assert typed("disable", str(config)).returncode in (0, 1)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(SECONDS) == 0
+    return path
+
+
+def test_a_recording_replays_where_nothing_of_the_machine_is_left(
+    recording: Path, config: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "elsewhere" / "x.tab").unlink()
+    config.unlink()
+    result = typed("replay", str(recording))
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.endswith("outputs: all as recorded\n")
+    report = json.loads(typed("replay", str(recording), "--json").stdout)
+    assert report["different"] == 0
+    assert report["inputs"] >= 3
+    assert report["is_cut_off"] is False
+
+
+def test_traffic_is_shown_with_names_and_positions(recording: Path) -> None:
+    result = typed("replay", str(recording), "--show", "--line", "xyz")
+    shown = result.stdout
+    assert (result.returncode, result.stderr) == (0, "")
+    asked = next(line for line in shown.splitlines() if "controller → cnc#1" in line)
+    assert "unit 1  write multiple registers  10 00 64 00 02 04 00 00 c3 50  [x command 50 mm]" in asked
+    sent = next(line for line in shown.splitlines() if "→ drive" in line)
+    assert "10 00 64 00 02 04 00 00 c3 82  [x command 50.05 mm]" in sent
+    assert "command disable x" in shown
+    assert "* line-up" in shown
+
+
+def test_another_configuration_exits_with_1_and_the_first_difference(recording: Path, config: Path) -> None:
+    config.write_text(config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "off"'))
+    result = typed("replay", str(recording), "--config", str(config))
+    assert result.returncode == 1
+    first = result.stderr.splitlines()[0]
+    assert first.startswith(f"{recording}:")
+    assert "on line xyz: expected to drive unit 1: write multiple registers" in first
+    assert "c3 82, got to drive unit 1: write multiple registers 10 00 64 00 02 04 00 00 c3 50" in first
+
+
+def test_a_recording_that_was_cut_in_the_middle_of_a_line_is_replayed_so_far(
+    recording: Path, tmp_path: Path
+) -> None:
+    whole = recording.read_bytes()
+    cut = tmp_path / "cut.jsonl"
+    cut.write_bytes(whole[:-40])
+    result = typed("replay", str(cut))
+    assert result.returncode == 0
+    assert "was cut off: it is replayed as far as it goes" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "no recording: it does not begin with a header"),
+        (b"no JSON\n", "line 1: no entry of a recording"),
+        (b'{"kind":"tick","line":"x","t":1}\n', "no recording: it does not begin with a header"),
+    ],
+)
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(content)
+    result = typed("replay", str(path))
+    assert result.returncode == 1
+    assert said in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_recording_is_never_written_over_another_file(config: Path, tmp_path: Path) -> None:
+    path = tmp_path / "precious"
+    path.write_text("precious")
+    result = typed("record", str(config), str(path))
+    assert result.returncode == 1
+    assert f"{path} exists: record into a new file" in result.stderr
+    assert path.read_text() == "precious"
+
+
+def test_a_gateway_that_cannot_start_leaves_no_recording(config: Path, tmp_path: Path) -> None:
+    path = tmp_path / "record.jsonl"
+    with running("run", config):
+        assert typed("record", str(config), str(path)).returncode == 1
+    assert not path.exists()

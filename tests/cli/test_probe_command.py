@@ -1,0 +1,142 @@
+"""``pitch-gateway probe`` in front of drives that answer, and of nothing."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gateway.ipc.place import SocketPlace
+from gateway.transport.endpoints import SerialEndpoint
+from gateway.transport.serial import open_port
+
+ROOT = Path(__file__).parents[2]
+COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()", "probe"]
+CONFIG = """
+[line.xyz]
+drives = {{ {drives} }}
+response_timeout_ms = 500
+
+[[line.xyz.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:1502"
+
+[axis.x]
+line = "xyz"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 300.0]
+referenced = "absolute"
+registers.command = [{{ address = 100, type = "int32" }}]
+registers.actual = [{{ address = 110, type = "int32", words = "{words}" }}]
+"""
+
+
+def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [*COMMAND, *arguments], capture_output=True, text=True, timeout=30, check=False, cwd=ROOT
+    )
+
+
+def answer(drive: socket.socket, asked: list[bytes]) -> None:
+    """Be a drive whose every 32-bit position is 50 000, high word first."""
+    try:
+        connection, _ = drive.accept()
+    except OSError:
+        return  # nobody came before the test was over
+    with connection:
+        while data := connection.recv(300):
+            asked.append(data[7:])
+            connection.sendall(data[:4] + bytes((0, 7)) + data[6:8] + bytes.fromhex("04 0000C350"))
+
+
+@pytest.fixture
+def drive() -> Iterator[tuple[str, list[bytes]]]:
+    asked: list[bytes] = []
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        threading.Thread(target=answer, args=(listening, asked), daemon=True).start()
+        yield f'tcp = "127.0.0.1:{listening.getsockname()[1]}"', asked
+
+
+def configured(folder: Path, drives: str, words: str = "high-first") -> Path:
+    path = folder / "gateway.toml"
+    path.write_text(CONFIG.format(drives=drives, words=words))
+    return path
+
+
+def test_a_good_axis_is_shown_and_the_code_is_0(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
+    result = typed(str(configured(tmp_path, drive[0])))
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "axis x, unit id 1: answers" in result.stdout
+    assert "actual     raw 50000, machine position 50 mm; nominal 50 forward, 50 backward" in result.stdout
+    assert "nothing is wrong" in result.stdout
+    assert "Before the first move:" in result.stdout
+    assert {pdu[0] for pdu in drive[1]} == {3}
+
+
+def test_a_wrong_word_order_ends_with_code_1(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
+    result = typed(str(configured(tmp_path, drive[0], "low-first")), "--axis", "x", "--json")
+    assert result.returncode == 1
+    report = json.loads(result.stdout)["axes"]["x"]
+    assert report["wrong"] is True
+    assert report["positions"]["command"]["machine_position"] == 50.0
+    assert 'try words = "high-first"' in report["findings"][0]["text"]
+
+
+def test_drives_that_cannot_be_reached_are_named(tmp_path: Path, unused_tcp_port: int) -> None:
+    config = configured(tmp_path, f'tcp = "127.0.0.1:{unused_tcp_port}"')
+    result = typed(str(config))
+    assert result.returncode == 1
+    assert result.stderr == (
+        f"{config}: line.xyz.drives.tcp: 127.0.0.1:{unused_tcp_port} cannot be reached: Connection refused\n"
+    )
+
+
+def test_a_serial_port_that_another_program_holds_is_not_taken(tmp_path: Path) -> None:
+    controlling, terminal = os.openpty()
+    device = os.ttyname(terminal)
+    port, _ = open_port(SerialEndpoint(device))
+    config = configured(tmp_path, f'rtu = "{device}"')
+    result = typed(str(config))
+    port.close()
+    os.close(controlling)
+    os.close(terminal)
+    assert result.returncode == 1
+    assert f"line.xyz.drives.rtu: {device} is in use by another program; stop it" in result.stderr
+
+
+def test_an_axis_that_is_not_there_is_said(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
+    config = configured(tmp_path, drive[0])
+    result = typed(str(config), "--axis", "q")
+    assert result.returncode == 1
+    assert result.stderr == f"{config}: there is no axis q; there are x\n"
+    assert drive[1] == []
+
+
+def test_beside_its_own_gateway_it_does_not_probe(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
+    config = configured(tmp_path, drive[0])
+    place = SocketPlace(tmp_path / "state")
+    with place.take() as listening:
+        listening.setblocking(True)
+
+        def pong() -> None:
+            try:
+                connection, _ = listening.accept()
+            except OSError:
+                return  # nobody asked
+            with connection:
+                connection.recv(300)
+                connection.sendall(b'{"kind":"pong","version":1,"name":"t","gateway_version":"0","pid":1}\n')
+
+        threading.Thread(target=pong, daemon=True).start()
+        result = typed(str(config))
+    place.leave()
+    assert result.returncode == 1
+    assert "its gateway runs and has the drives: stop it first" in result.stderr
+    assert drive[1] == []

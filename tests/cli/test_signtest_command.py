@@ -1,0 +1,140 @@
+"""``pitch-gateway signtest`` with numbers and with questions."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from gateway.cli.main import app
+
+CONFIG = """
+[line.xyz]
+drives = { tcp = "127.0.0.1:5020" }
+
+[[line.xyz.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:1502"
+
+[axis.x]
+line = "xyz"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000.0
+machine_offset = 100.0
+travel = [0.0, 200.0]
+referenced = "absolute"
+table = "x.tab"
+registers.command = [{ address = 100, type = "int32" }]
+
+[axis.y]
+line = "xyz"
+unit_id = 2
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 200.0]
+referenced = "absolute"
+registers.command = [{ address = 100, type = "int32" }]
+"""
+TABLE = """CNC10 TAB FILE VERSION 3
+AXIS X
+UNITS MILLIMETER
+INTERVAL 100.0
+ENTRIES 3
+0.0 0.0 0.0
+100.0 0.0 0.0
+200.0 0.02 -0.01
+"""
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    """Home at the minus end: away from home is forward. 20 µm added forward, 10 µm taken away, at 200 mm."""
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "x.tab").write_text(TABLE)
+    path = tmp_path / "gateway.toml"
+    path.write_text(CONFIG)
+    return path
+
+
+def typed(config: Path, *arguments: str, typed_in: str | None = None) -> Result:
+    return CliRunner().invoke(app, ["signtest", str(config), *arguments], input=typed_in)
+
+
+def numbers(at: float, forward: float, backward: float) -> list[str]:
+    return ["--at", str(at), "--forward-reading", str(forward), "--backward-reading", str(backward)]
+
+
+@pytest.mark.parametrize(
+    ("forward", "backward", "verdict", "code"),
+    [
+        (99.98, 100.01, "right", 0),
+        (100.02, 99.99, "sense inverted", 1),
+        (100.01, 99.98, "columns swapped", 1),
+        (99.99, 100.02, "sense inverted and columns swapped", 1),
+        (-100.0, -100.0, "axis direction inverted", 1),
+        (-300.0, -300.0, "axis direction inverted", 1),  # about machine zero, which is at -100
+        (100.2, 99.9, "nothing fits", 1),
+    ],
+)
+def test_each_verdict_has_its_code(
+    config: Path, forward: float, backward: float, verdict: str, code: int
+) -> None:
+    # The controller's 100 is machine position 200.
+    result = typed(config, "--axis", "x", *numbers(100.0, forward, backward), "--json")
+    assert result.exit_code == code
+    report = json.loads(result.stdout)
+    assert report["verdict"] == verdict
+    assert report["best"]["position"] == 100.0
+    assert (report["table"]["forward"], report["table"]["backward"]) == (0.02, -0.01)
+
+
+def test_the_remedy_names_the_file_and_what_to_change(config: Path) -> None:
+    inverted = typed(config, "--axis", "x", *numbers(100.0, 100.02, 99.99))
+    assert "verdict: sense inverted\n  turn the sign of every correction in x.tab" in inverted.stdout
+    swapped = typed(config, "--axis", "x", *numbers(100.0, 100.01, 99.98))
+    assert "in x.tab exchange its second and third column: away from home, towards home" in swapped.stdout
+    mirrored = typed(config, "--axis", "x", *numbers(100.0, -100.02, -99.99))
+    assert "turn the sign of counts_per_unit" in mirrored.stdout
+    shifted = typed(config, "--axis", "x", *numbers(100.0, 100.28, 100.31))
+    assert (
+        "both readings are off by the same -0.3 mm: the instrument's zero is not the table's"
+        in shifted.stdout
+    )
+    scaled = typed(config, "--axis", "x", *numbers(100.0, 99.8, 100.1))
+    assert "the readings are about 10 times what the table says: check its units" in scaled.stdout
+
+
+def test_where_it_cannot_be_told_a_better_place_is_named(config: Path) -> None:
+    result = typed(config, "--axis", "x", *numbers(0.0, 0.0, 0.0))
+    assert result.exit_code == 1
+    assert "verdict: cannot tell: right or sense inverted or columns swapped" in result.stdout
+    # At the controller's 100: 0.04, 0.03 and 0.01; the smallest is 0.01.
+    assert "measure at 100 mm, where the ways differ by 0.01 mm" in result.stdout
+    rough = typed(config, "--axis", "x", *numbers(0.0, 0.0, 0.0), "--uncertainty", "0.005")
+    assert "the readings have to be better than ±0.005 mm" in rough.stdout
+
+
+def test_without_numbers_it_asks_and_says_where_to_measure(config: Path) -> None:
+    result = typed(config, "--axis", "x", typed_in="\n99.98\n100.01\n")
+    assert result.exit_code == 0
+    assert "The table tells most at 100 mm" in result.stderr
+    assert "verdict: right" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["--axis", "x", "--at", "1"], 2, "come together: --at, --forward-reading and"),
+        (["--axis", "q"], 1, "there is no axis q; there are x, y"),
+        (["--axis", "y", *numbers(0, 0, 0)], 1, "axis.y.table: missing; name the table"),
+        (["--axis", "x", *numbers(150, 0, 0)], 1, "150 is outside its table, which reaches from -100 to 100"),
+        (["--axis", "x", *numbers(float("nan"), 0, 0)], 1, "is nan: it must be a finite number"),
+        (["--axis", "x", *numbers(0, 0, 0), "--uncertainty", "0"], 1, "must be a number above 0"),
+        ([], 2, "Missing option '--axis'"),
+    ],
+)
+def test_what_cannot_be_tested_is_said(config: Path, arguments: list[str], code: int, said: str) -> None:
+    result = CliRunner().invoke(app, ["signtest", str(config), *arguments], env={"COLUMNS": "200"})
+    assert result.exit_code == code
+    assert said in result.stderr

@@ -1,0 +1,68 @@
+"""A drive on its own kind of cable, and controllers that speak to it."""
+
+from contextlib import AsyncExitStack
+from typing import Final
+
+from gateway.simulator.bus import DriveBus
+from gateway.simulator.drives.catalogue import DRIVES
+from gateway.simulator.drives.motor import Motor
+from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
+from gateway.simulator.ledger import MoveKind
+from gateway.simulator.master import Master, RtuMaster, TcpMaster
+from gateway.simulator.mechanics import Encoder, Mechanics
+from gateway.simulator.motion import Dynamics
+from gateway.simulator.pty import Pty
+from gateway.simulator.screw import Screw
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from tests.contract import sessions_opcodes, sessions_paths, sessions_words
+from tests.contract.script import MachineClock, Session
+
+LOOPBACK: Final = "127.0.0.1"
+PATIENCE_S: Final = 10.0
+COUNTS_PER_MM: Final = 1000.0
+SESSIONS: Final = (*sessions_paths.SESSIONS, *sessions_words.SESSIONS, *sessions_opcodes.SESSIONS)
+
+
+class DriveBench:
+    """One drive behind a port of its own, standing at ``start_mm``; leave the stack to take it away."""
+
+    def __init__(self, session: Session, exits: AsyncExitStack, start_mm: float = 0.0) -> None:
+        self.session = session
+        self.clock = MachineClock()
+        mechanics = Mechanics(
+            Screw(), Encoder(COUNTS_PER_MM), dynamics=Dynamics(100.0, 1000.0), start_mm=start_mm
+        )
+        self.bus = DriveBus([DRIVES[session.drive](session.unit_id, [Motor("x", mechanics)])])
+        self._exits = exits
+
+    @property
+    def moves(self) -> tuple[tuple[MoveKind, int | None], ...]:
+        """What the drive was made to do."""
+        return tuple(self.bus.ledger.moves_of(self.session.unit_id))
+
+    async def serve(self) -> TcpEndpoint | SerialEndpoint:
+        """Bring the drive onto its cable; return where it is reached."""
+        if self.session.kind == "tcp":
+            server = TcpDriveServer(self.bus, self.clock)
+            await server.start()
+            self._exits.push_async_callback(server.stop)
+            return TcpEndpoint(LOOPBACK, server.port)
+        pty = self.pty()
+        self._exits.callback(SerialDriveServer(self.bus, self.clock, pty.master_fd).close)
+        return SerialEndpoint(pty.path, 115200)
+
+    async def master(self, endpoint: TcpEndpoint | SerialEndpoint) -> Master:
+        """Open a controller's end."""
+        master: Master
+        if isinstance(endpoint, TcpEndpoint):
+            master = await TcpMaster.connect(endpoint.host, endpoint.port, PATIENCE_S)
+        else:
+            master = RtuMaster.open(endpoint.device, PATIENCE_S)
+        self._exits.push_async_callback(master.close)
+        return master
+
+    def pty(self) -> Pty:
+        """Make a serial port."""
+        pty = Pty()
+        self._exits.callback(pty.close)
+        return pty

@@ -1,0 +1,104 @@
+"""A controller's session as a list of requests, and what becomes of it on a wire.
+
+One request on each line, in hexadecimal::
+
+    10 6200 0008 10 0001 0000 2710 0258 0032 0032 0000 0010   # a comment
+    03 1003 0001 | 0030=0030       ask again until the first register, masked, has this value
+    03 6002 0001 | =0000           ask again until the data of the reply are these
+    wait 40                        let 40 ms pass on the machine
+
+The machine's clock stands still but for ``wait`` and 10 ms before each request: the same session gives the
+same transcript however long the wires take.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from gateway.simulator.ledger import MoveKind
+from gateway.simulator.master import Master
+
+REQUEST_S: Final = 0.010
+PATIENCE: Final = 2_000
+"""Questions that are asked before a condition counts as never met."""
+MEI: Final = 43
+Transcript = list[tuple[str, str]]
+"""Requests and replies."""
+
+
+class MachineClock:
+    """Time on the machine, which only the script moves on."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@dataclass(frozen=True)
+class Step:
+    """One line: a request that is repeated until its condition is met, or a wait."""
+
+    request: bytes = b""
+    mask: int | None = None
+    wanted: bytes | None = None
+    wait_s: float = 0.0
+
+    @classmethod
+    def of(cls, line: str) -> "Step":
+        """Read one line without its comment."""
+        if line.startswith("wait"):
+            return cls(wait_s=float(line.removeprefix("wait")) / 1000)
+        request, _, condition = line.partition("|")
+        mask, _, wanted = condition.partition("=")
+        return cls(
+            bytes.fromhex(request),
+            int(mask, 16) if mask.strip() else None,
+            bytes.fromhex(wanted) if condition else None,
+        )
+
+    def is_met_by(self, reply: bytes) -> bool:
+        """Whether the reply ends the repetition."""
+        if self.wanted is None:
+            return True
+        data = reply[12:] if reply[0] == MEI else reply[2:]
+        if self.mask is None:
+            return data == self.wanted
+        return int.from_bytes(data[:2]) & self.mask == int.from_bytes(self.wanted)
+
+
+@dataclass(frozen=True)
+class Session:
+    """What a controller says to one drive, and what that drive must make of it."""
+
+    drive: str
+    kind: str
+    """``rtu`` or ``tcp``, as the drive is connected."""
+    unit_id: int
+    text: str
+    moves: tuple[tuple[MoveKind, int | None], ...]
+    """In counts of the drive. Homing, zero and stop stand among them."""
+
+    @property
+    def steps(self) -> list[Step]:
+        """The lines of the text."""
+        lines = (line.partition("#")[0].strip() for line in self.text.splitlines())
+        return [Step.of(line) for line in lines if line]
+
+
+async def run(session: Session, master: Master, clock: MachineClock) -> Transcript:
+    """Say everything; return what was said and answered."""
+    transcript: Transcript = []
+    for step in session.steps:
+        clock.now_s += step.wait_s
+        if not step.request:
+            continue
+        for _ in range(PATIENCE):
+            clock.now_s += REQUEST_S
+            reply = await master.exchange(session.unit_id, step.request)
+            transcript.append((step.request.hex(" "), reply.hex(" ")))
+            if step.is_met_by(reply):
+                break
+        else:
+            raise AssertionError(f"never so: {step}, last {transcript[-1]}")
+    return transcript

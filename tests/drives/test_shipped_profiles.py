@@ -1,0 +1,294 @@
+"""The profiles that come with the gateway: whole, with a reason for each value, and true to their sources."""
+
+import re
+from typing import Any
+
+import pytest
+
+from gateway.drives import library
+from gateway.drives.motion import Action, Addressing, Deed, Form, MotionPlan
+from gateway.drives.profile import Confidence, Profile, Tier, entries, evidence_of, faults
+from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField
+
+TIER_A = {
+    "applied-motion-16",
+    "applied-motion-32",
+    "delta-asda",
+    "iai-robo-cylinder",
+    "kinco-fd",
+    "leadshine-el7",
+    "leadshine-pr",
+    "makerbase-servo42d",
+    "mitsubishi-mr-je-c",
+    "oriental-az",
+    "oriental-blv-r",
+    "smc-lec",
+}
+TIER_B = {
+    "festo-cmmo-fhpp",
+    "festo-cmmt-111",
+    "igus-dryve-d1",
+    "kollmorgen-akd2g",
+    "stepperonline-ess-rs",
+    "tl-r",
+}
+
+
+def motion(name: str) -> MotionPlan:
+    return library.shipped(name).registers.motion()
+
+
+def deeds(name: str, address: int, word: int, before: int | None = 0) -> set[Action]:
+    """What writing a word to a register does, by all rules that look at it."""
+    return {
+        trigger.deed(word, before).action
+        for trigger in motion(name).triggers
+        if trigger.address == address and not trigger.is_coil
+    } - {Action.IGNORE}
+
+
+def fields(name: str, key: str) -> list[PositionField]:
+    positions: Any = getattr(library.shipped(name).registers, key)
+    return [position.field() for position in positions]
+
+
+def test_the_drives_that_are_shipped() -> None:
+    tiers = {name: library.shipped(name).tier for name in library.names()}
+    assert {name for name, tier in tiers.items() if tier is Tier.A} == TIER_A
+    assert {name for name, tier in tiers.items() if tier is Tier.B} == TIER_B
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_a_shipped_profile_is_whole(name: str) -> None:
+    assert list(faults(library.shipped(name), is_shipped=True)) == []
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_every_source_is_used_and_public(name: str) -> None:
+    profile = library.shipped(name)
+    used = {source for evidence in profile.evidence.values() for source in evidence.sources}
+    assert used == set(profile.sources)
+    for source in profile.sources.values():
+        assert source.note
+        assert not source.url or re.fullmatch(r"https?://\S+", source.url)
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_what_is_called_verified_has_two_sources_or_a_manual(name: str) -> None:
+    """One source is enough only where it is the maker's document about the drive itself."""
+    profile = library.shipped(name)
+    for key, evidence in profile.evidence.items():
+        if evidence.confidence is Confidence.VERIFIED and len(evidence.sources) < 2:
+            source = profile.sources[evidence.sources[0]]
+            assert "manual" in source.title, f"{name}: {key}"
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_texts_of_traps_are_sentences(name: str) -> None:
+    for trap in library.shipped(name).traps:
+        assert trap.what.endswith(".")
+        assert not trap.check or trap.check.endswith((".", "?"))
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_nothing_of_the_machine_it_was_written_on_is_in_a_profile(name: str) -> None:
+    text = library.text_of(name)
+    assert not re.search(r"/work|/tmp|/home|facts/|drives\.(md|json)", text.replace("docs/drives.md", ""))
+
+
+def test_a_profile_is_named_like_its_file() -> None:
+    assert library.names() == tuple(sorted(library.names()))
+    with pytest.raises(KeyError):
+        library.text_of("nobody-1")
+
+
+def test_evidence_of_a_part_is_that_of_the_whole_unless_it_has_its_own() -> None:
+    profile = library.shipped("leadshine-pr")
+    verified = evidence_of(profile, "command[1].words")
+    assert verified is not None
+    assert verified.confidence is Confidence.VERIFIED
+    relative = evidence_of(profile, "mode.relative_to_commanded")
+    assert relative is not None
+    assert relative.confidence is Confidence.SINGLE_SOURCE
+    assert evidence_of(profile, "gap_ms") is None
+    assert "command[1]" in entries(profile.written())
+
+
+def small(**keys: Any) -> Profile:
+    registers = {"command": [{"address": 1, "type": "int32"}]}
+    return Profile.model_validate({"title": "T", "registers": registers, **keys})
+
+
+def test_a_shipped_profile_without_reasons_has_faults_and_ones_own_has_none() -> None:
+    assert list(faults(small())) == []
+    found = {fault.found for fault in faults(small(), is_shipped=True)}
+    assert 'nothing is said about "command[1]"' in found
+    assert 'tier = "own"' in found
+
+
+# What follows is worked out by hand from the manuals' own words and frames.
+
+
+def test_leadshine_runs_a_path_by_its_number() -> None:
+    # 0x6002 = 0x10 + P; path P at 0x6200 + 8 P.
+    plan = motion("leadshine-pr")
+    trigger = plan.triggers[0]
+    assert trigger.deed(0x0013, None) == Deed(Action.START, 3)
+    assert deeds("leadshine-pr", 0x6002, 0x20) == {Action.HOME}
+    assert deeds("leadshine-pr", 0x6002, 0x21) == {Action.SET_POSITION}
+    assert deeds("leadshine-pr", 0x6207, 0x40) == {Action.STOP}
+    paths = library.shipped("leadshine-pr").registers.command[0].fields()
+    assert [path.address for path in paths[:3]] == [0x6201, 0x6209, 0x6211]
+    mode = plan.mode(3)
+    assert mode is not None
+    assert mode.address == 0x6218
+
+
+@pytest.mark.parametrize(
+    ("word", "action"),
+    [
+        (0x0001, Action.ABSOLUTE),
+        (0x0011, Action.ABSOLUTE),  # with interrupt
+        (0x0041, Action.RELATIVE_TO_COMMANDED),
+        (0x0002, Action.OTHER_MOTION),
+        (0x0003, Action.HOME),
+        (0x4101, Action.UNKNOWN),  # jumps to path 1 afterwards
+        (0x0000, Action.UNKNOWN),
+    ],
+)
+def test_leadshine_modes(word: int, action: Action) -> None:
+    mode = motion("leadshine-pr").mode(0)
+    assert mode is not None
+    assert mode.action(word) is action
+
+
+def test_oriental_values_stand_in_the_lower_words() -> None:
+    # FC16 0x0058 x16 [0,0, 0,1, posH,posL, ..., 0,1]: type in 0x005B, position in 0x005C, trigger in 0x0067.
+    for name in ("oriental-az", "oriental-blv-r"):
+        plan = motion(name)
+        mode = plan.mode(0)
+        assert mode is not None
+        assert mode.address == 0x005B
+        assert mode.action(1) is Action.ABSOLUTE
+        assert fields(name, "command")[0].address == 0x005C
+        assert deeds(name, 0x0067, 1) == {Action.START}
+        assert deeds(name, 0x0067, 0x10000 - 5) == {Action.FOLLOW}
+
+
+def test_oriental_remote_inputs() -> None:
+    assert deeds("oriental-az", 0x007D, 0x0008) == {Action.STORED}
+    assert deeds("oriental-az", 0x007D, 0x0008, before=0x0008) == set()
+    assert deeds("oriental-az", 0x007D, 0x0010) == {Action.HOME}
+    assert deeds("oriental-az", 0x007D, 0x0020) == {Action.STOP}
+    assert deeds("oriental-az", 0x007D, 0x0100) == {Action.STORED}
+    assert deeds("oriental-az", 0x007D, 0x4000) == {Action.OTHER_MOTION}
+    assert deeds("oriental-az", 0x007D, 0x0000, before=0x4000) == set()
+    assert deeds("oriental-az", 0x007D, 0x0080) == set()  # alarm reset
+
+
+def test_delta_paths_and_their_numbers() -> None:
+    # PR n at 0x0602 + 4 n, its definition at 0x0600 + 4 n; P5-07 = n runs it.
+    plan = motion("delta-asda")
+    paths = library.shipped("delta-asda").registers.command[0].fields()
+    assert [paths[n - 1].address for n in (1, 2, 3, 49)] == [0x0606, 0x060A, 0x060E, 0x06C6]
+    assert plan.triggers[0].deed(2, None) == Deed(Action.START, 1)
+    assert plan.triggers[0].deed(50, None).action is Action.UNKNOWN
+    assert deeds("delta-asda", 0x050E, 0) == {Action.HOME}
+    assert deeds("delta-asda", 0x050E, 1000) == {Action.STOP}
+    assert library.shipped("delta-asda").registers.gap_ms == 10.0
+
+
+def test_kinco_control_words() -> None:
+    assert deeds("kinco-fd", 0x3100, 0x003F, before=0x002F) == {Action.START}
+    assert deeds("kinco-fd", 0x3100, 0x005F, before=0x004F) == {Action.RELATIVE_TO_COMMANDED}
+    assert deeds("kinco-fd", 0x3100, 0x001F, before=0x000F) == {Action.START}  # homes in mode 6
+    assert deeds("kinco-fd", 0x3100, 0x103F, before=0x002F) == {Action.FOLLOW}
+    assert deeds("kinco-fd", 0x3100, 0x002F, before=0x000F) == set()
+    assert deeds("kinco-fd", 0x3100, 0x107F, before=0x002F) == {Action.UNKNOWN}
+    assert deeds("kinco-fd", 0x3100, 0x000B, before=0x003F) == {Action.STOP}
+    assert deeds("kinco-fd", 0x3100, 0x0006, before=0x003F) == {Action.STOP}
+    mode = motion("kinco-fd").mode(0)
+    assert mode is not None
+    assert mode.action(6) is Action.HOME
+
+
+def test_iai_starts_on_the_low_word_and_forgets_its_flags() -> None:
+    plan = motion("iai-robo-cylinder")
+    assert 0x9901 in plan.starts_on
+    assert 0x9900 not in plan.starts_on
+    assert {0x9905, 0x9906, 0x9907} <= plan.starts_on
+    mode = plan.mode(0)
+    assert mode is not None
+    assert mode.resets_to == 0
+    assert mode.action(0x0006) is Action.ABSOLUTE  # a push
+    assert mode.action(0x0008) is Action.RELATIVE
+    assert mode.action(0x000E) is Action.RELATIVE_TO_ACTUAL
+
+
+def test_smc_has_coils_and_inputs() -> None:
+    coils = {trigger.address: trigger for trigger in motion("smc-lec").triggers if trigger.is_coil}
+    assert coils[0x1C].deed(1, 0).action is Action.HOME
+    assert coils[0x19].deed(0, 1).action is Action.STOP
+    assert library.shipped("smc-lec").registers.bits.homed is not None
+    named = {name: bit.field() for name, bit in library.shipped("smc-lec").registers.bits.named()}
+    assert named["homed"] == BitField(0x4A, 0, BitTable.INPUT)
+    assert [limit.address for limit in fields("smc-lec", "limits")] == [0x910C, 0x910E]
+
+
+@pytest.mark.parametrize(("name", "target"), [("applied-motion-16", 30), ("applied-motion-32", 350)])
+def test_applied_motion_tells_by_its_opcode(name: str, target: int) -> None:
+    assert fields(name, "command")[0].address == target
+    assert deeds(name, 124, 0x67) == {Action.ABSOLUTE}
+    assert deeds(name, 124, 0x66) == {Action.RELATIVE_TO_COMMANDED}
+    assert deeds(name, 124, 0x98) == {Action.SET_POSITION}
+    assert deeds(name, 124, 0x12) == {Action.UNKNOWN}
+
+
+def test_mks_frames_are_commands_and_speed_zero_is_a_stop() -> None:
+    # 01 10 00F5 0004 08 | acc 0002 | speed 012C | position 0002 8000
+    absolute, relative = fields("makerbase-servo42d", "command")
+    assert (absolute.block, absolute.address) == (0x00F5, 0x00F7)
+    assert (relative.block, relative.address) == (0x00F4, 0x00F6)
+    plan = motion("makerbase-servo42d")
+    first, second = plan.mode(0), plan.mode(1)
+    assert first is not None
+    assert second is not None
+    assert (first.address, first.action(0), first.action(300)) == (0x00F6, Action.STOP, Action.ABSOLUTE)
+    assert second.action(300) is Action.RELATIVE_TO_COMMANDED
+    assert library.shipped("makerbase-servo42d").registers.read is Form.FC04
+
+
+def test_cia_402_drives_stop_when_an_enabling_bit_goes() -> None:
+    for name in ("mitsubishi-mr-je-c", "igus-dryve-d1"):
+        assert deeds(name, 0x6040, 0x001F, before=0x000F) == {Action.START}
+        assert deeds(name, 0x6040, 0x005F, before=0x000F) == {Action.RELATIVE_TO_COMMANDED}
+        assert deeds(name, 0x6040, 0x000F, before=0x001F) == set()
+        assert Action.STOP in deeds(name, 0x6040, 0x010F, before=0x000F)
+        assert library.shipped(name).registers.addressing is Addressing.OBJECTS
+
+
+def test_a_word_of_eight_bits_means_the_same_with_and_without_its_sign() -> None:
+    mode = motion("mitsubishi-mr-je-c").mode(0)
+    assert mode is not None
+    assert mode.action(0x10000 - 101) is mode.action(0x0100 - 101) is Action.STORED
+
+
+def test_tl_r_is_written_word_by_word() -> None:
+    assert library.shipped("tl-r").registers.write is Form.FC06
+    assert deeds("tl-r", 78, 0x0003) == {Action.ABSOLUTE}
+    assert deeds("tl-r", 78, 0x0001) == {Action.RELATIVE_TO_COMMANDED}
+    assert deeds("tl-r", 78, 0x0003, before=0x0003) == set()
+
+
+def test_festo_images_hold_start_and_stop() -> None:
+    assert deeds("festo-cmmt-111", 0, 0x047F, before=0x043F) == {Action.START}
+    assert deeds("festo-cmmt-111", 0, 0x047F, before=0x047F) == set()
+    assert deeds("festo-cmmt-111", 0, 0x043E, before=0x043F) == {Action.STOP}
+    assert deeds("festo-cmmt-111", 0, 0x0C3F, before=0x043F) == {Action.HOME}
+    assert deeds("festo-cmmt-111", 1, 0x9100, before=0x9100) == {Action.FOLLOW}
+    assert deeds("festo-cmmt-111", 1, 0x9000) == {Action.UNKNOWN}
+    assert deeds("festo-cmmo-fhpp", 0, 0x0303, before=0x0301) == {Action.START}
+    assert deeds("festo-cmmo-fhpp", 0, 0x0300, before=0x0301) == {Action.STOP}
+    (written,), (read,) = fields("festo-cmmo-fhpp", "command"), fields("festo-cmmo-fhpp", "actual")
+    assert written.address == read.address
+    assert (written.access, read.access) == (FieldAccess.WRITE, FieldAccess.READ)

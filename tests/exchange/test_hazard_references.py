@@ -1,0 +1,257 @@
+"""References of all four kinds, lost and regained (M9), and axes that carry one beam together (M11)."""
+
+import pytest
+
+from gateway.exchange.control import ControlError
+from gateway.exchange.plan import ControllerPlan, Reference, Role
+from tests.exchange.line_bench import ACTUAL, COMMAND, Port, read, write
+from tests.exchange.staged_bench import (
+    BITS,
+    HOME_PDU,
+    RUN_PDU,
+    STOP_PDU,
+    ZERO_PDU,
+    StagedBench,
+    staged_plan,
+)
+
+
+def is_corrected(bench: StagedBench, counts: int = 20_000) -> bool:
+    """Move to a position and say whether the drive was told another one."""
+    bench.go_to(counts)
+    told = bench.drive.moves[-1][1]
+    assert told in (counts, counts + 10, counts - 10)
+    return told != counts
+
+
+def home(bench: StagedBench) -> None:
+    bench.trigger(HOME_PDU)
+    bench.drive.set_bits(is_done=False, is_homed=False)
+    bench.poll()
+    bench.drive.put(ACTUAL, 0)
+    bench.drive.set_bits(is_done=True)
+    bench.wait(2000)
+    bench.poll()
+
+
+@pytest.mark.parametrize("reference", [Reference.HOMING, Reference.SET_POSITION])
+def test_m9_not_referenced_positions_pass_unchanged_in_both_directions(reference: Reference) -> None:
+    bench = StagedBench(staged_plan(referenced=reference))
+    assert not is_corrected(bench)
+    assert bench.actual() == 20_000
+
+
+def test_a16_homing_seen_and_its_end_make_a_reference() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.HOMING))
+    home(bench)
+    assert "axis-referenced" in bench.kinds()
+    assert is_corrected(bench)
+
+
+def test_a16_without_a_homed_bit_the_done_bit_ends_a_homing() -> None:
+    bits = {name: bit for name, bit in BITS.items() if name != "homed"}
+    bench = StagedBench(staged_plan(referenced=Reference.HOMING, bits=bits))
+    home(bench)
+    assert is_corrected(bench)
+
+
+def test_a16_the_bit_of_the_homing_before_does_not_count() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.HOMING))
+    bench.trigger(HOME_PDU)
+    bench.drive.set_bits(is_done=True)  # still from before
+    bench.poll()
+    assert "axis-referenced" not in bench.kinds()
+
+
+def test_a16_a_position_set_at_rest_makes_a_reference() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.SET_POSITION))
+    bench.poll()
+    bench.trigger(ZERO_PDU)
+    assert "axis-referenced" in bench.kinds()
+    assert is_corrected(bench)
+
+
+def test_a16_a_position_set_while_the_axis_moves_makes_none() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.SET_POSITION))
+    bench.drive.set_bits(is_done=False)
+    bench.poll()
+    bench.trigger(ZERO_PDU)
+    assert "axis-referenced" not in bench.kinds()
+
+
+@pytest.mark.parametrize("reference", [Reference.ABSOLUTE, Reference.HOMING])
+def test_a16_a_position_set_ends_the_other_references(reference: Reference) -> None:
+    bench = StagedBench(staged_plan(referenced=reference))
+    home(bench)
+    assert is_corrected(bench)
+    bench.trigger(ZERO_PDU)
+    assert "reference-lost" in bench.kinds()
+    assert not is_corrected(bench)
+
+
+def test_a16_a_person_may_declare_an_absolute_axis_referenced_again() -> None:
+    bench = StagedBench()
+    bench.trigger(ZERO_PDU)
+    assert not is_corrected(bench)
+    assert bench.line.reference("x", bench.now_ns) == ("x",)
+    assert is_corrected(bench, 30_000)
+
+
+def test_a_persons_word_does_not_stand_against_the_drives_bit() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
+    with pytest.raises(ControlError, match="home the drive"):
+        bench.line.reference("x", bench.now_ns)
+    with pytest.raises(ControlError, match="there is no axis q here; there are x"):
+        bench.line.reference("q", bench.now_ns)
+
+
+def silence(bench: StagedBench, ms: float) -> None:
+    """Let the drive answer nothing for a while, and the controller ask all the time."""
+    for _ in range(int(ms / 1000) + 1):
+        bench.send(read(ACTUAL))
+        bench.link.sent.clear()
+        bench.wait(1000)
+        bench.wait(1000)  # drained
+    bench.port.replies.clear()
+
+
+@pytest.mark.parametrize("reference", [Reference.HOMING, Reference.SET_POSITION])
+def test_a15_a_drive_that_was_silent_for_long_has_lost_its_reference(
+    reference: Reference,
+) -> None:
+    bench = StagedBench(staged_plan(referenced=reference))
+    if reference is Reference.HOMING:
+        home(bench)
+    else:
+        bench.trigger(ZERO_PDU)
+    assert is_corrected(bench)
+    silence(bench, 3000)
+    bench.stage(30_000)
+    assert bench.drive.get(COMMAND) == 30_000
+    assert "reference-lost" in bench.kinds()
+
+
+def test_a15_an_absolute_encoder_keeps_its_reference_over_a_silence() -> None:
+    bench = StagedBench()
+    assert is_corrected(bench)
+    silence(bench, 3000)
+    assert is_corrected(bench, 30_000)
+
+
+def test_a16_an_alarm_ends_a_reference_by_homing() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.HOMING))
+    home(bench)
+    assert is_corrected(bench)
+    bench.drive.set_bits(is_done=True, is_alarmed=True)
+    bench.poll()
+    assert "reference-lost" in bench.kinds()
+
+
+def test_a16_a_jump_of_a_standing_axis_ends_a_reference_by_homing() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.HOMING))
+    home(bench)
+    assert is_corrected(bench)
+    assert bench.actual() == 20_000
+    bench.drive.put(ACTUAL, 0)  # 20 mm in 2 ms
+    bench.ask(read(ACTUAL))
+    assert "reference-lost" in bench.kinds()
+
+
+def test_a15_after_a_drive_was_switched_off_its_modes_are_read_again() -> None:
+    bench = StagedBench()
+    bench.go_to(20_000)
+    bench.line.link_down(bench.now_ns)
+    bench.link.sent.clear()
+    bench.wait(2000)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    assert bench.refused(RUN_PDU) == 4  # what it holds now, nobody knows
+
+
+# --- groups -----------------------------------------------------------------------------------------------
+
+
+def gantry(**changes: object) -> StagedBench:
+    plans = [staged_plan(name=name, unit_id=unit, **changes) for name, unit in (("y1", 1), ("y2", 2))]
+    return StagedBench(*plans, groups=[["y1", "y2"]])
+
+
+def ask(bench: StagedBench, unit_id: int, pdu: bytes) -> bytes:
+    bench.send(pdu, unit_id=unit_id)
+    bench.serve()
+    return bench.port.take()
+
+
+def test_m11_a_target_refused_for_one_refuses_the_triggers_of_all() -> None:
+    bench = gantry()
+    for unit_id in (1, 2):
+        ask(bench, unit_id, write(COMMAND, 50_000))
+    bench.send(write(COMMAND, 60_000), unit_id=2)
+    bench.link.take()
+    bench.line.reply(2, bytes.fromhex("90 04"), bench.now_ns)
+    bench.port.take()
+    assert ask(bench, 1, RUN_PDU) == bytes.fromhex("86 04")
+    assert ask(bench, 2, RUN_PDU) == bytes.fromhex("86 04")
+    assert ask(bench, 1, STOP_PDU) == STOP_PDU
+    ask(bench, 2, write(COMMAND, 50_000))
+    assert ask(bench, 1, RUN_PDU) == RUN_PDU
+
+
+def test_m11_while_one_is_not_referenced_none_is_compensated() -> None:
+    bench = gantry(referenced=Reference.HOMING)
+    ask(bench, 1, HOME_PDU)
+    bench.wait(500)
+    ask(bench, 1, bytes.fromhex("03 005C 0001"))
+    ask(bench, 1, write(COMMAND, 50_000))
+    assert bench.drive.get(COMMAND) == 50_000
+    ask(bench, 2, HOME_PDU)
+    bench.wait(500)
+    ask(bench, 2, bytes.fromhex("03 005C 0001"))
+    assert bench.kinds().count("axis-referenced") == 2
+    bench.drive.set_bits(is_done=True)
+    ask(bench, 1, write(COMMAND, 60_000))
+    ask(bench, 1, RUN_PDU)
+    assert bench.drive.get(COMMAND) == 60_010
+
+
+def test_m11_switching_one_off_switches_all_off() -> None:
+    bench = gantry()
+    assert set(bench.line.disable("y2", bench.now_ns)) == {"y1", "y2"}
+    ask(bench, 1, write(COMMAND, 50_000))
+    ask(bench, 1, RUN_PDU)
+    assert bench.drive.get(COMMAND) == 50_000
+
+
+# --- who may stop -----------------------------------------------------------------------------------------
+
+
+def test_a20_an_operator_may_read_and_stop_and_nothing_else() -> None:
+    bench = StagedBench()
+    panel = Port(ControllerPlan("panel", role=Role.OPERATOR))
+    for pdu, function in ((STOP_PDU, 0x06), (read(ACTUAL), 0x03), (write(COMMAND, 1), 0x90), (RUN_PDU, 0x86)):
+        bench.send(pdu, panel)
+        bench.serve()
+        assert panel.take()[0] == function
+    assert [kind for kind, _ in bench.drive.moves] == ["stop"]
+
+
+def test_a20_a_monitor_may_not_even_stop() -> None:
+    bench = StagedBench()
+    hmi = Port(ControllerPlan("hmi", role=Role.MONITOR))
+    bench.send(STOP_PDU, hmi)
+    assert hmi.take() == bytes.fromhex("86 01")
+    assert bench.drive.moves == []
+
+
+def test_a16_the_end_of_a_homing_that_nobody_watches_is_read_before_the_next_target() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.HOMING))
+    bench.trigger(HOME_PDU)
+    bench.drive.set_bits(is_done=False, is_homed=False)
+    bench.stage(30_000)
+    assert bench.drive.get(COMMAND) == 30_000  # still homing
+    bench.drive.put(ACTUAL, 0)
+    bench.drive.set_bits(is_done=True)
+    bench.wait(500)
+    bench.stage(20_000)
+    bench.trigger()
+    assert bench.drive.moves[-1:] == [("absolute", 20_010)]

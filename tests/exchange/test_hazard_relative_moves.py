@@ -1,0 +1,205 @@
+"""Relative moves (M5): through the absolute nominal position, from a base that still holds."""
+
+import random
+
+import pytest
+
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
+from tests.exchange.staged_bench import (
+    COMMANDED,
+    HOME_PDU,
+    JOG_PDU,
+    RUN_RELATIVE_PDU,
+    STAGED,
+    STOP_PDU,
+    StagedBench,
+    staged_plan,
+)
+
+SLOPE = make_table([0, 100], [0.0, 0.5], [0.0, 0.5], Units.MM)
+"""5 counts more per mm of 1000 counts, the same in both directions."""
+MILD = make_table([0, 50, 100], [0.010, 0.060, -0.020], [-0.015, 0.030, -0.055], Units.MM)
+BASES = {
+    "target": Action.RELATIVE,
+    "commanded": Action.RELATIVE_TO_COMMANDED,
+    "actual": Action.RELATIVE_TO_ACTUAL,
+}
+
+
+def relative_by(base: Action, **changes: object) -> MotionPlan:
+    deeds = {**STAGED.triggers[0].deeds, 2: Deed(base)}
+    return MotionPlan(is_staged=True, triggers=(TriggerPlan(0x050E, deeds=deeds),), **changes)  # type: ignore[arg-type]
+
+
+def by(bench: StagedBench, distance: int) -> None:
+    """Move by a distance as the controller does, and let the axis arrive."""
+    bench.stage(distance)
+    bench.trigger(RUN_RELATIVE_PDU)
+    bench.settle()
+
+
+@pytest.mark.parametrize("base", BASES.values(), ids=BASES)
+def test_m5_a_relative_move_ends_where_the_absolute_one_would(base: Action) -> None:
+    bench = StagedBench(staged_plan(table=SLOPE, motion=relative_by(base)))
+    bench.go_to(20_000)  # 20 100
+    by(bench, 10_000)  # 30 000 is 30 150: told 10 050
+    assert bench.drive.moves[1:] == [("relative", 30_150)]
+    assert bench.memory.get(COMMAND) == 10_050
+    assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 10_000
+    assert bench.actual() == 30_000
+
+
+@pytest.mark.parametrize("base", BASES.values(), ids=BASES)
+def test_m5_no_error_adds_up_over_many_random_moves(base: Action) -> None:
+    bench = StagedBench(staged_plan(table=MILD, motion=relative_by(base), max_slope=0.9))
+    rng = random.Random(7)
+    bench.go_to(50_000)
+    nominal, distance = 50_000, 0
+    for _ in range(2_000):
+        distance = rng.randint(max(-3_000, 1_000 - nominal), min(3_000, 99_000 - nominal)) or 1
+        by(bench, distance)
+        nominal += distance
+    exact = bench.line.axes[0].wanted.map_at(1.0 if distance > 0 else 0.0).correction(nominal / 1000) * 1000
+    assert abs(bench.memory.get(ACTUAL) - (nominal + exact)) <= 0.5
+    assert bench.actual() == nominal
+
+
+def test_m5_the_same_distance_again_is_another_move() -> None:
+    bench = StagedBench(staged_plan(table=SLOPE))
+    bench.go_to(20_000)
+    by(bench, 10_000)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert bench.drive.moves[-2:] == [("relative", 30_150), ("relative", 40_200)]
+
+
+def test_a8_after_a_stop_the_base_is_where_the_axis_stands() -> None:
+    bench = StagedBench(staged_plan(table=SLOPE))
+    bench.stage(100_000)
+    bench.trigger()
+    bench.drive.pass_by(30_150)
+    bench.trigger(STOP_PDU)
+    bench.settle()
+    assert bench.actual() == 30_000
+    by(bench, 10_000)
+    assert bench.drive.moves[-1] == ("relative", 40_200)
+
+
+@pytest.mark.parametrize("pdu", [JOG_PDU, HOME_PDU])
+def test_a8_after_a_jog_or_homing_the_base_is_read(pdu: bytes) -> None:
+    bench = StagedBench(staged_plan(table=SLOPE))
+    bench.go_to(50_000)
+    bench.trigger(pdu)
+    bench.memory.put(COMMANDED, 60_300)
+    bench.settle(is_polled=False)
+    by(bench, 10_000)
+    assert bench.drive.moves[-1] == ("relative", 70_350)
+
+
+def test_m5_a_relative_move_of_a_moving_axis_is_refused_as_busy() -> None:
+    bench = StagedBench(staged_plan(table=SLOPE))
+    bench.go_to(20_000)
+    bench.trigger(JOG_PDU)
+    bench.stage(10_000)
+    bench.seen.clear()
+    assert bench.refused(RUN_RELATIVE_PDU) == 6
+    assert "base-unknown" in bench.kinds()
+
+
+def test_m5_relative_unknown_pass_sends_it_unchanged() -> None:
+    bench = StagedBench(
+        staged_plan(
+            table=SLOPE, motion=relative_by(Action.RELATIVE_TO_COMMANDED, passes_unknown_relative=True)
+        )
+    )
+    bench.go_to(20_000)
+    bench.trigger(JOG_PDU)
+    bench.stage(10_000)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert bench.memory.get(COMMAND) == 10_000
+
+
+def test_m5_a_lost_acknowledgement_makes_the_base_unknown_and_a_reading_finds_it() -> None:
+    bench = StagedBench(staged_plan(table=SLOPE), serial=False, tcp_drive=True)
+    bench.go_to(20_000)
+    bench.stage(10_000)
+    bench.send(RUN_RELATIVE_PDU)
+    bench.memory.answer(bench.link.take())
+    bench.wait(1000)
+    bench.port.take()
+    bench.settle()
+    by(bench, 10_000)
+    assert bench.drive.moves[-2:] == [("relative", 30_150), ("relative", 40_200)]
+
+
+def test_m5_from_the_last_target_a_moving_axis_needs_no_reading_of_its_place() -> None:
+    bench = StagedBench(staged_plan(table=SLOPE, motion=relative_by(Action.RELATIVE)))
+    bench.stage(20_000)
+    bench.trigger()
+    bench.drive.pass_by(5_000)
+    bench.stage(10_000)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert bench.memory.get(COMMAND) == 10_050
+
+
+def test_m5_a_standing_error_does_not_shift_the_base_of_a_commanded_move() -> None:
+    bench = StagedBench(staged_plan(table=SLOPE))
+    bench.go_to(20_000)
+    bench.drive.arrive(standing_error=2)
+    by(bench, 10_000)
+    assert bench.drive.moves[-1] == ("relative", 30_150)
+
+
+def test_m8_a_relative_move_out_of_the_travel_is_refused() -> None:
+    bench = StagedBench(staged_plan(table=SLOPE, travel=(0.0, 100.0)))
+    bench.go_to(90_000)
+    bench.stage(20_000)
+    assert bench.refused(RUN_RELATIVE_PDU) == 4
+
+
+def test_m5_a_distance_of_nothing_is_nothing() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    by(bench, 0)
+    assert bench.drive.moves[-1] == ("relative", 50_010)
+
+
+def test_m5_not_compensated_a_distance_passes_as_it_is() -> None:
+    bench = StagedBench(staged_plan(table=None))
+    bench.go_to(20_000)
+    by(bench, 10_000)
+    assert bench.memory.get(COMMAND) == 10_000
+    assert bench.drive.moves[-1] == ("relative", 30_000)
+
+
+# --- relative moves in the frame itself -------------------------------------------------------------------
+
+IN_FRAME = MotionPlan(
+    modes=(ModePlan(0x0605, mask=1, actions={0: Action.ABSOLUTE, 1: Action.RELATIVE}, is_in_frame=True),)
+)
+
+
+def block(mode: int, counts: int) -> bytes:
+    words = mode.to_bytes(2, "big") + COMMAND.pack(counts)
+    return bytes.fromhex("10 0605 0003 06") + words
+
+
+def test_m5_in_frame_a_relative_block_keeps_its_shape() -> None:
+    bench = Bench(axis_plan(table=SLOPE, motion=IN_FRAME))
+    bench.ask(block(0, 20_000))
+    assert bench.seen[-1] == block(0, 20_100)
+    assert bench.ask(block(1, 10_000)) == block(1, 10_000)[:5]
+    assert bench.seen[-1] == block(1, 10_050)
+    bench.ask(block(1, 10_000))
+    assert bench.seen[-1] == block(1, 10_050)
+    assert bench.line.axes[0].compensation.accepted is not None
+    assert bench.line.axes[0].compensation.accepted.nominal_counts == 40_000
+
+
+def test_m2_in_frame_a_target_without_its_mode_is_unknown_and_passes_untouched() -> None:
+    bench = Bench(axis_plan(table=SLOPE, motion=IN_FRAME))
+    bench.ask(write(COMMAND, 20_000))
+    assert bench.seen[-1] == write(COMMAND, 20_000)
+    assert bench.line.counters.unknown_modes == 1

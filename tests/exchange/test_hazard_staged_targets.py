@@ -1,0 +1,399 @@
+"""Staged targets and their triggers (M2, M3): none ever runs a target that the controller does not mean."""
+
+import pytest
+
+from gateway.exchange.plan import ControllerPlan, Reference
+from gateway.modbus.registers import PositionField
+from tests.exchange.line_bench import ACTUAL, COMMAND, Port, read, write
+from tests.exchange.staged_bench import (
+    HOME_PDU,
+    MODE,
+    ONLY_ABSOLUTE,
+    RUN_PDU,
+    STOP_PDU,
+    STORED_PDU,
+    StagedBench,
+    staged_plan,
+    sticky,
+)
+
+RUN_HEX = RUN_PDU.hex(" ")
+WIDE = PositionField(0x050C, COMMAND.type, COMMAND.order)
+"""A target right before the trigger register: one frame can hold both."""
+
+
+def test_m2_a_staged_target_goes_out_corrected_and_its_trigger_runs_it() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    assert bench.drive.moves == [("absolute", 50_010)]
+    assert ACTUAL.unpack(bench.ask(read(ACTUAL))[2:]) == 50_000
+
+
+def test_m2_staging_alone_moves_nothing_and_changes_no_reading() -> None:
+    # A11: before the trigger of a staged move the readback must not change.
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.stage(20_000)
+    assert bench.drive.moves == [("absolute", 50_010)]
+    assert bench.actual() == 50_000
+    assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 20_000
+
+
+def test_a1_a_target_that_the_gateway_refused_is_not_replaced_by_the_old_one() -> None:
+    bench = StagedBench(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
+    bench.go_to(50_000)
+    assert bench.refused(write(COMMAND, 150_000)) == 4
+    assert bench.refused(RUN_PDU) == 4
+    assert bench.refused(RUN_PDU) == 4
+    bench.go_to(60_000)
+    assert bench.drive.moves == [("absolute", 50_010), ("absolute", 60_010)]
+    assert bench.kinds().count("axis-blocked") == 3  # the block, and each trigger that was refused
+    assert "axis-released" in bench.kinds()
+
+
+@pytest.mark.parametrize("code", [1, 2, 3, 4, 6, 0x27, 0x35])
+def test_a1_a_target_that_the_drive_refused_refuses_its_trigger_with_the_same_code(code: int) -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.send(write(COMMAND, 20_000))
+    bench.link.take()
+    bench.line.reply(1, bytes((0x90, code)), bench.now_ns)
+    assert bench.port.take() == bytes((0x90, code))
+    assert bench.refused(RUN_PDU) == code
+    bench.go_to(20_000)
+    assert bench.drive.moves[1:] == [("absolute", 19_990)]
+
+
+def test_a1_a_target_that_was_never_answered_refuses_its_trigger_on_a_serial_line_too() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.send(write(COMMAND, 20_000))
+    bench.link.sent.clear()
+    bench.wait(1000)
+    bench.wait(1000)  # the line was silent long enough
+    assert bench.port.replies == []
+    assert bench.refused(RUN_PDU) == 0x0B
+
+
+def test_a1_a_withdrawn_target_refuses_its_trigger() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.send(bytes.fromhex("03 0800 0001"), Port(ControllerPlan("hmi")))
+    bench.send(write(COMMAND, 20_000))  # waits
+    bench.send(RUN_PDU)  # the serial controller has gone on: its target is withdrawn
+    bench.serve()
+    assert bench.port.take()[0] == 0x86
+    assert bench.drive.moves == [("absolute", 50_010)]
+
+
+@pytest.mark.parametrize("pdu", [STOP_PDU, bytes.fromhex("06 0800 0001"), read(ACTUAL)])
+def test_m3_a_blocked_axis_refuses_triggers_and_nothing_else(pdu: bytes) -> None:
+    bench = StagedBench(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
+    bench.go_to(50_000)
+    bench.refused(write(COMMAND, 150_000))
+    assert bench.ask(pdu)[0] == pdu[0]
+
+
+def test_a2_direction_is_decided_at_the_trigger_from_where_the_axis_is_then() -> None:
+    # Standing at 0, on the way to 100; at 30 the controller stages 50, waits, and triggers: 100 -> 50 is
+    # backward, although 30 -> 50 was forward when it was staged.
+    bench = StagedBench()
+    bench.stage(100_000)
+    bench.trigger()
+    bench.drive.pass_by(30_000)
+    assert bench.actual() == 29_997  # 10 counts forward, of which 70 % of the way is still to come
+    bench.stage(50_000)
+    bench.settle()
+    bench.writes()
+    bench.trigger()
+    assert bench.drive.moves == [("absolute", 100_010), ("absolute", 49_990)]
+    assert bench.writes() == [write(COMMAND, 49_990).hex(" "), RUN_HEX]
+    assert bench.line.counters.restaged == 2  # the first was the first move of all, staged half-way
+
+
+def test_m2_a_trigger_whose_words_are_right_already_adds_no_frame() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.stage(60_000)
+    bench.writes()
+    bench.trigger()
+    assert bench.writes() == [RUN_HEX]
+
+
+def test_a2_a_gain_or_table_switched_between_staging_and_trigger_counts_at_the_trigger() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.stage(60_000)
+    assert bench.line.disable("x", bench.now_ns) == ("x",)
+    bench.writes()
+    bench.trigger()
+    assert bench.writes() == [write(COMMAND, 60_000).hex(" "), RUN_HEX]
+
+
+def test_m2_the_trigger_waits_for_the_acknowledgement_of_the_restaged_target() -> None:
+    bench = StagedBench()
+    bench.go_to(100_000)
+    bench.stage(50_000)
+    bench.line.disable("x", bench.now_ns)
+    bench.send(RUN_PDU)
+    assert bench.link.take() == write(COMMAND, 50_000)
+    bench.line.reply(1, bytes.fromhex("90 04"), bench.now_ns)
+    assert bench.link.sent == []
+    assert bench.port.take() == bytes.fromhex("86 04")
+    assert bench.refused(RUN_PDU) == 4
+    bench.go_to(50_000)
+    assert bench.drive.moves == [("absolute", 100_010), ("absolute", 50_000)]
+
+
+def test_m2_a_restaged_target_that_was_never_acknowledged_runs_nothing() -> None:
+    bench = StagedBench(serial=False, tcp_drive=True)
+    bench.go_to(100_000)
+    bench.stage(50_000)
+    bench.line.disable("x", bench.now_ns)
+    bench.send(RUN_PDU)
+    bench.link.take()
+    bench.wait(1000)
+    assert bench.port.take() == bytes.fromhex("86 0B")
+    assert bench.refused(RUN_PDU) == 0x0B
+
+
+def test_w8_without_added_frames_a_trigger_that_needs_one_is_refused() -> None:
+    bench = StagedBench(staged_plan(added_frames=False))
+    bench.go_to(50_000)
+    bench.stage(60_000)
+    bench.line.disable("x", bench.now_ns)
+    assert bench.refused(RUN_PDU) == 4
+
+
+def test_m2_one_frame_with_target_and_trigger_moves_at_once() -> None:
+    bench = StagedBench(staged_plan(command=(WIDE,)))
+    frame = bytes.fromhex("10 050C 0003 06 C350 0000 0001")
+    assert bench.ask(frame) == frame[:5]
+    assert bench.seen[-1] == bytes.fromhex("10 050C 0003 06 C35A 0000 0001")
+
+
+def test_m3_a_refused_frame_of_target_and_trigger_refuses_the_trigger_alone() -> None:
+    bench = StagedBench(staged_plan(command=(WIDE,), travel=(0.0, 60.0)))
+    assert bench.refused(bytes.fromhex("10 050C 0003 06 4E20 0001 0001")) == 4
+    assert bench.refused(RUN_PDU) == 4
+
+
+def test_a_trigger_whose_target_came_from_before_the_gateway_is_refused() -> None:
+    bench = StagedBench()
+    bench.memory.put(COMMAND, 50_000)
+    assert bench.refused(RUN_PDU) == 4
+    assert "stored-move" in bench.kinds()
+
+
+def test_a19_the_start_of_a_stored_position_is_refused_unless_it_may_pass_uncorrected() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    assert bench.refused(STORED_PDU) == 4
+    passing = sticky(passes_stored_moves=True)
+    bench = StagedBench(staged_plan(motion=passing))
+    bench.trigger(STORED_PDU)
+    assert bench.drive.moves == [("stored", 0)]
+
+
+# --- modes: before, inside, after -------------------------------------------------------------------------
+
+
+def set_mode(bench: StagedBench, value: int) -> None:
+    pdu = bytes((6,)) + MODE.to_bytes(2, "big") + value.to_bytes(2, "big")
+    assert bench.ask(pdu) == pdu
+
+
+def test_m2_a_mode_that_was_never_seen_is_read() -> None:
+    bench = StagedBench(staged_plan(motion=sticky()))
+    bench.memory.words[MODE] = 1
+    bench.stage(50_000)
+    bench.trigger()
+    assert bytes.fromhex("03 0700 0001") in bench.seen
+    assert bench.drive.moves == [("absolute", 50_010)]
+
+
+def test_m2_a_mode_that_comes_after_the_target_counts() -> None:
+    bench = StagedBench(staged_plan(motion=sticky()))
+    set_mode(bench, 1)
+    bench.go_to(50_000)
+    bench.stage(10_000)
+    set_mode(bench, 2)
+    bench.trigger()
+    # 50 000 + 10 000 stays forward: the distance is the same on both scales
+    assert bench.drive.moves == [("absolute", 50_010), ("relative", 60_010)]
+
+
+@pytest.mark.parametrize("value", [7, 0, 0xFFFF])
+def test_an_unknown_mode_passes_untouched_and_is_counted(value: int) -> None:
+    bench = StagedBench(staged_plan(motion=sticky()))
+    set_mode(bench, value)
+    bench.stage(50_000)
+    bench.trigger()
+    assert bench.memory.get(COMMAND) == 50_000
+    assert bench.line.counters.unknown_modes == 1
+    assert bench.kinds().count("unknown-mode") == 1
+
+
+def test_p14_a_position_in_a_velocity_frame_is_no_target() -> None:
+    bench = StagedBench(staged_plan(motion=sticky(), travel=(10.0, 100.0)))
+    set_mode(bench, 3)
+    bench.stage(0)  # a don't-care outside the travel
+    assert bench.memory.get(COMMAND) == 0
+    bench.trigger()
+
+
+def test_m3_a_lost_mode_refuses_triggers_until_it_was_accepted() -> None:
+    bench = StagedBench(staged_plan(motion=sticky()))
+    set_mode(bench, 1)
+    bench.go_to(50_000)
+    bench.send(bytes.fromhex("06 0700 0002"))
+    bench.link.take()
+    bench.line.reply(1, bytes.fromhex("86 04"), bench.now_ns)
+    bench.port.take()
+    bench.stage(60_000)
+    assert bench.refused(RUN_PDU) == 4
+    set_mode(bench, 2)
+    bench.stage(10_000)
+    bench.trigger()
+    assert bench.drive.moves[-1] == ("relative", 60_010)
+
+
+# --- stops ------------------------------------------------------------------------------------------------
+
+
+def test_m3_a_stop_goes_to_the_head_of_the_queue_and_withdraws_what_would_move_its_axis() -> None:
+    bench = StagedBench(serial=False)
+    bench.go_to(50_000)
+    hmi = Port(ControllerPlan("hmi"))
+    bench.send(bytes.fromhex("03 0800 0001"), hmi)
+    bench.send(write(COMMAND, 20_000), transaction_id=1)
+    bench.send(RUN_PDU, transaction_id=2)
+    bench.send(read(ACTUAL), transaction_id=3)
+    bench.send(STOP_PDU, hmi, transaction_id=4)
+    bench.writes()
+    bench.serve()
+    assert bench.writes() == [STOP_PDU.hex(" ")]
+    answers = {transaction: pdu for transaction, _, pdu in bench.port.replies}
+    assert answers[1] == bytes.fromhex("90 06")
+    assert answers[2] == bytes.fromhex("86 06")
+    assert answers[3][0] == 3
+    assert bench.drive.moves == [("absolute", 50_010), ("stop", 50_010)]
+
+
+def test_m3_a_stop_overtakes_a_move_that_is_still_being_prepared() -> None:
+    bench = StagedBench(serial=False)
+    bench.go_to(50_000)
+    bench.stage(20_000)
+    bench.wait(5000)
+    bench.drive.set_bits(is_done=False)
+    bench.poll()  # something else moves the axis: where it is must be read first
+    bench.send(RUN_PDU, transaction_id=1)
+    assert bench.link.sent[0][1][0] == 3
+    bench.send(STOP_PDU, transaction_id=2)
+    bench.serve()
+    assert {t: p.hex(" ") for t, _, p in bench.port.replies} == {1: "86 06", 2: STOP_PDU.hex(" ")}
+    assert [kind for kind, _ in bench.drive.moves] == ["absolute", "stop"]
+
+
+def test_m3_a_stop_is_sent_although_the_queue_is_full() -> None:
+    bench = StagedBench(serial=False)
+    for number in range(40):
+        bench.send(bytes.fromhex("03 0800 0001"), transaction_id=number)
+    bench.send(STOP_PDU, transaction_id=99)
+    bench.serve()
+    assert (99, 1, STOP_PDU) in bench.port.replies
+    assert bench.seen.index(STOP_PDU) == 1
+
+
+def test_a4e_a_stop_between_the_halves_of_a_target_passes_at_once() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    assert bench.ask(bytes.fromhex("06 0606 4E20")) == bytes.fromhex("06 0606 4E20")
+    bench.trigger(STOP_PDU)
+    assert bench.drive.moves[-1][0] == "stop"
+
+
+# --- broadcasts -------------------------------------------------------------------------------------------
+
+
+def broadcast(bench: StagedBench, pdu: bytes) -> None:
+    bench.send(pdu, unit_id=0)
+    bench.serve()
+    assert bench.port.replies == []
+    bench.wait(100)
+
+
+def test_a18_a_broadcast_trigger_runs_what_is_right_already() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.stage(60_000)
+    broadcast(bench, RUN_PDU)
+    assert bench.drive.moves[-1] == ("absolute", 60_010)
+
+
+def test_a18_a_broadcast_trigger_is_refused_while_an_axis_is_blocked() -> None:
+    other = staged_plan(name="y", unit_id=2, motion=ONLY_ABSOLUTE, travel=(0.0, 100.0))
+    bench = StagedBench(staged_plan(), other)
+    bench.stage(60_000)
+    bench.send(write(COMMAND, 150_000), unit_id=2)
+    bench.serve()
+    assert bench.port.take() == bytes.fromhex("90 04")
+    broadcast(bench, RUN_PDU)
+    assert bench.drive.moves == []
+
+
+def test_a18_a_broadcast_stop_always_passes() -> None:
+    bench = StagedBench(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
+    bench.refused(write(COMMAND, 150_000))
+    broadcast(bench, STOP_PDU)
+    assert bench.drive.moves == [("stop", 0)]
+
+
+def test_a18_after_a_broadcast_trigger_the_place_of_the_axis_is_read_before_it_is_used() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.stage(60_000)
+    broadcast(bench, RUN_PDU)
+    bench.drive.arrive()
+    bench.stage(55_000)
+    bench.seen.clear()
+    bench.trigger()
+    assert read(ACTUAL) in bench.seen
+    assert bench.drive.moves[-1] == ("absolute", 54_990)
+
+
+# --- homing and what follows ------------------------------------------------------------------------------
+
+
+def test_a_homing_command_passes_and_positions_pass_unchanged_until_the_drive_is_homed() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
+    bench.go_to(50_000)
+    bench.trigger(HOME_PDU)
+    bench.drive.set_bits(is_done=False, is_homed=False)
+    bench.drive.pass_by(123)
+    assert bench.actual() == 123
+    bench.drive.set_bits(is_done=True, is_homed=True)
+    bench.wait(500)
+    bench.go_to(20_000)
+    assert bench.drive.moves[-1] == ("absolute", 20_010)
+
+
+def test_m2_a_staged_target_is_given_back_as_it_came_when_its_mode_is_unknown_at_the_trigger() -> None:
+    bench = StagedBench(staged_plan(motion=sticky()))
+    set_mode(bench, 1)
+    bench.go_to(50_000)
+    bench.stage(60_000)
+    set_mode(bench, 9)
+    bench.writes()
+    bench.trigger()
+    assert bench.writes() == [write(COMMAND, 60_000).hex(" "), RUN_HEX]
+    assert bench.line.counters.unknown_modes == 1
+
+
+def test_m2_a_trigger_value_that_the_map_does_not_list_runs_what_the_controller_wrote() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.stage(60_000)
+    bench.writes()
+    assert bench.ask(bytes.fromhex("06 050E 0077")) == bytes.fromhex("06 050E 0077")
+    assert bench.writes() == [write(COMMAND, 60_000).hex(" "), "06 05 0e 00 77"]

@@ -1,0 +1,185 @@
+"""Makerbase, Applied Motion, StepperOnline ESS-RS, TL-R: steppers, each with its own way of starting."""
+
+import pytest
+
+from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, SET_POSITION, STOP, Drive
+
+
+def mks_position(drive: Drive) -> int:
+    high, middle, low = drive.read(0x0031, 3, function=4)
+    value = high << 32 | middle << 16 | low
+    return value - (1 << 48) if value >> 47 else value
+
+
+def test_mks_moves_as_the_frame_says() -> None:
+    drive = Drive("makerbase-servo42d")
+    drive.does("10 00F5 0004 08 0002 012C 0000 2710")
+    drive.wait(0.1)
+    assert mks_position(drive) == 5_000
+    drive.wait()
+    assert mks_position(drive) == 10_000
+    drive.does("10 00F4 0004 08 0002 012C FFFF FFFB")
+    drive.wait()
+    assert mks_position(drive) == 9_995
+    # 3200 pulses make a turn of 16 384 counts.
+    drive.does("10 00FE 0004 08 0002 012C FFFF F380")
+    drive.wait()
+    assert mks_position(drive) == -16_384
+    assert drive.moves == [(ABSOLUTE, 10_000), (RELATIVE, 9_995), (ABSOLUTE, -16_384)]
+
+
+@pytest.mark.parametrize("stop", ["10 00F5 0004 08 0002 0000 0000 0000", "06 00F7 0001"])
+def test_mks_stops_where_the_position_of_the_frame_is_no_target(stop: str) -> None:
+    drive = Drive("makerbase-servo42d")
+    drive.does("10 00F5 0004 08 0002 012C 0000 2710")
+    drive.wait(0.05)
+    drive.does(stop)
+    assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500)]
+
+
+def test_mks_homes_and_zeroes() -> None:
+    drive = Drive("makerbase-servo42d")
+    drive.does("10 00F5 0004 08 0002 012C 0000 2710")
+    assert drive.ask("06 0092 0001") == "06 00 92 FF FF"  # It moves.
+    drive.wait()
+    drive.does("06 0092 0001")
+    assert mks_position(drive) == 0
+    drive.does("06 0091 0001")
+    drive.wait()
+    assert drive.motor.mechanics.motor_mm == pytest.approx(0.0)
+    assert drive.moves == [(ABSOLUTE, 10_000), (SET_POSITION, 0), (HOME, None)]
+
+
+@pytest.mark.parametrize(
+    ("request_pdu", "reply"),
+    [
+        ("06 1234 0001", "06 12 34 FF FF"),
+        ("06 00F5 0001", "06 00 F5 FF FF"),
+        ("10 00F6 0001 02 0001", "10 00 F6 00 00"),
+        ("10 00F5 0002 04 0000 2710", "10 00 F5 00 00"),  # half an opcode
+        ("10 00F4 0005 0A 0002 012C 0000 2710 0000", "10 00 F4 00 00"),
+        ("04 00F5 0004", ""),
+        ("03 0031 0003", ""),
+    ],
+)
+def test_mks_refuses_without_exceptions(request_pdu: str, reply: str) -> None:
+    drive = Drive("makerbase-servo42d")
+    assert drive.ask(request_pdu) == reply
+    assert drive.moves == []
+
+
+def test_mks_obeys_a_broadcast_in_silence() -> None:
+    drive = Drive("makerbase-servo42d")
+    assert drive.bus.answer(0, bytes.fromhex("10 00F5 0004 08 0002 012C 0000 2710"), 0.0) is None
+    assert drive.moves == [(ABSOLUTE, 10_000)]
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "actual"),
+    [("applied-motion-16", "001E", 4), ("applied-motion-32", "015E", 6), ("applied-motion-32", "015E", 10)],
+)
+def test_applied_motion_decides_by_the_opcode(name: str, target: str, actual: int) -> None:
+    drive = Drive(name)
+    drive.does(f"10 {target} 0002 04 0000 2710")
+    drive.wait()
+    assert drive.moves == []
+    drive.does("06 007C 0067")
+    drive.wait()
+    assert drive.high(actual) == 10_000
+    drive.does("06 007C 0066")
+    drive.wait(0.05)
+    drive.does("06 007C 00E2")
+    assert drive.moves == [(ABSOLUTE, 10_000), (RELATIVE, 20_000), (STOP, 12_500)]
+    drive.wait()
+    drive.does("10 007D 0002 04 0000 000A", "06 007C 00A5")
+    assert drive.high(actual) == 10
+    drive.does("10 007D 0002 04 0000 0000", "06 007C 0098")
+    assert drive.high(actual) == 0
+    assert drive.moves == [(SET_POSITION, 10), (SET_POSITION, 0)]
+
+
+@pytest.mark.parametrize(("name", "status"), [("applied-motion-16", 1), ("applied-motion-32", 3)])
+def test_applied_motion_status(name: str, status: int) -> None:
+    drive = Drive(name)
+    assert drive.read(status) == [1 << 0 | 1 << 3]
+    drive.does("06 007D 0001", "06 007E 004C", "06 007C 006E")
+    assert drive.read(status) == [1 << 0 | 1 << 4 | 1 << 10]
+    drive.wait()
+    assert drive.read(status) == [1 << 0 | 1 << 3]
+    drive.does("06 007C 009E", "06 007C 0067")
+    assert drive.read(status) == [1 << 3]
+    drive.does("06 007C 009F", "06 007C 0096")
+    assert drive.moves == [(HOME, None), (OTHER, None)]
+
+
+def test_ess_checks_its_block_before_it_runs_it() -> None:
+    drive = Drive("stepperonline-ess-rs")
+    drive.does("10 0021 0005 0A 0064 0064 012C 0000 1388")
+    assert drive.read(0x0021, 5) == [0x64, 0x64, 0x12C, 0, 0x1388]
+    drive.does("06 0027 0005")
+    assert drive.moves == [(ABSOLUTE, 5_000)]
+    assert drive.read(0x0007) == [1]
+    drive.wait(0.05)
+    drive.does("06 0027 0100")
+    drive.wait()
+    drive.does("06 0027 0001")
+    drive.wait()
+    assert drive.moves == [(STOP, 2_500), (RELATIVE, 7_500)]
+    assert drive.high(0x000A) == 7_500
+    assert drive.read(0x0027) == [0]
+
+
+def test_ess_turns_its_words_round_on_demand() -> None:
+    drive = Drive("stepperonline-ess-rs")
+    drive.does("06 0019 0001", "10 0024 0002 04 1388 0000", "06 0027 0005")
+    drive.wait()
+    assert drive.moves == [(ABSOLUTE, 5_000)]
+    assert drive.low(0x000A) == 5_000
+
+
+@pytest.mark.parametrize(("request_pdu", "reply"), [("03 0000 0011", "83 03"), ("03 00C0 0001", "83 02")])
+def test_ess_refusals(request_pdu: str, reply: str) -> None:
+    assert Drive("stepperonline-ess-rs").ask(request_pdu) == reply
+
+
+def test_tl_r_starts_on_an_edge() -> None:
+    drive = Drive("tl-r")
+    drive.does("06 0034 0064", "06 0035 0064", "06 0036 012C", "06 0037 0000", "06 0038 2710", "06 004E 0003")
+    assert drive.moves == [(ABSOLUTE, 10_000)]
+    assert drive.read(4) == [0b0110]
+    drive.wait()
+    assert drive.read(4) == [0b0011]
+    assert drive.high(8) == 10_000
+    drive.does("06 004E 0001")  # The start bit did not rise.
+    assert drive.moves == []
+    drive.does("06 004E 0000", "06 004E 0001")
+    assert drive.moves == [(RELATIVE, 20_000)]
+
+
+def test_tl_r_takes_four_registers_and_says_nothing() -> None:
+    drive = Drive("tl-r")
+    drive.does("10 0034 0005 0A 0064 0064 012C 0000 2710")
+    assert drive.read(52, 5) == [0x64, 0x64, 0x12C, 0, 0]
+
+
+def test_tl_r_stops_homes_and_zeroes() -> None:
+    drive = Drive("tl-r")
+    drive.does("06 0038 2710", "06 004E 0003")
+    drive.wait(0.05)
+    assert drive.ask("06 004E 0000") == "06 00 4E 00 00"
+    assert drive.ask("06 004E 0003") == "86 04"  # Not while it moves …
+    drive.does("06 004E 0000", "06 0038 2711", "06 004E 0007")  # … but with the interrupt bit.
+    drive.does("06 004E 0020")
+    assert drive.moves == [(ABSOLUTE, 10_000), (ABSOLUTE, 10_001), (STOP, 2_500)]
+    drive.wait()
+    drive.does("06 004F 0400")
+    assert drive.high(8) == 0
+    drive.does("06 004E 0010")
+    assert not drive.bit(4, 1)
+    drive.wait()
+    assert drive.bit(4, 1)
+    assert drive.moves == [(SET_POSITION, 0), (HOME, None)]
+
+
+def test_tl_r_knows_its_registers() -> None:
+    assert Drive("tl-r").ask("03 00C8 0001") == "83 02"

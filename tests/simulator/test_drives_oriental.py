@@ -1,0 +1,180 @@
+"""Oriental Motor AZ and BLV-R: direct data operation, inputs and outputs, slave errors."""
+
+import pytest
+
+from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, STOP, Drive
+
+S_ON = "10 007C 0002 04 0000 0001"
+NAMES = ["oriental-az", "oriental-blv-r"]
+
+
+def block(kind: int, position: str, trigger: str = "0000 0001") -> str:
+    """Direct data from 0x0058: data number, type, position, speed, both ramps, current, trigger."""
+    speeds = "0000 03E8 0000 03E8 0000 03E8 0000 03E8"
+    return f"10 0058 0010 20 0000 0000 0000 {kind:04X} {position} {speeds} {trigger}"
+
+
+def excited(name: str) -> Drive:
+    drive = Drive(name)
+    drive.does(S_ON)
+    return drive
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_frame_moves(name: str) -> None:
+    drive = excited(name)
+    drive.does(block(1, "0000 2710"))
+    assert drive.moves == [(ABSOLUTE, 10_000)]
+    assert drive.bit(0x007F, 13)
+    drive.wait(0.1)
+    assert drive.high(0x00C6) == drive.high(0x00CC) == drive.high(0x0120) == drive.high(0x0122) == 5_000
+    drive.wait()
+    assert not drive.bit(0x007F, 13)
+    assert drive.high(0x00CC) == 10_000
+    drive.does(block(2, "FFFF FFFF"))
+    drive.wait()
+    drive.does(block(3, "0000 0005"))
+    assert drive.moves == [(RELATIVE, 9_999), (RELATIVE, 10_004)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_frame_may_begin_at_the_type(name: str) -> None:
+    drive = excited(name)
+    drive.does("10 005A 000E 1C 0000 0001 FFFF FC18 0000 03E8 0000 03E8 0000 03E8 0000 03E8 0000 0001")
+    assert drive.moves == [(ABSOLUTE, -1_000)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_trigger_clears_itself_and_can_be_given_again(name: str) -> None:
+    drive = excited(name)
+    drive.does(block(1, "0000 0007"))
+    assert drive.read(0x0066, 2) == [0, 0]
+    drive.does("10 005C 0002 04 0000 0009")
+    assert drive.moves == [(ABSOLUTE, 7)]
+    drive.does("10 0066 0002 04 0000 0001")
+    assert drive.moves == [(ABSOLUTE, 9)]
+
+
+@pytest.mark.parametrize(
+    ("name", "trigger"),
+    [("oriental-az", "FFFF FFFB"), ("oriental-blv-r", "0000 FFFB")],
+)
+def test_with_trigger_minus_five_each_written_position_moves(name: str, trigger: str) -> None:
+    drive = excited(name)
+    drive.does("10 005A 0002 04 0000 0001", f"10 0066 0002 04 {trigger}", "10 005E 0002 04 0000 0064")
+    assert drive.moves == []
+    drive.does("10 005C 0002 04 0000 0064", "10 005C 0002 04 0000 00C8")
+    assert drive.moves == [(ABSOLUTE, 100), (ABSOLUTE, 200)]
+    # Halves go out of range in between, as the manual warns.
+    drive.does("06 005C 0001", "06 005D 0000")
+    assert drive.moves == [(ABSOLUTE, 0x0001_00C8), (ABSOLUTE, 0x0001_0000)]
+
+
+def test_with_trigger_minus_four_the_speed_starts_the_move() -> None:
+    drive = Drive("oriental-az")
+    drive.does("10 005A 0004 08 0000 0001 0000 000A", "10 0066 0002 04 FFFF FFFC")
+    drive.does("10 005C 0002 04 0000 000B", "10 005E 0002 04 0000 0064")
+    assert drive.moves == [(ABSOLUTE, 11)]
+
+
+def test_continuous_operation_has_no_target() -> None:
+    drive = Drive("oriental-az")
+    drive.does(block(16, "0000 0000"))
+    assert drive.moves == [(OTHER, None)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stored_data_run_on_a_rising_start(name: str) -> None:
+    drive = excited(name)
+    drive.does("10 1800 0004 08 0000 0001 FFFF FC18", "10 007C 0002 04 0000 0009")
+    assert drive.moves == [(ABSOLUTE, -1_000)]
+    drive.does("10 007C 0002 04 0000 0009", "10 007C 0002 04 0000 0001")
+    assert drive.moves == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stop_in_the_middle(name: str) -> None:
+    drive = excited(name)
+    drive.does(block(1, "0000 2710"))
+    drive.wait(0.05)
+    drive.does("10 007C 0002 04 0000 0021")
+    assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500)]
+    drive.wait()
+    assert drive.ask(block(1, "0000 0001")) == "90 04"  # STOP is still on.
+    drive.does("10 007C 0002 04 0000 0001", block(1, "0000 0001"))
+    assert drive.moves == [(ABSOLUTE, 1)]
+
+
+def test_az_homes_on_zhome() -> None:
+    drive = Drive("oriental-az")
+    drive.does(block(1, "0000 2710"))
+    drive.wait()
+    drive.does("10 007C 0002 04 0000 0010", "10 007C 0002 04 0000 0000")
+    assert drive.read(0x0178) == [0]
+    drive.wait()
+    assert drive.read(0x0178) == [1]
+    assert drive.high(0x00CC) == 0
+    assert drive.moves == [(ABSOLUTE, 10_000), (HOME, None)]
+
+
+def test_az_outputs() -> None:
+    drive = Drive("oriental-az")
+    assert drive.read(0x007F) == [1 << 5 | 1 << 14]
+    drive.motor.mechanics.alarm = True
+    assert drive.read(0x007F) == [1 << 7]
+    assert drive.read(0x0080, 2) == [0, 1]
+    drive.does("10 007C 0002 04 0000 0080")
+    assert drive.read(0x007F) == [1 << 5 | 1 << 14]
+
+
+def test_blv_r_outputs_and_its_need_for_s_on() -> None:
+    drive = Drive("oriental-blv-r")
+    assert drive.read(0x007F) == [1 << 4 | 1 << 9]
+    assert drive.ask(block(1, "0000 0001")) == "90 04"
+    drive.does(S_ON)
+    assert drive.read(0x007F) == [1 << 0 | 1 << 3 | 1 << 4 | 1 << 9]
+
+
+def test_a_slave_error_does_not_mean_that_nothing_was_written() -> None:
+    drive = Drive("oriental-blv-r")
+    assert drive.ask(block(1, "0000 0305")) == "90 04"
+    assert drive.high(0x005C) == 0x0305
+    assert drive.moves == []
+
+
+def test_slave_errors_can_be_hidden() -> None:
+    drive = Drive("oriental-az")
+    drive.unit.suppresses_slave_errors = True  # type: ignore[attr-defined]
+    drive.does(block(99, "0000 0305"))
+    assert drive.moves == []
+
+
+def test_blv_r_writes_and_reads_with_one_frame() -> None:
+    drive = excited("oriental-blv-r")
+    assert drive.ask("17 005C 0002 005C 0002 04 0000 0102") == "17 04 00 00 01 02"
+    assert Drive("oriental-az").ask("17 005C 0002 005C 0002 04 0000 0102") == "97 01"
+
+
+def test_blv_r_that_does_not_clear_its_trigger_takes_the_same_one_only_once() -> None:
+    drive = excited("oriental-blv-r")
+    drive.does("10 0228 0002 04 0000 0000", block(1, "0000 0007"), block(1, "0000 0008"))
+    assert drive.moves == [(ABSOLUTE, 7)]
+    assert drive.read(0x0066, 2) == [0, 1]
+    drive.does("10 0066 0002 04 0000 0000", block(1, "0000 0009"))
+    assert drive.moves == [(ABSOLUTE, 9)]
+
+
+def test_blv_r_counts_from_the_last_target_with_type_4() -> None:
+    drive = excited("oriental-blv-r")
+    drive.does(block(1, "0000 2710"))
+    drive.wait(0.05)
+    drive.does(block(4, "0000 000A"))
+    assert drive.moves == [(ABSOLUTE, 10_000), (RELATIVE, 10_010)]
+
+
+def test_oriental_loopback_and_broadcast() -> None:
+    drive = Drive("oriental-az")
+    assert drive.ask("08 0000 A537") == "08 00 00 A5 37"
+    assert drive.bus.answer(0, bytes.fromhex(block(1, "0000 0005")), 0.0) is None
+    assert drive.moves == [(ABSOLUTE, 5)]
+    assert drive.unit.response_delay_s(115200) == 0.003

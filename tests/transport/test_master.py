@@ -1,0 +1,176 @@
+"""A master over every kind of line, with drives that answer late, twice, wrongly or not at all."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack
+from itertools import pairwise
+
+import pytest
+
+from gateway.modbus.mbap import encode_mbap
+from gateway.modbus.rtu import encode_rtu
+from gateway.transport.channel import Channel
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.errors import AbsentError, RefusedError
+from gateway.transport.master import GarbledError, LostError, ModbusMaster, SilentError
+from gateway.transport.null_modem import NullModem
+from gateway.transport.serial import SerialPort
+from gateway.transport.tcp import TcpListener
+
+KINDS = ("tcp", "rtu_over_tcp", "rtu")
+ASK = bytes.fromhex("03 0010 0001")
+ANSWER = bytes.fromhex("03 02 0007")
+
+
+class Drive:
+    """The other end: ``script`` gets what arrived, and what it returns is sent."""
+
+    def __init__(self, script: Callable[[bytes], bytes | None]) -> None:
+        self.script = script
+        self.channel: Channel | None = None
+        self.heard_ns: list[int] = []
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        self.channel = channel
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        self.heard_ns.append(now_ns)
+        answer = self.script(data)
+        if answer and self.channel is not None:
+            self.channel.write(answer)
+
+    def closed(self, reason: str, now_ns: int) -> None:
+        self.channel = None
+
+
+class Rig:
+    """Opens drives of every kind, and closes them."""
+
+    def __init__(self) -> None:
+        self.stack = AsyncExitStack()
+
+    async def drive(self, kind: str, drive: Drive) -> TcpEndpoint | SerialEndpoint:
+        if kind == "rtu":
+            cable = NullModem()
+            self.stack.callback(cable.close)
+            port = SerialPort(SerialEndpoint(cable.far), drive, lambda why: None)
+            await port.open()
+            self.stack.push_async_callback(port.close)
+            return SerialEndpoint(cable.near, 115200)
+        listener = TcpListener(TcpEndpoint("127.0.0.1", 0), (), lambda: drive, lambda host, why: None)
+        await listener.open()
+        self.stack.push_async_callback(listener.close)
+        where = listener.addresses[0]
+        return TcpEndpoint(where.host, where.port, rtu=kind == "rtu_over_tcp")
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    rig = Rig()
+    async with rig.stack:
+        yield rig
+
+
+def framed(kind: str, request: bytes, pdu: bytes) -> bytes:
+    """Frame a reply to a request."""
+    if kind == "tcp":
+        return encode_mbap(int.from_bytes(request[:2], "big"), request[6], pdu)
+    return encode_rtu(request[0], pdu)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_requests_are_answered_one_after_the_other(rig: Rig, kind: str) -> None:
+    drive = Drive(lambda data: framed(kind, data, ANSWER))
+    async with ModbusMaster(await rig.drive(kind, drive), 5000.0) as master:
+        replies = await asyncio.gather(*(master.exchange(1, ASK) for _ in range(5)))
+    assert replies == [ANSWER] * 5
+    assert len(drive.heard_ns) == 5
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_a_refusal_is_a_reply(rig: Rig, kind: str) -> None:
+    drive = Drive(lambda data: framed(kind, data, b"\x83\x02"))
+    async with ModbusMaster(await rig.drive(kind, drive), 5000.0) as master:
+        assert await master.exchange(1, ASK) == b"\x83\x02"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_a_silent_drive_is_given_up_on_and_asked_again_later(rig: Rig, kind: str) -> None:
+    moods = iter((None, ANSWER))
+
+    def script(data: bytes) -> bytes | None:
+        mood = next(moods)
+        return None if mood is None else framed(kind, data, mood)
+
+    async with ModbusMaster(await rig.drive(kind, Drive(script)), 30.0) as master:
+        with pytest.raises(SilentError, match="no reply within 30 ms"):
+            await master.exchange(1, ASK)
+        assert await master.exchange(1, ASK) == ANSWER
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_garbage_is_told_from_silence(rig: Rig, kind: str) -> None:
+    drive = Drive(lambda data: b"\x01\x02\x03\x04\x05")
+    async with ModbusMaster(await rig.drive(kind, drive), 60.0) as master:
+        with pytest.raises(GarbledError, match=r"no whole reply within 60 ms; .* 01 02 03 04 05$"):
+            await master.exchange(1, ASK)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_a_late_reply_never_answers_the_next_request(rig: Rig, kind: str) -> None:
+    late: list[bytes] = []
+
+    def script(data: bytes) -> bytes | None:
+        if late:
+            return framed(kind, data, ANSWER)
+        late.append(framed(kind, data, bytes.fromhex("03 02 FFFF")))
+        return None
+
+    drive = Drive(script)
+    async with ModbusMaster(await rig.drive(kind, drive), 40.0, drain_ms=80.0) as master:
+        with pytest.raises(SilentError):
+            await master.exchange(1, ASK)
+        assert drive.channel is not None
+        drive.channel.write(late[0])
+        assert await master.exchange(1, ASK) == ANSWER
+
+
+async def test_nothing_is_sent_before_the_silence_that_a_drive_wants(rig: Rig) -> None:
+    drive = Drive(lambda data: framed("tcp", data, ANSWER))
+    async with ModbusMaster(await rig.drive("tcp", drive), 5000.0, gap_ms=20.0) as master:
+        opened_ns = time.monotonic_ns()
+        for _ in range(3):
+            await master.exchange(1, ASK)
+    times = [opened_ns, *drive.heard_ns]
+    gaps_ms = [(later - earlier) / 1e6 for earlier, later in pairwise(times)]
+    assert min(gaps_ms) >= 19.0  # the connection was opened a moment before `opened_ns`
+
+
+async def test_a_connection_that_is_lost_is_said_at_once(rig: Rig) -> None:
+    drive = Drive(lambda data: None)
+
+    def hang_up(data: bytes) -> None:
+        assert drive.channel is not None
+        drive.channel.close()
+
+    drive.script = hang_up
+    async with ModbusMaster(await rig.drive("tcp", drive), 60_000.0) as master:
+        with pytest.raises(LostError):
+            await master.exchange(1, ASK)
+        with pytest.raises(LostError, match="is closed"):
+            await master.exchange(1, ASK)
+
+
+async def test_nobody_there_is_said_with_the_address(unused_tcp_port: int) -> None:
+    with pytest.raises(AbsentError, match=f"127.0.0.1:{unused_tcp_port} cannot be reached"):
+        async with ModbusMaster(TcpEndpoint("127.0.0.1", unused_tcp_port)):
+            pass
+
+
+async def test_a_port_that_another_program_has_is_not_used(rig: Rig) -> None:
+    endpoint = await rig.drive("rtu", Drive(lambda data: None))
+    async with ModbusMaster(endpoint):
+        with pytest.raises(RefusedError, match="in use by another program"):
+            async with ModbusMaster(endpoint):
+                pass
