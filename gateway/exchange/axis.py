@@ -85,7 +85,11 @@ class AxisExchange:
     """A target that was sent and not acknowledged: the drive may hold it or not."""
     peers: "tuple[AxisExchange, ...]" = ()
     """The other axes of its group (M11)."""
+    is_branch_known: bool = False
+    """The axis stands, or moves, on the branch of the last target, although it may have been stopped."""
     silent_since_ns: int | None = None
+    silent_until_ns: int = 0
+    """The first and the last request since then that its drive left unanswered."""
     is_alarmed: bool = False
     news: list[Event] = field(default_factory=list)
     """What the line has still to report."""
@@ -209,6 +213,7 @@ class AxisExchange:
         """The drive was silent and may have lost its reference."""
         if self.silent_since_ns is None:
             self.silent_since_ns = now_ns
+        self.silent_until_ns = now_ns
         if not self.reference.follows_bit:
             return
         if self.may_read:
@@ -216,14 +221,14 @@ class AxisExchange:
         else:
             self.see_homed_bit(now_ns, is_set=False)
 
-    def end_silence(self, now_ns: int, *, is_answer: bool) -> None:
+    def end_silence(self, *, is_answer: bool) -> None:
         """Look at how long the drive has been silent: it may have been switched off meanwhile."""
         since_ns = self.silent_since_ns
         if since_ns is None:
             return
         if is_answer:
             self.silent_since_ns = None
-        if now_ns - since_ns > self.plan.lost_ms * NS_PER_MS:
+        if self.silent_until_ns - since_ns > self.plan.lost_ms * NS_PER_MS:
             unproven = self.unproven
             self.forget()
             self.unproven = unproven  # it may have arrived before the drive fell silent
@@ -253,8 +258,12 @@ class AxisExchange:
         for shadow in self.shadows:
             shadow.corrected_words = None
 
-    def forget_place(self) -> None:
-        """Something else than the last target decides where the axis is (M5)."""
+    def forget_place(self, *, keeps_branch: bool = False) -> None:
+        """Something else than the last target decides where the axis is (M5).
+
+        ``keeps_branch``: it came there by the last target all the same, as after a stop.
+        """
+        self.is_branch_known &= keeps_branch
         self.compensation.forget_target()
         self.is_done_seen = self.was_at_target = False
         self.is_moving = None
@@ -316,6 +325,7 @@ class AxisExchange:
         """Note the drive's done bit; a second motion after a target was reached is not of our making."""
         if self.is_done_seen and not is_done:
             self.compensation.forget_target()
+            self.is_branch_known = False
         self.is_done_seen = is_done and self.compensation.accepted is not None
 
     def observe_alarm(self) -> None:
@@ -334,7 +344,7 @@ class AxisExchange:
             self.was_at_target = True
         elif self.was_at_target and distance > settings.max_correction:
             self.compensation.forget_target()
-            self.was_at_target = self.is_done_seen = False
+            self.was_at_target = self.is_done_seen = self.is_branch_known = False
 
     def _watch_for_jump(self, before: Actual, now: Actual) -> None:
         """Notice that an axis at rest stands where no motion can have brought it (M9).
@@ -396,6 +406,7 @@ class AxisExchange:
             self.compensation.touch(now_ns)
             return
         self.compensation.commit(rendering.move, rendering.corrected_counts)
+        self.is_branch_known = True
         self.last_shadow = rendering.shadow
         self.unproven = None
         self.motion.runs_stored = False

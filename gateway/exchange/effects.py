@@ -123,7 +123,7 @@ def _move_otherwise(meaning: Meaning, now_ns: int, *, is_certain: bool = True) -
     axis, action = meaning.axis, meaning.action
     is_at_rest = axis.is_moving is not True
     was_referenced = axis.is_referenced
-    axis.forget_place()
+    axis.forget_place(keeps_branch=action is Action.STOP)
     if action in (Action.HOME, Action.SET_POSITION):
         axis.doubt_words()
     if action is Action.HOME:

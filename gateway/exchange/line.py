@@ -176,7 +176,7 @@ class LineExchange:
         axes = self._units.axes_of(unit_id)
         for axis in axes:
             if axis.silent_since_ns is not None:
-                axis.end_silence(now_ns, is_answer=True)
+                axis.end_silence(is_answer=True)
         if exchange.added is not None:
             self._current = None
             self._learn(exchange, pdu, now_ns)
@@ -236,7 +236,8 @@ class LineExchange:
         if self._owes_silence:
             self._drain(now_ns)
         for axis in self.axes:
-            axis.end_silence(now_ns, is_answer=True)
+            axis.silent_until_ns = now_ns
+            axis.end_silence(is_answer=True)
             read = homed_read(axis)
             if read is not None:
                 exchange = Exchange(None, 0, axis.plan.unit_id, read.pdu, now_ns)
@@ -307,7 +308,7 @@ class LineExchange:
     def _start_request(self, exchange: Exchange, now_ns: int) -> None:
         for axis in self._units.axes_of(exchange.unit_id):
             if axis.silent_since_ns is not None:
-                axis.end_silence(now_ns, is_answer=False)
+                axis.end_silence(is_answer=False)
         try:
             added, pdu = self._units.next_to_send(exchange, now_ns)
         except RefusedRequestError as refusal:

@@ -232,6 +232,6 @@ def _measured(axis: AxisExchange, actual: Actual) -> Place:
     """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
     if axis.is_shadow:
         return Place(actual.counts, PlaceKind.MEASURED)
-    if axis.compensation.accepted is None:
+    if not axis.is_branch_known:
         return Place(actual.counts, PlaceKind.ON_DRIVE)
     return Place(axis.nominal_of(actual.counts), PlaceKind.MEASURED)

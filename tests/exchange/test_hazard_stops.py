@@ -78,3 +78,29 @@ def test_a_target_staged_before_homing_is_written_anew_before_it_runs() -> None:
     bench.poll()
     bench.trigger()
     assert bench.drive.moves[-1] == ("absolute", 50_010)
+
+
+def test_m6_after_a_stop_the_branch_is_still_known() -> None:
+    # Standing at 50 000 by a backward move (49 990). A target 20 counts further back is told 49 990 on the
+    # forward branch, where the axis stands already: it is backward all the same.
+    bench = StagedBench()
+    bench.go_to(80_000)
+    bench.go_to(50_000)
+    bench.trigger(STOP_PDU)
+    bench.poll()
+    bench.stage(49_980)
+    bench.trigger()
+    assert bench.drive.moves[-1:] == [("absolute", 49_970)]
+
+
+def test_m7_one_lost_reply_is_no_silence() -> None:
+    bench = StagedBench()
+    bench.go_to(80_000)
+    bench.go_to(50_000)
+    bench.send(write(COMMAND, 30_000))
+    bench.link.sent.clear()
+    bench.wait(1000)
+    bench.wait(5000)
+    bench.stage(49_980)
+    bench.trigger()
+    assert bench.drive.moves[-1:] == [("absolute", 49_970)]
