@@ -242,11 +242,11 @@ class AxisCompensation:
         stands_backward = abs(actual - backward) <= self._hysteresis
         if stands_forward and stands_backward:
             return self.state.travel.direction, False
-        if stands_forward or actual < min(forward, backward):
-            return Direction.FORWARD, False
-        if stands_backward or actual > max(forward, backward):
-            return Direction.BACKWARD, False
-        return self.state.travel.direction, True
+        if stands_forward or stands_backward:  # before the rest: whole counts may lie just outside of both
+            return (Direction.FORWARD if stands_forward else Direction.BACKWARD), False
+        if min(forward, backward) <= actual <= max(forward, backward):
+            return self.state.travel.direction, True
+        return (Direction.FORWARD if actual < forward else Direction.BACKWARD), False
 
     def _stream(self, position: float, now_ns: int) -> State:
         state = self.state

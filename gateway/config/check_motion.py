@@ -107,7 +107,7 @@ def _check_restaging(findings: Findings, path: KeyPath, axis: AxisSection, regis
 def _check_stream(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
     if axis.setpoints is not Setpoints.STREAM or not registers.staged:
         return
-    if rule_meaning(registers, Action.FOLLOW) is None:
+    if rule_meaning(registers, Action.FOLLOW, Action.FOLLOW_NEXT) is None:
         findings.warn(
             (*path, "setpoints"),
             'setpoints = "stream", and the drive waits for a trigger after each target',

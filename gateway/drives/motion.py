@@ -22,6 +22,8 @@ class Action(Enum):
     """Runs the target as the mode says; without a mode it is an absolute position."""
     FOLLOW = "follow"
     """Runs the target, and from then on each one as soon as it is written."""
+    FOLLOW_NEXT = "follow_next"
+    """Runs nothing by itself, and from then on each target as soon as it is written."""
     STOP = "stop"
     HOME = "home"
     SET_POSITION = "set_position"
@@ -46,6 +48,7 @@ class Action(Enum):
 
 
 _RELATIVE: Final = frozenset({Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIVE_TO_ACTUAL})
+_FOLLOWING: Final = frozenset({Action.FOLLOW, Action.FOLLOW_NEXT})
 _RUNS_TARGET: Final = _RELATIVE | {Action.ABSOLUTE, Action.START, Action.FOLLOW}
 
 
@@ -123,12 +126,16 @@ class TriggerPlan:
     def is_following(self, word: int) -> bool:
         """Whether the drive goes to each position as it is written while the register holds ``word``."""
         deed = self.deeds.get(word & self.mask)
-        return deed is not None and deed.action is Action.FOLLOW
+        return deed is not None and deed.action in _FOLLOWING
+
+    def holds_unknown(self, word: int) -> bool:
+        """Whether nobody knows what the register's content means."""
+        return self.otherwise is Action.UNKNOWN and word & self.mask not in self.deeds
 
     @property
     def can_follow(self) -> bool:
         """Whether one of its values makes the drive follow each position written."""
-        return any(deed.action is Action.FOLLOW for deed in self.deeds.values())
+        return any(deed.action in _FOLLOWING for deed in self.deeds.values())
 
 
 NOTHING_DONE: Final = Deed(Action.IGNORE)

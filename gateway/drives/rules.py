@@ -41,6 +41,7 @@ TRIGGER_ACTIONS: Final = (
     Action.RELATIVE_TO_ACTUAL,
     Action.START,
     Action.FOLLOW,
+    Action.FOLLOW_NEXT,
     Action.STOP,
     Action.HOME,
     Action.SET_POSITION,
@@ -142,6 +143,10 @@ class TriggerSpec(_Values):
     )
     start: ListOf[Word] = Field(default=(), description="values that start a move of the kind the mode says")
     set_position: ListOf[Word] = Field(default=(), description="values that redefine where the axis is")
+    follow_next: ListOf[Word] = Field(
+        default=(),
+        description="as follow, for values that run nothing themselves, only what is written later",
+    )
     ignore: ListOf[Word] = Field(default=(), description="values that do nothing")
     paths: bool = Field(
         default=False,

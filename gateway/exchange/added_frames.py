@@ -15,6 +15,7 @@ from gateway.exchange.access import MEI_HEAD, swapped
 from gateway.exchange.axis import AxisExchange, Rendering
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.known import Known
+from gateway.exchange.observing import observe_actual, observe_bit, observe_done
 from gateway.exchange.plan import DONE_BIT
 from gateway.exchange.unit import FieldHit
 from gateway.modbus.errors import RegisterRangeError
@@ -42,6 +43,9 @@ class Purpose(Enum):
     RESTAGE = "restage"
 
 
+_WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.RULE})
+
+
 @dataclass(frozen=True, slots=True)
 class AddedFrame:
     """One read of ``quantity`` registers for one axis, or one write of ``words``."""
@@ -63,7 +67,7 @@ class AddedFrame:
             is_coil = self.bit.table is BitTable.COIL
             code = FunctionCode.READ_COILS if is_coil else FunctionCode.READ_DISCRETE_INPUTS
             return bytes((code,)) + self.address.to_bytes(2, "big") + b"\x00\x01"
-        form = self.axis.plan.writes_with if self.words else self.axis.plan.reads_with
+        form = self._form
         head = bytes((_FUNCTIONS[form],))
         if form is Form.MEI:
             return _general_reference(self.address, self.quantity, self.words)
@@ -72,6 +76,15 @@ class AddedFrame:
             return head + self.words
         head += self.quantity.to_bytes(2, "big")
         return head + bytes((len(self.words),)) + self.words if self.words else head
+
+    @property
+    def _form(self) -> Form:
+        plan = self.axis.plan
+        if self.words:
+            return plan.writes_with
+        if self.purpose in _WRITABLE and plan.reads_with is Form.FC04:
+            return Form.FC03  # what can be written stands in holding registers
+        return plan.reads_with
 
     def words_of(self, reply: bytes) -> bytes | None:
         """Return the words that a reply carries; None when it is no good."""
@@ -170,10 +183,10 @@ def learn(read: AddedFrame, reply: bytes, known: Known, now_ns: int) -> None:
     if read.purpose is Purpose.HOMED:
         known.references.add(name)
         assert read.bit is not None
-        axis.observe_bit(axis.homed_bit, now_ns, is_set=words is not None and read.bit.is_set(_word(words)))
+        observe_bit(axis, axis.homed_bit, now_ns, is_set=words is not None and read.bit.is_set(_word(words)))
     elif read.purpose is Purpose.ACTUAL:
         field = axis.plan.actual[0]
-        known.actual[name] = None if words is None else axis.observe_actual(field, words, now_ns)
+        known.actual[name] = None if words is None else observe_actual(axis, field, words, now_ns)
     elif read.purpose is Purpose.COMMANDED:
         field = axis.plan.commanded[0]
         known.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
@@ -194,7 +207,7 @@ def _learn_standing(read: AddedFrame, words: bytes | None, known: Known) -> None
         return
     is_set = read.bit.is_set(_word(words))
     if read.bit is axis.plan.bits.get(DONE_BIT):
-        axis.observe_done(is_set)
+        observe_done(axis, is_done=is_set)
         known.is_standing[axis.plan.name] = is_set
     else:
         known.is_standing[axis.plan.name] = not is_set

@@ -1,11 +1,13 @@
 """Turning a drive's reply back into the controller's, and taking note of what it says."""
 
 from collections.abc import Callable, Iterable
+from typing import Final
 
 from gateway.exchange.access import MEI_HEAD, swapped
 from gateway.exchange.effects import note_done, note_failed
 from gateway.exchange.meaning import Meaning
-from gateway.exchange.parts import note_lost
+from gateway.exchange.observing import observe_actual, observe_bit
+from gateway.exchange.parts import note_held, note_lost
 from gateway.exchange.plan import HOMED_BIT
 from gateway.exchange.rendering import nominal_limit
 from gateway.exchange.rewriting import Rewriting
@@ -13,6 +15,8 @@ from gateway.exchange.unit import BitHit, FieldHit, FieldRole, UnitMap
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu, is_exception
 from gateway.modbus.registers import BitTable
+
+READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
 
 
 def answer(rewriting: Rewriting, reply: bytes, now_ns: int, send: Callable[[bytes], None]) -> None:
@@ -55,7 +59,7 @@ def _settle(rewriting: Rewriting, reply: bytes, now_ns: int, *, is_acknowledged:
     for staging in rewriting.stagings:
         staging.shadow.settle(staging.nominal_words, staging.corrected_words)
     for hit in rewriting.pending:
-        note_lost(hit, rewriting.request.pdu, rewriting.access, now_ns)
+        note_held(hit, rewriting.request.pdu, rewriting.access, now_ns)
     for rendering in (*rewriting.renderings, *rewriting.runs):
         rendering.axis.commit(rendering, now_ns)
     for axis, shadow in rewriting.touched_blindly:
@@ -110,11 +114,12 @@ def note_broadcast(rewriting: Rewriting, now_ns: int) -> None:
 
 
 def _foreign_reply(rewriting: Rewriting, reply: bytes) -> bytes:
-    """Pass what is no acknowledgement untouched, but for the function code of a recast request (W4)."""
+    """Pass what is no acknowledgement untouched; of a recast request, in the form that was asked (W4)."""
     asked, sent = rewriting.request.pdu[0], rewriting.sent_pdu[0]
-    if asked != sent and len(reply) == 2 and reply[0] == sent | 0x80:
-        return exception_pdu(asked, reply[1])
-    return reply
+    if asked == sent:
+        return reply
+    is_refusal = len(reply) == 2 and is_exception(reply)
+    return exception_pdu(asked, reply[1] if is_refusal else ExceptionCode.SERVER_DEVICE_FAILURE)
 
 
 def _native_echo(request: bytes, reply: bytes) -> bytes:
@@ -153,7 +158,7 @@ def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray, now_n
     if readback is not None and rewriting.renderings:
         readback = axis.compensation.readback  # FC23 writes before it reads
     if place.role is FieldRole.ACTUAL and place.number == 0:
-        axis.observe_actual(place.field, words, now_ns)
+        observe_actual(axis, place.field, words, now_ns)
     if readback is None:
         return
     if place.role is FieldRole.COMMAND and place.shadow is not None:
@@ -171,9 +176,11 @@ def written_by(rewriting: Rewriting) -> set[str]:
     }
 
 
-def note_discrete(unit: UnitMap, request: bytes, reply: bytes, now_ns: int) -> None:
+def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, now_ns: int) -> None:
     """Take note of status bits among coils or discrete inputs that were read (6.1, 6.2)."""
-    if len(request) != 5 or len(reply) < 3 or reply[0] != request[0] or len(reply) != 2 + reply[1]:
+    if unit is None or request[0] not in READS_BITS or len(request) != 5:
+        return
+    if len(reply) < 3 or reply[0] != request[0] or len(reply) != 2 + reply[1]:
         return
     table = BitTable.COIL if request[0] == FunctionCode.READ_COILS else BitTable.INPUT
     address, quantity = int.from_bytes(request[1:3], "big"), int.from_bytes(request[3:5], "big")
@@ -191,4 +198,4 @@ def note_bits(hits: Iterable[BitHit], data: bytes | bytearray, written: set[str]
     for axis, name, bit, word in hits:
         is_set = bit.is_set(data[2 * word] << 8 | data[2 * word + 1])
         if axis.plan.name not in written or name == HOMED_BIT:
-            axis.observe_bit(name, now_ns, is_set=is_set)
+            observe_bit(axis, name, now_ns, is_set=is_set)

@@ -18,10 +18,8 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
 from gateway.exchange.motion_state import MotionState
 from gateway.exchange.plan import (
-    ALARM_BIT,
     DONE_BIT,
     HOMED_BIT,
-    MOVING_BIT,
     AxisPlan,
     CompensationMode,
     Reference,
@@ -29,7 +27,7 @@ from gateway.exchange.plan import (
 from gateway.exchange.reference import ReferenceState
 from gateway.exchange.shadow import Shadow
 from gateway.modbus.registers import PositionField
-from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.times import NS_PER_MS
 
 
 @dataclass(slots=True)
@@ -78,6 +76,8 @@ class AxisExchange:
     is_moving: bool | None = None
     """What the drive's moving bit said last; None: not known."""
     was_at_target: bool = False
+    may_have_left: bool = False
+    """The done bit was seen to drop after the target was reached."""
     was_unsure: bool = False
     last_shadow: Shadow | None = None
     """Of the field through which the last accepted target came."""
@@ -143,8 +143,13 @@ class AxisExchange:
     @property
     def blocked_by(self) -> int | None:
         """Exception code with which its triggers are refused, for a lost target of its own or its group's."""
-        for axis in (self, *self.peers):
-            if axis.motion.blocked_by is not None:
+        return self.motion.blocked_by if self.motion.is_blocked else self.blocked_by_peer
+
+    @property
+    def blocked_by_peer(self) -> int | None:
+        """Exception code of a target that another axis of the group lost for its own sake (M11)."""
+        for axis in self.peers:
+            if axis.motion.is_blocked_first:
                 return axis.motion.blocked_by
         return None
 
@@ -265,7 +270,7 @@ class AxisExchange:
         """
         self.is_branch_known &= keeps_branch
         self.compensation.forget_target()
-        self.is_done_seen = self.was_at_target = False
+        self.is_done_seen = self.was_at_target = self.may_have_left = False
         self.is_moving = None
         self.unproven = None
 
@@ -289,76 +294,6 @@ class AxisExchange:
             self.unproven = rendering
 
     # --- reading ---------------------------------------------------------------------------------------
-
-    def observe_actual(self, field_: PositionField, words: bytes, now_ns: int) -> Actual | None:
-        """Note an actual position as the drive reported it; None where it is no number."""
-        raw = field_.unpack(words)
-        if not isfinite(raw):
-            return None
-        before, now = self.actual, Actual(counts_of(field_, raw), now_ns)
-        self.actual = now
-        self.compensation.observe(now.counts)
-        is_at_rest = self.was_at_target or self.is_done_seen
-        self._watch(now.counts)
-        if before is not None and is_at_rest:
-            self._watch_for_jump(before, now)
-        return now
-
-    def observe_bit(self, name: str, now_ns: int, *, is_set: bool) -> None:
-        """Note one of the drive's status bits."""
-        was_referenced = self.is_referenced
-        if name == DONE_BIT:
-            self.observe_done(is_set)
-        elif name == MOVING_BIT:
-            self.is_moving = is_set
-        elif name == ALARM_BIT:
-            if is_set and not self.is_alarmed:
-                self.observe_alarm()
-            self.is_alarmed = is_set
-        elif name == HOMED_BIT and self.reference.follows_bit:
-            self.see_homed_bit(now_ns, is_set=is_set)
-        if name == self.homed_bit:
-            self.reference.see_end_of_homing(now_ns, is_set=is_set)
-            self.follow_reference(was_referenced=was_referenced)
-
-    def observe_done(self, is_done: bool) -> None:
-        """Note the drive's done bit; a second motion after a target was reached is not of our making."""
-        if self.is_done_seen and not is_done:
-            self.compensation.forget_target()
-            self.is_branch_known = False
-        self.is_done_seen = is_done and self.compensation.accepted is not None
-
-    def observe_alarm(self) -> None:
-        """Note that the drive has given up: it stands somewhere, and may have lost its reference."""
-        self.forget_place()
-        self.lose()
-
-    def _watch(self, corrected_counts: float) -> None:
-        """Notice that something else moved the axis away from where it had been sent (M4)."""
-        accepted = self.compensation.accepted
-        if accepted is None:
-            return
-        settings = self.plan.settings
-        distance = abs(corrected_counts - accepted.corrected_counts) / abs(settings.counts_per_unit)
-        if distance <= settings.hysteresis:
-            self.was_at_target = True
-        elif self.was_at_target and distance > settings.max_correction:
-            self.compensation.forget_target()
-            self.was_at_target = self.is_done_seen = self.is_branch_known = False
-
-    def _watch_for_jump(self, before: Actual, now: Actual) -> None:
-        """Notice that an axis at rest stands where no motion can have brought it (M9).
-
-        Its drive counts from another zero now.
-        """
-        settings = self.plan.settings
-        if not settings.max_speed:
-            return
-        distance = abs(now.counts - before.counts) / abs(settings.counts_per_unit)
-        reach = settings.max_speed * (now.seen_ns - before.seen_ns) / NS_PER_S + settings.max_correction
-        if distance > 2.0 * reach:
-            self.forget_place()
-            self.lose()
 
     def nominal_words(self, field_: PositionField, words: bytes, readback: Readback) -> bytes:
         """Turn words reported by the drive into what the controller is to see.
@@ -410,5 +345,5 @@ class AxisExchange:
         self.last_shadow = rendering.shadow
         self.unproven = None
         self.motion.runs_stored = False
-        self.is_done_seen = self.was_at_target = False
+        self.is_done_seen = self.was_at_target = self.may_have_left = False
         self.is_moving = None

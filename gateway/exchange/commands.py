@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from gateway.drives.motion import Action
+from gateway.drives.motion import Action, Addressing
 from gateway.exchange.axis import AxisExchange, Rendering
 from gateway.exchange.effects import MOVES_OTHERWISE
 from gateway.exchange.events import EventKind
@@ -41,14 +41,32 @@ def prepare_commands(rewriting: Rewriting, hits: Sequence[FieldHit]) -> list[tup
     meanings = {id(meaning.axis): meaning for meaning in request.meanings}
     axes = {id(hit.place.axis): hit.place.axis for hit in hits}
     changed: list[tuple[FieldHit, bytes]] = []
+    has_stop = any(meaning.is_stop for meaning in request.meanings)
     for key, axis in axes.items():
+        own = [hit for hit in hits if hit.place.axis is axis]
+        for hit in own:
+            if _is_no_part(hit):
+                assert hit.place.shadow is not None
+                rewriting.touched_blindly += ((axis, hit.place.shadow),)
         written: list[Written] = [
             (hit, nominal_words(hit, request) if request.access.is_consistent else None)
-            for hit in hits
-            if hit.place.axis is axis
+            for hit in own
+            if not _is_no_part(hit)
         ]
-        changed += _prepare_axis(rewriting, axis, meanings.get(key), written)
+        try:
+            changed += _prepare_axis(rewriting, axis, meanings.get(key), written)
+        except RefusedRequestError:
+            if not has_stop:
+                raise
+            for hit, words in written:  # a stop of another axis is in the same frame: it is never refused
+                _pass_raw(rewriting, hit, words)
     return changed
+
+
+def _is_no_part(hit: FieldHit) -> bool:
+    """Whether a cut position is none at all: where addresses are commands or objects, there are no halves."""
+    is_object = hit.place.axis.plan.addressing is Addressing.OBJECTS
+    return not hit.is_whole and (is_object or hit.place.field.block is not None)
 
 
 def _prepare_axis(
@@ -214,7 +232,8 @@ def _pass_raw_staged(rewriting: Rewriting, hit: FieldHit, words: bytes) -> None:
     shadow = hit.place.shadow
     assert shadow is not None
     first, part = written_part(hit, rewriting.request.pdu, rewriting.access)
-    held = words if hit.is_whole else _merged(shadow.corrected_words, first, part)
+    is_as_written = hit.is_whole or (hit.place.axis.passes_unchanged and not shadow.may_be_corrected)
+    held = words if is_as_written else _merged(shadow.corrected_words, first, part)
     rewriting.stagings += (Staging(shadow, words, held),)
 
 
@@ -272,7 +291,7 @@ def _refuse_unknown(rewriting: Rewriting, hit: FieldHit) -> None:
     """
     axis, shadow = hit.place.axis, hit.place.shadow
     assert shadow is not None
-    if axis.passes_unchanged and not shadow.is_torn:
+    if axis.passes_unchanged:
         rewriting.touched_blindly += ((axis, shadow),)
         return
     if not rewriting.access.is_consistent:

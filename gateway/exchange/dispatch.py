@@ -65,6 +65,11 @@ class Units:
                 stops += [meaning for meaning in meanings(unit, pdu, access_of(pdu)) if meaning.is_stop]
         return stops
 
+    def only_stops(self, unit_id: int, pdu: bytes) -> bool:
+        """Whether a request does nothing to any axis but stop it."""
+        found = [m for unit in self.reached(unit_id) for m in meanings(unit, pdu, access_of(pdu))]
+        return all(m.is_stop or (m.action is Action.IGNORE and not m.commands) for m in found)
+
     def next_to_send(self, exchange: Exchange, now_ns: int) -> tuple[AddedFrame | None, bytes]:
         """Return what goes out next for an exchange: a frame that it needs first, or its own request.
 
@@ -74,8 +79,8 @@ class Units:
         pdu, access = exchange.pdu, access_of(exchange.pdu)
         if access is None and not self.have_rules:
             return None, pdu
-        if access is not None and exchange.unit_id not in self._units:
-            self._check_unmapped(exchange.unit_id, access)
+        if exchange.unit_id not in self._units:
+            self._check_unmapped(exchange.unit_id, pdu, access or NO_ACCESS)
         if exchange.known is None and self.have_rules:
             exchange.known = Known()
         known = exchange.known or NOTHING_KNOWN
@@ -96,8 +101,11 @@ class Units:
         exchange.rewritings = tuple(map(prepare, requests))
         return None, pdu
 
-    def _check_unmapped(self, unit_id: int, access: Access) -> None:
-        reason = why_not_passed(self._units.values(), unit_id, access, is_serial=self._is_serial)
+    def _check_unmapped(self, unit_id: int, pdu: bytes, access: Access) -> None:
+        if self.have_rules and self.stops_of(unit_id, pdu):
+            return  # never refused
+        units = self._units.values()
+        reason = why_not_passed(units, unit_id, pdu, access, is_serial=self._is_serial)
         if reason:
             raise RefusedRequestError(ExceptionCode.GATEWAY_PATH_UNAVAILABLE, "", reason)
 
@@ -107,7 +115,9 @@ def is_acting_on(units: Units, exchange: Exchange, axes: Sequence[AxisExchange])
     if exchange.is_stop or exchange.port is None:
         return False
     for unit in units.reached(exchange.unit_id):
-        for meaning in meanings(unit, exchange.pdu, access_of(exchange.pdu)):
-            if any(meaning.axis is axis for axis in axes):
-                return bool(meaning.commands) or meaning.action is not Action.IGNORE
+        # A bit that is set now may have been cleared by a request that waits before this one.
+        for meaning in meanings(unit, exchange.pdu, access_of(exchange.pdu), may_have_risen=True):
+            acts = bool(meaning.commands) or meaning.action is not Action.IGNORE
+            if acts and any(meaning.axis is axis for axis in axes):
+                return True
     return False

@@ -38,18 +38,35 @@ def check_may_act(meaning: Meaning) -> None:
             '(stored_moves = "uncorrected" lets it pass)',
             EventKind.STORED_MOVE,
         )
-    code = axis.blocked_by
-    if code is None or meaning.is_stop:
+    if meaning.is_stop or axis.passes_unchanged:
         return
-    runs_unseen = meaning.runs_alone or (action is Action.UNKNOWN and not meaning.commands)
-    lacks_mode = action.runs_target and bool(motion.lost_modes - set(meaning.words))
-    if runs_unseen or lacks_mode:
+    code = _blocking_code(meaning)
+    if code is not None:
         raise RefusedRequestError(
             code,
             axis.plan.name,
-            "a trigger, but the target, its mode or a part of it was lost before: write all of it again",
+            "a trigger, but a target, its mode or a part of it was lost before: write all of it again",
             EventKind.AXIS_BLOCKED,
         )
+
+
+def _blocking_code(meaning: Meaning) -> int | None:
+    """Return the exception code with which an action is refused; None where it may go on.
+
+    What writes a whole target and runs it may go on, unless its mode was lost or another axis of the group
+    has lost its target: the beam would rack.
+    """
+    axis, motion, action = meaning.axis, meaning.axis.motion, meaning.action
+    runs_unseen = meaning.runs_alone or (action is Action.UNKNOWN and not meaning.commands)
+    if runs_unseen and axis.blocked_by is not None:
+        return axis.blocked_by
+    if not action.runs_target and action is not Action.UNKNOWN:
+        return None
+    mode = None if meaning.number is None else motion.plan.mode(meaning.number)
+    lost_mode = motion.lost_mode(meaning.number)
+    if lost_mode is not None and mode is not None and mode.address not in meaning.words:
+        return lost_mode
+    return axis.blocked_by_peer if action.runs_target else None
 
 
 def note_done(meaning: Meaning, now_ns: int) -> None:
@@ -61,6 +78,7 @@ def note_done(meaning: Meaning, now_ns: int) -> None:
     for hit in meaning.commands:
         motion.staged = hit.place.number
     if action.runs_target:
+        axis.reference.note_homing_ended()
         motion.last_run = action
         mode = None if meaning.number is None else motion.plan.mode(meaning.number)
         if mode is not None and mode.resets_to is not None:
@@ -106,12 +124,13 @@ def note_unknown(found: list[Meaning]) -> int:
 def block(meaning: Meaning, code: int) -> None:
     """A target, its mode or a part of it was lost: its triggers are refused from now on (M3)."""
     axis, motion = meaning.axis, meaning.axis.motion
-    if not motion.plan.waits_for_trigger or not (meaning.commands or meaning.writes_mode):
+    may_stand = motion.plan.waits_for_trigger or bool(axis.peers)
+    if not may_stand or not (meaning.commands or meaning.writes_mode):
         return
-    if meaning.writes_mode:
-        modes = {mode.address for mode in motion.plan.modes if mode is not None}
-        motion.lost_modes |= modes & (set(meaning.words) | meaning.unclear_words)
-    if motion.block(code):
+    for mode in motion.plan.modes:
+        if mode is not None and (mode.address in meaning.words or mode.address in meaning.unclear_words):
+            motion.lost_modes[mode.address] = code
+    if meaning.commands and motion.block(code, is_first=axis.blocked_by_peer is None):
         axis.tell(
             EventKind.AXIS_BLOCKED,
             f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a complete "
@@ -128,8 +147,11 @@ def _move_otherwise(meaning: Meaning, now_ns: int, *, is_certain: bool = True) -
         axis.doubt_words()
     if action is Action.HOME:
         axis.reference.note_homing(now_ns)
+        if not is_certain:
+            axis.reference.note_homing_ended()
     elif action is Action.SET_POSITION:
         axis.reference.note_position_set(is_at_rest=is_at_rest and is_certain)
-    elif action is Action.STORED:
-        axis.motion.runs_stored = True
+    else:
+        axis.reference.note_homing_ended()
+        axis.motion.runs_stored |= action is Action.STORED
     axis.follow_reference(was_referenced=was_referenced)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from gateway.exchange.axis import AxisExchange
+from gateway.exchange.rewriting import Rewriting
 
 
 def join(axes: Sequence[AxisExchange], groups: Iterable[Iterable[str]]) -> None:
@@ -13,6 +14,18 @@ def join(axes: Sequence[AxisExchange], groups: Iterable[Iterable[str]]) -> None:
         for axis in members:
             axis.peers = tuple(other for other in members if other is not axis)
             hold_back(axis)
+
+
+def end_remapped(rewritings: Iterable[Rewriting]) -> list[AxisExchange]:
+    """End the compensation of every axis whose registers a request moved about; return those it ended for."""
+    ended = []
+    for rewriting in rewritings:
+        for own in rewriting.request.unit.axes if rewriting.remaps else ():
+            for axis in (own, *own.peers):
+                if not axis.is_ended:
+                    axis.end()
+                    ended.append(axis)
+    return ended
 
 
 def hold_back(axis: AxisExchange) -> None:

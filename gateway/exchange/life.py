@@ -58,6 +58,10 @@ class Exchange:
         """A frame of the gateway's own that goes first, or alone."""
         self.known: Known | None = None
 
+    def is_same_stop(self, other: "Exchange") -> bool:
+        """Whether both are stops that say the same to the same drive."""
+        return self.is_stop and self.unit_id == other.unit_id and self.pdu == other.pdu
+
     def why_given_up(self, now_ns: int) -> str:
         """Return why its controller does not wait for it any more; empty while it does (W5).
 
@@ -100,14 +104,33 @@ class WaitingExchanges:
 
     def add(self, exchange: Exchange) -> None:
         """Queue an exchange behind those of its rank."""
-        if exchange.is_stop:
-            self._stops.append(exchange)
-        elif exchange.port is None:
+        if exchange.port is None:
             self._own.append(exchange)
         elif exchange.port.plan.role is Role.MOTION:
             self._motion.append(exchange)
         else:
             self._others.append(exchange)
+
+    @property
+    def has_stops(self) -> bool:
+        """Whether a stop waits."""
+        return bool(self._stops)
+
+    def add_stop(self, stop: Exchange) -> bool:
+        """Queue a stop in front of everything; return False when the same one waits more often than enough.
+
+        It takes the place of those like it whose controllers have given up.
+        """
+        self.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan)
+        if self.count(stop.port) >= QUEUE_LIMIT and any(each.is_same_stop(stop) for each in self):
+            return False
+        self._stops.append(stop)
+        return True
+
+    def put_back(self, exchange: Exchange) -> None:
+        """Queue an exchange before those of its rank: it was its turn already."""
+        is_motion = exchange.port is not None and exchange.port.plan.role is Role.MOTION
+        (self._motion if is_motion else self._others).appendleft(exchange)
 
     def pop(self) -> Exchange:
         """Take the next one."""
@@ -116,7 +139,7 @@ class WaitingExchanges:
                 return queue.popleft()
         raise IndexError("nothing waits")
 
-    def count(self, port: ControllerPort) -> int:
+    def count(self, port: ControllerPort | None) -> int:
         """Return how many requests of one connection wait."""
         return sum(1 for exchange in self if exchange.port is port)
 

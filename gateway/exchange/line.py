@@ -22,7 +22,7 @@ from gateway.exchange.counters import LineCounters
 from gateway.exchange.dispatch import Units, is_acting_on
 from gateway.exchange.effects import note_unknown
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.groups import join
+from gateway.exchange.groups import end_remapped, join
 from gateway.exchange.life import QUEUE_LIMIT, Exchange, WaitingExchanges
 from gateway.exchange.losses import lose, note_learned, note_unsent
 from gateway.exchange.meaning import Meaning
@@ -30,11 +30,11 @@ from gateway.exchange.news import AxisNews
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, FunctionCode, exception_pdu, is_exception
+from gateway.exchange.rest import Rest
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
 from gateway.times import NS_PER_MS
 
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
-READS_BITS: Final = (FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS)
 
 
 class LineExchange:
@@ -56,22 +56,17 @@ class LineExchange:
         self._on_event = on_event
         self._news = AxisNews(self.axes, on_event)
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
-        self._drain_ns = int((timing.drain_ms or timing.response_timeout_ms) * NS_PER_MS)
-        self._turnaround_ns = int(timing.turnaround_ms * NS_PER_MS)
+        self._rest = Rest(timing)
         self._waiting = WaitingExchanges()
         self._current: Exchange | None = None
-        self._rest_until_ns: int | None = None
-        self._is_draining = False
         self._is_up = False
         self._is_stopping = False
         self._silent_units: set[int] = set()
-        self._owes_silence = False
-        """Something was outstanding when a serial link went down: its reply may still come (W6)."""
 
     @property
     def deadline_ns(self) -> int | None:
         """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
-        return self._rest_until_ns if self._current is None else self._current.deadline_ns
+        return self._rest.until_ns if self._current is None else self._current.deadline_ns
 
     @property
     def is_idle(self) -> bool:
@@ -92,17 +87,18 @@ class LineExchange:
         if not pdu:
             self.counters.malformed += 1
             return
-        exchange = Exchange(port, transaction_id, unit_id, pdu, now_ns)
         if port.plan.serial:
             self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
-        is_free = self._current is None and self._rest_until_ns is None and not self._waiting
-        role = port.plan.role
+        exchange = Exchange(port, transaction_id, unit_id, pdu, now_ns)
+        is_free = self._current is None and self._rest.until_ns is None and not self._waiting
+        role, may_write = port.plan.role, not only_reads(pdu)
         stops: list[Meaning] = []
-        if self._units.have_rules and not (is_free and role is Role.MOTION) and not only_reads(pdu):
+        if self._units.have_rules and may_write and not (is_free and role is Role.MOTION):
             stops = self._units.stops_of(unit_id, pdu)
-        if role is not Role.MOTION and not only_reads(pdu) and not (stops and role is Role.OPERATOR):
+        may_stop = role is Role.OPERATOR and bool(stops) and self._units.only_stops(unit_id, pdu)
+        if role is not Role.MOTION and may_write and not may_stop:
             self._refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
         elif not self._is_up:
             self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE, now_ns)
@@ -127,7 +123,8 @@ class LineExchange:
         if current is not None and current.added is not None and is_acting_on(self._units, current, axes):
             current.overtaken_by = reason
         stop.is_stop = True
-        self._waiting.add(stop)
+        if not self._waiting.add_stop(stop):  # the same stop waits already, many times
+            self._refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY)
 
     def _overtaken(self, exchange: Exchange, reason: str, now_ns: int) -> None:
         self._withdrawn(exchange, reason, now_ns)
@@ -146,18 +143,18 @@ class LineExchange:
         if self._current is not None and self._current.port is port:
             self._current.is_orphan = True
 
-    # --- from people -----------------------------------------------------------------------------------
+    # --- from people (errors: ControlError) ------------------------------------------------------------
 
     def enable(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Apply the table of an axis and its group; return their names. Raises ControlError."""
+        """Apply the table of an axis and its group; return their names."""
         return control.switch(self.axes, axis, is_wanted=True)
 
     def disable(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Apply the table of an axis and its group no longer; return their names. Raises ControlError."""
+        """Apply the table of an axis and its group no longer; return their names."""
         return control.switch(self.axes, axis, is_wanted=False)
 
     def reference(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Take an axis as standing where its drive says. Raises ControlError."""
+        """Take an axis as standing where its drive says."""
         names = control.declare(self.axes, axis)
         self._news.look(self.axes)
         return names
@@ -193,9 +190,7 @@ class LineExchange:
             self.counters.exceptions += 1
         if not exchange.rewritings:
             self._send_reply(exchange, pdu)
-            unit = self._units.get(exchange.unit_id)
-            if unit is not None and exchange.pdu[0] in READS_BITS:
-                note_discrete(unit, exchange.pdu, pdu, now_ns)
+            note_discrete(self._units.get(exchange.unit_id), exchange.pdu, pdu, now_ns)
             return
         for rewriting in exchange.rewritings:
             answer(rewriting, pdu, now_ns, partial(self._send_reply, exchange))
@@ -210,8 +205,11 @@ class LineExchange:
         if code is not None:
             self._note_unsent(exchange, code, now_ns)
             self._refuse(exchange, code)
-            return
-        self._start(exchange, now_ns)
+        elif self._waiting.has_stops and not exchange.overtaken_by:
+            exchange.added = exchange.known = None  # what was read is old by then
+            self._waiting.put_back(exchange)
+        else:
+            self._start(exchange, now_ns)
 
     def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
         """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).
@@ -220,11 +218,11 @@ class LineExchange:
         may be that of another request: a serial line is left alone until it is silent.
         """
         self.counters.late += 1
-        if self._is_draining:
-            self._rest_until_ns = now_ns + self._drain_ns
+        if self._rest.is_draining:
+            self._rest.disturb(now_ns)
         elif is_frame and self._link.is_serial and self._current is None:
-            self._drain(now_ns)
-            detail = f"a frame that answers nothing: waiting for {self._drain_ns / NS_PER_MS:g} ms of silence"
+            self._rest.drain(now_ns)
+            detail = f"a frame that answers nothing: waiting for {self._rest.drain_ms:g} ms of silence"
             self._on_event(Event(EventKind.LATE_REPLY, None, detail))
 
     def link_up(self, now_ns: int) -> None:
@@ -233,8 +231,7 @@ class LineExchange:
             return
         self._is_up = True
         self._on_event(Event(EventKind.LINE_UP))
-        if self._owes_silence:
-            self._drain(now_ns)
+        self._rest.resume(now_ns)
         for axis in self.axes:
             axis.silent_until_ns = now_ns
             axis.end_silence(is_answer=True)
@@ -254,9 +251,8 @@ class LineExchange:
         if not self._is_stopping:  # closing it ourselves is no news
             self._on_event(Event(EventKind.LINE_DOWN))
         current, self._current = self._current, None
-        self._owes_silence = self._link.is_serial and (current is not None or self._is_draining)
-        self._rest_until_ns = None
-        self._is_draining = False
+        is_busy = current is not None or self._rest.is_draining
+        self._rest.break_off(owes_silence=self._link.is_serial and is_busy)
         for axis in self.axes:
             axis.link_lost(now_ns)
         if current is not None:
@@ -277,8 +273,7 @@ class LineExchange:
         if self._current is not None:
             self._time_out(self._current, now_ns)
         else:
-            self._rest_until_ns = None
-            self._is_draining = self._owes_silence = False
+            self._rest.end()
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
@@ -290,7 +285,7 @@ class LineExchange:
     # --- sending ---------------------------------------------------------------------------------------
 
     def _next(self, now_ns: int) -> None:
-        while self._waiting and self._current is None and self._rest_until_ns is None:
+        while self._waiting and self._current is None and self._rest.until_ns is None:
             self._start(self._waiting.pop(), now_ns)
 
     def _start(self, exchange: Exchange, now_ns: int) -> None:
@@ -312,7 +307,9 @@ class LineExchange:
         try:
             added, pdu = self._units.next_to_send(exchange, now_ns)
         except RefusedRequestError as refusal:
-            self._refused_by_us(exchange, refusal, now_ns)
+            self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason))
+            self._note_unsent(exchange, refusal.code, now_ns)
+            self._refuse(exchange, refusal.code)
             return
         exchange.added = added
         if added is not None:
@@ -322,18 +319,13 @@ class LineExchange:
             self.counters.unknown_modes += note_unknown(rewriting.request.meanings)
         self._send(exchange, pdu, exchange.unit_id, now_ns)
 
-    def _refused_by_us(self, exchange: Exchange, refusal: RefusedRequestError, now_ns: int) -> None:
-        self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason))
-        self._note_unsent(exchange, refusal.code, now_ns)
-        self._refuse(exchange, refusal.code)
-
     def _send(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
         exchange.sent_ns = now_ns
         exchange.wire_unit_id = unit_id
         if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
             self._link.send_request(unit_id, pdu)
             self.counters.broadcasts += 1
-            self._rest_until_ns = now_ns + self._turnaround_ns
+            self._rest.turn_around(now_ns)
             for rewriting in exchange.rewritings:
                 note_broadcast(rewriting, now_ns)
             self._news.look(self.axes)
@@ -361,12 +353,8 @@ class LineExchange:
             axis.doubt(now_ns)
         self._news.look(axes)
         if self._link.is_serial:
-            self._drain(now_ns)
+            self._rest.drain(now_ns)
         self._fail(exchange, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND)
-
-    def _drain(self, now_ns: int) -> None:
-        self._rest_until_ns = now_ns + self._drain_ns
-        self._is_draining = True
 
     def _lose(self, exchange: Exchange, now_ns: int) -> None:
         """Take note of an exchange whose reply never came."""
@@ -384,16 +372,9 @@ class LineExchange:
 
     def _end_if_remapped(self, exchange: Exchange) -> None:
         """End the compensation of a unit whose registers may mean something else now, acknowledged or not."""
-        for rewriting in exchange.rewritings:
-            if not rewriting.remaps or exchange.added is not None:
-                continue
-            for axis in (each for own in rewriting.request.unit.axes for each in (own, *own.peers)):
-                if not axis.is_ended:
-                    axis.end()
-                    detail = (
-                        "a drive's registers were moved about; corrected again after a restart of the gateway"
-                    )
-                    self._on_event(Event(EventKind.COMPENSATION_ENDED, axis.plan.name, detail))
+        if exchange.added is None:
+            for axis in end_remapped(exchange.rewritings):
+                self._on_event(Event(EventKind.COMPENSATION_ENDED, axis.plan.name, REMAPPED))
 
     def _send_reply(self, exchange: Exchange, pdu: bytes) -> None:
         port = exchange.port

@@ -29,6 +29,7 @@ PRECEDENCE: Final = (
     Action.RELATIVE_TO_ACTUAL,
     Action.START,
     Action.OTHER_MOTION,
+    Action.FOLLOW_NEXT,
     Action.IGNORE,
 )
 """Which one counts where a request does several things to one axis."""
@@ -93,6 +94,8 @@ def meanings(
     pdu: bytes,
     access: Access | None,
     read_words: Mapping[str, Mapping[int, int | None]] = NOTHING_READ,
+    *,
+    may_have_risen: bool = False,
 ) -> list[Meaning]:
     """Return what a request means for each axis of a unit that it means something to.
 
@@ -102,12 +105,13 @@ def meanings(
         access: the registers that it touches, None for none.
         read_words: mode and trigger registers that were read for this request, by axis and address; None
             where one would not tell.
+        may_have_risen: take every bit that is set as one that rises.
     """
     coils = coils_written(pdu)
     hits = unit.written(access.write_address, access.write_quantity) if access else NO_HITS
     if not (coils or hits.fields or hits.rules):
         return []
-    frame = _Frame(pdu, access or NO_ACCESS, hits, coils)
+    frame = _Frame(pdu, access or NO_ACCESS, hits, coils, may_have_risen)
     found = []
     for axis in unit.axes:
         read = read_words.get(axis.plan.name, {})
@@ -124,13 +128,14 @@ class _Frame(NamedTuple):
     access: Access
     hits: Hits
     coils: Mapping[int, int]
+    may_have_risen: bool
 
 
 class _Reading:
     """One request, looked at for one axis."""
 
     def __init__(self, axis: AxisExchange, frame: _Frame, read_words: Mapping[int, int | None]) -> None:
-        pdu, access, hits, coils = frame
+        pdu, access, hits, coils, self.may_have_risen = frame
         self.axis = axis
         self.plan = axis.plan.motion
         self.access = access
@@ -143,6 +148,8 @@ class _Reading:
         )
         self.words: dict[int, int] = {}
         self.unclear: set[int] = set()
+        self.certain_bits: dict[int, tuple[int, int]] = {}
+        """Of registers that are only partly known after a mask: their content, and which bits are certain."""
         data = access.words(pdu) if rules else b""
         for hit in rules:
             self._note_word(hit, data)
@@ -161,11 +168,12 @@ class _Reading:
         word = data[2 * hit.word] << 8 | data[2 * hit.word + 1]
         if self.access.is_mask:
             before = self.axis.motion.word(hit.address)
-            or_mask = data[2] << 8 | data[3]
-            if before is None and word:
+            and_mask, or_mask = word, data[2] << 8 | data[3]
+            word = ((before or 0) & and_mask) | (or_mask & ~and_mask & 0xFFFF)
+            if before is None and and_mask:
                 self.unclear.add(hit.address)
+                self.certain_bits[hit.address] = (word, ~and_mask & 0xFFFF)
                 return
-            word = ((before or 0) & word) | (or_mask & ~word & 0xFFFF)
         self.words[hit.address] = word
 
     def meaning(self) -> Meaning | None:
@@ -175,6 +183,8 @@ class _Reading:
         if following is not None:
             return self._meaning(Action.UNKNOWN, None, needs_word=following)
         deed = min(self._deeds(), key=lambda each: _RANK[each.action], default=NOTHING_DONE)
+        if deed.action is Action.FOLLOW_NEXT:
+            deed = Deed(Action.FOLLOW) if self.commands else NOTHING_DONE
         if not deed.action.runs_target:
             return self._meaning(deed.action, None)
         number = self._number(deed)
@@ -204,6 +214,7 @@ class _Reading:
 
     def _deeds(self) -> list[Deed]:
         motion = self.axis.motion
+        held = (lambda _: None) if self.may_have_risen else motion.word
         deeds = []
         for trigger in self.plan.triggers:
             if trigger.is_coil:
@@ -212,15 +223,19 @@ class _Reading:
             elif trigger.block is not None and trigger.block != self.access.write_address:
                 continue
             elif trigger.address in self.words:
-                deeds.append(trigger.deed(self.words[trigger.address], motion.word(trigger.address)))
+                deeds.append(trigger.deed(self.words[trigger.address], held(trigger.address)))
             elif trigger.address in self.unclear:
-                deeds.append(Deed(Action.UNKNOWN))
+                word, certain = self.certain_bits.get(trigger.address, (0, 0))
+                is_certain = not (trigger.mask | trigger.rising) & ~certain
+                deeds.append(trigger.deed(word, None) if is_certain else Deed(Action.UNKNOWN))
         if self.sets_position:
             deeds.append(Deed(Action.SET_POSITION))
         if any(address in self.words or address in self.unclear for address in self.plan.starts_on) or (
             self.commands and self._moves_at_once()
         ):
             deeds.append(Deed(Action.START))
+        if self.commands and self._may_follow():
+            deeds.append(Deed(Action.UNKNOWN))
         if any(self._sets_other_motion(mode) for mode in self.plan.modes if mode is not None):
             deeds.append(Deed(Action.OTHER_MOTION))
         return deeds
@@ -246,6 +261,15 @@ class _Reading:
             return self.words[address]
         known = self.axis.motion.word(address)
         return self.read_words.get(address) if known is None else known
+
+    def _may_follow(self) -> bool:
+        """Whether a register that may make the drive go to each position holds nobody knows what."""
+        for trigger in self.plan.triggers:
+            if trigger.can_follow:
+                word = self._known(trigger.address)
+                if word is None or trigger.holds_unknown(word):
+                    return True
+        return False
 
     def _is_following(self) -> bool:
         """Whether the drive goes to each position as soon as it is written."""

@@ -10,6 +10,7 @@ class MotionState:
         "_coils",
         "_memory",
         "blocked_by",
+        "is_blocked_first",
         "last_run",
         "lost_modes",
         "plan",
@@ -29,8 +30,10 @@ class MotionState:
         self._coils: dict[int, int] = {}
         self.blocked_by: int | None = None
         """Exception code of the target that was lost; its triggers are refused with it (M3)."""
-        self.lost_modes: set[int] = set()
-        """Mode registers whose writing was lost: what the controller believes is not what the drive holds."""
+        self.is_blocked_first = False
+        """The target was lost for its own sake, not because another axis of the group was blocked (M11)."""
+        self.lost_modes: dict[int, int] = {}
+        """Mode registers whose writing was lost, with its exception code: the drive holds another mode."""
         self.staged: int | None = None
         """The command field that a trigger without a number runs."""
         self.last_run = Action.ABSOLUTE
@@ -56,7 +59,8 @@ class MotionState:
     def note_words(self, words: dict[int, int]) -> None:
         """Note what the drive acknowledged."""
         self._memory.update(words)
-        self.lost_modes.difference_update(words)
+        for address in words:
+            self.lost_modes.pop(address, None)
 
     def note_coils(self, coils: dict[int, int]) -> None:
         """Note which coils the drive acknowledged."""
@@ -75,16 +79,22 @@ class MotionState:
         self._coils.clear()
         self.staged = None
 
-    def block(self, code: int) -> bool:
+    def block(self, code: int, *, is_first: bool = True) -> bool:
         """Refuse triggers from now on; return whether that is news."""
         is_news = self.blocked_by is None
         if is_news:
             self.blocked_by = code
+        self.is_blocked_first |= is_first
         return is_news
 
     def release(self) -> bool:
         """A complete target was accepted; return whether triggers pass again with it, and did not before."""
-        if self.blocked_by is None or self.lost_modes:
-            return False
+        was_blocked = self.blocked_by is not None
         self.blocked_by = None
-        return True
+        self.is_blocked_first = False
+        return was_blocked
+
+    def lost_mode(self, number: int | None) -> int | None:
+        """Return the exception code with which the mode of a command field was lost, if it was."""
+        mode = None if number is None else self.plan.mode(number)
+        return None if mode is None else self.lost_modes.get(mode.address)

@@ -76,6 +76,12 @@ def note_unsent(unit: UnitMap, pdu: bytes, access: Access, now_ns: int) -> None:
         note_lost(hit, pdu, access, now_ns)
 
 
+def note_held(hit: FieldHit, pdu: bytes, access: Access, now_ns: int) -> None:
+    """Note a part of a command field that the drive acknowledged while the rest is not known."""
+    assert hit.place.shadow is not None
+    hit.place.shadow.hold(*written_part(hit, pdu, access), now_ns)
+
+
 def note_lost(hit: FieldHit, pdu: bytes, access: Access, now_ns: int) -> None:
     """Note that what a request wrote into one command field was lost."""
     shadow = hit.place.shadow

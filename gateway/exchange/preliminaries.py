@@ -1,6 +1,6 @@
 """What has to be read or written before a request can be sent (M2, M5, M6, W8)."""
 
-from gateway.drives.motion import Action
+from gateway.drives.motion import Action, Addressing
 from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
@@ -28,6 +28,7 @@ from gateway.exchange.rendering import (
 from gateway.exchange.request import Request
 from gateway.exchange.unit import FieldHit, FieldRole
 from gateway.modbus.pdu import ExceptionCode
+from gateway.modbus.registers import FieldAccess
 
 
 def next_frame(request: Request) -> AddedFrame | None:
@@ -94,11 +95,17 @@ def _read_for(request: Request, hit: FieldHit, meaning: Meaning | None) -> Added
     if words is None:
         if axis.passes_unchanged or shadow.is_torn or access.is_mask or id(shadow) in known.command_words:
             return None
+        is_object = axis.plan.addressing is Addressing.OBJECTS
+        if field.access is FieldAccess.WRITE or field.block is not None or is_object:
+            return None  # what is read there is something else
         return AddedFrame(axis, Purpose.COMMAND, field.address, field.words, hit)
     if meaning is not None and hit not in meaning.running:
         return None
     action = Action.ABSOLUTE if meaning is None else meaning.action
-    if not axis.motion.plan.waits_for_trigger and not action.is_relative and is_repeat(axis, shadow, words):
+    is_again = (
+        not axis.motion.plan.waits_for_trigger and not action.is_relative and is_repeat(axis, shadow, words)
+    )
+    if is_again and not axis.may_have_left:
         return None
     return _read_for_run(request, axis, place.number, words, action)
 
@@ -146,7 +153,9 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
         if rendering is None:
             return None
         known.runs[name] = rendering
-    return None if axis.passes_unchanged else _restage(rendering)
+    if axis.passes_unchanged and not rendering.shadow.may_be_corrected:
+        return None
+    return _restage(rendering)
 
 
 def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
@@ -154,16 +163,23 @@ def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
     axis = meaning.axis
     check_may_act(meaning)
     number = axis.motion.staged if meaning.number is None else meaning.number
-    if number is None or axis.passes_unchanged:
+    if number is None:
         return None
     shadow = axis.shadows[number]
-    if shadow.nominal_words is None or shadow.is_torn:
+    if shadow.nominal_words is None or shadow.is_torn or not shadow.may_be_corrected:
         return None
     return _restage(as_it_came(axis, shadow))
 
 
 def _restage(rendering: Rendering) -> AddedFrame | None:
     added = restage(rendering)
+    if added is not None and rendering.is_distance and _starts(added):
+        raise RefusedRequestError(
+            ExceptionCode.SERVER_DEVICE_FAILURE,
+            rendering.axis.plan.name,
+            "the distance has to be written anew, and writing it starts the move: write it in the frame that "
+            "runs it",
+        )
     if added is not None and not rendering.axis.plan.added_frames:
         raise RefusedRequestError(
             ExceptionCode.SERVER_DEVICE_FAILURE,
@@ -171,6 +187,11 @@ def _restage(rendering: Rendering) -> AddedFrame | None:
             'the staged target has to be written anew for its trigger, and added_frames = "never" forbids it',
         )
     return added
+
+
+def _starts(added: AddedFrame) -> bool:
+    written = range(added.address, added.address + added.quantity)
+    return any(address in written for address in added.axis.motion.plan.starts_on)
 
 
 def _staged_words(meaning: Meaning) -> bytes | None:
@@ -183,7 +204,8 @@ def _staged_words(meaning: Meaning) -> bytes | None:
     shadow = None if number is None else axis.shadows[number]
     if shadow is not None and shadow.nominal_words is not None and not shadow.is_torn:
         return shadow.nominal_words
-    if axis.passes_unchanged or axis.motion.plan.passes_stored_moves:
+    is_as_written = axis.passes_unchanged and not (shadow and shadow.may_be_corrected)
+    if is_as_written or axis.motion.plan.passes_stored_moves:
         return None
     raise RefusedRequestError(
         ExceptionCode.SERVER_DEVICE_FAILURE,

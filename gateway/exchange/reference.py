@@ -94,6 +94,10 @@ class ReferenceState:
         if self.follows_bit:
             self.is_in_doubt = True
 
+    def note_homing_ended(self) -> None:
+        """Something else came before homing had ended: the bit that is seen next does not end it."""
+        self._homing_since_ns = None
+
     def note_position_set(self, *, is_at_rest: bool) -> None:
         """The drive was told that it stands somewhere else."""
         self._homing_since_ns = None

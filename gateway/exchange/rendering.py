@@ -146,7 +146,7 @@ def needs_actual(axis: AxisExchange, nominal_counts: float, now_ns: int) -> bool
         return False
     accepted = axis.compensation.accepted
     if accepted is not None and accepted.nominal_counts == nominal_counts:
-        return False
+        return axis.may_have_left  # is it still there? (M4)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return needs_offset(axis)
     return axis.has_branches and _known_place(axis, nominal_counts, now_ns) is None

@@ -17,7 +17,16 @@ JOIN_NS: Final = 200_000_000
 class Shadow:
     """Words of one command field, in the order of its registers."""
 
-    __slots__ = ("_all_words", "_missing", "_pending", "_since_ns", "corrected_words", "nominal_words")
+    __slots__ = (
+        "_all_words",
+        "_is_held",
+        "_missing",
+        "_pending",
+        "_since_ns",
+        "corrected_words",
+        "may_be_corrected",
+        "nominal_words",
+    )
 
     def __init__(self, field: PositionField) -> None:
         self.nominal_words: bytes | None = None
@@ -28,6 +37,10 @@ class Shadow:
         self._pending: bytearray | None = None
         self._missing = 0
         self._since_ns = 0
+        self._is_held = False
+        """The drive acknowledged every part that is pending: they need not hurry."""
+        self.may_be_corrected = False
+        """The drive may hold other words than the controller wrote."""
 
     @property
     def is_torn(self) -> bool:
@@ -38,6 +51,7 @@ class Shadow:
         """Note that the drive holds these words; ``corrected_words`` None: which ones is not known."""
         self.nominal_words = nominal_words
         self.corrected_words = corrected_words
+        self.may_be_corrected = corrected_words != nominal_words
         self._pending = None
 
     def forget(self) -> None:
@@ -48,12 +62,13 @@ class Shadow:
         """Note that a whole write was lost: from now on every word has to come again."""
         self._pending = bytearray(2 * self._all_words.bit_length())
         self._missing = self._all_words
+        self._is_held = False
 
     def completed(self, first: int, words: bytes, now_ns: int) -> bytes | None:
         """Return the whole position once ``words`` are written from word ``first`` on; None if not known."""
         if self._pending is None:
             base = self.nominal_words
-        elif now_ns - self._since_ns <= JOIN_NS and not self._missing & ~_mask(first, words):
+        elif self._are_joined(now_ns) and not self._missing & ~_mask(first, words):
             base = bytes(self._pending)
         else:
             base = None
@@ -61,11 +76,22 @@ class Shadow:
             return None
         return base[: 2 * first] + words + base[2 * first + len(words) :]
 
+    def _are_joined(self, now_ns: int) -> bool:
+        return self._is_held or now_ns - self._since_ns <= JOIN_NS
+
+    def hold(self, first: int, words: bytes, now_ns: int) -> None:
+        """Note a part that the drive acknowledged, while the other parts are not known."""
+        is_new = self._pending is None or self._missing == self._all_words or not self._are_joined(now_ns)
+        stays_held = is_new or self._is_held
+        self.lose(first, words, now_ns)
+        self._is_held = stays_held
+
     def lose(self, first: int, words: bytes, now_ns: int) -> None:
         """Note a part that never reached the drive; it counts when the other parts follow soon."""
-        if self._pending is None or self._missing == self._all_words or now_ns - self._since_ns > JOIN_NS:
+        if self._pending is None or self._missing == self._all_words or not self._are_joined(now_ns):
             self.tear()
             self._since_ns = now_ns
+        self._is_held = False
         assert self._pending is not None
         self._pending[2 * first : 2 * first + len(words)] = words
         self._missing &= ~_mask(first, words)

@@ -101,9 +101,7 @@ class UnitMap:
 
     def __init__(self, axes: Iterable[AxisExchange]) -> None:
         self.axes = tuple(axes)
-        self.has_rules = any(
-            axis.plan.motion.waits_for_trigger or any(axis.plan.motion.modes) for axis in self.axes
-        )
+        self.has_rules = any(axis.plan.has_rules or axis.peers for axis in self.axes)
         """Whether a frame may mean something else than positions to be gone to at once."""
         self.asks_for_bits = any(axis.reference.hangs_on_a_bit for axis in self.axes)
         """Whether a status bit may have to be read before positions pass."""

@@ -172,7 +172,7 @@ def test_oriental_values_stand_in_the_lower_words() -> None:
         assert mode.action(1) is Action.ABSOLUTE
         assert fields(name, "command")[0].address == 0x005C
         assert deeds(name, 0x0067, 1) == {Action.START}
-        assert deeds(name, 0x0067, 0x10000 - 5) == {Action.FOLLOW}
+        assert deeds(name, 0x0067, 0x10000 - 5) == {Action.FOLLOW_NEXT}
 
 
 def test_oriental_remote_inputs() -> None:

@@ -99,3 +99,13 @@ def test_m3_a_starting_word_after_a_lost_one_is_refused() -> None:
     bench.wait(300)
     assert bench.ask(bytes.fromhex("06 9901 0000")) == bytes.fromhex("86 04")
     assert bench.ask(bytes.fromhex("10 9904 0002 04 0000 1388")) == bytes.fromhex("90 04")
+
+
+def test_m5_a_distance_whose_rewriting_would_start_it_is_refused() -> None:
+    bench = starting_bench()
+    flags = bytes.fromhex("06 9908 0008")
+    assert bench.ask(flags) == flags
+    bench.seen.clear()
+    # the speed runs 65 530 as a distance; the drive holds 65 540, and writing it anew would already be a move
+    assert bench.ask(bytes.fromhex("10 9904 0002 04 0000 1388")) == bytes.fromhex("90 04")
+    assert [pdu for pdu in bench.seen if pdu[0] != 3] == []
