@@ -111,7 +111,7 @@ def note_unknown(found: list[Meaning]) -> int:
     """Report frames that mean something the register map does not know; return how many there are."""
     unknown = [m for m in found if m.action is Action.UNKNOWN and not m.axis.passes_unchanged]
     for meaning in unknown:
-        words = tuple(sorted(meaning.words.items()))
+        words = _contents(meaning)
         if meaning.axis.motion.told_unknown != words:
             meaning.axis.motion.told_unknown = words
             shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in words) or "its mode"
@@ -119,6 +119,17 @@ def note_unknown(found: list[Meaning]) -> int:
                 EventKind.UNKNOWN_MODE, f"the register map does not know {shown}: it passed untouched"
             )
     return len(unknown)
+
+
+def _contents(meaning: Meaning) -> tuple[tuple[int, int], ...]:
+    """Return the mode and trigger registers that decided, with what they hold."""
+    motion = meaning.axis.motion
+    words = dict(meaning.words)
+    mode = None if meaning.number is None else motion.plan.mode(meaning.number)
+    held = None if mode is None else motion.word(mode.address)
+    if mode is not None and held is not None:
+        words.setdefault(mode.address, held)
+    return tuple(sorted(words.items()))
 
 
 def block(meaning: Meaning, code: int) -> None:

@@ -1,8 +1,11 @@
 """Requests that were lost on the way, and replies to the gateway's own frames."""
 
+from typing import Final
+
 from gateway.exchange import parts
 from gateway.exchange.added_frames import Purpose, learn, note_restaged
 from gateway.exchange.answering import fail
+from gateway.exchange.axis import AxisExchange
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.dispatch import Units, access_of
 from gateway.exchange.effects import block
@@ -11,6 +14,10 @@ from gateway.exchange.known import Known
 from gateway.exchange.life import Exchange
 from gateway.exchange.meaning import meanings
 from gateway.modbus.pdu import ExceptionCode, is_exception
+from gateway.times import NS_PER_S
+
+RESTAGED_EVERY_NS: Final = 60 * NS_PER_S
+"""How often restaging is reported; all of it is counted."""
 
 
 def note_learned(exchange: Exchange, reply: bytes, counters: LineCounters, now_ns: int) -> int | None:
@@ -30,13 +37,22 @@ def note_learned(exchange: Exchange, reply: bytes, counters: LineCounters, now_n
     if frame.is_acknowledged(reply):
         counters.restaged += 1
         note_restaged(frame)
-        frame.axis.tell(EventKind.RESTAGED, "the staged target was written anew for its trigger")
+        _tell_restaged(frame.axis, counters.restaged, now_ns)
         return None
     code = reply[1] if len(reply) == 2 and is_exception(reply) else ExceptionCode.SERVER_DEVICE_FAILURE
     frame.rendering.shadow.tear()
     frame.axis.motion.block(code)
     frame.axis.tell(EventKind.AXIS_BLOCKED, "the drive refused the staged target when it was written anew")
     return code
+
+
+def _tell_restaged(axis: AxisExchange, count: int, now_ns: int) -> None:
+    """Report restaging now and then: where an axis goes to and fro, every second move needs it."""
+    told_ns = axis.motion.told_restaged_ns
+    if told_ns is None or now_ns - told_ns >= RESTAGED_EVERY_NS:
+        axis.motion.told_restaged_ns = now_ns
+        detail = f"a staged target was written anew for its trigger; {count} on this line since the start"
+        axis.tell(EventKind.RESTAGED, detail)
 
 
 def lose(exchange: Exchange, code: int, now_ns: int) -> None:

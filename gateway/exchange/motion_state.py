@@ -17,6 +17,7 @@ class MotionState:
         "rule_addresses",
         "runs_stored",
         "staged",
+        "told_restaged_ns",
         "told_unknown",
     )
 
@@ -38,6 +39,8 @@ class MotionState:
         """The command field that a trigger without a number runs."""
         self.last_run = Action.ABSOLUTE
         """How the last target was meant: the best guess for one that is staged before its mode is known."""
+        self.told_restaged_ns: int | None = None
+        """When restaging was reported last."""
         self.told_unknown: tuple[tuple[int, int], ...] | None = None
         """Register contents that were reported as unknown last."""
         self.runs_stored = False
