@@ -1,6 +1,7 @@
 """``[line.NAME]``: one bus of drives and the controllers that may use it."""
 
 from collections.abc import Collection
+from dataclasses import replace
 from enum import Enum
 from typing import Annotated, Self
 
@@ -19,7 +20,7 @@ from gateway.drives.strict import ByName, ListOf, StrictModel
 from gateway.exchange.plan import LineTiming, Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
-SERIAL_KEYS = frozenset({"baudrate", "parity", "stop_bits", "data_bits"})
+SERIAL_KEYS = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "echo"})
 _TIMING = LineTiming()
 _SERIAL = SerialEndpoint("")
 
@@ -90,6 +91,11 @@ def broken_rule(model: type[_SerialSettings], keys: Collection[str]) -> str:
 class DrivesEndpoint(_SerialSettings):
     """Where the drives are."""
 
+    echo: bool = Field(
+        default=False,
+        description="the RS-485 adapter hears what it sends: each request comes back before its reply",
+    )
+
     rtu_over_tcp: RtuOverTcp | None = Field(
         default=None, description="HOST:PORT of a serial device server that carries raw RTU frames"
     )
@@ -98,7 +104,9 @@ class DrivesEndpoint(_SerialSettings):
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:
         """The place in plain data."""
         place = self.tcp or self.rtu_over_tcp
-        return place if place is not None else self.serial_endpoint(self.rtu or "")
+        if place is not None:
+            return place
+        return replace(self.serial_endpoint(self.rtu or ""), echo=self.echo)
 
 
 class ControllerSection(_SerialSettings):

@@ -195,7 +195,7 @@ def _pass_raw(rewriting: Rewriting, hit: FieldHit, words: bytes | None) -> None:
     """Let words go out as they came: in a stop, homing or unknown frame they are no target (M2)."""
     shadow = hit.place.shadow
     assert shadow is not None
-    if words is None or not hit.place.axis.motion.plan.is_staged:
+    if words is None:
         rewriting.touched_blindly += ((hit.place.axis, shadow),)
         return
     first, part = written_part(hit, rewriting.request.pdu, rewriting.access)

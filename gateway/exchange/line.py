@@ -206,7 +206,7 @@ class LineExchange:
             self._note_unsent(exchange, code, now_ns)
             self._refuse(exchange, code)
         elif self._waiting.has_stops and not exchange.overtaken_by:
-            exchange.added = exchange.known = None  # what was read is old by then
+            exchange.added = None
             self._waiting.put_back(exchange)
         else:
             self._start(exchange, now_ns)

@@ -31,7 +31,16 @@ class RtuReplyDecoder(RtuDecoder):
     [(1, b'\x03\x04\x00\xb1\x1f@')]
     """
 
-    __slots__ = ("_echo", "_has_echo", "_is_answered", "_request", "_stray", "_unit_id")
+    __slots__ = (
+        "_echo",
+        "_has_echo",
+        "_heard",
+        "_is_answered",
+        "_lone_echo",
+        "_request",
+        "_stray",
+        "_unit_id",
+    )
 
     def __init__(
         self, silence_ns: int = FAST_SILENCE_NS, give_up_ns: int | None = None, *, echo: bool = False
@@ -39,6 +48,8 @@ class RtuReplyDecoder(RtuDecoder):
         super().__init__(silence_ns, give_up_ns)
         self._has_echo = echo
         self._echo = b""
+        self._lone_echo = b""
+        self._heard = b""
         self._unit_id = 0
         self._request = b""
         self._stray = b""
@@ -61,8 +72,15 @@ class RtuReplyDecoder(RtuDecoder):
         self._unit_id = unit_id
         self._request = request_pdu
         self._stray = b""
+        self._lone_echo = b""
         if self._has_echo:
             self._echo = append_crc(bytes((unit_id,)) + request_pdu)
+
+    def expect_echo(self, unit_id: int, request_pdu: bytes) -> None:
+        """Expect nothing but the echo of a request that nobody answers, where there is one."""
+        if self._has_echo:
+            self._lone_echo = append_crc(bytes((unit_id,)) + request_pdu)
+            self._heard = b""
 
     def cancel(self) -> None:
         """Expect nothing any more: whatever arrives from now on is stray."""
@@ -104,7 +122,7 @@ class RtuReplyDecoder(RtuDecoder):
 
     def _append(self, data: bytes, now_ns: int) -> list[Frame]:
         if not self._request:
-            self._count_stray(data)
+            self._count_stray(self._without_lone_echo(data))
             return []
         self._buffer += data
         frames = self._take_reply() if self._pass_echo() else []
@@ -114,6 +132,20 @@ class RtuReplyDecoder(RtuDecoder):
             self._drop(len(self._buffer) - most)
         self._await_silence(now_ns)
         return frames
+
+    def _without_lone_echo(self, data: bytes) -> bytes:
+        """Take the echo of an unanswered request out of what came; what may still become one waits."""
+        if not self._lone_echo:
+            return data
+        heard, self._heard = self._heard + data, b""
+        if len(heard) < len(self._lone_echo) and self._lone_echo.startswith(heard):
+            self._heard = heard
+            return b""
+        if heard.startswith(self._lone_echo):
+            heard = heard[len(self._lone_echo) :]
+            self.counters.echoes += 1
+        self._lone_echo = b""
+        return heard
 
     def _pass_echo(self) -> bool:
         """Take the own request out of what waits; False while it may still be coming in."""

@@ -88,6 +88,8 @@ class RtuDriveLink:
         """See ``DriveLink``. A broadcast expects no reply."""
         if unit_id != BROADCAST_UNIT_ID:
             self._decoder.expect(unit_id, pdu)
+        else:
+            self._decoder.expect_echo(unit_id, pdu)
         self._sender.send(encode_rtu(unit_id, pdu))
 
     def abandon(self) -> None:
@@ -129,6 +131,7 @@ class RtuDriveLink:
             "stray_bytes": counters.stray_bytes,
             "stray_frames": counters.stray_frames,
             "foreign_frames": counters.foreign,
+            "echoes": counters.echoes,
         }
 
     async def drained(self) -> None:

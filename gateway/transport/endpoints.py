@@ -26,6 +26,8 @@ class SerialEndpoint:
     """``N``, ``E`` or ``O``."""
     data_bits: int = 8
     stop_bits: int = 1
+    echo: bool = False
+    """The adapter hears what it sends: an RS-485 receiver that stays on."""
 
     @property
     def bits_per_character(self) -> int:

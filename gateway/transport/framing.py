@@ -26,7 +26,7 @@ def request_decoder(endpoint: TcpEndpoint | SerialEndpoint) -> RtuRequestDecoder
 def reply_decoder(endpoint: TcpEndpoint | SerialEndpoint) -> RtuReplyDecoder:
     """Return a decoder for what RTU drives send."""
     if isinstance(endpoint, SerialEndpoint):
-        return RtuReplyDecoder(frame_silence_ns(endpoint))
+        return RtuReplyDecoder(frame_silence_ns(endpoint), echo=endpoint.echo)
     return RtuReplyDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS)
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from gateway.drives.motion import Action, Deed, Form, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, Deed, Form, ModePlan, MotionPlan, TriggerPlan
 from gateway.exchange.plan import ControllerPlan, Reference
 from gateway.modbus.registers import FieldAccess, PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
@@ -308,3 +308,13 @@ def test_m2_an_opcode_frame_that_is_too_short_passes_as_it_came() -> None:
     short = bytes.fromhex("10 00F5 0003 06 0002 012C 0001")
     bench.ask(short)
     assert bench.seen[-1] == short
+
+
+def test_m2_what_passed_untouched_reads_back_as_it_was_written() -> None:
+    mode = ModePlan(0x0605, actions={0: Action.ABSOLUTE}, is_in_frame=True)
+    bench = Bench(axis_plan(motion=MotionPlan(modes=(mode,))))
+    bench.ask(bytes.fromhex("10 0605 0003 06 0000") + COMMAND.pack(50_000))
+    bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
+    bench.ask(write(COMMAND, 33))
+    assert bench.memory.get(COMMAND) == 33
+    assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 33

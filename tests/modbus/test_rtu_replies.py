@@ -176,6 +176,26 @@ def test_an_echo_of_the_own_request_is_taken_out(pieces: int) -> None:
     assert (decoder.counters.echoes, decoder.stray_bytes) == (1, 0)
 
 
+@pytest.mark.parametrize("pieces", [1, 2, 3, 8])
+def test_the_echo_of_a_broadcast_is_nothing_stray(pieces: int) -> None:
+    decoder = RtuReplyDecoder(silence_ns=2 * MS, echo=True)
+    request = bytes.fromhex("06 6002 0040")
+    decoder.expect_echo(0, request)
+    echo = append_crc(bytes((0,)) + request)
+    for start in range(0, len(echo), pieces):
+        assert decoder.feed(echo[start : start + pieces], 0) == []
+    assert (decoder.counters.echoes, decoder.stray_bytes) == (1, 0)
+    decoder.feed(b"\x01\x02", 0)
+    assert decoder.stray_bytes == 2
+
+
+def test_what_is_no_echo_of_a_broadcast_is_stray() -> None:
+    decoder = RtuReplyDecoder(silence_ns=2 * MS, echo=True)
+    decoder.expect_echo(0, bytes.fromhex("06 6002 0040"))
+    decoder.feed(bytes.fromhex("00 06 60 03"), 0)
+    assert (decoder.counters.echoes, decoder.stray_bytes) == (0, 4)
+
+
 def test_an_echo_alone_is_no_reply() -> None:
     decoder = expecting(WRITE, echo=True)
     assert decoder.feed(ECHO, 0) == []
