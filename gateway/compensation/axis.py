@@ -190,10 +190,13 @@ class AxisCompensation:
             self._check_travel(position, correction)
         return Move(nominal_counts, correction * self.settings.counts_per_unit, correction_map, state)
 
-    def commit(self, move: Move, corrected_counts: float) -> None:
-        """Take a planned target as accepted by the drive, with the counts that it was sent."""
+    def commit(self, move: Move, corrected_counts: float, *, is_reached: bool = False) -> None:
+        """Take a planned target as accepted by the drive, with the counts that it was sent.
+
+        ``is_reached``: the axis stands at the target before, whatever was read of it on the way there.
+        """
         standing = self._standing_counts
-        if standing is None:
+        if standing is None or (is_reached and self.accepted is not None):
             standing = self.accepted.corrected_counts if self.accepted else corrected_counts
         self.readback = after_target(
             self.readback, move.correction_map, move.nominal_counts, corrected_counts, standing

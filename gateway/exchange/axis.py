@@ -340,7 +340,7 @@ class AxisExchange:
         if rendering.move is None:
             self.compensation.touch(now_ns)
             return
-        self.compensation.commit(rendering.move, rendering.corrected_counts)
+        self.compensation.commit(rendering.move, rendering.corrected_counts, is_reached=self.is_done_seen)
         self.is_branch_known = True
         self.last_shadow = rendering.shadow
         self.unproven = None

@@ -318,3 +318,18 @@ def test_m2_what_passed_untouched_reads_back_as_it_was_written() -> None:
     bench.ask(write(COMMAND, 33))
     assert bench.memory.get(COMMAND) == 33
     assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 33
+
+
+def test_a11_the_reading_does_not_jump_at_a_reversal_although_the_last_one_is_old() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.stage(80_000)
+    bench.trigger()
+    bench.drive.pass_by(51_000)
+    bench.actual()
+    bench.settle()  # the controller sees the done bit, and reads no position
+    bench.stage(20_000)
+    bench.trigger()
+    assert bench.actual() == 80_000  # it has not moved yet
+    bench.drive.pass_by(50_000)
+    assert bench.actual() == 50_000  # half of the way: half of the 20 counts between the branches
