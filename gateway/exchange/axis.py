@@ -281,7 +281,12 @@ class AxisExchange:
         self.doubt(now_ns)
 
     def fail(self, rendering: Rendering) -> None:
-        """A target was sent and not acknowledged: the drive may hold it or not."""
+        """A target was sent and not acknowledged: the drive may hold it or not.
+
+        Of a repeat it holds the same words in either case.
+        """
+        if rendering.move is None and not rendering.is_distance and self.compensation.accepted is not None:
+            return
         self.forget_place()
         rendering.shadow.forget()
         if rendering.move is not None and not rendering.is_distance:

@@ -199,7 +199,8 @@ def _pass_raw(rewriting: Rewriting, hit: FieldHit, words: bytes | None) -> None:
         rewriting.touched_blindly += ((hit.place.axis, shadow),)
         return
     first, part = written_part(hit, rewriting.request.pdu, rewriting.access)
-    held = words if hit.is_whole else _merged(shadow.corrected_words, first, part)
+    is_as_written = hit.is_whole or (hit.place.axis.passes_unchanged and not shadow.may_be_corrected)
+    held = words if is_as_written else _merged(shadow.corrected_words, first, part)
     rewriting.stagings += (Staging(shadow, words, held),)
 
 
@@ -217,7 +218,7 @@ def _stage(
         return []
     waits_for_other_words = bool(axis.motion.plan.starts_on) and not hit.is_whole
     if axis.passes_unchanged or waits_for_other_words:
-        _pass_raw_staged(rewriting, hit, words)
+        _pass_raw(rewriting, hit, words)
         return []
     corrected_words = _foreseen(rewriting.request, meaning, hit, words)
     held: bytes | None = corrected_words
@@ -226,15 +227,6 @@ def _stage(
         held = _merged(shadow.corrected_words, first, corrected_words[2 * first : 2 * first + len(part)])
     rewriting.stagings += (Staging(shadow, words, held),)
     return [(hit, corrected_words)]
-
-
-def _pass_raw_staged(rewriting: Rewriting, hit: FieldHit, words: bytes) -> None:
-    shadow = hit.place.shadow
-    assert shadow is not None
-    first, part = written_part(hit, rewriting.request.pdu, rewriting.access)
-    is_as_written = hit.is_whole or (hit.place.axis.passes_unchanged and not shadow.may_be_corrected)
-    held = words if is_as_written else _merged(shadow.corrected_words, first, part)
-    rewriting.stagings += (Staging(shadow, words, held),)
 
 
 def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -> bytes:

@@ -333,3 +333,16 @@ def test_a11_the_reading_does_not_jump_at_a_reversal_although_the_last_one_is_ol
     assert bench.actual() == 80_000  # it has not moved yet
     bench.drive.pass_by(50_000)
     assert bench.actual() == 50_000  # half of the way: half of the 20 counts between the branches
+
+
+def test_m4_a_repeat_whose_reply_was_lost_leaves_the_branch_as_it_is() -> None:
+    bench = Bench(axis_plan(), serial=False, tcp_drive=True)
+    bench.move(50_000)
+    told = bench.seen[-1]
+    bench.memory.put(ACTUAL, 50_025)  # 15 counts beside it, with 2 of hysteresis
+    bench.send(write(COMMAND, 50_000))
+    bench.link.sent.clear()
+    bench.wait(1000)
+    bench.port.take()
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.seen[-1] == told
