@@ -13,16 +13,22 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.correction_map import IDENTITY, CorrectionMap
 
+AWAY_PER_DIFFERENCE: Final = 20.0
+"""An axis that goes the other way keeps its reading monotonic by far over so many times the difference."""
 NEGLIGIBLE_COUNTS: Final = 1e-6
 """A difference of readings below this needs no fade: it is floating point, not position."""
 
 
 class Fade(NamedTuple):
-    """A difference of nominal counts that lessens linearly between two nominal machine positions."""
+    """A difference of nominal counts that lessens linearly between two nominal machine positions.
+
+    An axis that something else moves the other way loses it over ``away``, in machine units.
+    """
 
     difference_counts: float
     start: float
     end: float
+    away: float
 
     def remaining(self, nominal: float) -> float:
         """Counts still to be added to a reading at ``nominal`` (machine units, through the new map)."""
@@ -31,7 +37,7 @@ class Fade(NamedTuple):
             return 0.0
         done = (nominal - self.start) / way
         if done <= 0.0:
-            return self.difference_counts
+            done = abs(nominal - self.start) / self.away
         return 0.0 if done >= 1.0 else self.difference_counts * (1.0 - done)
 
 
@@ -97,5 +103,8 @@ def after_target(
     else:
         now_read = correction * counts_per_unit + anchor
         difference = now_read - previous.correction_counts(standing_counts)
-    fade = None if abs(difference) < NEGLIGIBLE_COUNTS else Fade(difference, start, end)
+    fade = None
+    if abs(difference) >= NEGLIGIBLE_COUNTS:
+        away = max(abs(end - start), AWAY_PER_DIFFERENCE * abs(difference / counts_per_unit))
+        fade = Fade(difference, start, end, away)
     return Readback(counts_per_unit, zero_counts, correction_map, anchor, fade)

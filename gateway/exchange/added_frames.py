@@ -59,6 +59,8 @@ class AddedFrame:
     words: bytes = b""
     rendering: Rendering | None = None
     """Of a restaged target."""
+    losses: int = 0
+    """Of its shadow, when it was made."""
 
     @property
     def pdu(self) -> bytes:
@@ -147,16 +149,24 @@ def restage(rendering: Rendering) -> AddedFrame | None:
     axis = rendering.axis
     place = axis.plan.command[axis.shadows.index(rendering.shadow)]
     if axis.plan.writes_with is not Form.FC06:
-        return AddedFrame(
-            axis, Purpose.RESTAGE, place.address, place.words, words=wanted, rendering=rendering
-        )
+        return _restaging(rendering, place.address, wanted)
     for word in range(place.words):
         at = slice(2 * word, 2 * word + 2)
         if held is None or held[at] != wanted[at]:
-            return AddedFrame(
-                axis, Purpose.RESTAGE, place.address + word, 1, words=wanted[at], rendering=rendering
-            )
+            return _restaging(rendering, place.address + word, wanted[at])
     return None
+
+
+def _restaging(rendering: Rendering, address: int, words: bytes) -> AddedFrame:
+    return AddedFrame(
+        rendering.axis,
+        Purpose.RESTAGE,
+        address,
+        len(words) // 2,
+        words=words,
+        rendering=rendering,
+        losses=rendering.shadow.losses,
+    )
 
 
 def note_restaged(frame: AddedFrame) -> None:
@@ -171,7 +181,7 @@ def note_restaged(frame: AddedFrame) -> None:
         at = 2 * (frame.address - place.address)
         held[at : at + len(words)] = words
         words = bytes(held)
-    shadow.settle(rendering.nominal_words, words)
+    shadow.settle(rendering.nominal_words, words, frame.losses)
 
 
 def learn(read: AddedFrame, reply: bytes, known: Known, now_ns: int) -> None:

@@ -57,11 +57,11 @@ def _settle(rewriting: Rewriting, reply: bytes, now_ns: int, *, is_acknowledged:
         fail(rewriting, code, now_ns, is_refusal=is_refusal)
         return
     for staging in rewriting.stagings:
-        staging.shadow.settle(staging.nominal_words, staging.corrected_words)
+        staging.shadow.settle(staging.nominal_words, staging.corrected_words, staging.losses)
     for hit in rewriting.pending:
         note_held(hit, rewriting.request.pdu, rewriting.access, now_ns)
     for rendering in (*rewriting.renderings, *rewriting.runs):
-        rendering.axis.commit(rendering, now_ns)
+        rendering.axis.commit(rendering, now_ns, rewriting.losses.get(id(rendering.shadow)))
     for axis, shadow in rewriting.touched_blindly:
         axis.forget_place()
         shadow.forget()

@@ -339,9 +339,12 @@ class AxisExchange:
 
     # --- writing ---------------------------------------------------------------------------------------
 
-    def commit(self, rendering: Rendering, now_ns: int = 0) -> None:
-        """The drive acknowledged a target with its full native success, and goes there (M7)."""
-        rendering.shadow.settle(rendering.nominal_words, rendering.corrected_words)
+    def commit(self, rendering: Rendering, now_ns: int = 0, losses: int | None = None) -> None:
+        """The drive acknowledged a target with its full native success, and goes there (M7).
+
+        ``losses``: of its shadow, when the target was sent.
+        """
+        rendering.shadow.settle(rendering.nominal_words, rendering.corrected_words, losses)
         if rendering.move is None:
             self.compensation.touch(now_ns)
             return

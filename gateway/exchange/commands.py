@@ -132,7 +132,7 @@ def _render(
         if action.is_relative:
             rendering = render_relative(request, axis, place.number, words, action)
             if rendering is None:
-                rewriting.stagings += (Staging(shadow, words, words),)
+                rewriting.stagings += (Staging(shadow, words, words, shadow.losses),)
                 rewriting.moved_unknown += (axis,)
             return rendering
         return render(axis, place.number, words, seen(request, axis), is_passing=is_passing)
@@ -201,7 +201,7 @@ def _pass_raw(rewriting: Rewriting, hit: FieldHit, words: bytes | None) -> None:
     first, part = written_part(hit, rewriting.request.pdu, rewriting.access)
     is_as_written = hit.is_whole or (hit.place.axis.passes_unchanged and not shadow.may_be_corrected)
     held = words if is_as_written else _merged(shadow.corrected_words, first, part)
-    rewriting.stagings += (Staging(shadow, words, held),)
+    rewriting.stagings += (Staging(shadow, words, held, shadow.losses),)
 
 
 def _stage(
@@ -225,7 +225,7 @@ def _stage(
     if axis.writes_words_alone and not hit.is_whole:
         first, part = written_part(hit, rewriting.request.pdu, rewriting.access)
         held = _merged(shadow.corrected_words, first, corrected_words[2 * first : 2 * first + len(part)])
-    rewriting.stagings += (Staging(shadow, words, held),)
+    rewriting.stagings += (Staging(shadow, words, held, shadow.losses),)
     return [(hit, corrected_words)]
 
 

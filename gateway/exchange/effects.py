@@ -72,7 +72,7 @@ def _blocking_code(meaning: Meaning) -> int | None:
 def note_done(meaning: Meaning, now_ns: int) -> None:
     """Take note of a request that the drive acknowledged in full."""
     axis, motion, action = meaning.axis, meaning.axis.motion, meaning.action
-    motion.note_words(dict(meaning.words))
+    motion.note_words(dict(meaning.words), meaning.losses)
     motion.note_coils(dict(meaning.coils))
     motion.doubt(dict.fromkeys(meaning.unclear_words, 0), {})
     for hit in meaning.commands:
@@ -82,13 +82,13 @@ def note_done(meaning: Meaning, now_ns: int) -> None:
         motion.last_run = action
         mode = None if meaning.number is None else motion.plan.mode(meaning.number)
         if mode is not None and mode.resets_to is not None:
-            motion.note_words({mode.address: mode.resets_to})
+            motion.note_words({mode.address: mode.resets_to}, meaning.losses)
     if action in MOVES_OTHERWISE:
         _move_otherwise(meaning, now_ns)
     elif meaning.is_doubtful:
-        axis.forget_place()
+        axis.forget_place(keeps_branch=True)  # the reading counts on it already
     is_whole = all(hit.place.shadow and not hit.place.shadow.is_torn for hit in meaning.commands)
-    if meaning.commands and is_whole and motion.release():
+    if meaning.commands and is_whole and motion.release(meaning.losses):
         axis.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
 
 
@@ -140,7 +140,7 @@ def block(meaning: Meaning, code: int) -> None:
         return
     for mode in motion.plan.modes:
         if mode is not None and (mode.address in meaning.words or mode.address in meaning.unclear_words):
-            motion.lost_modes[mode.address] = code
+            motion.lose_mode(mode.address, code)
     if meaning.commands and motion.block(code, is_first=axis.blocked_by_peer is None):
         axis.tell(
             EventKind.AXIS_BLOCKED,

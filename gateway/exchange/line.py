@@ -34,6 +34,7 @@ from gateway.exchange.rest import Rest
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
 from gateway.times import NS_PER_MS
 
+LOST: Final = ExceptionCode.SERVER_DEVICE_FAILURE
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
 
@@ -59,7 +60,8 @@ class LineExchange:
         self._rest = Rest(timing)
         self._waiting = WaitingExchanges()
         self._current: Exchange | None = None
-        self._is_up = False
+        self.is_up = False
+        """Whether there is a way to the drives."""
         self._is_stopping = False
         self._silent_units: set[int] = set()
 
@@ -72,11 +74,6 @@ class LineExchange:
     def is_idle(self) -> bool:
         """Whether no exchange is on the wire."""
         return self._current is None
-
-    @property
-    def is_up(self) -> bool:
-        """Whether there is a way to the drives."""
-        return self._is_up
 
     # --- from controllers ------------------------------------------------------------------------------
 
@@ -100,7 +97,7 @@ class LineExchange:
         may_stop = role is Role.OPERATOR and bool(stops) and self._units.only_stops(unit_id, pdu)
         if role is not Role.MOTION and may_write and not may_stop:
             self._refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
-        elif not self._is_up:
+        elif not self.is_up:
             self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE, now_ns)
             self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
         elif is_free:
@@ -120,14 +117,14 @@ class LineExchange:
         for exchange in self._waiting.withdraw(lambda each: is_acting_on(self._units, each, axes)):
             self._overtaken(exchange, reason, now_ns)
         current = self._current
-        if current is not None and current.added is not None and is_acting_on(self._units, current, axes):
+        if current and current.added and is_acting_on(self._units, current, axes):
             current.overtaken_by = reason
         stop.is_stop = True
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             self._refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY)
 
     def _overtaken(self, exchange: Exchange, reason: str, now_ns: int) -> None:
-        self._withdrawn(exchange, reason, now_ns)
+        self._withdrawn(exchange, reason, now_ns, ExceptionCode.SERVER_DEVICE_BUSY)
         self._refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
@@ -140,7 +137,7 @@ class LineExchange:
             self._withdrawn(exchange, reason, now_ns)
         for exchange in self._waiting:
             exchange.is_orphan |= exchange.port is port
-        if self._current is not None and self._current.port is port:
+        if self._current and self._current.port is port:
             self._current.is_orphan = True
 
     # --- from people (errors: ControlError) ------------------------------------------------------------
@@ -227,9 +224,9 @@ class LineExchange:
 
     def link_up(self, now_ns: int) -> None:
         """Note that the drives can be reached."""
-        if self._is_up:
+        if self.is_up:
             return
-        self._is_up = True
+        self.is_up = True
         self._on_event(Event(EventKind.LINE_UP))
         self._rest.resume(now_ns)
         for axis in self.axes:
@@ -245,9 +242,9 @@ class LineExchange:
 
     def link_down(self, now_ns: int) -> None:
         """Note that the drives cannot be reached: nothing waits for them any longer."""
-        if not self._is_up:
+        if not self.is_up:
             return
-        self._is_up = False
+        self.is_up = False
         if not self._is_stopping:  # closing it ourselves is no news
             self._on_event(Event(EventKind.LINE_DOWN))
         current, self._current = self._current, None
@@ -393,8 +390,8 @@ class LineExchange:
         self.counters.refused += 1
         self._send_reply(exchange, exception_pdu(exchange.pdu[0], code))
 
-    def _withdrawn(self, exchange: Exchange, reason: str, now_ns: int) -> None:
-        self._note_unsent(exchange, ExceptionCode.SERVER_DEVICE_FAILURE, now_ns)
+    def _withdrawn(self, exchange: Exchange, reason: str, now_ns: int, code: int = LOST) -> None:
+        self._note_unsent(exchange, code, now_ns)
         self.counters.withdrawn += 1
         if exchange.port is not None:
             name = exchange.port.plan.name

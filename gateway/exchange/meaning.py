@@ -54,6 +54,8 @@ class Meaning:
     """A mode or trigger register that must be read before the meaning is known."""
     commands: tuple[FieldHit, ...] = ()
     """The command fields that it writes."""
+    losses: int = 0
+    """Targets and modes of its axis that had been lost when it was sent."""
     is_doubtful: bool = False
     """A bit that starts the motion is set, and nobody knows whether it was set before."""
 
@@ -209,6 +211,7 @@ class _Reading:
             unclear_words=frozenset(self.unclear),
             needs_word=needs_word,
             commands=self.commands,
+            losses=self.axis.motion.losses,
             is_doubtful=action.runs_target and self.is_doubtful,
         )
 

@@ -7,12 +7,14 @@ class MotionState:
     """Contents of mode and trigger registers as the drive acknowledged them, and what they lead to."""
 
     __slots__ = (
+        "_blocked_at",
         "_coils",
+        "_lost_modes",
         "_memory",
         "blocked_by",
         "is_blocked_first",
         "last_run",
-        "lost_modes",
+        "losses",
         "plan",
         "rule_addresses",
         "runs_stored",
@@ -31,10 +33,13 @@ class MotionState:
         self._coils: dict[int, int] = {}
         self.blocked_by: int | None = None
         """Exception code of the target that was lost; its triggers are refused with it (M3)."""
+        self._blocked_at = 0
         self.is_blocked_first = False
         """The target was lost for its own sake, not because another axis of the group was blocked (M11)."""
-        self.lost_modes: dict[int, int] = {}
-        """Mode registers whose writing was lost, with its exception code: the drive holds another mode."""
+        self.losses = 0
+        """Targets and modes lost so far: what was sent before a loss does not make up for it."""
+        self._lost_modes: dict[int, tuple[int, int]] = {}
+        """Mode registers whose writing was lost: its exception code, and ``losses`` then."""
         self.staged: int | None = None
         """The command field that a trigger without a number runs."""
         self.last_run = Action.ABSOLUTE
@@ -59,11 +64,12 @@ class MotionState:
         """Return the state of a coil, as far as it is known."""
         return self._coils.get(address)
 
-    def note_words(self, words: dict[int, int]) -> None:
-        """Note what the drive acknowledged."""
+    def note_words(self, words: dict[int, int], losses: int) -> None:
+        """Note what the drive acknowledged; ``losses``: when it was sent."""
         self._memory.update(words)
         for address in words:
-            self.lost_modes.pop(address, None)
+            if self._lost_modes.get(address, (0, 0))[1] <= losses:
+                self._lost_modes.pop(address, None)
 
     def note_coils(self, coils: dict[int, int]) -> None:
         """Note which coils the drive acknowledged."""
@@ -82,16 +88,28 @@ class MotionState:
         self._coils.clear()
         self.staged = None
 
+    def lose_mode(self, address: int, code: int) -> None:
+        """Note that the writing of a mode register was lost."""
+        self.losses += 1
+        self._lost_modes[address] = (code, self.losses)
+
     def block(self, code: int, *, is_first: bool = True) -> bool:
         """Refuse triggers from now on; return whether that is news."""
+        self.losses += 1
+        self._blocked_at = self.losses
         is_news = self.blocked_by is None
         if is_news:
             self.blocked_by = code
         self.is_blocked_first |= is_first
         return is_news
 
-    def release(self) -> bool:
-        """A complete target was accepted; return whether triggers pass again with it, and did not before."""
+    def release(self, losses: int) -> bool:
+        """A complete target was accepted; return whether triggers pass again with it, and did not before.
+
+        ``losses``: when it was sent.
+        """
+        if losses < self._blocked_at:
+            return False
         was_blocked = self.blocked_by is not None
         self.blocked_by = None
         self.is_blocked_first = False
@@ -100,4 +118,4 @@ class MotionState:
     def lost_mode(self, number: int | None) -> int | None:
         """Return the exception code with which the mode of a command field was lost, if it was."""
         mode = None if number is None else self.plan.mode(number)
-        return None if mode is None else self.lost_modes.get(mode.address)
+        return None if mode is None else self._lost_modes.get(mode.address, (None, 0))[0]

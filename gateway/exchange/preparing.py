@@ -35,6 +35,9 @@ def prepare(request: Request) -> Rewriting:
     runs = request.known.runs
     if runs:
         rewriting.runs = tuple(runs[m.axis.plan.name] for m in request.meanings if m.axis.plan.name in runs)
+    if rewriting.renderings or rewriting.runs:
+        targets = (*rewriting.renderings, *rewriting.runs)
+        rewriting.losses = {id(target.shadow): target.shadow.losses for target in targets}
     if request.access.read_quantity:
         _prepare_read(request.unit, rewriting)
     return rewriting
@@ -85,7 +88,7 @@ def _stage_limit(hit: FieldHit, rewriting: Rewriting) -> bytes:
         corrected_words = render_limit(axis, hit.place.number, words)
     except RefusedPositionError as error:
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, axis.plan.name, str(error)) from error
-    rewriting.stagings += (Staging(shadow, words, corrected_words),)
+    rewriting.stagings += (Staging(shadow, words, corrected_words, shadow.losses),)
     return corrected_words
 
 

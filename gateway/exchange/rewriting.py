@@ -4,7 +4,7 @@ A :class:`Rewriting` is made when a request is about to be sent and holds the st
 that were rendered, the readback maps then in force, and what the controller really asked for.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from gateway.compensation.readback import Readback
@@ -36,12 +36,13 @@ NO_SPAN: Final = Span(0, 0)
 class Staging(NamedTuple):
     """Words of a command field or limit that the drive holds and does not run.
 
-    ``corrected_words`` None: what the drive holds is not known.
+    ``corrected_words`` None: what the drive holds is not known. ``losses``: of its shadow, when it was sent.
     """
 
     shadow: Shadow
     nominal_words: bytes
     corrected_words: bytes | None
+    losses: int
 
 
 @dataclass(slots=True)
@@ -65,6 +66,8 @@ class Rewriting:
     """Every command field that the request writes."""
     remaps: bool = False
     """Whether the request writes a register that moves other registers about."""
+    losses: dict[int, int] = field(default_factory=dict)
+    """Of the shadow of each target that it runs, by its identity, when the request was sent."""
     read_hits: Hits = NO_HITS
     read_span: Span = NO_SPAN
     readbacks: dict[str, Readback] | None = None

@@ -24,6 +24,7 @@ class Shadow:
         "_pending",
         "_since_ns",
         "corrected_words",
+        "losses",
         "may_be_corrected",
         "nominal_words",
     )
@@ -41,18 +42,27 @@ class Shadow:
         """The drive acknowledged every part that is pending: they need not hurry."""
         self.may_be_corrected = False
         """The drive may hold other words than the controller wrote."""
+        self.losses = 0
+        """How many writes were lost so far: what was sent before a loss does not make up for it."""
 
     @property
     def is_torn(self) -> bool:
         """Whether a write was lost and no whole position has been acknowledged since."""
         return self._pending is not None
 
-    def settle(self, nominal_words: bytes, corrected_words: bytes | None) -> None:
-        """Note that the drive holds these words; ``corrected_words`` None: which ones is not known."""
+    def settle(self, nominal_words: bytes, corrected_words: bytes | None, losses: int | None = None) -> None:
+        """Note that the drive holds these words.
+
+        Args:
+            nominal_words: what the controller wrote.
+            corrected_words: what the drive was told; None: that is not known.
+            losses: how many writes had been lost when they were sent; None: none has been lost since.
+        """
         self.nominal_words = nominal_words
         self.corrected_words = corrected_words
         self.may_be_corrected = corrected_words != nominal_words
-        self._pending = None
+        if losses is None or losses == self.losses:
+            self._pending = None
 
     def forget(self) -> None:
         """Nobody knows any more what the drive holds."""
@@ -60,6 +70,7 @@ class Shadow:
 
     def tear(self) -> None:
         """Note that a whole write was lost: from now on every word has to come again."""
+        self.losses += 1
         self._pending = bytearray(2 * self._all_words.bit_length())
         self._missing = self._all_words
         self._is_held = False
@@ -91,6 +102,7 @@ class Shadow:
         if self._pending is None or self._missing == self._all_words or not self._are_joined(now_ns):
             self.tear()
             self._since_ns = now_ns
+        self.losses += 1
         self._is_held = False
         assert self._pending is not None
         self._pending[2 * first : 2 * first + len(words)] = words

@@ -1,0 +1,54 @@
+"""A loss that was noted while an older write was on the wire is not healed by its acknowledgement (M3)."""
+
+from gateway.exchange.plan import ControllerPlan
+from tests.exchange.line_bench import COMMAND, Port, write
+from tests.exchange.staged_bench import MODE, RUN_PDU, STOP_PDU, StagedBench, staged_plan, sticky
+
+REFUSED = bytes.fromhex("86 06")
+
+
+def test_m3_a_target_that_a_stop_withdrew_is_not_replaced_by_the_one_on_the_wire() -> None:
+    bench = StagedBench(serial=False)
+    bench.go_to(50_000)
+    bench.send(write(COMMAND, 20_000), transaction_id=1)
+    bench.send(write(COMMAND, 30_000), transaction_id=2)
+    bench.send(STOP_PDU, Port(ControllerPlan("panel")))
+    bench.serve()
+    assert [pdu.hex() for _, _, pdu in bench.port.replies] == ["9006", "1006060002"]
+    bench.port.replies.clear()
+    assert bench.ask(RUN_PDU) == REFUSED
+    bench.go_to(30_000)
+    assert bench.drive.moves[-1:] == [("absolute", 29_990)]
+
+
+def test_m3_a_half_that_was_withdrawn_is_not_joined_with_what_was_on_the_wire() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.send(bytes.fromhex("06 0606 1111"))  # on the wire: 0x0000_1111
+    bench.send(bytes.fromhex("06 0607 0001"))  # waits
+    bench.send(bytes.fromhex("03 0800 0001"))  # the controller went on: the half is withdrawn
+    bench.serve()
+    bench.port.replies.clear()
+    bench.wait(500)
+    assert bench.ask(bytes.fromhex("06 0606 2222")) == bytes.fromhex("06 0606 2222")
+    assert bench.ask(RUN_PDU)[0] == 0x86
+    assert bench.ask(bytes.fromhex("06 0607 0001")) == bytes.fromhex("06 0607 0001")
+    bench.trigger()
+    # 0x0001_2222 = 74 274, forward
+    assert bench.drive.moves[-1:] == [("absolute", 74_284)]
+
+
+def test_m3_a_mode_that_was_withdrawn_is_not_replaced_by_the_one_on_the_wire() -> None:
+    bench = StagedBench(staged_plan(motion=sticky()))
+    bench.memory.words[MODE] = 1
+    bench.go_to(50_000)
+    bench.stage(1_000)
+    bench.send(bytes.fromhex("06 0700 0001"))
+    bench.send(bytes.fromhex("06 0700 0002"))
+    bench.send(bytes.fromhex("03 0800 0001"))
+    bench.serve()
+    bench.port.replies.clear()
+    assert bench.ask(RUN_PDU)[0] == 0x86
+    assert bench.ask(bytes.fromhex("06 0700 0002"))[0] == 6
+    bench.trigger()
+    assert bench.drive.moves[-1:] == [("relative", 51_010)]
