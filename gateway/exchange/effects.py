@@ -114,10 +114,11 @@ def note_unknown(found: list[Meaning]) -> int:
         words = _contents(meaning)
         if meaning.axis.motion.told_unknown != words:
             meaning.axis.motion.told_unknown = words
-            shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in words) or "its mode"
-            meaning.axis.tell(
-                EventKind.UNKNOWN_MODE, f"the register map does not know {shown}: it passed untouched"
+            shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in words)
+            what = (
+                f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
             )
+            meaning.axis.tell(EventKind.UNKNOWN_MODE, f"{what}: it passed untouched")
     return len(unknown)
 
 

@@ -54,6 +54,7 @@ def _prepare_write(rewriting: Rewriting) -> None:
         if role is FieldRole.COMMAND:
             commands.append(hit)
         elif role is FieldRole.REMAPPING:
+            _check_counts(hit, access)
             rewriting.remaps = True
         elif id(axis) not in stopped and not axis.passes_unchanged:
             if role is FieldRole.LIMIT:
@@ -71,6 +72,20 @@ def _prepare_write(rewriting: Rewriting) -> None:
         changed += prepare_commands(rewriting, commands)
     if changed:
         rewriting.sent_pdu = _written_pdu(rewriting.request.pdu, access, changed)
+
+
+def _check_counts(hit: FieldHit, access: Access) -> None:
+    """Refuse what no drive can obey: it must not end the compensation.
+
+    Raises:
+        RefusedRequestError: the counts of the request contradict each other, and its axis is corrected.
+    """
+    if not access.is_consistent and not hit.place.axis.passes_unchanged:
+        raise RefusedRequestError(
+            ExceptionCode.ILLEGAL_DATA_VALUE,
+            hit.place.axis.plan.name,
+            f"the counts of a write to {_at(hit)} contradict each other",
+        )
 
 
 def _stage_limit(hit: FieldHit, rewriting: Rewriting) -> bytes:

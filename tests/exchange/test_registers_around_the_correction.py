@@ -55,3 +55,10 @@ def test_a_write_to_a_remapping_register_ends_the_compensation_of_its_unit(answe
     assert bench.memory.get(COMMAND) == 60_000
     bench.memory.put(ACTUAL, 60_000)
     assert bench.actual() == 60_000
+
+
+def test_a_frame_to_a_remapping_register_whose_counts_lie_is_refused_and_ends_nothing() -> None:
+    bench = Bench(axis_plan(remapping=(REMAP,)))
+    assert bench.ask(bytes.fromhex("10 0F10 0001 02 000A 01 02")) == bytes.fromhex("90 03")
+    assert bench.seen == []
+    assert compensation_state(bench.line.axes[0]) == "active"
