@@ -7,6 +7,8 @@ from typing import Annotated, Any, Final
 
 from pydantic import Field
 
+from gateway.drives.meanings import rule_meaning
+from gateway.drives.motion import Action, Form
 from gateway.drives.registers import RegisterMap, clashes, position_spans
 from gateway.drives.strict import ByName, ListOf, StrictModel
 
@@ -113,6 +115,8 @@ def faults(profile: Profile, *, is_shipped: bool = False) -> Iterator[Fault]:
     """
     yield from _overlaps(profile.registers)
     yield from _too_long(profile.registers)
+    for fault in motion_faults(profile.registers):
+        yield Fault(("registers", *fault.path), fault.found, fault.remedy)
     yield from _wrong_evidence(profile)
     if is_shipped:
         yield from _missing_evidence(profile)
@@ -136,6 +140,27 @@ def _too_long(registers: RegisterMap) -> Iterator[Fault]:
             f"max_registers = {registers.max_registers}, "
             f"but {key_name(longest.key)} has {longest.words} registers",
             f"allowed: {longest.words} or more",
+        )
+
+
+def motion_faults(registers: RegisterMap) -> Iterator[Fault]:
+    """Yield why the drive cannot be moved the way its registers say; keys inside the map."""
+    longer = next((position for position in registers.command if position.type.words > 1), None)
+    if registers.write is Form.FC06 and longer is not None and not registers.staged:
+        # Words that are written one by one must not move the axis one by one.
+        yield Fault(
+            ("write",),
+            f'write = "fc06", a command of {longer.type.words} registers ({longer.type.value}) and '
+            "staged = false",
+            "the first word alone would move the axis; allowed: staged = true with the trigger that runs the "
+            'target, a type of one register, or "fc16"',
+        )
+    key = rule_meaning(registers, Action.RELATIVE_TO_ACTUAL)
+    if key is not None and not registers.actual:
+        yield Fault(
+            key,
+            "distances from the measured position, and registers.actual is not mapped",
+            "map actual; without it none of these moves could be corrected",
         )
 
 

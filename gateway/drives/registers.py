@@ -1,6 +1,6 @@
 """The registers of one drive: ``[axis.NAME.registers]``, and the body of a drive profile."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import combinations
@@ -357,8 +357,19 @@ def share_register(one: Span, other: Span) -> bool:
 
 
 def clashes(registers: RegisterMap) -> list[tuple[Span, Span]]:
-    """Return every pair of one map that shares a register; bits may share theirs, and rules too."""
+    """Return the pairs of one map that share a register; bits may share theirs, and rules too.
+
+    Of the many positions that one key can stand for only the first pair is told.
+    """
     positions: Sequence[Span] = position_spans(registers)
     others = (*bit_spans(registers), *rule_spans(registers))
     pairs = [*combinations(positions, 2), *((p, other) for p in positions for other in others)]
-    return [(one, other) for one, other in pairs if share_register(one, other)]
+    return first_of_keys((one, other) for one, other in pairs if share_register(one, other))
+
+
+def first_of_keys(pairs: Iterable[tuple[Span, Span]]) -> list[tuple[Span, Span]]:
+    """Return the first pair of each two keys."""
+    found: dict[tuple[object, object], tuple[Span, Span]] = {}
+    for one, other in pairs:
+        found.setdefault((one.key, other.key), (one, other))
+    return list(found.values())

@@ -202,6 +202,8 @@ def learn(read: AddedFrame, reply: bytes, known: Known, now_ns: int) -> None:
         known.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
     elif read.purpose is Purpose.RULE:
         known.rule_words.setdefault(name, {})[read.address] = None if words is None else _word(words)
+        if words is not None:
+            axis.motion.note_read(read.address, _word(words))
     elif read.purpose is Purpose.STANDING:
         _learn_standing(read, words, known)
     else:

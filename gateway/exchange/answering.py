@@ -95,7 +95,8 @@ def fail(rewriting: Rewriting, code: int, now_ns: int, *, is_refusal: bool) -> N
         axis.forget_place()
         shadow.forget()
     for meaning in rewriting.request.meanings:
-        note_failed(meaning, code, now_ns, is_refusal=is_refusal)
+        is_run_known = _is_run_known(rewriting, meaning)
+        note_failed(meaning, code, now_ns, is_refusal=is_refusal, is_run_known=is_run_known)
 
 
 def note_broadcast(rewriting: Rewriting, now_ns: int) -> None:
@@ -110,7 +111,8 @@ def note_broadcast(rewriting: Rewriting, now_ns: int) -> None:
         axis.forget_place()
         shadow.forget()
     for meaning in rewriting.request.meanings:
-        note_failed(meaning, 0, now_ns, is_refusal=False, is_broadcast=True)
+        is_run_known = _is_run_known(rewriting, meaning)
+        note_failed(meaning, 0, now_ns, is_refusal=False, is_run_known=is_run_known, is_broadcast=True)
 
 
 def _foreign_reply(rewriting: Rewriting, reply: bytes) -> bytes:

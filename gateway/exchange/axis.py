@@ -347,7 +347,12 @@ class AxisExchange:
         rendering.shadow.settle(rendering.nominal_words, rendering.corrected_words, losses)
         if rendering.move is None:
             self.compensation.touch(now_ns)
-            return
+        else:
+            self.accept(rendering)
+
+    def accept(self, rendering: Rendering) -> None:
+        """The axis goes to a target, or has gone there, whatever its registers hold by now."""
+        assert rendering.move is not None
         self.compensation.commit(rendering.move, rendering.corrected_counts, is_reached=self.is_done_seen)
         self.is_branch_known = True
         self.last_shadow = rendering.shadow

@@ -93,7 +93,13 @@ def note_done(meaning: Meaning, now_ns: int) -> None:
 
 
 def note_failed(
-    meaning: Meaning, code: int, now_ns: int, *, is_refusal: bool, is_broadcast: bool = False
+    meaning: Meaning,
+    code: int,
+    now_ns: int,
+    *,
+    is_refusal: bool,
+    is_run_known: bool,
+    is_broadcast: bool = False,
 ) -> None:
     """Take note of a request that was sent and not acknowledged; what a refusal proves, the map says (M7)."""
     axis = meaning.axis
@@ -101,7 +107,7 @@ def note_failed(
         axis.motion.doubt({**meaning.words, **dict.fromkeys(meaning.unclear_words, 0)}, dict(meaning.coils))
         if meaning.action in MOVES_OTHERWISE:
             _move_otherwise(meaning, now_ns, is_certain=False)
-        elif meaning.runs_alone:
+        elif meaning.runs_alone and not is_run_known:
             axis.forget_place()
     if not (is_broadcast or (axis.passes_unchanged and is_refusal)):
         block(meaning, code)
@@ -136,13 +142,15 @@ def _contents(meaning: Meaning) -> tuple[tuple[int, int], ...]:
 def block(meaning: Meaning, code: int) -> None:
     """A target, its mode or a part of it was lost: its triggers are refused from now on (M3)."""
     axis, motion = meaning.axis, meaning.axis.motion
+    # The others of a beam must not go alone (M11); a run refused for their sake holds nobody up.
+    is_run_of_beam = bool(axis.peers) and meaning.action.runs_target and axis.blocked_by_peer is None
     may_stand = motion.plan.waits_for_trigger or bool(axis.peers)
-    if not may_stand or not (meaning.commands or meaning.writes_mode):
+    if not may_stand or not (meaning.commands or meaning.writes_mode or is_run_of_beam):
         return
     for mode in motion.plan.modes:
         if mode is not None and (mode.address in meaning.words or mode.address in meaning.unclear_words):
             motion.lose_mode(mode.address, code)
-    if meaning.commands and motion.block(code, is_first=axis.blocked_by_peer is None):
+    if (meaning.commands or is_run_of_beam) and motion.block(code, is_first=axis.blocked_by_peer is None):
         axis.tell(
             EventKind.AXIS_BLOCKED,
             f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a complete "

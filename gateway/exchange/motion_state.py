@@ -71,6 +71,10 @@ class MotionState:
             if self._lost_modes.get(address, (0, 0))[1] <= losses:
                 self._lost_modes.pop(address, None)
 
+    def note_read(self, address: int, word: int) -> None:
+        """Note what a register was read to hold."""
+        self._memory[address] = word
+
     def note_coils(self, coils: dict[int, int]) -> None:
         """Note which coils the drive acknowledged."""
         self._coils.update(coils)

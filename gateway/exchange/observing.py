@@ -16,12 +16,24 @@ def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, now_
         return None
     before, now = axis.actual, Actual(counts_of(field_, raw), now_ns)
     axis.actual = now
+    _prove(axis, before, now)
     axis.compensation.observe(now.counts)
     is_at_rest = axis.was_at_target or axis.is_done_seen
     _watch(axis, now.counts)
     if before is not None and is_at_rest:
         _watch_for_jump(axis, before, now)
     return now
+
+
+def _prove(axis: AxisExchange, before: Actual | None, now: Actual) -> None:
+    """Take a target that was never acknowledged as accepted when the axis is seen to have gone there (M7)."""
+    unproven = axis.unproven
+    if unproven is None or before is None:
+        return
+    settings = axis.plan.settings
+    near = settings.hysteresis * abs(settings.counts_per_unit)
+    if abs(now.counts - unproven.corrected_counts) <= near < abs(before.counts - unproven.corrected_counts):
+        axis.accept(unproven)
 
 
 def observe_bit(axis: AxisExchange, name: str, now_ns: int, *, is_set: bool) -> None:

@@ -166,8 +166,12 @@ def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
     if number is None:
         return None
     shadow = axis.shadows[number]
-    if shadow.nominal_words is None or shadow.is_torn or not shadow.may_be_corrected:
+    if not shadow.may_be_corrected:
         return None
+    if shadow.nominal_words is None or shadow.is_torn:
+        if meaning.number is None:  # a value that nobody knows may be anything; this one runs the target
+            return None
+        raise _not_ours(axis)
     return _restage(as_it_came(axis, shadow))
 
 
@@ -207,7 +211,11 @@ def _staged_words(meaning: Meaning) -> bytes | None:
     is_as_written = axis.passes_unchanged and not (shadow and shadow.may_be_corrected)
     if is_as_written or axis.motion.plan.passes_stored_moves:
         return None
-    raise RefusedRequestError(
+    raise _not_ours(axis)
+
+
+def _not_ours(axis: AxisExchange) -> RefusedRequestError:
+    return RefusedRequestError(
         ExceptionCode.SERVER_DEVICE_FAILURE,
         axis.plan.name,
         "a trigger, and its target was not written through the gateway: write it again "

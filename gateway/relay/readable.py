@@ -149,4 +149,4 @@ def _units(axis: AxisPlan, field: PositionField, data: bytes, at: int) -> str:
     except RegisterError:
         return "?"
     units = (counts - settings.zero_counts) / settings.counts_per_unit - settings.machine_offset
-    return f"{units:.6g} {settings.units.value}"
+    return f"{units:.10g} {settings.units.value}"

@@ -49,8 +49,8 @@ class Recorder:
         """Whether it records."""
         return self._is_on
 
-    def start(self) -> None:
-        """Make the file and begin.
+    def open(self) -> None:
+        """Make the file, so that nothing has to start where that cannot be.
 
         Raises:
             OSError: the file exists, or cannot be made or written.
@@ -61,8 +61,18 @@ class Recorder:
             self._append(encode(self._header))
         except OSError:
             os.close(self._file_fd)
+            self._file_fd = -1
             self.path.unlink()
             raise
+
+    def start(self) -> None:
+        """Begin; makes the file where that has not been done.
+
+        Raises:
+            OSError: as :meth:`open`.
+        """
+        if self._file_fd < 0:
+            self.open()
         self._is_on = True
         self._task = asyncio.create_task(self._run())
 

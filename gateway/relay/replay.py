@@ -23,9 +23,14 @@ class ReplayError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One output that is not as recorded. ``entry`` is the line in the file of the input that caused it."""
+    """One output that is not as recorded.
+
+    ``entry`` is the line in the file of the input that caused it, ``file_line`` that of the recorded output
+    that differs: of the input where none was recorded.
+    """
 
     entry: int
+    file_line: int
     t: int
     line: str
     expected: traffic.Output | None
@@ -169,7 +174,7 @@ class Replay:
             case traffic.Sent() | traffic.Abandoned() | traffic.Answered():
                 if self._line(entry.line) is None:
                     return False
-                self._compare(entry)
+                self._compare(number, entry)
             case _:
                 line = self._line(entry.line)
                 if line is None:
@@ -189,12 +194,12 @@ class Replay:
             )
         return line
 
-    def _compare(self, expected: traffic.Output) -> None:
+    def _compare(self, number: int, expected: traffic.Output) -> None:
         self.result.outputs += 1
         outputs = self._lines[expected.line].outputs
         got = outputs.popleft() if outputs else None
         if got != expected:
-            self._differs(expected.line, expected, got)
+            self._differs(expected.line, expected, got, number)
 
     def _settle(self) -> None:
         """What the last input caused beyond what was recorded is a difference too."""
@@ -202,11 +207,13 @@ class Replay:
             while line.outputs:
                 self._differs(name, None, line.outputs.popleft())
 
-    def _differs(self, line: str, expected: traffic.Output | None, got: traffic.Output | None) -> None:
+    def _differs(
+        self, line: str, expected: traffic.Output | None, got: traffic.Output | None, file_line: int = 0
+    ) -> None:
         self.result.different += 1
         if len(self.result.first) < KEPT_DIFFERENCES:
             number, cause = self._input or (0, traffic.Up(line, 0))
-            self.result.first.append(Difference(number, cause.t, line, expected, got))
+            self.result.first.append(Difference(number, file_line or number, cause.t, line, expected, got))
 
 
 def _tell_nobody(line: str, event: Event) -> None:

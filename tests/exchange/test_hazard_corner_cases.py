@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
 from gateway.drives.motion import Action, Deed, Form, ModePlan, MotionPlan, TriggerPlan
 from gateway.exchange.plan import ControllerPlan, Reference
 from gateway.modbus.registers import FieldAccess, PositionField, RegisterType, WordOrder
@@ -16,6 +18,7 @@ from tests.exchange.staged_bench import (
     ZERO_PDU,
     StagedBench,
     staged_plan,
+    sticky,
 )
 
 CONTROL = MotionPlan(
@@ -346,3 +349,36 @@ def test_m4_a_repeat_whose_reply_was_lost_leaves_the_branch_as_it_is() -> None:
     bench.port.take()
     bench.ask(write(COMMAND, 50_000))
     assert bench.seen[-1] == told
+
+
+def test_m11_a_target_that_is_refused_at_its_trigger_keeps_the_other_axis_from_running() -> None:
+    bench = gantry(travel=(0.0, 100.0))
+    for unit_id, counts in ((1, 350_000), (2, 60_000)):
+        ask(bench, unit_id, write(COMMAND, counts))
+    assert ask(bench, 1, RUN_PDU) == bytes.fromhex("86 04")
+    assert ask(bench, 2, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.drive.moves == []
+
+
+def test_a18_after_a_broadcast_trigger_the_axis_reads_back_what_was_commanded() -> None:
+    bench = StagedBench()
+    bench.go_to(80_000)
+    bench.actual()
+    bench.stage(50_000)
+    bench.send(RUN_PDU, unit_id=0)
+    bench.serve()
+    bench.wait(100)
+    bench.drive.arrive()
+    assert bench.drive.moves[-1:] == [("absolute", 49_990)]
+    assert bench.actual() == 50_000
+
+
+def test_m3_a_trigger_whose_mode_nobody_knows_does_not_run_what_was_left_from_before_a_lost_link() -> None:
+    offset = make_table([0, 100], [0.05, 0.05], [0.05, 0.05], Units.MM)
+    bench = StagedBench(staged_plan(table=offset, motion=sticky(), safe_read=False))
+    bench.ask(bytes.fromhex("06 0700 0001"))
+    bench.go_to(50_000)
+    bench.line.link_down(bench.now_ns)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    assert bench.refused(RUN_PDU) == 4
