@@ -98,14 +98,14 @@ class LineExchange:
         if role is not Role.MOTION and may_write and not may_stop:
             self._refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
         elif not self.is_up:
-            self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE, now_ns)
+            self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
             self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
         elif is_free:
             self._start(exchange, now_ns)
         elif stops:
             self._overtake(exchange, stops, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
-            self._note_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
+            self._note_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
             self._refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
         else:
             self._waiting.add(exchange)
@@ -200,7 +200,7 @@ class LineExchange:
         if exchange.port is None:
             return
         if code is not None:
-            self._note_unsent(exchange, code, now_ns)
+            self._note_unsent(exchange, code)
             self._refuse(exchange, code)
         elif self._waiting.has_stops and not exchange.overtaken_by:
             exchange.added = None
@@ -256,7 +256,7 @@ class LineExchange:
             self._lose(current, now_ns)
             self._fail(current, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND)
         for exchange in self._waiting.withdraw(lambda _: True):
-            self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE, now_ns)
+            self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
             self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
         self._news.look(self.axes)
 
@@ -305,7 +305,7 @@ class LineExchange:
             added, pdu = self._units.next_to_send(exchange, now_ns)
         except RefusedRequestError as refusal:
             self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason))
-            self._note_unsent(exchange, refusal.code, now_ns)
+            self._note_unsent(exchange, refusal.code)
             self._refuse(exchange, refusal.code)
             return
         exchange.added = added
@@ -358,13 +358,13 @@ class LineExchange:
         code = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
         lose(exchange, code, now_ns)
         if exchange.added is not None:
-            self._note_unsent(exchange, code, now_ns)
+            self._note_unsent(exchange, code)
         self._end_if_remapped(exchange)
 
-    def _note_unsent(self, exchange: Exchange, code: int, now_ns: int) -> None:
+    def _note_unsent(self, exchange: Exchange, code: int) -> None:
         """Take note of a request that never reached the drive (M3)."""
         if exchange.port is not None and not only_reads(exchange.pdu):
-            note_unsent(self._units, exchange, code, now_ns)
+            note_unsent(self._units, exchange, code)
             self._news.look(self._units.axes_of(exchange.unit_id))
 
     def _end_if_remapped(self, exchange: Exchange) -> None:
@@ -391,7 +391,7 @@ class LineExchange:
         self._send_reply(exchange, exception_pdu(exchange.pdu[0], code))
 
     def _withdrawn(self, exchange: Exchange, reason: str, now_ns: int, code: int = LOST) -> None:
-        self._note_unsent(exchange, code, now_ns)
+        self._note_unsent(exchange, code)
         self.counters.withdrawn += 1
         if exchange.port is not None:
             name = exchange.port.plan.name

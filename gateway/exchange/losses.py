@@ -67,12 +67,12 @@ def lose(exchange: Exchange, code: int, now_ns: int) -> None:
         frame.axis.tell(EventKind.AXIS_BLOCKED, "nobody knows whether the staged target was written anew")
 
 
-def note_unsent(units: Units, exchange: Exchange, code: int, now_ns: int) -> None:
+def note_unsent(units: Units, exchange: Exchange, code: int) -> None:
     """Note that a request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
     access = access_of(exchange.pdu)
     for unit in units.reached(exchange.unit_id):
         if access is not None and access.write_quantity:
-            parts.note_unsent(unit, exchange.pdu, access, now_ns)
+            parts.note_unsent(unit, exchange.pdu, access, exchange.arrived_ns)
         if unit.has_rules:
             for meaning in meanings(unit, exchange.pdu, access):
                 block(meaning, code)

@@ -20,6 +20,7 @@ class Shadow:
     __slots__ = (
         "_all_words",
         "_is_held",
+        "_lost_ns",
         "_missing",
         "_pending",
         "_since_ns",
@@ -38,6 +39,8 @@ class Shadow:
         self._pending: bytearray | None = None
         self._missing = 0
         self._since_ns = 0
+        self._lost_ns = 0
+        """When the newest write that was lost had come."""
         self._is_held = False
         """The drive acknowledged every part that is pending: they need not hurry."""
         self.may_be_corrected = False
@@ -98,7 +101,14 @@ class Shadow:
         self._is_held = stays_held
 
     def lose(self, first: int, words: bytes, now_ns: int) -> None:
-        """Note a part that never reached the drive; it counts when the other parts follow soon."""
+        """Note a part that never reached the drive; it counts when the other parts follow soon.
+
+        ``now_ns`` is when it came: of a loss that shows later than that of a newer write nothing counts.
+        """
+        if now_ns < self._lost_ns:
+            self.tear()
+            return
+        self._lost_ns = now_ns
         if self._pending is None or self._missing == self._all_words or not self._are_joined(now_ns):
             self.tear()
             self._since_ns = now_ns

@@ -1,7 +1,8 @@
 """A loss that was noted while an older write was on the wire is not healed by its acknowledgement (M3)."""
 
 from gateway.exchange.plan import ControllerPlan
-from tests.exchange.line_bench import COMMAND, Port, write
+from gateway.exchange.shadow import Shadow
+from tests.exchange.line_bench import COMMAND, MS, Port, write
 from tests.exchange.staged_bench import MODE, RUN_PDU, STOP_PDU, StagedBench, staged_plan, sticky
 
 REFUSED = bytes.fromhex("86 06")
@@ -52,3 +53,11 @@ def test_m3_a_mode_that_was_withdrawn_is_not_replaced_by_the_one_on_the_wire() -
     assert bench.ask(bytes.fromhex("06 0700 0002"))[0] == 6
     bench.trigger()
     assert bench.drive.moves[-1:] == [("relative", 51_010)]
+
+
+def test_m3_a_part_whose_loss_shows_later_than_that_of_a_newer_one_counts_for_nothing() -> None:
+    shadow = Shadow(COMMAND)
+    shadow.settle(bytes(4), bytes(4))
+    shadow.lose(1, b"\x00\x02", 100 * MS)  # came later, was refused at once
+    shadow.lose(1, b"\x00\x01", 90 * MS)  # came first; that nobody answered it is known only now
+    assert shadow.completed(0, b"\x12\x34", 150 * MS) is None
