@@ -95,8 +95,11 @@ class Shadow:
 
     def hold(self, first: int, words: bytes, now_ns: int) -> None:
         """Note a part that the drive acknowledged, while the other parts are not known."""
-        is_new = self._pending is None or self._missing == self._all_words or not self._are_joined(now_ns)
+        covers_all = not self._all_words & ~self._missing & ~_mask(first, words)
+        is_new = self._pending is None or covers_all or not self._are_joined(now_ns)
         stays_held = is_new or self._is_held
+        if is_new:
+            self.tear()
         self.lose(first, words, now_ns)
         self._is_held = stays_held
 

@@ -61,3 +61,10 @@ def test_m3_a_part_whose_loss_shows_later_than_that_of_a_newer_one_counts_for_no
     shadow.lose(1, b"\x00\x02", 100 * MS)  # came later, was refused at once
     shadow.lose(1, b"\x00\x01", 90 * MS)  # came first; that nobody answered it is known only now
     assert shadow.completed(0, b"\x12\x34", 150 * MS) is None
+
+
+def test_m1_a_half_that_was_lost_and_given_again_may_wait_for_the_other() -> None:
+    shadow = Shadow(COMMAND)
+    shadow.lose(1, b"\x00\x01", 100 * MS)
+    shadow.hold(1, b"\x00\x01", 250 * MS)
+    assert shadow.completed(0, b"\x12\x34", 900 * MS) == bytes.fromhex("1234 0001")
