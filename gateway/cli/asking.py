@@ -9,39 +9,39 @@ Answer = TypeVar("Answer")
 
 
 class Asking:
-    """Takes what the options gave and asks for the rest.
+    """Has every answer accepted: takes what the options gave and asks for the rest, until it is good.
 
-    Where nobody can be asked it notes which options are missing, so that all are named at once.
+    Where nobody can be asked a wrong option is wrong usage, and the options that are missing are noted, so
+    that all are named at once.
     """
 
     def __init__(self, *, is_on: bool) -> None:
         self.is_on = is_on
         self._missing: list[str] = []
 
-    def answer(self, given: Answer | None, option: str, question: str, kind: Callable[..., Answer]) -> Answer:
-        """Return what was given, or ask for it; the empty value of its kind where nobody can be asked."""
-        if given is not None:
-            return given
-        if self.is_on:
-            answered: Answer = typer.prompt(question, type=kind, err=True)
-            return answered
-        self._missing.append(option)
-        return kind()
-
-    def text(self, given: str | None, option: str, question: str) -> str:
-        """Return a text that was given, or ask for it."""
-        return self.answer(given, option, question, str)
-
-    def choice(self, given: str | None, option: str, allowed: tuple[str, ...]) -> str:
-        """Return one of the allowed words.
+    def settle(
+        self, given: Answer | None, option: str, ask: Callable[[], Answer], accept: Callable[[Answer], None]
+    ) -> None:
+        """Hand the answer to ``accept``; it and ``ask`` refuse one with a ValueError that says why.
 
         Raises:
-            typer.BadParameter: another one was given.
+            typer.BadParameter: what was given is refused, and nobody can be asked for another.
         """
-        found = self.text(given, option, f"{option.removeprefix('--')} ({', '.join(allowed)})")
-        if found and found not in allowed:
-            raise typer.BadParameter(f'found "{found}"; allowed: {", ".join(allowed)}', param_hint=option)
-        return found
+        if given is None and not self.is_on:
+            self._missing.append(option)
+            return None
+        if given is not None:
+            try:
+                return accept(given)
+            except ValueError as error:
+                if not self.is_on:
+                    raise typer.BadParameter(str(error), param_hint=option) from None
+                typer.echo(f"{option}: {error}", err=True)
+        while True:
+            try:
+                return accept(ask())
+            except ValueError as error:
+                typer.echo(f"  {error}", err=True)
 
     def optional(self, given: str | None, question: str) -> str | None:
         """Return what was given, or ask for something that may stay empty."""
@@ -53,13 +53,6 @@ class Asking:
         """Ask a question that has no default. Where nobody can be asked the answer is no."""
         return self.is_on and typer.confirm(question, err=True)
 
-    def range(self, given: tuple[float, float] | None, option: str, what: str) -> tuple[float, float]:
-        """Return two numbers that were given, or ask for them one after the other."""
-        if given is not None or not self.is_on:
-            return self.answer(given, option, what, _no_range)
-        low = self.answer(None, option, f"{what}, lowest", float)
-        return low, self.answer(None, option, f"{what}, highest", float)
-
     def refuse_if_incomplete(self) -> None:
         """Say every option that is missing, at once.
 
@@ -70,5 +63,37 @@ class Asking:
             raise typer.BadParameter(f"missing: {', '.join(self._missing)} (or run it with --ask)")
 
 
-def _no_range() -> tuple[float, float]:
-    return 0.0, 0.0
+def text(question: str) -> str:
+    """Ask for a text that is not empty."""
+    return str(typer.prompt(question, err=True)).strip()
+
+
+def number(question: str) -> float:
+    """Ask for a number.
+
+    Raises:
+        ValueError: the answer is none.
+    """
+    answer = text(question)
+    try:
+        return float(answer)
+    except ValueError:
+        raise ValueError(f'found "{answer}"; allowed: a number, as in 1000 or -0.5') from None
+
+
+def whole_number(question: str) -> int:
+    """Ask for a whole number.
+
+    Raises:
+        ValueError: the answer is none.
+    """
+    answer = text(question)
+    try:
+        return int(answer)
+    except ValueError:
+        raise ValueError(f'found "{answer}"; allowed: a whole number, as in 1') from None
+
+
+def two_numbers(question: str) -> tuple[float, float]:
+    """Ask for the lowest and the highest; raises as :func:`number`."""
+    return number(f"{question}, lowest"), number(f"{question}, highest")

@@ -19,8 +19,11 @@ Axes = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
-def ask_or_exit(config: Path, request: "Request") -> "Reply":
-    """Return the reply of the gateway that runs CONFIG; without one, say so and end with exit code 1."""
+def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "Reply":
+    """Return the reply of the gateway that runs CONFIG; without one, say so and end with exit code 1.
+
+    With ``as_json`` standard output says it too, in the form of a command that changed nothing.
+    """
     from gateway.ipc.client import NoGatewayError, ask
     from gateway.ipc.place import SocketError, socket_path
 
@@ -28,10 +31,13 @@ def ask_or_exit(config: Path, request: "Request") -> "Reply":
     try:
         return ask(socket_path(state), request)
     except SocketError as error:
-        typer.echo(f"{config}: gateway.state: {error}", err=True)
+        problem = f"gateway.state: {error}"
     except NoGatewayError as error:
         remedy = f"; start it with: pitch-gateway run {config}" if "no gateway runs" in str(error) else ""
-        typer.echo(f"{config}: {error}{remedy}", err=True)
+        problem = f"{error}{remedy}"
+    if as_json:
+        typer.echo(_result([], [problem]))
+    typer.echo(f"{config}: {problem}", err=True)
     raise typer.Exit(1)
 
 
@@ -39,10 +45,10 @@ def command(config: Path, request: "Request", done: str, nothing: str, *, as_jso
     """Send a command and say which axes changed; exit code 1 when any axis could not be commanded."""
     from gateway.ipc.messages import Done
 
-    reply = ask_or_exit(config, request)
+    reply = ask_or_exit(config, request, as_json=as_json)
     assert isinstance(reply, Done), "a command is answered by what it did"
     if as_json:
-        typer.echo(json.dumps({"changed": list(reply.changed), "problems": list(reply.problems)}))
+        typer.echo(_result(reply.changed, reply.problems))
     else:
         _say(reply.changed, done)
         if not reply.changed and not reply.problems:
@@ -51,6 +57,10 @@ def command(config: Path, request: "Request", done: str, nothing: str, *, as_jso
         typer.echo(f"{config}: {problem}", err=True)
     if reply.problems:
         raise typer.Exit(1)
+
+
+def _result(changed: Iterable[str], problems: Iterable[str]) -> str:
+    return json.dumps({"changed": list(changed), "problems": list(problems)})
 
 
 def _say(axes: Iterable[str], done: str) -> None:

@@ -43,11 +43,12 @@ class Answers:
 
 def configuration_text(answers: Answers, profile: Profile) -> str:
     """Return the configuration with its comments."""
-    serial = _serial(answers.serial, profile)
+    serial = serial_of(answers.serial, profile)
     return "\n".join((*_head(), *_line(answers, serial), *_axis(answers, profile), ""))
 
 
-def _serial(asked: Serial, profile: Profile) -> Serial:
+def serial_of(asked: Serial, profile: Profile) -> Serial:
+    """Return how serial ports are set: as asked, else as the drive is when it is new."""
     known = profile.serial
     return Serial(
         asked.baudrate or known.baudrate or USUAL.baudrate,
@@ -66,17 +67,23 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _endpoint(place: str, serial: Serial) -> list[str]:
-    """Return the keys of a place with their values."""
+def endpoint(place: str, serial: Serial) -> dict[str, object]:
+    """Return the keys of a place with their values.
+
+    >>> endpoint("rtu://10.0.0.5:4001", USUAL)
+    {'rtu_over_tcp': '10.0.0.5:4001'}
+    """
     if place.startswith(RTU_OVER_TCP):
-        return [f"rtu_over_tcp = {_quoted(place.removeprefix(RTU_OVER_TCP))}"]
+        return {"rtu_over_tcp": place.removeprefix(RTU_OVER_TCP)}
     if not place.startswith("/"):
-        return [f"tcp = {_quoted(place)}"]
+        return {"tcp": place}
+    return {"rtu": place, **serial._asdict()}
+
+
+def _endpoint(place: str, serial: Serial) -> list[str]:
     return [
-        f"rtu = {_quoted(place)}",
-        f"baudrate = {serial.baudrate}",
-        f"parity = {_quoted(serial.parity or '')}",
-        f"stop_bits = {serial.stop_bits}",
+        f"{key} = {_quoted(value) if isinstance(value, str) else value}"
+        for key, value in endpoint(place, serial).items()
     ]
 
 

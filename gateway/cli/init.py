@@ -3,20 +3,30 @@
 import json
 import os
 import sys
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 import typer
 
 from gateway.cli import init_options as options
-from gateway.cli.asking import Asking
+from gateway.cli.asking import Asking, number, text, two_numbers, whole_number
 
 if TYPE_CHECKING:
-    from gateway.drives.profile import Profile
+    from gateway.cli.draft import Draft
 
-UNITS: Final = ("mm", "inch", "degree")
-REFERENCES: Final = ("absolute", "drive-bit", "homing", "set-position")
-APPROACHES: Final = ("none", "forward", "backward")
+QUESTIONS: Final[Mapping[str, tuple[Callable[[str], Any], str]]] = {
+    "drives_at": (text, "Drives at (/dev/…, HOST:PORT, or rtu://HOST:PORT)"),
+    "controller_at": (text, "Controller at (/dev/…, or HOST:PORT to listen on)"),
+    "unit_id": (whole_number, "Modbus unit id of the drive"),
+    "units": (text, "Units (mm, inch or degree)"),
+    "counts_per_unit": (number, "Counts in one unit"),
+    "referenced": (text, "Referenced (absolute, drive-bit, homing or set-position)"),
+    "travel": (two_numbers, "Travel"),
+    "home_approach": (text, "Last movement of homing (none, forward or backward)"),
+}
+"""How what the options leave open is asked for, in this order."""
 COMPENSATION_QUESTION: Final = (
     "Are the pitch error compensation and the backlash compensation of the controller itself switched off?"
 )
@@ -50,9 +60,10 @@ def init(
 ) -> None:
     """Write a commented configuration for one drive, to start from.
 
-    Asks first whether the controller's own compensation is off, then for what the options leave open. The
-    file is checked when it is written; what is left to fill in is said line by line. The axis starts in
-    "shadow": everything is computed and shown, nothing is changed.
+    Asks first whether the controller's own compensation is off, then for what the options leave open. An
+    answer that the configuration would refuse is explained and asked for again. The file is checked when it
+    is written; what is left to fill in is said line by line. The axis starts in "shadow": everything is
+    computed and shown, nothing is changed.
 
     Examples:
         pitch-gateway init
@@ -60,54 +71,74 @@ def init(
         pitch-gateway init mill.toml --controller-compensation-off --drive oriental-az --units mm --unit-id 1
         --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 --counts-per-unit 1000 --travel -300 0
     """
-    from gateway.cli.first_configuration import Answers, Serial, configuration_text
+    from gateway.cli.draft import Draft
+    from gateway.cli.first_configuration import Serial
 
     asking = Asking(is_on=sys.stdin.isatty() if ask is None else ask)
-    if not controller_compensation_off and not asking.is_yes(COMPENSATION_QUESTION):
-        _refuse(COMPENSATION_REFUSAL)
     _check_names(file, axis, force=force)
-    drive = asking.text(drive, "--drive", "Drive (a name of `pitch-gateway drives`, or a file)")
-    profile = _profile(drive, file.parent) if drive else None
-    answers = Answers(
-        drive=drive,
-        drives_at=asking.text(drives_at, "--drives-at", "Drives at (/dev/… or HOST:PORT)"),
-        controller_at=asking.text(controller_at, "--controller-at", "Controller at (/dev/… or HOST:PORT)"),
-        serial=Serial(baudrate, parity, stop_bits),
-        axis=axis,
-        unit_id=asking.answer(unit_id, "--unit-id", "Modbus unit id of the drive", int),
-        units=asking.choice(units, "--units", UNITS),
-        counts_per_unit=asking.answer(counts_per_unit, "--counts-per-unit", "Counts in one unit", float),
-        travel=asking.range(travel, "--travel", "Travel"),
-        referenced=_referenced(asking, referenced, profile),
-        table=asking.optional(table, "Table file in the tables folder (none: leave empty)"),
-        home_approach=asking.choice(home_approach, "--home-approach", APPROACHES),
-    )
-    asking.refuse_if_incomplete()
-    assert profile is not None, "a drive that is missing has been refused"
-    _write(file, configuration_text(answers, profile), force=force)
+    draft = Draft(file, axis, Serial(baudrate, parity, stop_bits))
+    _check_serial(draft)
+    given = {
+        "drive": drive,
+        "drives_at": drives_at,
+        "controller_at": controller_at,
+        "unit_id": unit_id,
+        "units": units,
+        "counts_per_unit": counts_per_unit,
+        "referenced": referenced,
+        "travel": travel,
+        "home_approach": home_approach,
+    }
+    try:
+        _answer(draft, asking, given, is_compensation_off=controller_compensation_off)
+        table = asking.optional(table, "Table file in the tables folder (none: leave empty)")
+    except typer.Abort:
+        _refuse("\nended before all was answered: nothing was written")
+    _write(file, draft.text(table), force=force)
     _say_what_is_left(file, as_json=as_json)
 
 
-def _profile(name: str, folder: Path) -> "Profile":
-    from gateway.config.drive_files import near_names, read_profile
-    from gateway.config.problems import ConfigErrors
-    from gateway.drives import library
+def _check_serial(draft: "Draft") -> None:
+    problem = draft.wrong_serial()
+    if problem is not None:
+        option = "--" + problem.key.rpartition(".")[2].replace("_", "-")
+        raise typer.BadParameter(f"{problem.found}; {problem.remedy}", param_hint=option)
 
-    if library.is_name(name):
-        if name not in library.names():
-            _refuse(f'there is no profile "{name}"; {near_names(name)}')
-        return library.shipped(name)
+
+def _answer(draft: "Draft", asking: Asking, given: Mapping[str, Any], *, is_compensation_off: bool) -> None:
+    """Have everything answered that the options leave open."""
+    if not is_compensation_off and not asking.is_yes(COMPENSATION_QUESTION):
+        _refuse(COMPENSATION_REFUSAL)
+    _settle_drive(asking, draft, given["drive"])
+    _settle_rest(asking, draft, given)
+    asking.refuse_if_incomplete()
+
+
+def _settle_drive(asking: Asking, draft: "Draft", given: str | None) -> None:
+    """Have the drive named; the profiles that there are stand above the question."""
+    from gateway.cli.drives_output import list_lines
+
+    for line in list_lines() if asking.is_on and given is None else ():
+        typer.echo(f"  {line}", err=True)
+    ask = partial(text, "Drive (a name of `pitch-gateway drives`, or a file of your own: ./my-drive.toml)")
     try:
-        return read_profile(folder / name)
-    except ConfigErrors as errors:
-        _refuse(str(errors))
+        asking.settle(given, "--drive", ask, partial(draft.take, "drive"))
+    except typer.BadParameter as error:
+        _refuse(error.message)
 
 
-def _referenced(asking: Asking, given: str | None, profile: "Profile | None") -> str:
-    """The drive's own bit is the best answer where there is one."""
-    if given is None and profile is not None and profile.registers.bits.homed is not None:
-        return "drive-bit"
-    return asking.choice(given, "--referenced", REFERENCES)
+def _settle_rest(asking: Asking, draft: "Draft", given: Mapping[str, Any]) -> None:
+    """Have everything else answered; what the drive answers by itself is not asked."""
+    has_homed_bit = draft.profile is not None and draft.profile.registers.bits.homed is not None
+    for name, (ask, question) in QUESTIONS.items():
+        answer = given[name]
+        if name == "referenced" and answer is None and has_homed_bit:
+            answer = "drive-bit"
+        option = f"--{name.replace('_', '-')}"
+        said = len(draft.notes)
+        asking.settle(answer, option, partial(ask, question), partial(draft.take, name))
+        for note in draft.notes[said:] if asking.is_on else ():
+            typer.echo(f"  note: {note}", err=True)
 
 
 def _check_names(file: Path, axis: str, *, force: bool) -> None:
@@ -115,6 +146,10 @@ def _check_names(file: Path, axis: str, *, force: bool) -> None:
 
     if file.exists() and not force:
         _refuse(f"{file} exists already; name another file, or overwrite it with --force")
+    folder = file.parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+        why = "not writable" if folder.is_dir() else "no folder"
+        _refuse(f"{file} cannot be written ({folder} is {why}); name a file in a folder of yours")
     try:
         read_name(axis)
     except ValueError as error:

@@ -149,13 +149,18 @@ def _text(found: "AxisReadings") -> "Iterator[str]":
             continue
         place = position_of(plan, reading)
         yield (
-            f"  {name:<10} raw {place.raw:g}, machine position {place.corrected:.6g} {units}; "
-            f"nominal {place.forward:.6g} forward, {place.backward:.6g} backward"
+            f"  {name:<10} raw {_raw(place.raw)}, machine position {place.corrected:.10g} {units}; "
+            f"nominal {place.forward:.10g} forward, {place.backward:.10g} backward"
         )
     findings = findings_of(found)
     yield from (_line(finding) for finding in findings)
     if not findings:
         yield "  nothing is wrong"
+
+
+def _raw(raw: float) -> str:
+    """Write the content of a register in full: a count is a whole number."""
+    return f"{raw:.0f}" if raw == int(raw) else f"{raw:.9g}"
 
 
 def _bit(is_set: bool | None) -> str:

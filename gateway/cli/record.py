@@ -1,7 +1,7 @@
 """``pitch-gateway record CONFIG FILE``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,6 +9,9 @@ from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
 from gateway.cli.run import HowToLog, StatusEvery
 from gateway.relay.log import LogFormat
+
+if TYPE_CHECKING:
+    from gateway.relay.recorder import Recorder
 
 MEGA = 1_000_000
 
@@ -47,6 +50,11 @@ def record(
     loaded = load_or_exit(config)
     try:
         recorder = Recorder(file, header_of(loaded), max_mb * MEGA)
+    except OSError as error:
+        typer.echo(f"{error.filename or config}: {error.strerror or error}", err=True)
+        raise typer.Exit(1) from None
+    _open_or_exit(recorder)
+    try:
         run_relay(
             loaded.plan,
             note_writer(log_format),
@@ -54,11 +62,21 @@ def record(
             state=loaded.state_folder,
             recorder=recorder,
         )
-    except OSError as error:
-        typer.echo(f"{error.filename or config}: {error.strerror or error}", err=True)
-        raise typer.Exit(1) from None
     except StartError as error:
         for problem in error.problems:
             typer.echo(f"{config}: {problem}", err=True)
         raise typer.Exit(1) from None
     typer.echo(f"{recorder.entries} entries in {file}", err=True)
+
+
+def _open_or_exit(recorder: "Recorder") -> None:
+    try:
+        recorder.open()
+    except FileExistsError:
+        typer.echo(f"{recorder.path}: exists already; record into a new file, or remove this one", err=True)
+    except OSError as error:
+        why = error.strerror or error
+        typer.echo(f"{recorder.path}: cannot be written ({why}); name a file in a folder of yours", err=True)
+    else:
+        return
+    raise typer.Exit(1)

@@ -136,7 +136,7 @@ def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:
         return
     for difference in result.first:
         typer.echo(
-            f"{file}:{difference.entry}: at {difference.t} ns on line {difference.line}: "
+            f"{file}:{difference.file_line}: at {difference.t} ns on line {difference.line}: "
             f"expected {_shown(difference.expected)}, got {_shown(difference.got)}",
             err=True,
         )
@@ -149,6 +149,7 @@ def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:
 def _as_json(difference: "Difference") -> dict[str, object]:
     return {
         "entry": difference.entry,
+        "file_line": difference.file_line,
         "t": difference.t,
         "line": difference.line,
         "expected": None if difference.expected is None else _shown(difference.expected),

@@ -1,6 +1,7 @@
 """``pitch-gateway signtest CONFIG --axis X``."""
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
 UNCERTAINTY_MM = 0.002
 """What a dial gauge with 1 µm marks or a laser in a workshop can be trusted with."""
 COUNTS = 2
-MISSING = "numbers for a sign test come together: --at, --forward-reading and --backward-reading"
+NUMBERS = "--at, --forward-reading and --backward-reading"
+MISSING = f"numbers for a sign test come together: {NUMBERS}"
 
 
 def signtest(
@@ -63,7 +65,12 @@ def signtest(
         settings = plan.settings
         uncertainty = max(settings.units.from_mm(UNCERTAINTY_MM), COUNTS / abs(settings.counts_per_unit))
     if at is None or forward_reading is None or backward_reading is None:
-        at, forward_reading, backward_reading = _asked_for(plan)
+        try:
+            at, forward_reading, backward_reading = _asked_for(plan)
+        except typer.Abort:
+            if sys.stdin.isatty():
+                raise
+            raise typer.BadParameter(f"standard input ended before all readings: give {NUMBERS}") from None
     try:
         report = _report(plan, at, forward_reading, backward_reading, uncertainty)
     except ReadingsError as error:

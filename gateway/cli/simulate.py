@@ -4,6 +4,7 @@ import asyncio
 import json
 import signal
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -54,6 +55,7 @@ def simulate(
 
     try:
         plan = load(config).plan
+        _warn_of_what_is_not_played(config, plan)
         asyncio.run(_serve(plan, speed_up, seed, paced=paced, json_output=json_output))
     except ConfigErrors as errors:
         typer.echo(str(errors), err=True)
@@ -61,6 +63,22 @@ def simulate(
     except SimulatorError as error:
         typer.echo(f"{config}: {error}", err=True)
         raise typer.Exit(1) from None
+
+
+def _warn_of_what_is_not_played(config: Path, plan: "GatewayPlan") -> None:
+    """Say where a register map knows more than the plain drive that stands for it."""
+    from gateway.simulator.drives.catalogue import DRIVES
+
+    for axis in (axis for line in plan.lines for axis in line.axes):
+        motion = axis.motion
+        if axis.drive in DRIVES or not (motion.waits_for_trigger or any(motion.modes)):
+            continue
+        typer.echo(
+            f"warning: {config}: axis.{axis.name}: played by a plain drive that moves as soon as a position "
+            "is written: the modes, triggers and staged targets of its map do nothing there; a profile that "
+            "comes with the gateway (pitch-gateway drives) is played as its manual says",
+            err=True,
+        )
 
 
 async def _serve(plan: "GatewayPlan", speed_up: float, seed: int, *, paced: bool, json_output: bool) -> None:

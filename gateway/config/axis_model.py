@@ -128,7 +128,9 @@ class AxisSection(StrictModel):
         default=Setpoints.TARGETS, description="targets or a stream of setpoints"
     )
     max_speed: LengthOrZero = Field(default=0.0, description="highest speed in units/s; 0: not known")
-    hysteresis: LengthOrZero | None = Field(default=None, description="smallest motion that is a reversal")
+    hysteresis: LengthOrZero | None = Field(
+        default=None, description="smallest reversal of a stream; jitter of measured positions"
+    )
     reversal: ReversalValue | None = Field(default=None, description="blend between the branches")
     reload: ReloadSpec | None = Field(default=None, description="blend from one table to the next")
     outside: OutsideValue = Field(default=Outside(), description="what holds outside the table")

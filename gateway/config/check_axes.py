@@ -1,6 +1,6 @@
 """What the keys of an axis mean to each other and to the other axes; tables are looked at elsewhere."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import combinations
 
 from gateway.compensation.settings import BacklashKind, OutsideKind, ReversalKind, Setpoints
@@ -13,7 +13,15 @@ from gateway.config.problems import key_text, shown
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.toml_lines import KeyPath
-from gateway.drives.registers import RegisterMap, Span, bit_spans, clashes, position_spans, share_register
+from gateway.drives.registers import (
+    RegisterMap,
+    Span,
+    bit_spans,
+    clashes,
+    first_of_keys,
+    position_spans,
+    share_register,
+)
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
@@ -87,6 +95,13 @@ def _check_shared_registers(findings: Findings, axes: Mapping[str, AxisSection])
             continue
         if axis.registers is None or other.registers is None:
             continue
+        if axis.registers == other.registers:
+            findings.refuse(
+                ("axis", other_name, "unit_id"),
+                f"unit_id = {other.unit_id} and the registers of axis.{name}: both would move the same drive",
+                "give each drive a unit id of its own, or each axis its own registers",
+            )
+            continue
         for span, other_span in _shared(axis.registers, other.registers):
             _refuse_shared(
                 findings,
@@ -97,13 +112,13 @@ def _check_shared_registers(findings: Findings, axes: Mapping[str, AxisSection])
             )
 
 
-def _shared(one: RegisterMap, other: RegisterMap) -> Iterator[tuple[Span, Span]]:
+def _shared(one: RegisterMap, other: RegisterMap) -> list[tuple[Span, Span]]:
     positions, other_positions = position_spans(one), position_spans(other)
     candidates = (
         *((p, q) for p in positions for q in (*other_positions, *bit_spans(other))),
         *((bit, q) for bit in bit_spans(one) for q in other_positions),
     )
-    return ((p, q) for p, q in candidates if share_register(p, q))
+    return first_of_keys((p, q) for p, q in candidates if share_register(p, q))
 
 
 def _check_setpoints(findings: Findings, path: KeyPath, axis: AxisSection) -> None:

@@ -5,10 +5,11 @@ from typing import Final
 from gateway.compensation.settings import Setpoints
 from gateway.config.axis_model import AddedFrames, AxisSection, Unmapped
 from gateway.config.findings import Findings
-from gateway.config.meanings import rule_meaning
 from gateway.config.sections import Sections
 from gateway.config.toml_lines import KeyPath
-from gateway.drives.motion import Action, Form
+from gateway.drives.meanings import rule_meaning
+from gateway.drives.motion import Action
+from gateway.drives.profile import motion_faults
 from gateway.drives.registers import RegisterMap
 from gateway.modbus.registers import FieldAccess
 
@@ -25,26 +26,13 @@ def check_motion(findings: Findings, sections: Sections) -> None:
         if registers is None:
             continue
         path = ("axis", name)
-        _check_halves(findings, path, registers)
+        for fault in motion_faults(registers):
+            findings.refuse((*path, "registers", *fault.path), fault.found, fault.remedy)
         _check_stops(findings, path, registers)
-        _check_relative_to_actual(findings, path, registers)
         if axis.table is not None:
             _check_relative(findings, path, axis, registers)
             _check_restaging(findings, path, axis, registers)
             _check_stream(findings, path, axis, registers)
-
-
-def _check_halves(findings: Findings, path: KeyPath, registers: RegisterMap) -> None:
-    """Words that are written one by one must not move the axis one by one."""
-    longer = next((position for position in registers.command if position.type.words > 1), None)
-    if registers.write is Form.FC06 and longer is not None and not registers.staged:
-        findings.refuse(
-            (*path, "registers", "write"),
-            f'write = "fc06", a command of {longer.type.words} registers ({longer.type.value}) and '
-            "staged = false",
-            "the first word alone would move the axis; allowed: staged = true with the trigger that runs the "
-            'target, a type of one register, or "fc16"',
-        )
 
 
 def _check_stops(findings: Findings, path: KeyPath, registers: RegisterMap) -> None:
@@ -53,16 +41,6 @@ def _check_stops(findings: Findings, path: KeyPath, registers: RegisterMap) -> N
             (*path, "registers", "trigger"),
             "no value is listed that stops the axis",
             "a stop cannot go before other requests, and withdraws none of them; list its value under stop",
-        )
-
-
-def _check_relative_to_actual(findings: Findings, path: KeyPath, registers: RegisterMap) -> None:
-    key = rule_meaning(registers, Action.RELATIVE_TO_ACTUAL)
-    if key is not None and not registers.actual:
-        findings.refuse(
-            (*path, "registers", *key),
-            "distances from the measured position, and registers.actual is not mapped",
-            "map actual; without it none of these moves could be corrected",
         )
 
 

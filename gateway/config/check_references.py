@@ -4,9 +4,9 @@ from typing import Final
 
 from gateway.config.axis_model import AddedFrames, AxisSection
 from gateway.config.findings import Findings
-from gateway.config.meanings import rule_meaning
 from gateway.config.sections import Sections
 from gateway.config.toml_lines import KeyPath
+from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
 from gateway.drives.registers import RegisterMap
 from gateway.exchange.plan import Reference

@@ -2,8 +2,8 @@
 
 from gateway.config.check_lines import controller_key
 from gateway.config.findings import Findings
-from gateway.config.meanings import rule_meaning
 from gateway.config.sections import Sections
+from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
 from gateway.exchange.plan import Role
 

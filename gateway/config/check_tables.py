@@ -113,7 +113,9 @@ def _check_hysteresis(
         findings.warn(
             key,
             f"{what} is longer than the shortest interval of the table ({step:g} {unit})",
-            "a reversal shorter than that keeps the branch it came on",
+            "a reversal shorter than that keeps the branch it came on"
+            if axis.setpoints is Setpoints.STREAM
+            else "a measured position as far away as that still counts as the same place",
         )
 
 

@@ -29,13 +29,13 @@ class Document:
     lines: KeyLines
 
 
-def read_document(path: Path) -> Document:
-    """Read a TOML file.
+def read_document(path: Path, what: str = "a configuration file") -> Document:
+    """Read a TOML file; ``what`` is named where another file is needed.
 
     Raises:
         ConfigErrors: the file cannot be read, is no text, or is not TOML; with line and column.
     """
-    text = _read_text(path)
+    text = _read_text(path, what)
     try:
         tables = tomllib.loads(text)
     except RecursionError:
@@ -47,9 +47,9 @@ def read_document(path: Path) -> Document:
     return Document(path, tables, key_lines(text))
 
 
-def _read_text(path: Path) -> str:
+def _read_text(path: Path, what: str) -> str:
     try:
-        content = read_regular_file(path, LARGEST_FILE, "a configuration file")
+        content = read_regular_file(path, LARGEST_FILE, what)
     except FileRefusedError as error:
         raise _refuse(path, error.found, error.remedy) from None
     try:

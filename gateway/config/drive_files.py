@@ -82,7 +82,10 @@ def _read_file(findings: Findings, name: str, path: Path) -> Profile | None:
         return read_profile(path)
     except ConfigErrors as errors:
         for problem in errors.problems:
-            findings.refuse_elsewhere(key, problem)
+            if problem.is_of_whole_file:
+                findings.refuse(key, f"{problem.file}: {problem.found}", problem.remedy)
+            else:
+                findings.refuse_elsewhere(key, problem)
     return None
 
 
@@ -92,7 +95,7 @@ def read_profile(path: Path) -> Profile:
     Raises:
         ConfigErrors: everything that is wrong with it, with file, line and key.
     """
-    findings = Findings(read_document(path))
+    findings = Findings(read_document(path, "a drive profile"))
     raw = dict(findings.document.tables)
     try:
         profile = Profile.model_validate(raw)

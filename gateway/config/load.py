@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from gateway.config.build import build_plan
 from gateway.config.check_axes import check_axes
@@ -14,13 +15,14 @@ from gateway.config.check_references import check_references
 from gateway.config.check_roles import check_roles
 from gateway.config.check_tables import check_tables
 from gateway.config.check_ways import check_ways
-from gateway.config.document import read_document
+from gateway.config.document import Document, read_document
 from gateway.config.drive_files import NamedProfile, fit_drives
 from gateway.config.findings import Findings
 from gateway.config.not_built import refuse_what_is_not_built
 from gateway.config.problems import Problem, in_file_order
-from gateway.config.sections import read_sections
+from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable, read_tables
+from gateway.config.toml_lines import key_lines
 from gateway.ipc.plan import GatewayPlan
 
 
@@ -46,17 +48,7 @@ def load(path: Path) -> Loaded:
         ConfigErrors: everything that is wrong with it, at once.
     """
     findings = Findings(read_document(path))
-    sections = read_sections(findings)
-    drives = fit_drives(findings, sections, path.parent)
-    refuse_what_is_not_built(findings)
-    check_ways(findings)
-    check_lines(findings, sections.lines)
-    check_axes(findings, sections)
-    check_references(findings, sections)
-    check_motion(findings, sections)
-    check_roles(findings, sections)
-    check_groups(findings, sections)
-    check_drives(findings, sections, drives)
+    sections, drives = _check_but_tables(findings)
     tables_folder = path.parent / sections.gateway.tables
     tables = read_tables(findings, sections, tables_folder)
     check_tables(findings, sections.axes, tables)
@@ -70,3 +62,28 @@ def load(path: Path) -> Loaded:
         warnings=in_file_order(findings.warnings, str(path)),
         drives=drives,
     )
+
+
+def problems_of_draft(path: Path, tables: Mapping[str, Any]) -> tuple[Problem, ...]:
+    """Return what is wrong with a configuration that is still being made and will stand at ``path``.
+
+    Its table files are not looked at. What is missing so far is a problem whose ``found`` is "missing".
+    """
+    findings = Findings(Document(path, tables, key_lines("")))
+    _check_but_tables(findings)
+    return in_file_order(findings.problems, str(path))
+
+
+def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedProfile]]:
+    sections = read_sections(findings)
+    drives = fit_drives(findings, sections, findings.document.path.parent)
+    refuse_what_is_not_built(findings)
+    check_ways(findings)
+    check_lines(findings, sections.lines)
+    check_axes(findings, sections)
+    check_references(findings, sections)
+    check_motion(findings, sections)
+    check_roles(findings, sections)
+    check_groups(findings, sections)
+    check_drives(findings, sections, drives)
+    return sections, drives

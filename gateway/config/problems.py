@@ -22,6 +22,11 @@ class Problem:
     line: int | None = None
     column: int | None = None
 
+    @property
+    def is_of_whole_file(self) -> bool:
+        """Whether the file as a whole is meant: it is missing, a folder, or may not be read."""
+        return self.line is None and not self.key
+
     def __str__(self) -> str:
         place = ":".join(str(part) for part in (self.file, self.line, self.column) if part is not None)
         what = "; ".join(part for part in (self.found, self.remedy) if part)

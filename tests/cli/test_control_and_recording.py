@@ -159,6 +159,16 @@ def test_without_a_gateway_the_socket_and_the_remedy_are_said(config: Path, comm
     )
 
 
+@pytest.mark.parametrize("command", ["enable {}", "disable {} x", "reference {} x --yes"])
+def test_without_a_gateway_a_script_gets_its_json_too(config: Path, command: str) -> None:
+    result = typed(*command.format(config).split(), "--json")
+    assert result.returncode == 1
+    assert json.loads(result.stdout)["changed"] == []
+    (problem,) = json.loads(result.stdout)["problems"]
+    assert problem.startswith("no gateway runs: nobody listens at")
+    assert result.stderr == f"{config}: {problem}\n"
+
+
 def test_a_gateway_is_commanded_while_its_configuration_is_being_edited(config: Path) -> None:
     with running("run", config):
         config.write_text(config.read_text() + "\n[axis.half]\nline = 1\n")
@@ -239,7 +249,11 @@ def test_another_configuration_exits_with_1_and_the_first_difference(recording: 
     result = typed("replay", str(recording), "--config", str(config))
     assert result.returncode == 1
     first = result.stderr.splitlines()[0]
-    assert first.startswith(f"{recording}:")
+    file, number, _ = first.split(":", 2)
+    assert file == str(recording)
+    recorded = recording.read_text().splitlines()[int(number) - 1]
+    assert '"kind":"sent"' in recorded
+    assert "c382" in recorded
     assert "on line xyz: expected to drive unit 1: write multiple registers" in first
     assert "c3 82, got to drive unit 1: write multiple registers 10 00 64 00 02 04 00 00 c3 50" in first
 
@@ -277,8 +291,17 @@ def test_a_recording_is_never_written_over_another_file(config: Path, tmp_path: 
     path.write_text("precious")
     result = typed("record", str(config), str(path))
     assert result.returncode == 1
-    assert f"{path} exists: record into a new file" in result.stderr
+    assert result.stderr == f"{path}: exists already; record into a new file, or remove this one\n"
     assert path.read_text() == "precious"
+
+
+def test_a_recording_that_cannot_be_made_is_said_before_anything_starts(config: Path, tmp_path: Path) -> None:
+    path = tmp_path / "missing" / "record.jsonl"
+    result = typed("record", str(config), str(path))
+    assert result.returncode == 1
+    assert result.stderr == (
+        f"{path}: cannot be written (No such file or directory); name a file in a folder of yours\n"
+    )
 
 
 def test_a_gateway_that_cannot_start_leaves_no_recording(config: Path, tmp_path: Path) -> None:

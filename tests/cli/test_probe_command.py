@@ -44,8 +44,8 @@ def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def answer(drive: socket.socket, asked: list[bytes]) -> None:
-    """Be a drive whose every 32-bit position is 50 000, high word first."""
+def answer(drive: socket.socket, asked: list[bytes], counts: int) -> None:
+    """Be a drive whose every 32-bit position is ``counts``, high word first."""
     try:
         connection, _ = drive.accept()
     except OSError:
@@ -53,14 +53,15 @@ def answer(drive: socket.socket, asked: list[bytes]) -> None:
     with connection:
         while data := connection.recv(300):
             asked.append(data[7:])
-            connection.sendall(data[:4] + bytes((0, 7)) + data[6:8] + bytes.fromhex("04 0000C350"))
+            connection.sendall(data[:4] + bytes((0, 7)) + data[6:8] + b"\x04" + counts.to_bytes(4, "big"))
 
 
 @pytest.fixture
-def drive() -> Iterator[tuple[str, list[bytes]]]:
+def drive(request: pytest.FixtureRequest) -> Iterator[tuple[str, list[bytes]]]:
     asked: list[bytes] = []
+    counts = getattr(request, "param", 50_000)
     with socket.create_server(("127.0.0.1", 0)) as listening:
-        threading.Thread(target=answer, args=(listening, asked), daemon=True).start()
+        threading.Thread(target=answer, args=(listening, asked, counts), daemon=True).start()
         yield f'tcp = "127.0.0.1:{listening.getsockname()[1]}"', asked
 
 
@@ -78,6 +79,12 @@ def test_a_good_axis_is_shown_and_the_code_is_0(tmp_path: Path, drive: tuple[str
     assert "nothing is wrong" in result.stdout
     assert "Before the first move:" in result.stdout
     assert {pdu[0] for pdu in drive[1]} == {3}
+
+
+@pytest.mark.parametrize("drive", [809_042_123], indirect=True)
+def test_large_counts_are_shown_to_the_last_digit(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
+    result = typed(str(configured(tmp_path, drive[0])))
+    assert "actual     raw 809042123, machine position 809042.123 mm; nominal 809042.123" in result.stdout
 
 
 def test_a_wrong_word_order_ends_with_code_1(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:

@@ -120,7 +120,7 @@ async def test_words_in_the_wrong_order_are_found_by_the_travel() -> None:
     # 50 000 = 0x0000C350; with its words turned 0xC3500000 = -1 018 167 296 counts.
     [error] = errors
     assert error == (
-        "actual (0x0110): the word order looks wrong: it is at -1.01817e+06 mm as mapped and at 50 mm "
+        "actual (0x0110): the word order looks wrong: it is at -1018167.296 mm as mapped and at 50 mm "
         'with the other; try words = "low-first"'
     )
 
@@ -132,6 +132,38 @@ async def test_without_travel_a_whole_number_of_65536_gives_the_order_away() -> 
     memory.put(int32(ACTUAL, HIGH), 1234)
     _, errors, _ = await look(plan, memory)
     assert [text for text in errors if "word order looks wrong" in text and '"high-first"' in text]
+
+
+@pytest.mark.parametrize(
+    ("raw", "said"),
+    [
+        (0, "actual (0x0110) is 0, commanded (0x0120) is 0"),
+        (0x00030003, "actual (0x0110) is 196611, commanded (0x0120) is 196611"),
+        # 65 538 = 0x00010002 is 131 073 = 0x00020001 with its words turned: 65.538 and 131.073 mm.
+        (65_538, "actual (0x0110) is 65538, commanded (0x0120) is 65538"),
+    ],
+)
+async def test_where_both_word_orders_are_good_that_is_said(raw: int, said: str) -> None:
+    plan = axis()
+    memory = Memory(plan)
+    for field in (*plan.actual, *plan.commanded, *plan.command):
+        memory.put(field, raw)
+    _, errors, warnings = await look(plan, memory)
+    assert errors == []
+    [warning] = warnings
+    assert warning == (
+        f"the word order cannot be told here: {said}, and a good position with the words the other way round "
+        "too; jog the axis and probe again"
+    )
+
+
+async def test_one_word_and_floats_have_no_order_to_be_told() -> None:
+    for kind in (RegisterType.INT16, RegisterType.FLOAT32):
+        plan = axis(actual=(PositionField(ACTUAL, kind),), commanded=(), command=())
+        memory = Memory(axis())
+        memory.put(plan.actual[0], 0)
+        _, _, warnings = await look(plan, memory)
+        assert warnings == []
 
 
 async def test_jitter_in_the_high_word_gives_the_order_away() -> None:

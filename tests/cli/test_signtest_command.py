@@ -122,6 +122,14 @@ def test_without_numbers_it_asks_and_says_where_to_measure(config: Path) -> None
     assert "verdict: right" in result.stdout
 
 
+@pytest.mark.parametrize("typed_in", ["", "\n99.98\n"])
+def test_where_the_answers_end_the_missing_numbers_are_named(config: Path, typed_in: str) -> None:
+    arguments = ["signtest", str(config), "--axis", "x"]
+    result = CliRunner().invoke(app, arguments, input=typed_in, env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    assert "give --at, --forward-reading and --backward-reading" in result.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [

@@ -168,6 +168,21 @@ def test_axes_of_one_unit_share_no_register_and_both_keys_are_named(tmp_path: Pa
     assert problem.found == "0x0607..0x0608 overlaps 0x0606..0x0607 of axis.x.registers.command[1]"
 
 
+def test_an_axis_that_was_copied_with_its_unit_id_is_one_problem(tmp_path: Path) -> None:
+    text = edited(('table = "cnc10x.tab"\n', ""))
+    copied = text[text.index("[axis.x]") :].replace("axis.x", "axis.y")
+    problem = only(refused(tmp_path, text + copied), "axis.y.unit_id")
+    assert problem.found == "unit_id = 1 and the registers of axis.x: both would move the same drive"
+
+
+def test_a_mode_that_lies_on_many_paths_is_one_problem(tmp_path: Path) -> None:
+    text = edited(
+        ('0x0606, type = "int32",', '0x0606, type = "int32", paths = { count = 16, stride = 8 },'),
+        ("bits.homed", 'mode = { source = "in-frame", address = 0x0606, absolute = [1] }\nbits.homed'),
+    )
+    assert [problem.key for problem in refused(tmp_path, text)] == ["axis.x.registers.mode"]
+
+
 def test_a_position_may_not_lie_on_a_state_bit_of_another_axis(tmp_path: Path) -> None:
     text = GOOD + SECOND_AXIS.replace("0x0700", "0x013F")
     problems = refused(tmp_path, text)

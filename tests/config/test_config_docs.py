@@ -87,3 +87,12 @@ def test_the_example_as_it_stands_with_its_defaults_written_out(tmp_path: Path) 
     path = tmp_path / "gateway.toml"
     path.write_text(text)
     assert load(path).plan == load(EXAMPLE).plan
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [("state", ["`relay.sock`"]), ("hysteresis", ["`stream`:", "`targets`:", "measured position"])],
+)
+def test_the_reference_says_what_a_key_does(key: str, said: list[str]) -> None:
+    (row,) = re.findall(rf"^\| `{key}` \|.*$", REFERENCE, re.MULTILINE)
+    assert all(words in row for words in said)

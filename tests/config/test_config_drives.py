@@ -123,9 +123,18 @@ def test_registers_beside_a_drive_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_file_that_does_not_exist_is_named(tmp_path: Path) -> None:
-    (problem,) = refused(tmp_path, with_drive("./missing.toml"))
-    assert problem.file == str(tmp_path / "missing.toml")
-    assert problem.found == "no such file"
+    text = with_drive("./missing.toml")
+    problem = only(refused(tmp_path, text), "axis.x.drive")
+    assert problem.line == line_of(text, 'drive = "./missing.toml"')
+    assert problem.found == f"{tmp_path / 'missing.toml'}: no such file"
+    assert problem.remedy == "give the path of a drive profile"
+
+
+def test_a_folder_is_no_profile(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    problem = only(refused(tmp_path, with_drive("./mine")), "axis.x.drive")
+    assert problem.found == f"{tmp_path / 'mine'}: a folder"
+    assert problem.remedy == "give the path of a drive profile in it"
 
 
 @pytest.mark.parametrize(
@@ -183,9 +192,10 @@ def test_checks_of_an_axis_look_at_the_registers_of_its_profile(tmp_path: Path) 
 
 
 def test_the_motion_of_a_profile_is_looked_at_as_that_of_a_map(tmp_path: Path) -> None:
-    text = own(tmp_path, edited(("gap_ms", 'write = "fc06"\ngap_ms'), text=OWN))
-    problem = only(refused(tmp_path, text), "axis.x.registers.write")
-    assert problem.line == line_of(text, 'drive = "./mine.toml"')
+    profile = edited(("gap_ms", 'write = "fc06"\ngap_ms'), text=OWN)
+    problem = only(refused(tmp_path, own(tmp_path, profile)), "registers.write")
+    assert problem.file == str(tmp_path / "mine.toml")
+    assert problem.line == line_of(profile, 'write = "fc06"')
 
 
 def test_the_plan_names_a_shipped_profile_and_no_file_of_ones_own(tmp_path: Path) -> None:

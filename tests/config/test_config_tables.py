@@ -208,9 +208,15 @@ def test_hysteresis_is_shorter_than_the_table(tmp_path: Path) -> None:
     assert "longer than the whole table (300 mm)" in only(refused(tmp_path, text), "axis.x.hysteresis").found
 
 
-def test_hysteresis_longer_than_an_interval_is_warned_of(tmp_path: Path) -> None:
-    [warning] = loaded(tmp_path, edited(("max_speed = 200.0", "hysteresis = 151.0"))).warnings
-    assert warning.key == "axis.x.hysteresis"
+@pytest.mark.parametrize(
+    ("setpoints", "said"),
+    [("stream", "a reversal shorter than that"), ("targets", "a measured position as far away as that")],
+)
+def test_hysteresis_longer_than_an_interval_is_warned_of(tmp_path: Path, setpoints: str, said: str) -> None:
+    changed = f'hysteresis = 151.0\nsetpoints = "{setpoints}"'
+    warnings = loaded(tmp_path, edited(("max_speed = 200.0", changed))).warnings
+    [warning] = [warning for warning in warnings if warning.key == "axis.x.hysteresis"]
+    assert warning.remedy.startswith(said)
 
 
 def turning(modulo: float) -> str:

@@ -86,6 +86,32 @@ def test_a_file_with_mistakes_is_bad_input_with_its_lines(tmp_path: Path) -> Non
     assert f"{path}:3: registers.command[1].type" in result.stderr
 
 
+def test_a_file_that_does_not_exist_is_asked_for_as_a_profile(tmp_path: Path) -> None:
+    result = run("show", str(tmp_path / "none.toml"))
+    assert result.exit_code == 1
+    assert result.stderr == f"{tmp_path / 'none.toml'}: no such file; give the path of a drive profile\n"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "key"),
+    [
+        ('write = "fc06"', "registers.write"),
+        (
+            'mode = { source = "sticky", address = 9, absolute = [1], relative_to_actual = [2] }',
+            "registers.mode.relative_to_actual",
+        ),
+    ],
+)
+def test_a_profile_that_the_configuration_would_refuse_is_not_shown(
+    tmp_path: Path, wrong: str, key: str
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'title = "T"\n[registers]\ncommand = [{{ address = 1, type = "int32" }}]\n{wrong}\n')
+    result = run("show", str(path))
+    assert result.exit_code == 1
+    assert f"{path}:4: {key}: " in result.stderr
+
+
 def test_two_forms_at_once_are_wrong_usage() -> None:
     assert run("show", "tl-r", "--json", "--toml").exit_code == 2
 

@@ -1,6 +1,10 @@
 """``pitch-gateway init``: asks, writes, never overwrites, and says what is left to do."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -134,7 +138,7 @@ def test_a_drive_that_does_not_exist_is_bad_input(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("changed", "said"),
-    [({"units": "cm"}, "mm, inch, degree"), ({"axis": "x]"}, "letters"), ({"unit_id": "256"}, "255")],
+    [({"units": "cm"}, '"inch" or "degree"'), ({"axis": "x]"}, "letters"), ({"unit_id": "256"}, "255")],
 )
 def test_words_that_are_not_allowed_are_wrong_usage(
     tmp_path: Path, changed: dict[str, str], said: str
@@ -156,3 +160,130 @@ def test_a_folder_that_does_not_exist_is_bad_input(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["init", str(target), *options(drive=drive)])
     assert result.exit_code == 1
     assert "cannot be written" in result.stderr
+
+
+ANSWERS = {
+    "controller": "y",
+    "drive": "./mine.toml",
+    "drives at": "/dev/ttyUSB0",
+    "controller at": "127.0.0.1:1502",
+    "unit id": "7",
+    "units": "mm",
+    "counts": "1000",
+    "travel": "0\n12",
+    "table": "",
+}
+
+
+def asked(folder: Path, wrong: dict[str, str]) -> Result:
+    """Answer every question, those in ``wrong`` wrongly first."""
+    given = [text for key, right in ANSWERS.items() for text in (*wrong.get(key, "").splitlines(), right)]
+    return run(folder, "--ask", answers="\n".join(given) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("question", "wrong", "said"),
+    [
+        ("drive", "leadshine", "did you mean leadshine-el7 or leadshine-pr?"),
+        ("drive", "./none.toml", "no such file; give the path of a drive profile"),
+        ("drives at", "banana", 'found "banana"; allowed: "HOST:PORT"'),
+        ("drives at", "rtu://10.0.0.5:99999", "allowed: a port from 1 to 65535"),
+        ("controller at", "ttyUSB1", "or the full path of a serial port"),
+        ("controller at", "/dev/ttyUSB0", "/dev/ttyUSB0 is in use by line.main.drives.rtu already"),
+        ("controller at", "rtu://10.0.0.5:4001", "the controller connects to the gateway"),
+        ("unit id", "one", 'found "one"; allowed: a whole number'),
+        ("unit id", "0", "unit_id = 0 on a serial line; allowed: 1 to 255"),
+        ("unit id", "300", "found 300; allowed: at least 0, at most 255"),
+        ("units", "cm", 'found "cm"; allowed: "mm", "inch" or "degree"'),
+        ("counts", "1,5", 'found "1,5"; allowed: a number'),
+        ("counts", "0", "allowed: a number other than 0"),
+        ("counts", "nan", "allowed: a finite number"),
+        ("travel", "12\n0", "allowed: [lowest, highest], the first below the second"),
+    ],
+)
+def test_a_wrong_answer_is_explained_and_asked_again(
+    tmp_path: Path, question: str, wrong: str, said: str
+) -> None:
+    result = asked(tmp_path, {question: wrong})
+    assert result.exit_code == 0, result.stderr
+    assert said in result.stderr
+    (line,) = load(tmp_path / "gateway.toml").plan.lines
+    (axis,) = line.axes
+    assert (str(line.drives), axis.unit_id, axis.settings.travel) == ("/dev/ttyUSB0", 7, (0.0, 12.0))
+    assert axis.settings.counts_per_unit == 1000.0
+
+
+def test_the_drives_are_listed_above_the_question(tmp_path: Path) -> None:
+    said = asked(tmp_path, {}).stderr
+    above = said[: said.index("Drive (")]
+    assert all(name in above for name in library.names())
+
+
+def test_a_wrong_option_is_explained_and_asked_for_where_somebody_can_be_asked(tmp_path: Path) -> None:
+    arguments = [part.replace("127.0.0.1:5020", "banana") for part in options()]
+    result = run(tmp_path, *arguments, "--ask", answers="127.0.0.1:5020\n\n")
+    assert result.exit_code == 0, result.stderr
+    assert '--drives-at: found "banana"' in result.stderr
+
+
+def test_what_does_not_fit_together_is_said_at_once_and_can_be_mended_in_the_file(tmp_path: Path) -> None:
+    # 3 000 000 mm are 3 000 000 000 counts: more than an int32 holds.
+    result = run(tmp_path, "--ask", answers="\n".join({**ANSWERS, "travel": "0\n3e6"}.values()) + "\n")
+    assert result.exit_code == 0
+    assert "note: axis.x.registers.command[1]: travel ends at 3e+06 mm" in result.stderr
+    assert "left to do:" in result.stdout
+
+
+@pytest.mark.parametrize("answers", range(len(ANSWERS)))
+def test_where_the_answers_end_nothing_is_written(tmp_path: Path, answers: int) -> None:
+    given = "".join(f"{answer}\n" for answer in list(ANSWERS.values())[:answers])
+    result = run(tmp_path, "--ask", answers=given)
+    assert result.exit_code == 1
+    assert result.stderr.endswith("ended before all was answered: nothing was written\n")
+    assert "Traceback" not in result.output
+    assert not (tmp_path / "gateway.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "option"),
+    [
+        ({"drives_at": "banana"}, "--drives-at"),
+        ({"controller_at": "127.0.0.1:5020"}, "--controller-at"),
+        ({"counts_per_unit": "0"}, "--counts-per-unit"),
+        ({"travel": "1 0"}, "--travel"),
+        ({"referenced": "homing"}, "--referenced"),
+        ({"home_approach": "up"}, "--home-approach"),
+        ({"baudrate": "7"}, "--baudrate"),
+        ({"parity": "mark"}, "--parity"),
+        ({"stop_bits": "3"}, "--stop-bits"),
+    ],
+)
+def test_a_wrong_option_is_wrong_usage_where_nobody_can_be_asked(
+    tmp_path: Path, changed: dict[str, str], option: str
+) -> None:
+    result = run(tmp_path, *options(**changed), "--no-ask")
+    assert result.exit_code == 2
+    assert f"Invalid value for {option}" in result.stderr
+    assert not (tmp_path / "gateway.toml").exists()
+
+
+def test_ctrl_c_at_a_question_ends_it_with_nothing_written(tmp_path: Path) -> None:
+    controlling, terminal = os.openpty()
+    command = [sys.executable, "-c", "from gateway.cli.main import main; main()", "init"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdin=terminal, stderr=subprocess.PIPE, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        said = b""
+        while b"[y/N]" not in said:
+            more = os.read(process.stderr.fileno(), 1000)
+            assert more, said
+            said += more
+        process.send_signal(signal.SIGINT)
+        said += process.stderr.read()
+        assert process.wait(30) == 1
+    os.close(controlling)
+    os.close(terminal)
+    assert said.endswith(b"nothing was written\n")
+    assert b"Traceback" not in said
+    assert list(tmp_path.iterdir()) == []

@@ -112,6 +112,25 @@ def test_what_is_served_is_said_for_people_too(configuration: Path) -> None:
     assert lines[5].endswith("(the gateway listens there)")
 
 
+@pytest.mark.parametrize(
+    ("map_of_y", "warned"),
+    [("", False), ("registers.trigger = [{ address = 0x60, start = [1], stop = [2] }]", True)],
+)
+def test_a_map_that_the_plain_drive_cannot_play_is_warned_of(
+    configuration: Path, map_of_y: str, warned: bool
+) -> None:
+    staged = "registers.staged = true\n" if map_of_y else ""
+    configuration.write_text(f"{configuration.read_text()}{map_of_y}\n{staged}")
+    arguments = [*COMMAND_LINE, str(configuration), "--json"]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30)
+    assert ("axis.y: played by a plain drive that moves as soon as" in said) is warned
+    assert "axis.x" not in said
+
+
 def test_a_port_that_cannot_be_made_ends_it_with_one_line(configuration: Path) -> None:
     (configuration.parent / "ttyDrives").touch()
     result = CliRunner().invoke(app, ["simulate", str(configuration)])

@@ -73,7 +73,7 @@ def findings_of(found: AxisReadings) -> list[Finding]:
         reading = found.of(name)
         if reading is not None:
             findings += _place_of(found, reading)
-    return [*findings, *_agreement(found), *_steadiness(found)]
+    return [*findings, *_order_untold(found), *_agreement(found), *_steadiness(found)]
 
 
 def _error(text: str) -> Finding:
@@ -139,14 +139,40 @@ def _place_of(found: AxisReadings, reading: Reading) -> Iterator[Finding]:
         turned = machine_position(settings, field, other_order(field).unpack(reading.words))
         if _is_inside(settings, turned):
             yield _turned(
-                reading, f"is at {here:.6g} {units} as mapped and at {turned:.6g} {units} with the other"
+                reading, f"is at {here:.10g} {units} as mapped and at {turned:.10g} {units} with the other"
             )
             return
     text = (
-        f"{reading.place} is at machine position {here:.6g} {units}, outside travel {low:g} to {high:g}: "
+        f"{reading.place} is at machine position {here:.10g} {units}, outside travel {low:g} to {high:g}: "
         "check counts_per_unit, zero_counts and machine_offset, the address and the type"
     )
     yield _warning(text) if reading.place.name == "command" else _error(text)
+
+
+def _order_untold(found: AxisReadings) -> Iterator[Finding]:
+    """Whether the axis stands where a wrong word order would not show, as a freshly homed one does at 0."""
+    untold = [
+        f"{reading.place} is {reading.raw:.0f}"
+        for reading in map(found.of, ("actual", "commanded"))
+        if reading is not None and _reads_either_way(found.plan.settings, reading)
+    ]
+    if untold:
+        yield _warning(
+            f"the word order cannot be told here: {', '.join(untold)}, and a good position with the words "
+            "the other way round too; jog the axis and probe again"
+        )
+
+
+def _reads_either_way(settings: AxisSettings, reading: Reading) -> bool:
+    field, raw = reading.place.field, reading.raw
+    if field is None or raw is None or field.words == 1 or field.type.is_float:
+        return False
+    turned = other_order(field).unpack(reading.words)
+    if turned == raw:
+        return True
+    return settings.travel is not None and all(
+        _is_inside(settings, machine_position(settings, field, either)) for either in (raw, turned)
+    )
 
 
 def _looks_turned(field: PositionField, raw: float) -> bool:
@@ -167,7 +193,7 @@ def _outside_table(plan: AxisPlan, place: Place, here: float) -> Iterator[Findin
     if table is None or plan.settings.modulo or place.name != "actual" or table.first <= here <= table.last:
         return
     yield _warning(
-        f"{place} is at machine position {here:.6g}, outside its table ({table.first:g} to {table.last:g}): "
+        f"{place} is at machine position {here:.10g}, outside its table ({table.first:g} to {table.last:g}): "
         f"there outside = {plan.settings.outside.kind.value} holds"
     )
 
@@ -192,7 +218,7 @@ def _agreement(found: AxisReadings) -> Iterator[Finding]:
                 else "check its address, its word order and its scale"
             )
             yield _warning(
-                f"{reading.place} is at {there:.6g} and {actual.place} at {here:.6g} "
+                f"{reading.place} is at {there:.10g} and {actual.place} at {here:.10g} "
                 f"{settings.units.value}: {hint}"
             )
 
@@ -221,6 +247,6 @@ def _steadiness(found: AxisReadings) -> Iterator[Finding]:
     moved = abs(counts_of(field, jump) / found.plan.settings.counts_per_unit)
     if moved > found.plan.settings.hysteresis:
         yield _warning(
-            f"{first.place} changed by {moved:.6g} {found.plan.settings.units.value} between two readings: "
+            f"{first.place} changed by {moved:.10g} {found.plan.settings.units.value} between two readings: "
             "the axis moves, or hysteresis is smaller than its jitter"
         )

@@ -1,0 +1,114 @@
+"""The answers of ``init`` so far, judged by the rules of the configuration that they will make."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.cli.first_configuration import (
+    RTU_OVER_TCP,
+    USUAL,
+    Answers,
+    Serial,
+    configuration_text,
+    endpoint,
+    serial_of,
+)
+from gateway.config.drive_files import read_profile
+from gateway.config.load import problems_of_draft
+from gateway.config.problems import Problem
+from gateway.drives import library
+from gateway.drives.profile import Profile
+
+LINE: Final = "main"
+CONTROLLER: Final = "controller"
+PLACES: Final = {"drives_at": f"line.{LINE}.drives", "controller_at": f"line.{LINE}.controllers"}
+PLACE_RULE: Final = (
+    'allowed: "HOST:PORT", as in "192.168.0.7:502", or the full path of a serial port, as in "/dev/ttyUSB0"'
+)
+DEVICE_SERVER_RULE: Final = (
+    "only drives may be behind a device server: the controller connects to the gateway"
+)
+ANY_PORT: Final = "/dev/ttyUSB0"
+
+
+class Draft:
+    """Takes one answer after the other. An answer is known by the name that it has in ``Answers``."""
+
+    def __init__(self, file: Path, axis: str, serial: Serial) -> None:
+        self.answers: dict[str, Any] = {}
+        self.profile: Profile | None = None
+        self.notes: list[str] = []
+        """What good answers brought to light elsewhere; it can be mended in the file."""
+        self._file = file
+        self._axis = axis
+        self._serial = serial
+        self._known: set[Problem] = set()
+
+    def wrong_serial(self) -> Problem | None:
+        """Return what is wrong with the settings of serial ports, whatever is asked later."""
+        tables = {"line": {LINE: {"drives": endpoint(ANY_PORT, self._serial_settings())}}}
+        problems = problems_of_draft(self._file, tables)
+        return next((p for p in problems if p.key.startswith(f"{PLACES['drives_at']}.")), None)
+
+    def take(self, name: str, answer: object) -> None:
+        """Take an answer.
+
+        Raises:
+            ValueError: the configuration would refuse it; says what was found and what is allowed.
+        """
+        if name == "controller_at" and str(answer).startswith(RTU_OVER_TCP):
+            raise ValueError(f'found "{answer}"; {PLACE_RULE}; {DEVICE_SERVER_RULE}')
+        answers = {**self.answers, name: answer}
+        problems = problems_of_draft(self._file, self._tables(answers))
+        new = [problem for problem in problems if problem.found != "missing" and problem not in self._known]
+        own = [problem for problem in new if self._is_about(problem, name)]
+        if own:
+            raise ValueError("\n  ".join(_said(problem, name) for problem in own))
+        self.answers = answers
+        self._known.update(new)
+        self.notes += [f"{problem.key}: {problem.found}; {problem.remedy}" for problem in new]
+        if name == "drive":
+            self.profile = _profile(str(answer), self._file.parent)
+
+    def text(self, table: str | None) -> str:
+        """Return the configuration with its comments. Everything has to be answered."""
+        assert self.profile is not None
+        answers = Answers(**self.answers, axis=self._axis, serial=self._serial, table=table)
+        return configuration_text(answers, self.profile)
+
+    def _is_about(self, problem: Problem, name: str) -> bool:
+        if name == "drive":
+            keys = [f"axis.{self._axis}.drive", f"axis.{self._axis}.registers"]
+            return problem.file != str(self._file) or problem.key.startswith(tuple(keys))
+        return problem.key.startswith(PLACES.get(name, f"axis.{self._axis}.{name}"))
+
+    def _serial_settings(self) -> Serial:
+        if self.profile is not None:
+            return serial_of(self._serial, self.profile)
+        asked = self._serial._asdict()
+        return USUAL._replace(**{key: value for key, value in asked.items() if value is not None})
+
+    def _tables(self, answers: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the configuration as far as it is known."""
+        serial = self._serial_settings()
+        line: dict[str, Any] = {}
+        if "drives_at" in answers:
+            line["drives"] = endpoint(answers["drives_at"], serial)
+        if "controller_at" in answers:
+            line["controllers"] = [{"name": CONTROLLER, **endpoint(answers["controller_at"], serial)}]
+        axis = {name: value for name, value in answers.items() if name not in PLACES}
+        if "travel" in axis:
+            axis["travel"] = list(axis["travel"])
+        return {"line": {LINE: line}, "axis": {self._axis: {"line": LINE, **axis}}}
+
+
+def _profile(name: str, folder: Path) -> Profile:
+    return library.shipped(name) if library.is_name(name) else read_profile(folder / name)
+
+
+def _said(problem: Problem, name: str) -> str:
+    if name in PLACES and problem.key.endswith(".tcp") and problem.remedy.startswith('allowed: "HOST:PORT"'):
+        return f"{problem.found}; {PLACE_RULE}"
+    if name == "drive":
+        return str(problem) if problem.line is not None else f"{problem.found}; {problem.remedy}"
+    return f"{problem.found}; {problem.remedy}"
