@@ -2,7 +2,7 @@
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check bench fmt clean
+.PHONY: help setup demo test check soak bench fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -22,6 +22,9 @@ check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest --quiet --doctest-modules gateway
+
+soak: setup ## the ledger: 2 000 000 random requests through the gateway, each write accounted for
+	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
 
 bench: setup ## measure the hot path, as ratios in one run
 	$(BIN)/python -m bench.hot_path

@@ -141,7 +141,7 @@ def _turn_back(rewriting: Rewriting, reply: bytes, now_ns: int) -> bytes:
     try:
         for hit in rewriting.read_hits.fields:
             if hit.is_whole and hit.place.role.is_position:
-                _turn_field_back(hit, rewriting, data, now_ns)
+                _turn_field_back(hit, rewriting, data)
     except RegisterRangeError:
         return exception_pdu(rewriting.request.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
     note_bits(rewriting.read_hits.bits, data, written_by(rewriting), now_ns)
@@ -152,7 +152,7 @@ def _turn_back(rewriting: Rewriting, reply: bytes, now_ns: int) -> bytes:
     return bytes((reply[0], len(asked))) + bytes(asked)
 
 
-def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray, now_ns: int) -> None:
+def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray) -> None:
     place = hit.place
     axis, at, end = place.axis, 2 * hit.word, 2 * (hit.word + place.field.words)
     words = bytes(data[at:end])
@@ -160,7 +160,7 @@ def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray, now_n
     if readback is not None and rewriting.renderings:
         readback = axis.compensation.readback  # FC23 writes before it reads
     if place.role is FieldRole.ACTUAL and place.number == 0:
-        observe_actual(axis, place.field, words, now_ns)
+        observe_actual(axis, place.field, words, rewriting.request.now_ns)  # as old as its request
     if readback is None:
         return
     if place.role is FieldRole.COMMAND and place.shadow is not None:

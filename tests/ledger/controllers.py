@@ -1,0 +1,192 @@
+"""The controllers: real masters that ignore exceptions, lose patience, repeat themselves and pipeline."""
+
+import random
+from collections import deque
+from collections.abc import Callable
+
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import ControllerPlan
+from gateway.modbus.mbap import MbapDecoder, encode_mbap
+from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
+from tests.ledger.clock import MS, Clock
+from tests.ledger.exchanges import Controller
+from tests.ledger.frames import mbap, open_mbap, open_rtu, rtu
+from tests.ledger.habits import Step
+from tests.ledger.ledger import Ledger
+
+Script = Callable[[], list[Step]]
+
+
+class Master:
+    """A controller's port at the gateway, and the program behind it."""
+
+    def __init__(
+        self, clock: Clock, line: LineExchange, ledger: Ledger, plan: ControllerPlan, script: Script,
+        *, rng: random.Random, is_rest: bool = False,
+    ) -> None:  # fmt: skip
+        self.plan = plan
+        self._clock, self._line, self._ledger, self._script, self._rng = clock, line, ledger, script, rng
+        self._steps: deque[Step] = deque()
+        self._is_rest = is_rest
+        """It looks on every now and then, and mostly does nothing."""
+        self.is_ending = False
+        self.book = Controller(
+            plan.name,
+            is_serial=plan.serial,
+            timeout_ns=int(plan.timeout_ms * MS),
+            role=plan.role,
+        )
+        ledger.controllers.append(self.book)
+
+    def _next_step(self) -> Step | None:
+        """Return the next request, or None after a pause was made."""
+        if not self._steps:
+            if self.is_ending:
+                return None
+            self._steps.extend(self._script())
+        step = self._steps.popleft()
+        if isinstance(step, float):
+            self._clock.after(step, self.go_on)
+            return None
+        return step
+
+    def _pause_ms(self) -> float:
+        return self._rng.uniform(20, 120) if self._is_rest else self._rng.uniform(0.5, 8.0)
+
+    def go_on(self) -> None:
+        """Send the next request or requests."""
+        raise NotImplementedError
+
+    def _after_trouble(self, step: tuple[int, bytes]) -> None:
+        """Do what masters do after an exception or a time-out: go on, give up the rest, or say it again."""
+        chance = self._rng.random()
+        if chance < 0.25:
+            self._steps.appendleft(step)
+        elif chance < 0.45:
+            self._steps.clear()
+
+
+class SerialMaster(Master):
+    """RTU: one request at a time, unless it is impatient."""
+
+    def __init__(self, *args: object, **others: object) -> None:
+        super().__init__(*args, **others)  # type: ignore[arg-type]
+        self._decoder = RtuRequestDecoder()
+        self._number = 0
+        self._step: tuple[int, bytes] | None = None
+
+    def go_on(self) -> None:
+        """Send the next request."""
+        step = self._next_step()
+        if step is None:
+            return
+        assert not isinstance(step, float)
+        self._number += 1
+        self._step = step
+        data = encode_rtu(*step)
+        if self._rng.random() < 0.005:  # the gateway must not make anything of it (W3)
+            data = data[:-1] + bytes((data[-1] ^ 0x10,))
+            self._ledger.book.seen["garbled requests"] += 1
+        patience_ms = self.plan.timeout_ms
+        if self._rng.random() < 0.03:
+            patience_ms = self._rng.uniform(0.2, 5.0)
+        number = self._number
+        self._feed(data)
+        self._clock.after(patience_ms, lambda: self._lost_patience(number))
+
+    def _feed(self, data: bytes) -> None:
+        self._take(self._decoder.feed(data, self._clock.now_ns))
+        if self._decoder.deadline_ns is not None:
+            self._clock.at(self._decoder.deadline_ns, self._silent)
+
+    def _silent(self) -> None:
+        self._take(self._decoder.on_silence(self._clock.now_ns))
+        if self._decoder.deadline_ns is not None and self._decoder.deadline_ns > self._clock.now_ns:
+            self._clock.at(self._decoder.deadline_ns, self._silent)
+
+    def _take(self, frames: list[tuple[int, bytes]]) -> None:
+        for unit_id, pdu in frames:
+            self._ledger.arrived(self.book, 0, unit_id, pdu)
+            self._line.request(self, 0, unit_id, pdu, self._clock.now_ns)
+
+    def _lost_patience(self, number: int) -> None:
+        if number != self._number or self._step is None:
+            return
+        step, self._step = self._step, None
+        self._after_trouble(step)
+        self.go_on()
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """See ``ControllerPort``."""
+        opened = open_rtu(encode_rtu(unit_id, pdu))
+        assert opened == (unit_id, pdu)
+        assert rtu(unit_id, pdu) == encode_rtu(unit_id, pdu)
+        self._ledger.replied(self.book, 0, unit_id, pdu)
+        step, self._step = self._step, None
+        if step is None:
+            return
+        self._number += 1
+        if pdu[0] >= 0x80:
+            self._after_trouble(step)
+        self._clock.after(self._pause_ms(), self.go_on)
+
+
+class TcpMaster(Master):
+    """Modbus/TCP: several requests at once, answered by their numbers."""
+
+    def __init__(self, *args: object, **others: object) -> None:
+        super().__init__(*args, **others)  # type: ignore[arg-type]
+        self._decoder = MbapDecoder()
+        self._last_id = 0
+        self._open: dict[int, tuple[int, bytes]] = {}
+        self._burst = 0
+
+    def go_on(self) -> None:
+        """Send the next requests, as many as are pipelined this time."""
+        self._burst += 1
+        many = 1 if self._is_rest else self._rng.choice([1, 1, 2, 3, 5, 8])
+        data = b""
+        for _ in range(many):
+            if data and self._steps and isinstance(self._steps[0], float):
+                break  # a pause waits for the replies
+            step = self._next_step()
+            if step is None:
+                break
+            assert not isinstance(step, float)
+            self._last_id = self._last_id % 0xFFFF + 1
+            self._open[self._last_id] = step
+            data += encode_mbap(self._last_id, *step)
+        if data:
+            burst = self._burst
+            self._clock.after(self.plan.timeout_ms + 1, lambda: self._lost_patience(burst))
+            self._feed(data)
+
+    def _feed(self, data: bytes) -> None:
+        cut = self._rng.randrange(len(data) + 1) if self._rng.random() < 0.1 else len(data)
+        for part in (data[:cut], data[cut:]):
+            for transaction_id, unit_id, pdu in self._decoder.feed(part) if part else ():
+                self._ledger.arrived(self.book, transaction_id, unit_id, pdu)
+                self._line.request(self, transaction_id, unit_id, pdu, self._clock.now_ns)
+
+    def _lost_patience(self, burst: int) -> None:
+        if burst != self._burst or not self._open:
+            return
+        step = next(iter(self._open.values()))
+        self._open.clear()
+        self._after_trouble(step)
+        self.go_on()
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """See ``ControllerPort``."""
+        frame = encode_mbap(transaction_id, unit_id, pdu)
+        assert open_mbap(frame) == (transaction_id, unit_id, pdu)
+        assert frame == mbap(transaction_id, unit_id, pdu)
+        self._ledger.replied(self.book, transaction_id, unit_id, pdu)
+        step = self._open.pop(transaction_id, None)
+        if step is None:
+            return
+        if pdu[0] >= 0x80:
+            self._after_trouble(step)
+        if not self._open:
+            self._burst += 1
+            self._clock.after(self._pause_ms(), self.go_on)

@@ -1,0 +1,163 @@
+"""Requests and frames as the ledger keeps them, and whether one may have become the other."""
+
+from typing import NamedTuple
+
+from gateway.exchange.plan import Role
+from tests.ledger.frames import Parsed, parse
+from tests.ledger.layouts import Layout
+from tests.ledger.registers import Written
+from tests.ledger.witness import Intent
+
+
+class Controller:
+    """One connection, and what it is waiting for."""
+
+    def __init__(self, name: str, *, is_serial: bool, timeout_ns: int, role: Role) -> None:
+        self.name = name
+        self.is_serial = is_serial
+        self.timeout_ns = timeout_ns
+        self.is_motion = role is Role.MOTION
+        self.may_write = role is not Role.MONITOR
+        self.pending: list[Request] = []
+        """Not on the wire yet, oldest first."""
+        self.unanswered: dict[int, Request] = {}
+        """By transaction id; serial: the last request alone, at 0."""
+
+
+class Request:
+    """One request of a controller."""
+
+    __slots__ = (
+        "arrived_ns",
+        "controller",
+        "is_lost",
+        "is_stop",
+        "parsed",
+        "pdu",
+        "restaged",
+        "transaction_id",
+        "unit",
+    )
+
+    def __init__(
+        self, controller: Controller, transaction_id: int, unit: int, pdu: bytes, arrived_ns: int
+    ) -> None:
+        self.controller = controller
+        self.transaction_id = transaction_id
+        self.unit = unit
+        self.pdu = pdu
+        self.parsed = parse(pdu)
+        self.arrived_ns = arrived_ns
+        self.is_stop = self.is_lost = False
+        self.restaged = 0
+
+
+class Sample(NamedTuple):
+    """The axis when the drive took a frame."""
+
+    at: int
+    is_standing: bool
+    faded: float
+    """Counts by which a reading of it may lie beside the branches."""
+
+
+class Frame:
+    """One frame that the gateway sent to a drive."""
+
+    __slots__ = (
+        "candidates",
+        "connection",
+        "has_moved",
+        "intent",
+        "is_interruption",
+        "may_be_added",
+        "parsed",
+        "pdu",
+        "reply",
+        "request",
+        "sample",
+        "unit",
+        "written",
+    )
+
+    def __init__(self, unit: int, pdu: bytes) -> None:
+        self.unit = unit
+        self.pdu = pdu
+        self.parsed = parse(pdu)
+        self.request: Request | None = None
+        """Whose it is; None: the gateway's own, or not certain yet."""
+        self.candidates: list[Request] = []
+        """Reads that it may be."""
+        self.written: Written | None = None
+        """What was written of the target when it was sent."""
+        self.connection = 0
+        self.intent: Intent | None = None
+        self.is_interruption = False
+        self.may_be_added = False
+        """The gateway may have sent it for a write that waits."""
+        self.has_moved = False
+        """The drive has done something with it."""
+        self.reply: bytes | None = None
+        self.sample: Sample | None = None
+
+
+class Window(NamedTuple):
+    """Addresses of one read or write."""
+
+    start: int
+    end: int
+
+    def widened(self, fields: list[int]) -> "Window":
+        """Return the window that cuts none of these positions of two words."""
+        start, end = self.start, self.end
+        for address in fields:
+            if address < end and address + 2 > start:
+                start, end = min(start, address), max(end, address + 2)
+        return Window(start, end)
+
+
+def read_fields(layout: Layout) -> list[int]:
+    """Addresses of the positions that can be read, in ascending order."""
+    found = [layout.actual]
+    if layout.commanded is not None:
+        found.append(layout.commanded)
+    if layout.actual != layout.command:
+        found.append(layout.command)
+    return sorted(found)
+
+
+def may_become(request: Parsed, request_pdu: bytes, frame: Frame, layout: Layout) -> bool:
+    """Whether a frame is what a request has to look like towards the drive, but for the target's words."""
+    sent = frame.parsed
+    if request.write is None:
+        if request.read is None:
+            return request_pdu == frame.pdu
+        window = _window(request.read).widened(read_fields(layout))
+        return sent == request._replace(read=(window.start, window.end - window.start))
+    if request.read is not None and request.read != sent.read:
+        window = _window(request.read).widened(read_fields(layout))
+        if sent.read != (window.start, window.end - window.start):
+            return False
+    return _writes_the_same(request, request_pdu, frame, layout)
+
+
+def _writes_the_same(request: Parsed, request_pdu: bytes, frame: Frame, layout: Layout) -> bool:
+    assert request.write is not None
+    sent, (address, words) = frame.parsed, request.write
+    target = Window(layout.command, layout.command + 2)
+    own = Window(address, address + len(words))
+    if target.end <= own.start or target.start >= own.end:
+        return frame.pdu == request_pdu
+    if frame.pdu == request_pdu:
+        return True  # a half that goes out as it came
+    wanted = own.widened([layout.command])
+    if sent.write is None or sent.write[0] != wanted.start or len(sent.write[1]) != wanted.end - wanted.start:
+        return False
+    if sent.function not in {request.function, 16}:
+        return False
+    others = [a for a in range(own.start, own.end) if not target.start <= a < target.end]
+    return all(sent.write[1][a - wanted.start] == words[a - own.start] for a in others)
+
+
+def _window(span: tuple[int, int]) -> Window:
+    return Window(span[0], span[0] + span[1])

@@ -1,0 +1,316 @@
+"""The ledger: every frame on its way in, out and back, and who it belonged to.
+
+The witness knows the exact table, what every controller asked for and in which order, what every drive
+truly did and when. It takes nothing from the exchange. What it demands (numbers as in docs/wire-rules.md):
+
+- *Whose frame.* Each frame to a drive is either the oldest request of one controller that is not older than
+  its ``timeout_ms`` (or a stop), or a frame that the gateway may add for such a request: a read of a mapped
+  register, or one restaging of a target before its trigger (W8, M2). A request is sent once (W5), in order
+  (W1), one at a time (W6). All but the words of the target is byte for byte what the controller wrote; a
+  half, a mask and a cut block may be recast as a write of the whole.
+- *Its words.* The target's words are the correction of the nominal target in one direction, or half way
+  while no direction was ever known; where a drive may still turn a staged target into a distance, its words
+  are judged when it runs. A half is completed with what the controller wrote last to the other word, never
+  with anything older.
+- *Its motion.* A drive runs only a target of which the controller's last write was acknowledged, and so was
+  its mode (M3). It goes where the exact table puts the nominal destination, rounded to a whole count, on
+  the branch of the direction from where it truly is (M6): strictly where the place is known (the last run
+  was acknowledged and nothing else moved the axis), within the hysteresis of 2 counts where it was only
+  measured. A distance counts from the nominal place of its base (M5) and may round by one count. The same
+  target again is the same words (M4).
+- *Either branch* is accepted, and counted as ``ambiguous``, where the drive stands between what both
+  branches make of the target, or passed it between its last reading and the command (at most 250 ms); and
+  counted as ``unsure`` where the gateway asked for the position and was not told. Both must stay a small
+  share.
+- *Readings.* A settled axis whose run was acknowledged reads exactly what was commanded. All others read
+  between what the branches make of them, widened by the difference that the present motion may still be
+  fading out. An acknowledged target reads back as it was written. All other words are those of the drive.
+- *Replies.* Each is that of its own request: as the drive said it where it said no success (W4), 0x0B where
+  it said nothing (W7), an exception where nothing was sent. Refusals need a reason: a loss, a stop, trouble
+  on the line, a place outside the travel, a distance from an unknown place.
+- *Settled.* An axis that came to rest stands within one count of the table's value for the way it really
+  came.
+
+Not accepted as an excuse: that a drive refused, delayed, lost or garbled something earlier.
+"""
+
+from tests.ledger.clock import Clock
+from tests.ledger.drives import Deed
+from tests.ledger.events import Book
+from tests.ledger.exchanges import Controller, Frame, Request, Sample, may_become
+from tests.ledger.frames import native_success
+from tests.ledger.judging import Judge
+from tests.ledger.layouts import CONTROL_ENABLE, STOP, Style
+from tests.ledger.replies import check_reply
+from tests.ledger.witness import Witness
+
+NO_CONNECTION = b"\x0a"
+QUEUE_LIMIT = 32
+"""Requests of one connection that may wait."""
+
+
+class Ledger:
+    """One line with its controllers and axes."""
+
+    def __init__(self, clock: Clock, book: Book, witnesses: dict[int, Witness]) -> None:
+        self.clock, self.book = clock, book
+        self.witnesses = witnesses
+        self.judges = {unit: Judge(witness, book) for unit, witness in witnesses.items()}
+        self.controllers: list[Controller] = []
+        self.on_wire: Frame | None = None
+        self._delivering: Frame | None = None
+        self._expiring: Frame | None = None
+        self._troubled_ns = self._stopped_ns = -1
+        self.is_down = False
+        """There is no connection to the drives."""
+
+    # --- controllers ------------------------------------------------------------------------------------
+
+    def arrived(self, controller: Controller, transaction_id: int, unit: int, pdu: bytes) -> None:
+        """A controller's request has reached the gateway."""
+        request = Request(controller, transaction_id, unit, pdu, self.clock.now_ns)
+        request.is_stop = controller.may_write and self._is_stop(request)
+        self.book.seen["requests"] += 1
+        self.witnesses[unit].journal.note(f"{controller.name}: request", pdu, f"#{transaction_id}")
+        if controller.is_serial:
+            controller.unanswered.clear()
+            for old in controller.pending:
+                if not old.is_stop:
+                    self._lost(old, "withdrawn: its controller went on")
+            controller.pending = [old for old in controller.pending if old.is_stop]
+        if request.is_stop:
+            self._stopped_ns = self.clock.now_ns
+            self._take_the_place_of_given_up(request)
+        controller.pending.append(request)
+        controller.unanswered[transaction_id] = request
+        if self.is_down:
+            self._give_up_serial(controller)
+
+    def _take_the_place_of_given_up(self, stop: Request) -> None:
+        """A stop for which nobody waits any more needs not go out beside a new one."""
+        for controller in self.controllers:
+            controller.pending = [
+                old
+                for old in controller.pending
+                if (old.unit, old.pdu) != (stop.unit, stop.pdu)
+                or controller.unanswered.get(old.transaction_id) is old
+            ]
+
+    def _is_stop(self, request: Request) -> bool:
+        layout, write = self.witnesses[request.unit].layout, request.parsed.write
+        if write is None or not 0 <= layout.trigger - write[0] < len(write[1]):
+            return False
+        word = write[1][layout.trigger - write[0]]
+        return not word & CONTROL_ENABLE if layout.style is Style.IMAGE else word == STOP
+
+    def _lost(self, request: Request, why: str) -> None:
+        if request.is_lost:
+            return
+        request.is_lost = True
+        judge = self.judges[request.unit]
+        judge.witness.journal.note("  never sent", request.pdu, why)
+        self.book.seen["never sent"] += 1
+        if request.controller.may_write and request.parsed.write:
+            judge.lost_unsent(request)
+
+    # --- towards the drives ------------------------------------------------------------------------------
+
+    def sent(self, unit: int, pdu: bytes) -> Frame:
+        """The gateway sends a frame: find out whose it is, and whether it is what it has to be."""
+        frame = Frame(unit, pdu)
+        judge = self.judges[unit]
+        if self.on_wire is not None:
+            self.book.violation("W6-two-at-a-time", pdu.hex(" "), judge.witness.journal)
+        self.on_wire = frame
+        self.book.seen["frames"] += 1
+        self._check_stops(frame)
+        self._expire()
+        found = [r for r in self._next_ones(unit) if self._may_become(r, frame)]
+        if frame.parsed.write is None:
+            frame.candidates = found
+            frame.may_be_added = any(r.parsed.write for r in self._next_ones(unit))
+            judge.witness.journal.note("to the drive", pdu, "" if found else "(added)")
+            if not found:
+                judge.check_added_read(frame, self._next_ones(unit))
+        elif found:
+            judge.witness.journal.note("to the drive", pdu, f"#{found[0].transaction_id}")
+            self._resolve(found[0], frame)
+            judge.sent(found[0], frame)
+        else:
+            judge.witness.journal.note("to the drive", pdu, "(restaged)")
+            judge.check_restaging(frame, self._next_ones(unit))
+        return frame
+
+    def _expire(self) -> None:
+        """What is older than its controller's patience is lost, whether or not it will be answered yet."""
+        for controller in self.controllers:
+            for request in controller.pending:
+                if not request.is_stop and self._is_too_old(request):
+                    self._lost(request, "too old")
+
+    def _check_stops(self, frame: Frame) -> None:
+        """A stop that waits goes before everything else (M3)."""
+        stops = [r for c in self.controllers if c.may_write for r in c.pending if r.is_stop]
+        if stops and not any((r.unit, r.pdu) == (frame.unit, frame.pdu) for r in stops):
+            detail = f"{frame.pdu.hex(' ')} went before {stops[0].pdu.hex(' ')}"
+            self.book.violation("M3-stop-waits", detail, self.witnesses[stops[0].unit].journal)
+
+    def _may_become(self, request: Request, frame: Frame) -> bool:
+        layout = self.witnesses[request.unit].layout
+        return may_become(request.parsed, request.pdu, frame, layout)
+
+    def _next_ones(self, unit: int) -> list[Request]:
+        """Return the requests that may go out now: of each controller its stops and the oldest in time."""
+        found = []
+        for controller in self.controllers:
+            is_first = True
+            for request in controller.pending:
+                if request.is_stop:
+                    found.append(request)
+                elif is_first and not self._is_too_old(request):
+                    found.append(request)
+                    is_first = False
+        found.sort(key=lambda request: request.arrived_ns)
+        return [request for request in found if request.unit == unit]
+
+    def _is_too_old(self, request: Request) -> bool:
+        return self.clock.now_ns - request.arrived_ns > request.controller.timeout_ns
+
+    def _resolve(self, request: Request, frame: Frame) -> None:
+        """A frame is this request's; it is sent only once."""
+        frame.request = request
+        self._pass_over(request)
+        request.controller.pending.remove(request)
+
+    def _pass_over(self, request: Request) -> None:
+        """What its controller asked for before and is still waiting will never be sent."""
+        controller = request.controller
+        for old in list(controller.pending) if not request.is_stop else ():
+            if old is request:
+                break
+            if old.is_stop:
+                continue
+            if not self._is_too_old(old):
+                detail = f"{old.pdu.hex(' ')} was passed over by {request.pdu.hex(' ')}"
+                self.book.violation("W1-out-of-order", detail, self.witnesses[old.unit].journal)
+            controller.pending.remove(old)
+            controller.unanswered.pop(old.transaction_id, None)
+            self._lost(old, "too old")
+
+    def did(self, frame: Frame, deeds: list[Deed]) -> None:
+        """A drive has taken a frame."""
+        witness = self.witnesses[frame.unit]
+        motor, now_ns = witness.drive.motor, self.clock.now_ns
+        frame.has_moved = bool(deeds)
+        for deed in deeds:
+            witness.did(deed, frame.intent)
+        frame.sample = Sample(motor.at(now_ns), not motor.is_moving(now_ns), witness.faded)
+
+    # --- back from the drives ------------------------------------------------------------------------------
+
+    def delivering(self, pdu: bytes, answered: Frame | None) -> None:
+        """The gateway is about to take a reply to ``answered`` for that to the frame on the wire."""
+        frame = self.on_wire
+        assert frame is not None
+        if answered is not frame:
+            self.book.violation("W6-reply-to-another", pdu.hex(" "), self.witnesses[frame.unit].journal)
+        self.on_wire, self._delivering = None, frame
+        frame.reply = pdu
+        self.witnesses[frame.unit].journal.note("from the drive", pdu)
+        is_native = native_success(frame.pdu, pdu)
+        if not is_native:
+            self._troubled_ns = self.clock.now_ns
+        self.judges[frame.unit].answered(frame, is_native=is_native, is_exception=pdu[0] >= 0x80)
+
+    def delivered(self) -> None:
+        """The gateway has dealt with a reply."""
+        frame, self._delivering = self._delivering, None
+        if frame is not None and frame.request is None and frame.parsed.write is None:
+            self.book.seen["added or orphaned reads"] += 1
+
+    def abandoned(self) -> None:
+        """The gateway has given up on the frame on the wire."""
+        frame, self.on_wire = self.on_wire, None
+        if frame is None:
+            return
+        self._expiring = frame
+        self._troubled_ns = self.clock.now_ns
+        self.book.seen["time-outs"] += 1
+        self.witnesses[frame.unit].journal.note("given up on", frame.pdu)
+        self.judges[frame.unit].answered(frame, is_native=False, is_exception=False)
+
+    def dropping(self) -> None:
+        """The connection to the drives is lost: nobody knows what happens to them meanwhile."""
+        self.abandoned()
+        self._troubled_ns = self.clock.now_ns
+        self.book.seen["connections lost"] += 1
+        self.is_down = True
+        for controller in self.controllers:
+            self._give_up_serial(controller)
+        for judge in self.judges.values():
+            judge.doubt_all()
+
+    def _give_up_serial(self, controller: Controller) -> None:
+        """Nothing of a serial controller waits for a connection that is lost; nobody tells it (W7)."""
+        if controller.is_serial:
+            for request in controller.pending:
+                self._lost(request, "no connection")
+            controller.pending.clear()
+            controller.unanswered.clear()
+
+    def acted(self) -> None:
+        """The gateway has done what a time-out, or a lost connection, wanted."""
+        self._expiring = None
+
+    # --- back to the controllers ---------------------------------------------------------------------------
+
+    def replied(self, controller: Controller, transaction_id: int, unit: int, pdu: bytes) -> None:
+        """A controller has received a reply."""
+        request = controller.unanswered.pop(transaction_id, None)
+        if request is None or request.unit != unit:
+            detail = f"{controller.name} #{transaction_id} {pdu.hex(' ')}"
+            self.book.violation("W6-reply-to-nothing", detail, self.witnesses[unit].journal)
+            return
+        judge = self.judges[unit]
+        judge.witness.journal.note(f"{controller.name}: reply", pdu, f"#{transaction_id}")
+        self.book.seen["replies"] += 1
+        if self._is_of(self._delivering, request):
+            assert self._delivering is not None
+            check_reply(judge, request, self._delivering, pdu, self.book)
+        elif pdu[1:] != NO_CONNECTION and self._is_of(self._expiring, request):
+            if pdu != bytes((request.pdu[0] | 0x80, 0x0B)):
+                self._wrong(request, pdu, "a drive that does not answer is 0x0B")
+        else:
+            self._refused(request, pdu)
+
+    def _is_of(self, frame: Frame | None, request: Request) -> bool:
+        if frame is None:
+            return False
+        if frame.request is None and request in frame.candidates:
+            self._resolve(request, frame)
+        return frame.request is request
+
+    def _refused(self, request: Request, pdu: bytes) -> None:
+        controller = request.controller
+        if request not in controller.pending:
+            self._wrong(request, pdu, "it was sent and not answered by its drive")
+            return
+        if len(pdu) != 2 or pdu[0] != request.pdu[0] | 0x80:
+            self._wrong(request, pdu, "it was never sent")
+            return
+        is_full = len(controller.pending) > QUEUE_LIMIT
+        if controller.is_motion and not self._is_stopped(request) and not is_full:
+            self._pass_over(request)
+        controller.pending.remove(request)
+        self.book.seen[f"refused with {pdu[1]:#04x}"] += 1
+        if controller.may_write:
+            is_excused = self._troubled_ns >= request.arrived_ns or self._is_stopped(request)
+            self.judges[request.unit].check_refusal(request, pdu[1], is_excused=is_excused)
+        self._lost(request, f"refused with {pdu[1]:#04x}")
+
+    def _is_stopped(self, request: Request) -> bool:
+        return self._stopped_ns >= request.arrived_ns
+
+    def _wrong(self, request: Request, pdu: bytes, why: str) -> None:
+        detail = f"{request.pdu.hex(' ')} was answered {pdu.hex(' ')}: {why}"
+        self.book.violation("wrong-reply", detail, self.witnesses[request.unit].journal)

@@ -1,0 +1,191 @@
+"""Lines of the ledger put together, and run until they have seen enough requests."""
+
+import random
+from dataclasses import dataclass
+from typing import Final
+
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import ControllerPlan, LineTiming, Role
+from tests.ledger.clock import Clock
+from tests.ledger.controllers import Master, Script, SerialMaster, TcpMaster
+from tests.ledger.drives import Drive
+from tests.ledger.events import KEPT, Book
+from tests.ledger.habits import Habits, Step
+from tests.ledger.layouts import MAX_SPEED_MM_S, Basis, Layout, Style, axis_plan, block, image
+from tests.ledger.ledger import Ledger
+from tests.ledger.screws import TRAVEL_MM, random_screw
+from tests.ledger.wires import DRAIN_MS, TIMEOUT_MS, RtuWire, TcpWire, Wire
+from tests.ledger.witness import Witness
+
+PATIENCE_MS: Final = TIMEOUT_MS
+CONNECTED_MS: Final = 6_000.0
+"""Between two losses of the connection, in the mean."""
+LAST_REPLIES_NS: Final = 3_000_000_000
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One line: its drives, and which of its sides are serial."""
+
+    name: str
+    layouts: tuple[Layout, ...]
+    has_serial_drives: bool
+    has_serial_controller: bool
+    has_operator: bool = False
+
+
+SETUPS: Final = (
+    Setup(
+        "rtu to rtu",
+        (
+            Layout("direct-low", 1, Style.DIRECT, low_first=True),
+            Layout("sticky-commanded", 2, Style.STICKY, Basis.COMMANDED, low_first=True),
+            block("block-target", 3, Basis.TARGET),
+        ),
+        has_serial_drives=True,
+        has_serial_controller=True,
+    ),
+    Setup(
+        "tcp to tcp",
+        (
+            image("image-commanded", 1, Basis.COMMANDED),
+            Layout("triggered-target", 2, Style.TRIGGERED, Basis.TARGET),
+            Layout("triggered-actual", 3, Style.TRIGGERED, Basis.ACTUAL, exception_writes_nothing=True),
+            Layout("direct-high", 4, Style.DIRECT, counts_per_unit=-1250.0, zero_counts=-70_000),
+        ),
+        has_serial_drives=False,
+        has_serial_controller=False,
+        has_operator=True,
+    ),
+    Setup(
+        "tcp to rtu",
+        (
+            Layout("triggered-plain", 1, Style.TRIGGERED, low_first=True, has_bits=False),
+            Layout("sticky-actual", 2, Style.STICKY, Basis.ACTUAL, counts_per_unit=-1000.0),
+            image("image-target", 3, Basis.TARGET),
+            block("block-actual", 4, Basis.ACTUAL),
+        ),
+        has_serial_drives=True,
+        has_serial_controller=False,
+        has_operator=True,
+    ),
+)
+
+
+class World:
+    """One line in virtual time."""
+
+    def __init__(self, setup: Setup, seed: int, book: Book, fault_share: float) -> None:
+        self.clock = Clock()
+        self.setup, self.book = setup, book
+        book.line = setup.name
+        self._rng = random.Random(f"{seed} {setup.name}")
+        screws = {layout.unit: random_screw(self._rng) for layout in setup.layouts}
+        self.drives = {layout.unit: self._drive(layout) for layout in setup.layouts}
+        witnesses = {
+            layout.unit: Witness(self.clock, layout, screws[layout.unit], self.drives[layout.unit], book)
+            for layout in setup.layouts
+        }
+        self.ledger = Ledger(self.clock, book, witnesses)
+        kind = RtuWire if setup.has_serial_drives else TcpWire
+        self.wire: Wire = kind(self.clock, self.ledger, self.drives, self._rng, fault_share)
+        plans = [axis_plan(layout, screws[layout.unit]) for layout in setup.layouts]
+        timing = LineTiming(response_timeout_ms=TIMEOUT_MS, drain_ms=DRAIN_MS)
+        self.line = LineExchange(plans, timing, self.wire, lambda event: None)
+        self.wire.line = self.line
+        self.masters = self._masters()
+        self._ticked_ns: int | None = None
+        self._is_ending = False
+
+    def run(self, requests: int) -> None:
+        """Play until so many requests were sent, and let the last ones be answered."""
+        self._open()
+        for number, master in enumerate(self.masters):
+            self.clock.after(1.0 + number, master.go_on)
+        last = self.book.seen["requests"] + requests
+        while self.book.seen["requests"] < last:
+            self._step()
+        for master in self.masters:
+            master.is_ending = True
+        self._is_ending = True
+        end_ns = self.clock.now_ns + LAST_REPLIES_NS
+        while self.clock.now_ns < end_ns and self._step():
+            pass
+        self._check_all_answered()
+
+    def _open(self) -> None:
+        self.wire.open()
+        self.clock.after(self._rng.expovariate(1 / CONNECTED_MS), self._drop)
+
+    def _drop(self) -> None:
+        if not self._is_ending:
+            self.wire.drop()
+            self.clock.after(self._rng.uniform(1, 400), self._open)
+
+    def _step(self) -> bool:
+        went_on = self.clock.step()
+        deadline_ns = self.line.deadline_ns
+        if deadline_ns is not None and deadline_ns != self._ticked_ns:
+            self._ticked_ns = deadline_ns
+            self.clock.at(deadline_ns, self._tick)
+        return went_on
+
+    def _tick(self) -> None:
+        self.line.tick(self.clock.now_ns)
+        self.ledger.acted()
+
+    def _check_all_answered(self) -> None:
+        for controller in self.ledger.controllers:
+            for request in controller.unanswered.values():
+                if not controller.is_serial and request not in controller.pending:
+                    journal = self.ledger.witnesses[request.unit].journal
+                    self.book.violation("never-answered", request.pdu.hex(" "), journal)
+
+    def _drive(self, layout: Layout) -> Drive:
+        position = layout.counts(self._rng.uniform(5, TRAVEL_MM - 5))
+        return Drive(layout, position, self._rng.uniform(30, MAX_SPEED_MM_S))
+
+    def _masters(self) -> list[Master]:
+        habits = [Habits(self.clock, drive, self._rng) for drive in self.drives.values()]
+
+        def work() -> list[Step]:
+            return self._rng.choice(habits).act()
+
+        def watch() -> list[Step]:
+            habit = self._rng.choice(habits)
+            return habit.stop() if self._rng.random() < 0.02 else habit.look()
+
+        def operate() -> list[Step]:
+            habit = self._rng.choice(habits)
+            return habit.stop() if self._rng.random() < 0.3 else habit.look()
+
+        is_serial = self.setup.has_serial_controller
+        masters = [self._master("cnc", Role.MOTION, work, is_serial=is_serial)]
+        masters.append(self._master("hmi", Role.MONITOR, watch))
+        if self.setup.has_operator:
+            masters.append(self._master("panel", Role.OPERATOR, operate))
+        return masters
+
+    def _master(self, name: str, role: Role, script: Script, *, is_serial: bool = False) -> Master:
+        plan = ControllerPlan(name, role=role, timeout_ms=PATIENCE_MS, serial=is_serial)
+        kind = SerialMaster if is_serial else TcpMaster
+        return kind(
+            self.clock, self.line, self.ledger, plan, script, rng=self._rng, is_rest=role is not Role.MOTION
+        )
+
+
+def play(
+    seed: int,
+    requests: int,
+    *,
+    fault_share: float = 0.05,
+    stops_at_first: bool = True,
+    only: str = "",
+    kept: int = KEPT,
+) -> Book:
+    """Play one seed on every line, or on those whose name begins so, and return its book."""
+    book = Book(seed, stops_at_first=stops_at_first, kept=kept)
+    setups = [setup for setup in SETUPS if setup.name.startswith(only)]
+    for setup in setups:
+        World(setup, seed, book, fault_share).run(requests // len(setups))
+    return book
