@@ -26,6 +26,7 @@ def test_no_write_is_lost_doubled_or_invented_and_every_axis_stands_where_it_sho
     moves = seen["certain moves"] + seen["ambiguous moves"] + seen["repeats"]
     assert seen["certain moves"] > 0.7 * moves
     assert seen["unsure moves"] < 0.02 * moves
+    assert seen["triggers refused with care"] < 0.001 * seen["requests"]
     assert seen["settled axes"] > 500
     assert seen["exact readbacks"] > 2_000
     assert seen["restaged"] > 100
