@@ -83,7 +83,7 @@ def test_after_a_time_out_a_tcp_drive_is_asked_at_once() -> None:
     assert bench.link.sent[1:] == [(1, bytes.fromhex("03 0701 0001"))]
 
 
-def test_a_serial_controller_that_repeats_withdraws_what_it_sent_before() -> None:
+def test_w5_a_serial_controller_that_repeats_withdraws_what_it_sent_before() -> None:
     bench = Bench()
     busy = Port(ControllerPlan("hmi"))
     bench.send(OTHER, busy)
@@ -104,7 +104,7 @@ def test_a_reply_whose_serial_controller_went_on_is_not_given_to_its_next_reques
     assert bench.port.take() == bytes.fromhex("03 02 2222")
 
 
-def test_a_closed_connection_withdraws_its_requests() -> None:
+def test_w5_a_closed_connection_withdraws_its_requests() -> None:
     bench = Bench(serial=False)
     gone = Port(ControllerPlan("plc"))
     bench.send(OTHER)

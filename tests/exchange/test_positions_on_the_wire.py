@@ -58,7 +58,7 @@ def test_fc04_reads_are_turned_back_like_fc03() -> None:
     assert ACTUAL.unpack(bench.ask(read(ACTUAL, 4))[2:]) == 50_000
 
 
-def test_the_same_target_again_is_the_same_words() -> None:
+def test_m4_the_same_target_again_is_the_same_words() -> None:
     bench = Bench(axis_plan())
     bench.move(50_000)
     frames = len(bench.seen)
@@ -95,7 +95,7 @@ def test_a_window_of_reads_is_turned_back_in_place() -> None:
 
 
 @pytest.mark.parametrize("function", [0x41, 0x64, 0x65, 0x2B, 0x08, 0x05])
-def test_what_holds_no_position_passes_byte_for_byte(function: int) -> None:
+def test_w1_what_holds_no_position_passes_byte_for_byte(function: int) -> None:
     bench = Bench(axis_plan())
     request = bytes((function, 0x06, 0x06, 1, 2, 3, 4, 5))
     bench.send(request)
@@ -119,7 +119,7 @@ def test_other_unit_ids_pass_byte_for_byte() -> None:
 
 
 @pytest.mark.parametrize("mode", [CompensationMode.OFF, CompensationMode.SHADOW])
-def test_off_and_shadow_pass_one_to_one_both_ways(mode: CompensationMode) -> None:
+def test_m9_off_and_shadow_pass_one_to_one_both_ways(mode: CompensationMode) -> None:
     bench = Bench(axis_plan(compensation=mode))
     bench.move(50_000)
     assert bench.seen[-1] == write(COMMAND, 50_000)
@@ -161,7 +161,7 @@ def test_an_axis_is_corrected_only_while_its_homed_bit_is_set() -> None:
     assert bench.kinds() == ["line-up", "reference-lost", "axis-referenced", "reference-lost"]
 
 
-def test_the_done_bit_makes_the_last_target_the_place_of_the_axis() -> None:
+def test_m6_the_done_bit_makes_the_last_target_the_place_of_the_axis() -> None:
     done = BitField(0x0031, 0)
     bench = Bench(axis_plan(bits={"done": done}))
     bench.move(50_000)
@@ -186,7 +186,7 @@ def test_a_fresh_actual_decides_when_it_is_farther_than_the_axis_can_have_moved(
     assert bench.memory.get(COMMAND) == 50_010
 
 
-def test_an_old_actual_is_read_anew() -> None:
+def test_m6_an_old_actual_is_read_anew() -> None:
     bench = Bench(axis_plan())
     bench.move(80_000)
     bench.ask(read(ACTUAL))

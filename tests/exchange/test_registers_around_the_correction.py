@@ -11,7 +11,7 @@ ALIAS = PositionField(0x602A, RegisterType.INT32)
 REMAP = PositionField(0x0F10, RegisterType.UINT16)
 
 
-def test_a_write_to_a_position_that_is_not_mapped_is_refused_while_the_axis_is_corrected() -> None:
+def test_m10_a_write_to_a_position_that_is_not_mapped_is_refused_while_the_axis_is_corrected() -> None:
     bench = Bench(axis_plan(guarded=(ALIAS,)))
     assert bench.ask(write(ALIAS, 5_000)) == bytes.fromhex("90 02")
     assert bench.ask(bytes.fromhex("06 602B 0005")) == bytes.fromhex("86 02")
@@ -38,7 +38,7 @@ def test_it_passes_where_it_is_allowed_or_nothing_is_corrected(plan: dict[str, o
 
 
 @pytest.mark.parametrize("answer", ["acknowledged", "refused", "silent"])
-def test_a_write_to_a_remapping_register_ends_the_compensation_of_its_unit(answer: str) -> None:
+def test_m10_a_write_to_a_remapping_register_ends_the_compensation_of_its_unit(answer: str) -> None:
     bench = Bench(axis_plan(remapping=(REMAP,)), serial=False, tcp_drive=True)
     bench.move(50_000)
     bench.send(bytes.fromhex("06 0F10 0123"))

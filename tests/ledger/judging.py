@@ -45,6 +45,9 @@ class Judge:
         belief.write(parsed, request.arrived_ns)
         frame.written = belief.written()
         frame.intent = self._intent(request, frame)
+        if frame.intent is not None:
+            now_ns = self.witness.now_ns
+            frame.intent = frame.intent._replace(sent=(now_ns, self.witness.drive.motor.at(now_ns)))
         frame.is_interruption = self._trigger(request) in ("stop", "jog")
         if touched:
             self.book.seen["targets sent"] += 1

@@ -22,6 +22,8 @@ HYSTERESIS: Final = 2
 BESIDE: Final = 4
 """Counts beside the two branches of a target within which a moving axis may be taken for either side."""
 SAMPLE_MS: Final = 250
+SLOW_MS: Final = 5
+"""A drive that takes a frame later than this has moved on from where it was told to go from."""
 BAND: Final = 2
 """Counts that rounding and anchors may put a reading beside the branches."""
 
@@ -42,6 +44,8 @@ class Intent(NamedTuple):
     is_unknown: bool = False
     """A part of the target was never written: what the drive held before the first request completes it."""
     why: str = ""
+    sent: tuple[int, int] = (0, 0)
+    """When it was sent, and where the axis was then."""
 
 
 class Witness:
@@ -216,7 +220,7 @@ class Witness:
     def _ways(self, low: int, high: int, deed: Deed, intent: Intent) -> tuple[bool, ...]:
         """Directions in which the move may be taken to go: one where it is certain."""
         sign = self.layout.machine_sign
-        places = self._places(deed.was_at)
+        places = self._places(deed.was_at, intent)
         if intent.place is not None and not deed.was_moving and len(places) == 1:
             beside = 0 if self.done_seen and self.is_from_run else HYSTERESIS + (not self.is_from_run)
             least, most = low - intent.place[1], high - intent.place[0]
@@ -230,13 +234,14 @@ class Witness:
             return (sign < 0,)
         return (True, False)
 
-    def _places(self, was_at: int) -> tuple[int, ...]:
-        """Where the gateway may have taken the axis to be: now, and when it was told last."""
-        if self._sample is None or self._sample[1] == was_at:
-            return (was_at,)
-        if self._clock.now_ns - self._sample[0] > SAMPLE_MS * MS:
-            return (was_at,)
-        return was_at, self._sample[1]
+    def _places(self, was_at: int, intent: Intent) -> set[int]:
+        """Where the gateway may have taken the axis to be: now, when it asked, when a slow drive was told."""
+        places, now_ns = {was_at}, self.now_ns
+        if self._sample is not None and now_ns - self._sample[0] <= SAMPLE_MS * MS:
+            places.add(self._sample[1])
+        if now_ns - intent.sent[0] > SLOW_MS * MS:
+            places.add(intent.sent[1])
+        return places
 
     def _fitting(self, end: int, low: int, high: int, ways: Iterable[bool], tolerance: float) -> list[int]:
         return [

@@ -52,7 +52,9 @@ def pieces_of(stream: bytes, data: st.DataObject) -> list[bytes]:
 
 
 @given(frames=st.lists(requests, max_size=6), data=st.data())
-def test_any_split_of_good_requests_gives_the_same_frames(frames: list[Frame], data: st.DataObject) -> None:
+def test_w2_any_split_of_good_requests_gives_the_same_frames(
+    frames: list[Frame], data: st.DataObject
+) -> None:
     stream = b"".join(encode_rtu(*frame) for frame in frames)
     decoder = RtuRequestDecoder()
     assert [f for piece in pieces_of(stream, data) for f in decoder.feed(piece, 0)] == frames
@@ -92,7 +94,7 @@ def test_one_truncated_request_costs_no_other(frames: list[Frame], cut: int) -> 
 
 
 @given(unit_id=units, pdu=read_replies, data=st.data())
-def test_any_split_of_a_reply_gives_the_same_frame(unit_id: int, pdu: bytes, data: st.DataObject) -> None:
+def test_w2_any_split_of_a_reply_gives_the_same_frame(unit_id: int, pdu: bytes, data: st.DataObject) -> None:
     decoder = RtuReplyDecoder()
     decoder.expect(unit_id, bytes((pdu[0], 0, 0, 0, pdu[1] // 2)) + bytes(5))
     pieces = pieces_of(encode_rtu(unit_id, pdu), data)

@@ -111,7 +111,7 @@ def test_an_unknown_function_behind_stale_bytes_is_found() -> None:
     assert decoder.counters.crc_errors == 1
 
 
-def test_an_unknown_function_with_a_bad_check_sum_is_dropped() -> None:
+def test_w3_an_unknown_function_with_a_bad_check_sum_is_dropped() -> None:
     decoder = make()
     decoder.feed(VENDOR[:-1] + b"\x00", 0)
     assert decoder.on_silence(2 * MS) == []

@@ -33,7 +33,7 @@ def reply_to(kind: str, request: bytes, reply: bytes) -> bytes:
 
 @COMBINATIONS
 @pytest.mark.parametrize("function", [0x41, 0x64, 0x65])
-async def test_unknown_function_codes_pass_both_ways(
+async def test_w1_unknown_function_codes_pass_both_ways(
     bench: "Bench", controller: str, drives: str, function: int
 ) -> None:
     request, reply = bytes([function, 1, 2, 3, 4, 5]), bytes([function, 0, 0xFF, 0x0D, 0x11, 0x13, 9])
@@ -44,7 +44,7 @@ async def test_unknown_function_codes_pass_both_ways(
 
 
 @COMBINATIONS
-async def test_a_vendor_exception_passes_with_its_own_code(
+async def test_w1_a_vendor_exception_passes_with_its_own_code(
     bench: "Bench", controller: str, drives: str
 ) -> None:
     near, _, _ = await bench.raw_pair(
@@ -70,7 +70,7 @@ async def test_one_request_after_the_other_is_answered(bench: "Bench", controlle
 
 
 @pytest.mark.parametrize("drives", ["tcp", "rtu", "rtu_over_tcp"])
-async def test_pipelined_requests_are_answered_in_their_order(bench: "Bench", drives: str) -> None:
+async def test_w1_pipelined_requests_are_answered_in_their_order(bench: "Bench", drives: str) -> None:
     def script(data: bytes) -> bytes:
         address = pdu_of(drives, data)[2]
         return reply_to(drives, data, bytes([3, 2, 0, address]))
