@@ -38,7 +38,7 @@ class Continuity:
         if before is None or (now.motion != before.motion and before.corrected != begun_at):
             return 0.0
         travelled = abs(now.corrected - before.corrected)
-        share = min(1.0, travelled / way) if way else 0.0
+        share = min(1.0, travelled / way) if way else 1.0  # a move of nothing ends where it began
         limit = ROUNDING + SLOPE * travelled + max(before.faded, now.faded) * share
         moved = abs((now.nominal - before.nominal) - (now.corrected - before.corrected))
         return max(0.0, moved - limit)

@@ -10,7 +10,7 @@ from math import ceil, floor
 from typing import Final, NamedTuple
 
 from tests.ledger.clock import MS, Clock
-from tests.ledger.continuity import Continuity, Reading
+from tests.ledger.continuity import SLOPE, Continuity, Reading
 from tests.ledger.drives import Deed, Drive
 from tests.ledger.events import Book, Journal
 from tests.ledger.layouts import Basis, Layout
@@ -77,6 +77,7 @@ class Witness:
         self._continuity = Continuity()
         self._begun_faded = self.faded
         """The same when the present motion began."""
+        self._begun_at = 0
         self._was_moving = False
         """The present motion began on the way."""
         self._left = 0.0
@@ -117,6 +118,9 @@ class Witness:
     def _fade_from(self, corrected: int) -> None:
         corrections = self._corrections(corrected)
         self.faded += max(corrections) - min(corrections)
+        if self._was_moving:  # the gateway may take it to have begun where it saw the axis last
+            self.faded += SLOPE * abs(corrected - self._begun_at)
+        self._begun_at = corrected
         self._begun_faded = self.faded
 
     def _end_fade(self) -> None:
