@@ -59,7 +59,7 @@ def _settle(rewriting: Rewriting, reply: bytes, now_ns: int, *, is_acknowledged:
     for staging in rewriting.stagings:
         staging.shadow.settle(staging.nominal_words, staging.corrected_words, staging.losses)
     for hit in rewriting.pending:
-        note_held(hit, rewriting.request.pdu, rewriting.access, rewriting.request.now_ns)
+        note_held(hit, rewriting.request.pdu, rewriting.access, rewriting.request.arrived_ns)
     for rendering in (*rewriting.renderings, *rewriting.runs):
         rendering.axis.commit(rendering, now_ns, rewriting.losses.get(id(rendering.shadow)))
     for axis, shadow in rewriting.touched_blindly:
@@ -88,7 +88,7 @@ def fail(rewriting: Rewriting, code: int, now_ns: int, *, is_refusal: bool) -> N
         if not (is_refusal and rendering.axis.plan.exception_writes_nothing):
             rendering.axis.fail_run(rendering)
     for hit in rewriting.command_hits:
-        note_lost(hit, rewriting.request.pdu, rewriting.access, rewriting.request.now_ns)
+        note_lost(hit, rewriting.request.pdu, rewriting.access, rewriting.request.arrived_ns)
     for staging in rewriting.stagings:
         staging.shadow.forget()
     for axis, shadow in rewriting.touched_blindly:
@@ -160,7 +160,7 @@ def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray) -> No
     if readback is not None and rewriting.renderings:
         readback = axis.compensation.readback  # FC23 writes before it reads
     if place.role is FieldRole.ACTUAL and place.number == 0:
-        observe_actual(axis, place.field, words, rewriting.request.now_ns)  # as old as its request
+        observe_actual(axis, place.field, words, rewriting.request.arrived_ns)  # as old as its request
     if readback is None:
         return
     if place.role is FieldRole.COMMAND and place.shadow is not None:

@@ -89,7 +89,7 @@ class Units:
             found = meanings(unit, pdu, access, known.rule_words) if unit.has_rules else []
             if access is None and not found:
                 continue
-            request = Request(unit, pdu, access or NO_ACCESS, found, known, now_ns)
+            request = Request(unit, pdu, access or NO_ACCESS, found, known, now_ns, exchange.arrived_ns)
             added = next_frame(request)
             if added is not None:
                 return added, b""

@@ -64,6 +64,7 @@ class LineExchange:
         """Whether there is a way to the drives."""
         self._is_stopping = False
         self._silent_units: set[int] = set()
+        self._arrived_ns = 0
 
     @property
     def deadline_ns(self) -> int | None:
@@ -88,7 +89,8 @@ class LineExchange:
             self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
-        exchange = Exchange(port, transaction_id, unit_id, pdu, now_ns)
+        self._arrived_ns = max(now_ns, self._arrived_ns + 1)  # losses are told apart by it (M3)
+        exchange = Exchange(port, transaction_id, unit_id, pdu, self._arrived_ns)
         is_free = self._current is None and self._rest.until_ns is None and not self._waiting
         role, may_write = port.plan.role, not only_reads(pdu)
         stops: list[Meaning] = []

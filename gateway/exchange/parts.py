@@ -19,13 +19,13 @@ def nominal_words(hit: FieldHit, request: Request) -> bytes | None:
     """Return all words of a command field once this request is applied, or None when some are not known."""
     shadow = hit.place.shadow
     assert shadow is not None
-    pdu, access, known, now_ns = request.pdu, request.access, request.known, request.now_ns
+    pdu, access, known = request.pdu, request.access, request.known
     if access.is_mask:
         return _masked(hit, pdu, access)
     first, words = written_part(hit, pdu, access)
     if hit.is_whole:
         return words
-    completed = shadow.completed(first, words, now_ns)
+    completed = shadow.completed(first, words, request.arrived_ns)
     read = known.command_words.get(id(shadow))
     if completed is None and read is not None and not shadow.is_torn:
         merged = bytearray(read)
@@ -70,19 +70,19 @@ def kept_words_are_certain(place: FieldPlace, words: bytes, first: int, count: i
     )
 
 
-def note_unsent(unit: UnitMap, pdu: bytes, access: Access, now_ns: int) -> None:
+def note_unsent(unit: UnitMap, pdu: bytes, access: Access, arrived_ns: int) -> None:
     """Note that a request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
     for hit in unit.written(access.write_address, access.write_quantity).fields:
-        note_lost(hit, pdu, access, now_ns)
+        note_lost(hit, pdu, access, arrived_ns)
 
 
-def note_held(hit: FieldHit, pdu: bytes, access: Access, now_ns: int) -> None:
+def note_held(hit: FieldHit, pdu: bytes, access: Access, arrived_ns: int) -> None:
     """Note a part of a command field that the drive acknowledged while the rest is not known."""
     assert hit.place.shadow is not None
-    hit.place.shadow.hold(*written_part(hit, pdu, access), now_ns)
+    hit.place.shadow.hold(*written_part(hit, pdu, access), arrived_ns)
 
 
-def note_lost(hit: FieldHit, pdu: bytes, access: Access, now_ns: int) -> None:
+def note_lost(hit: FieldHit, pdu: bytes, access: Access, arrived_ns: int) -> None:
     """Note that what a request wrote into one command field was lost."""
     shadow = hit.place.shadow
     if shadow is None:
@@ -90,4 +90,4 @@ def note_lost(hit: FieldHit, pdu: bytes, access: Access, now_ns: int) -> None:
     if hit.is_whole or access.is_mask or not access.is_consistent:
         shadow.tear()
     else:
-        shadow.lose(*written_part(hit, pdu, access), now_ns)
+        shadow.lose(*written_part(hit, pdu, access), arrived_ns)

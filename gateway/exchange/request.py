@@ -17,3 +17,5 @@ class Request(NamedTuple):
     meanings: list[Meaning]
     known: Known
     now_ns: int
+    arrived_ns: int
+    """When it came from its controller; no two requests of a line came at the same instant."""

@@ -78,11 +78,11 @@ class Shadow:
         self._missing = self._all_words
         self._is_held = False
 
-    def completed(self, first: int, words: bytes, now_ns: int) -> bytes | None:
+    def completed(self, first: int, words: bytes, arrived_ns: int) -> bytes | None:
         """Return the whole position once ``words`` are written from word ``first`` on; None if not known."""
         if self._pending is None:
             base = self.nominal_words
-        elif self._are_joined(now_ns) and not self._missing & ~_mask(first, words):
+        elif self._are_joined(arrived_ns) and not self._missing & ~_mask(first, words):
             base = bytes(self._pending)
         else:
             base = None
@@ -90,31 +90,32 @@ class Shadow:
             return None
         return base[: 2 * first] + words + base[2 * first + len(words) :]
 
-    def _are_joined(self, now_ns: int) -> bool:
-        return self._is_held or now_ns - self._since_ns <= JOIN_NS
+    def _are_joined(self, arrived_ns: int) -> bool:
+        return self._is_held or arrived_ns - self._since_ns <= JOIN_NS
 
-    def hold(self, first: int, words: bytes, now_ns: int) -> None:
+    def hold(self, first: int, words: bytes, arrived_ns: int) -> None:
         """Note a part that the drive acknowledged, while the other parts are not known."""
         covers_all = not self._all_words & ~self._missing & ~_mask(first, words)
-        is_new = self._pending is None or covers_all or not self._are_joined(now_ns)
+        is_new = self._pending is None or covers_all or not self._are_joined(arrived_ns)
         stays_held = is_new or self._is_held
         if is_new:
             self.tear()
-        self.lose(first, words, now_ns)
+        self.lose(first, words, arrived_ns)
         self._is_held = stays_held
 
-    def lose(self, first: int, words: bytes, now_ns: int) -> None:
+    def lose(self, first: int, words: bytes, arrived_ns: int) -> None:
         """Note a part that never reached the drive; it counts when the other parts follow soon.
 
-        ``now_ns`` is when it came: of a loss that shows later than that of a newer write nothing counts.
+        ``arrived_ns`` is when it came from its controller: of a loss that shows later than that of a newer
+        write nothing counts.
         """
-        if now_ns < self._lost_ns:
+        if arrived_ns < self._lost_ns:
             self.tear()
             return
-        self._lost_ns = now_ns
-        if self._pending is None or self._missing == self._all_words or not self._are_joined(now_ns):
+        self._lost_ns = arrived_ns
+        if self._pending is None or self._missing == self._all_words or not self._are_joined(arrived_ns):
             self.tear()
-            self._since_ns = now_ns
+            self._since_ns = arrived_ns
         self.losses += 1
         self._is_held = False
         assert self._pending is not None

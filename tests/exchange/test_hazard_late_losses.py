@@ -1,6 +1,6 @@
 """A loss that was noted while an older write was on the wire is not healed by its acknowledgement (M3)."""
 
-from gateway.exchange.plan import ControllerPlan
+from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.exchange.shadow import Shadow
 from tests.exchange.line_bench import COMMAND, MS, Port, write
 from tests.exchange.staged_bench import MODE, RUN_PDU, STOP_PDU, StagedBench, staged_plan, sticky
@@ -68,3 +68,22 @@ def test_m1_a_half_that_was_lost_and_given_again_may_wait_for_the_other() -> Non
     shadow.lose(1, b"\x00\x01", 100 * MS)
     shadow.hold(1, b"\x00\x01", 250 * MS)
     assert shadow.completed(0, b"\x12\x34", 900 * MS) == bytes.fromhex("1234 0001")
+
+
+def test_m3_halves_that_came_at_one_instant_are_lost_in_their_order() -> None:
+    bench = StagedBench(tcp_drive=True, timing=LineTiming(response_timeout_ms=100))
+    port = Port(ControllerPlan("plc", timeout_ms=100))
+    bench.go_to(50_000)
+    bench.send(bytes.fromhex("06 0606 1111"), port, transaction_id=1)  # on the wire: 0x0000_1111
+    bench.send(bytes.fromhex("10 0605 0002 04 0000 2222"), port, transaction_id=2)
+    bench.send(bytes.fromhex("06 0607 0001"), port, transaction_id=3)
+    bench.send(STOP_PDU, Port(ControllerPlan("panel")))  # refuses both that wait
+    bench.link.sent.clear()
+    bench.wait(100)  # and nobody answers the first
+    bench.serve()
+    bench.ask(bytes.fromhex("06 0607 0001"))
+    assert bench.refused(RUN_PDU) == 6  # the newest low half is 2222, and it was lost
+    assert bench.ask(bytes.fromhex("06 0606 2222")) == bytes.fromhex("06 0606 2222")
+    bench.trigger()
+    # 0x0001_2222 = 74 274, forward
+    assert bench.drive.moves[-1:] == [("absolute", 74_284)]
