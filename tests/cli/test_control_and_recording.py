@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
+from tests.child import started
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
@@ -112,7 +113,7 @@ def config(tmp_path: Path) -> Iterator[Path]:
 def running(command: str, config: Path, *more: str) -> Iterator[tuple["subprocess.Popen[str]", int]]:
     """Run the gateway; yields it with its controller's port when the drive is reached."""
     arguments = [*COMMAND, command, str(config), *more, "--log-format", "json"]
-    with subprocess.Popen(arguments, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+    with started(arguments, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stderr is not None
             port = 0
@@ -193,7 +194,7 @@ def test_a_reference_is_not_given_without_being_asked(config: Path) -> None:
 @pytest.mark.parametrize(("answer", "said"), [(b"n\n", b"nothing was changed"), (b"y\n", b"no gateway runs")])
 def test_on_a_terminal_a_reference_is_asked_for(config: Path, answer: bytes, said: bytes) -> None:
     controlling, terminal = pty.openpty()
-    with subprocess.Popen(
+    with started(
         [*COMMAND, "reference", str(config), "x"], cwd=ROOT, stdin=terminal, stderr=subprocess.PIPE
     ) as process:
         os.write(controlling, answer)

@@ -14,6 +14,7 @@ from typer.testing import CliRunner, Result
 from gateway.cli.main import app
 from gateway.config.load import load
 from gateway.drives import library
+from tests.child import started
 
 OWN = """\
 title = "A drive of mine"
@@ -270,7 +271,7 @@ def test_a_wrong_option_is_wrong_usage_where_nobody_can_be_asked(
 def test_ctrl_c_at_a_question_ends_it_with_nothing_written(tmp_path: Path) -> None:
     controlling, terminal = os.openpty()
     command = [sys.executable, "-c", "from gateway.cli.main import main; main()", "init"]
-    with subprocess.Popen(
+    with started(
         command, cwd=tmp_path, stdin=terminal, stderr=subprocess.PIPE, start_new_session=True
     ) as process:
         assert process.stderr is not None

@@ -13,6 +13,7 @@ import pytest
 
 from gateway.compensation.units import Units
 from gateway.tabfile import FileContext, read_table
+from tests.child import started
 
 COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "demo"]
 
@@ -70,7 +71,7 @@ def test_people_get_a_summary_and_a_signal_ends_it_cleanly() -> None:
     master, slave = os.openpty()
     termios.tcsetwinsize(slave, (40, 120))
     environment = {**os.environ, "TERM": "xterm-256color"}
-    with subprocess.Popen(COMMAND_LINE, stdin=slave, stdout=slave, stderr=slave, env=environment) as process:
+    with started(COMMAND_LINE, stdin=slave, stdout=slave, stderr=slave, env=environment) as process:
         os.close(slave)
         seen = b""
         while b"random targets from both sides" not in seen:
@@ -88,7 +89,7 @@ def test_people_get_a_summary_and_a_signal_ends_it_cleanly() -> None:
 @pytest.mark.parametrize("options", [["--once"], ["--once", "--json"]])
 def test_one_round_that_a_signal_stopped_is_no_success(options: list[str], number: signal.Signals) -> None:
     pipe = subprocess.PIPE
-    with subprocess.Popen([*COMMAND_LINE, *options], stdout=pipe, stderr=pipe, text=True) as process:
+    with started([*COMMAND_LINE, *options], stdout=pipe, stderr=pipe, text=True) as process:
         assert process.stderr is not None
         assert process.stderr.readline().startswith("axis ")
         process.send_signal(number)

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from gateway.cli.main import app
 from gateway.simulator.master import RtuMaster, TcpMaster
+from tests.child import started
 
 COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "simulate"]
 CONFIGURATION = """
@@ -72,7 +73,7 @@ def configuration(tmp_path: Path, unused_tcp_port_factory: object) -> Path:
 
 async def test_every_drive_of_a_configuration_can_be_talked_to(configuration: Path) -> None:
     arguments = [*COMMAND_LINE, str(configuration), "--json", "--speed-up", "1000", "--seed", "5"]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: ASYNC220
+    with started(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         start = json.loads(process.stdout.readline())
         assert (start["event"], start["speed_up"], start["seed"]) == ("serving", 1000, 5)
@@ -97,7 +98,7 @@ async def test_every_drive_of_a_configuration_can_be_talked_to(configuration: Pa
 
 
 def test_what_is_served_is_said_for_people_too(configuration: Path) -> None:
-    with subprocess.Popen([*COMMAND_LINE, str(configuration)], stdout=subprocess.PIPE, text=True) as process:
+    with started([*COMMAND_LINE, str(configuration)], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         lines = [process.stdout.readline().strip() for _ in range(6)]
         process.send_signal(signal.SIGINT)
@@ -122,7 +123,7 @@ def test_a_map_that_the_plain_drive_cannot_play_is_warned_of(
     staged = "registers.staged = true\n" if map_of_y else ""
     configuration.write_text(f"{configuration.read_text()}{map_of_y}\n{staged}")
     arguments = [*COMMAND_LINE, str(configuration), "--json"]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with started(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         process.stdout.readline()
         process.send_signal(signal.SIGINT)
@@ -181,7 +182,7 @@ referenced = "absolute"
 """,
         encoding="utf-8",
     )
-    with subprocess.Popen([*COMMAND_LINE, str(path)], stdout=subprocess.PIPE, text=True) as process:  # noqa: ASYNC220
+    with started([*COMMAND_LINE, str(path)], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         lines = [process.stdout.readline().strip() for _ in range(4)]
         assert lines[1].endswith(", behaves as mitsubishi-mr-je-c")
