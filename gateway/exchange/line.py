@@ -11,7 +11,6 @@ States of the line:
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Final
 
 from gateway.exchange import control
 from gateway.exchange.access import only_reads
@@ -21,21 +20,19 @@ from gateway.exchange.axis import AxisExchange
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.dispatch import Units, is_acting_on
 from gateway.exchange.effects import note_unknown
+from gateway.exchange.endings import NO_RESPONSE, Endings
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.groups import end_remapped, join
+from gateway.exchange.groups import join
 from gateway.exchange.life import QUEUE_LIMIT, Exchange, WaitingExchanges
-from gateway.exchange.losses import lose, note_learned, note_unsent
+from gateway.exchange.losses import note_learned
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.news import AxisNews
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.rest import Rest
-from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, is_exception
 from gateway.times import NS_PER_MS
-
-LOST: Final = ExceptionCode.SERVER_DEVICE_FAILURE
-REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
 
 class LineExchange:
@@ -56,6 +53,7 @@ class LineExchange:
         self._link = link
         self._on_event = on_event
         self._news = AxisNews(self.axes, on_event)
+        self._ends = Endings(self._units, self.counters, self._news, on_event)
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
         self._rest = Rest(timing)
         self._waiting = WaitingExchanges()
@@ -98,17 +96,15 @@ class LineExchange:
             stops = self._units.stops_of(unit_id, pdu)
         may_stop = role is Role.OPERATOR and bool(stops) and self._units.only_stops(unit_id, pdu)
         if role is not Role.MOTION and may_write and not may_stop:
-            self._refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
+            self._ends.refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
         elif not self.is_up:
-            self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
-            self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
+            self._ends.fail_unsent(exchange)
         elif is_free:
             self._start(exchange, now_ns)
         elif stops:
             self._overtake(exchange, stops, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
-            self._note_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
-            self._refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
+            self._ends.refuse_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
         else:
             self._waiting.add(exchange)
 
@@ -117,17 +113,13 @@ class LineExchange:
         axes = [meaning.axis for meaning in stops]
         reason = "a stop of its axis came after it"
         for exchange in self._waiting.withdraw(lambda each: is_acting_on(self._units, each, axes)):
-            self._overtaken(exchange, reason, now_ns)
+            self._ends.overtaken(exchange, reason)
         current = self._current
         if current and current.added and is_acting_on(self._units, current, axes):
             current.overtaken_by = reason
         stop.is_stop = True
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
-            self._refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY)
-
-    def _overtaken(self, exchange: Exchange, reason: str, now_ns: int) -> None:
-        self._withdrawn(exchange, reason, now_ns, ExceptionCode.SERVER_DEVICE_BUSY)
-        self._refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
+            self._ends.refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY)
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
@@ -136,7 +128,7 @@ class LineExchange:
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
         for exchange in self._waiting.withdraw(lambda each: each.port is port and not each.is_stop):
-            self._withdrawn(exchange, reason, now_ns)
+            self._ends.withdrawn(exchange, reason)
         for exchange in self._waiting:
             exchange.is_orphan |= exchange.port is port
         if self._current and self._current.port is port:
@@ -188,13 +180,13 @@ class LineExchange:
         if is_exception(pdu):
             self.counters.exceptions += 1
         if not exchange.rewritings:
-            self._send_reply(exchange, pdu)
+            self._ends.reply(exchange, pdu)
             note_discrete(self._units.get(exchange.unit_id), exchange.pdu, pdu, now_ns)
             return
         for rewriting in exchange.rewritings:
-            answer(rewriting, pdu, now_ns, partial(self._send_reply, exchange))
+            answer(rewriting, pdu, now_ns, partial(self._ends.reply, exchange))
             self.counters.unmapped_reads += rewriting.reads_unmapped
-        self._end_if_remapped(exchange)
+        self._ends.end_if_remapped(exchange)
 
     def _learn(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         """Take note of the reply to a frame of the gateway's own, and go on with what it was for."""
@@ -202,8 +194,7 @@ class LineExchange:
         if exchange.port is None:
             return
         if code is not None:
-            self._note_unsent(exchange, code)
-            self._refuse(exchange, code)
+            self._ends.refuse_unsent(exchange, code)
         elif self._waiting.has_stops and not exchange.overtaken_by:
             exchange.added = None
             self._waiting.put_back(exchange)
@@ -255,11 +246,10 @@ class LineExchange:
         for axis in self.axes:
             axis.link_lost(now_ns)
         if current is not None:
-            self._lose(current, now_ns)
-            self._fail(current, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND)
+            self._ends.lost(current, now_ns)
+            self._ends.fail(current, NO_RESPONSE)
         for exchange in self._waiting.withdraw(lambda _: True):
-            self._note_unsent(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
-            self._fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
+            self._ends.fail_unsent(exchange)
         self._news.look(self.axes)
 
     # --- time ------------------------------------------------------------------------------------------
@@ -279,7 +269,7 @@ class LineExchange:
         """Send nothing new; the exchange on the wire ends as it would have (see :attr:`is_idle`)."""
         self._is_stopping = True
         for exchange in self._waiting.withdraw(lambda _: True):
-            self._withdrawn(exchange, "the gateway stops", now_ns)
+            self._ends.withdrawn(exchange, "the gateway stops")
 
     # --- sending ---------------------------------------------------------------------------------------
 
@@ -291,9 +281,9 @@ class LineExchange:
         """Send an exchange, or the frame that it needs first; or withdraw or refuse it."""
         reason = "the gateway stops" if self._is_stopping else exchange.why_given_up(now_ns)
         if reason:
-            self._withdrawn(exchange, reason, now_ns)
+            self._ends.withdrawn(exchange, reason)
         elif exchange.overtaken_by:
-            self._overtaken(exchange, exchange.overtaken_by, now_ns)
+            self._ends.overtaken(exchange, exchange.overtaken_by)
         elif exchange.port is None:
             self._send(exchange, exchange.pdu, exchange.unit_id, now_ns)
         else:
@@ -307,8 +297,7 @@ class LineExchange:
             added, pdu = self._units.next_to_send(exchange, now_ns)
         except RefusedRequestError as refusal:
             self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason))
-            self._note_unsent(exchange, refusal.code)
-            self._refuse(exchange, refusal.code)
+            self._ends.refuse_unsent(exchange, refusal.code)
             return
         exchange.added = added
         if added is not None:
@@ -346,55 +335,11 @@ class LineExchange:
         if unit_id not in self._silent_units:
             self._silent_units.add(unit_id)
             self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {unit_id}"))
-        self._lose(exchange, now_ns)
+        self._ends.lost(exchange, now_ns)
         axes = self._units.axes_of(unit_id)
         for axis in axes:
             axis.doubt(now_ns)
         self._news.look(axes)
         if self._link.is_serial:
             self._rest.drain(now_ns)
-        self._fail(exchange, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND)
-
-    def _lose(self, exchange: Exchange, now_ns: int) -> None:
-        """Take note of an exchange whose reply never came."""
-        code = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
-        lose(exchange, code, now_ns)
-        if exchange.added is not None:
-            self._note_unsent(exchange, code)
-        self._end_if_remapped(exchange)
-
-    def _note_unsent(self, exchange: Exchange, code: int) -> None:
-        """Take note of a request that never reached the drive (M3)."""
-        if exchange.port is not None and not only_reads(exchange.pdu):
-            note_unsent(self._units, exchange, code)
-            self._news.look(self._units.axes_of(exchange.unit_id))
-
-    def _end_if_remapped(self, exchange: Exchange) -> None:
-        """End the compensation of a unit whose registers may mean something else now, acknowledged or not."""
-        if exchange.added is None:
-            for axis in end_remapped(exchange.rewritings):
-                self._on_event(Event(EventKind.COMPENSATION_ENDED, axis.plan.name, REMAPPED))
-
-    def _send_reply(self, exchange: Exchange, pdu: bytes) -> None:
-        port = exchange.port
-        if port is None or exchange.is_orphan:
-            return
-        if not (port.plan.serial and exchange.unit_id == BROADCAST_UNIT_ID):  # nobody answers a broadcast
-            port.send_reply(exchange.transaction_id, exchange.unit_id, pdu)
-
-    def _fail(self, exchange: Exchange, code: ExceptionCode) -> None:
-        """Say that a drive cannot be had: an exception on TCP, silence on a serial line (W7)."""
-        if exchange.port is not None and not exchange.port.plan.serial:
-            self._send_reply(exchange, exception_pdu(exchange.pdu[0], code))
-
-    def _refuse(self, exchange: Exchange, code: int) -> None:
-        """Answer what the gateway itself refuses, on serial lines too (W7)."""
-        self.counters.refused += 1
-        self._send_reply(exchange, exception_pdu(exchange.pdu[0], code))
-
-    def _withdrawn(self, exchange: Exchange, reason: str, now_ns: int, code: int = LOST) -> None:
-        self._note_unsent(exchange, code)
-        self.counters.withdrawn += 1
-        if exchange.port is not None:
-            name = exchange.port.plan.name
-            self._on_event(Event(EventKind.WITHDRAWN, None, f"a request of {name} was not sent: {reason}"))
+        self._ends.fail(exchange, NO_RESPONSE)
