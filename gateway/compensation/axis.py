@@ -5,6 +5,7 @@ accepted the target. Between the two nothing has happened, and a refused target 
 """
 
 from enum import Enum
+from math import inf
 from typing import Final, NamedTuple
 
 from gateway.compensation.blend import shape, share_of, towards
@@ -63,6 +64,11 @@ class Move(NamedTuple):
     state: State
 
 
+SteadyMove = tuple[float, float, float, int, State, CorrectionMap]
+"""A move that changes nothing but the position: nominal and correction counts, nominal machine position, time
+in ns, the state before it, the map. A plain tuple, for one is made for each setpoint; see ``move_of``."""
+
+
 class Accepted(NamedTuple):
     """The last target that the drive accepted."""
 
@@ -88,6 +94,13 @@ class AxisCompensation:
         self._standing_counts: float | None = None
         self._map_key: tuple[object, ...] = ()
         self._map = IDENTITY
+        self.is_steady = False
+        """Whether the branch in force is the one that is wanted, whole: :meth:`plan_steady` may be asked."""
+        self._steady_map = IDENTITY
+        self._is_stream = settings.setpoints is Setpoints.STREAM
+        self._counts_per_unit, self._zero_counts = settings.counts_per_unit, settings.zero_counts
+        self._refuses_outside = settings.outside.kind is OutsideKind.REFUSE
+        self._lowest, self._highest = _bounds(settings)
 
     @property
     def is_passing(self) -> bool:
@@ -115,6 +128,7 @@ class AxisCompensation:
         if spec is not self._wanted:
             self._wanted = spec
             self._measure_change()
+            self._note_steadiness()
 
     def assume_offset(self, actual_counts: float, nominal_counts: float) -> None:
         """Take the offset in force when setpoints begin to stream: where the drive is, less the command.
@@ -125,6 +139,7 @@ class AxisCompensation:
         spec = CorrectionSpec(offset=offset) if abs(offset) <= self.settings.max_correction else NOTHING
         self.state = self.state._replace(spec=spec, previous=None, change=1.0)
         self._measure_change()
+        self._note_steadiness()
 
     def lose_reference(self) -> None:
         """Pass 1:1 from now on: positions mean nothing until the axis is referenced again."""
@@ -133,6 +148,7 @@ class AxisCompensation:
         self._wanted = NOTHING
         self._standing_counts = None
         self.readback = Readback(self.settings.counts_per_unit, self.settings.zero_counts)
+        self._note_steadiness()
 
     def find_reference(self, spec: CorrectionSpec) -> None:
         """The axis knows where it is: want ``spec``, on the branch that homing ended on.
@@ -143,6 +159,7 @@ class AxisCompensation:
             approach = Direction(self.settings.home_approach)
             self.state = State(travel=Travel(approach, 0.0), progress=approach.goal)
         self.want(spec)
+        self._note_steadiness()
 
     def forget_target(self) -> None:
         """Nobody knows any more which target the drive holds; the next one is never taken for a repeat."""
@@ -204,6 +221,75 @@ class AxisCompensation:
         self.state = move.state
         self.accepted = Accepted(move.nominal_counts, corrected_counts)
         self._standing_counts = None
+        self._note_steadiness()
+
+    def plan_steady(self, nominal_counts: float, now_ns: int, is_reached: bool) -> SteadyMove | None:
+        """Work out, only while ``is_steady``, a target that goes on in its direction; None: ask :meth:`plan`.
+
+        What comes out is what :meth:`plan` would say, for a fraction of its time.
+
+        Args:
+            nominal_counts: the target as commanded.
+            now_ns: monotonic time.
+            is_reached: the last accepted target is known to be reached.
+        """
+        state, accepted = self.state, self.accepted
+        position = (nominal_counts - self._zero_counts) / self._counts_per_unit
+        if accepted is not None and accepted[0] == nominal_counts:
+            return None
+        direction, extreme = state.travel
+        slack = self._hysteresis
+        if not self._is_stream:
+            if accepted is None or not is_reached:
+                return None
+            extreme, slack = self.machine_position(accepted.nominal_counts), 0.0
+        behind = extreme - position if direction is Direction.FORWARD else position - extreme
+        if behind > 0.0 and behind >= slack:
+            return None
+        correction_map = self._steady_map
+        correction = correction_map.correction(position)
+        if not self._lowest <= position + correction <= self._highest:
+            return None
+        if self._refuses_outside and not self._is_covered(position):
+            return None
+        return nominal_counts, correction * self._counts_per_unit, position, now_ns, state, correction_map
+
+    def move_of(self, steady: SteadyMove) -> Move:
+        """Return a steady move with the state that accepting it leads to, as :meth:`plan` would."""
+        nominal_counts, correction_counts, position, now_ns, before, correction_map = steady
+        direction, extreme = before.travel
+        is_stream = self._is_stream
+        is_further = position >= extreme if direction is Direction.FORWARD else position <= extreme
+        state = State(
+            position,
+            Travel(direction, position) if is_further or not is_stream else before.travel,
+            before.progress,
+            before.spec,
+            None,
+            before.change if is_stream else 1.0,
+            before.change_distance if is_stream else 0.0,
+            False,
+            now_ns,
+        )
+        return Move(nominal_counts, correction_counts, correction_map, state)
+
+    def _is_covered(self, position: float) -> bool:
+        curve = self.state.spec.curve
+        return curve is None or curve.covers(position)
+
+    def _note_steadiness(self) -> None:
+        state = self.state
+        self._steady_map = self.readback.correction_map
+        self.is_steady = (
+            state.position is not None
+            and state.previous is None
+            and state.spec is self._wanted
+            and state.travel.direction is not Direction.UNKNOWN
+            and state.progress == state.travel.direction.goal
+            and not state.is_unsure
+            and not self._steady_map.is_identity
+            and self._steady_map is self._map_of(state)
+        )
 
     def _measure_change(self) -> None:
         if self.settings.setpoints is Setpoints.STREAM:
@@ -293,24 +379,29 @@ class AxisCompensation:
 
     def _check_covered(self, state: State, position: float) -> None:
         curve = state.spec.curve
-        if self.settings.outside.kind is OutsideKind.REFUSE and curve and not curve.covers(position):
+        if self._refuses_outside and curve and not curve.covers(position):
             raise OutOfTableError(
                 f"machine position {position:.6g} lies outside the table "
                 f'({curve.table.first:g} to {curve.table.last:g}) and outside = "refuse"'
             )
 
     def _check_travel(self, position: float, correction: float) -> None:
-        if self.settings.travel is None:
-            return
-        low, high = self.settings.travel
-        margin = self.settings.travel_margin
-        slack = margin + 0.5 / abs(self.settings.counts_per_unit)  # half a count is rounding
         corrected = position + correction
-        if not low - slack <= corrected <= high + slack:
+        if self.settings.travel is not None and not self._lowest <= corrected <= self._highest:
+            low, high = self.settings.travel
             raise OutsideTravelError(
                 f"corrected machine position {corrected:.6g} leaves the travel {low:g} to {high:g} "
-                f"by more than travel_margin = {margin:g} {self.settings.units.value}"
+                f"by more than travel_margin = {self.settings.travel_margin:g} {self.settings.units.value}"
             )
+
+
+def _bounds(settings: AxisSettings) -> tuple[float, float]:
+    """Lowest and highest corrected machine position that the travel and its margin allow."""
+    if settings.travel is None:
+        return -inf, inf
+    low, high = settings.travel
+    slack = settings.travel_margin + 0.5 / abs(settings.counts_per_unit)  # half a count is rounding
+    return low - slack, high + slack
 
 
 def _is_reversing(state: State) -> bool:

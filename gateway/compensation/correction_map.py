@@ -4,7 +4,7 @@
 two tables are sums of piecewise linear curves, so they are piecewise linear and have an exact inverse too.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from math import inf
 from typing import Final, NamedTuple
 
@@ -32,12 +32,12 @@ class Solution(NamedTuple):
 class CorrectionMap:
     """An immutable map between nominal and corrected machine positions, in units of the axis."""
 
-    __slots__ = ("_bound", "_single", "offset", "terms")
+    __slots__ = ("_bound", "_single", "_weight", "offset", "terms")
 
     def __init__(self, terms: tuple[Term, ...] = (), offset: float = 0.0) -> None:
         self.terms = tuple(t for t in terms if t.forward_weight or t.backward_weight)
         self.offset = offset
-        self._single = None if offset else _single_branch(self.terms)
+        self._single, self._weight = _single_branch(() if offset else self.terms)
         weights = (abs(t.forward_weight) + abs(t.backward_weight) for t in self.terms)
         self._bound = abs(offset) + sum(
             w * t.curve.max_correction for w, t in zip(weights, self.terms, strict=True)
@@ -51,8 +51,7 @@ class CorrectionMap:
     def correction(self, nominal: float) -> float:
         """Amount to add at a nominal machine position, in units."""
         if self._single is not None:
-            curve, values, weight = self._single
-            return weight * curve.branch(values, nominal)
+            return self._weight * self._single(nominal)
         total = self.offset
         for curve, forward_weight, backward_weight in self.terms:
             _, _, reference, forward, backward, forward_slope, backward_slope = curve.piece(nominal)
@@ -118,14 +117,14 @@ class CorrectionMap:
         return Solution(middle, corrected - middle)
 
 
-def _single_branch(terms: tuple[Term, ...]) -> tuple[Curve, Sequence[float], float] | None:
-    """Return the curve, the values and the weight of the only branch in force, if there is only one."""
+def _single_branch(terms: tuple[Term, ...]) -> tuple[Callable[[float], float] | None, float]:
+    """Return the only branch in force as a function, and its weight; None where there is another number."""
     if len(terms) != 1:
-        return None
+        return None, 0.0
     curve, forward_weight, backward_weight = terms[0]
     if not backward_weight:
-        return curve, curve.table.forward, forward_weight
-    return None if forward_weight else (curve, curve.table.backward, backward_weight)
+        return curve.forward, forward_weight
+    return (None, 0.0) if forward_weight else (curve.backward, backward_weight)
 
 
 IDENTITY: Final = CorrectionMap()

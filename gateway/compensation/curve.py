@@ -4,7 +4,8 @@ Everything is answered as a *piece*: the stretch of straight line around a posit
 on it, the exact inverse solves it, and sums of curves intersect their pieces.
 """
 
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from math import floor, inf
 from typing import Final
 
@@ -35,7 +36,17 @@ class Curve:
             that its slope would reach 1.
     """
 
-    __slots__ = ("_above", "_below", "_fade", "_modulo", "_outside", "max_correction", "table")
+    __slots__ = (
+        "_above",
+        "_below",
+        "_fade",
+        "_modulo",
+        "_outside",
+        "backward",
+        "forward",
+        "max_correction",
+        "table",
+    )
 
     def __init__(self, table: CorrectionTable, outside: Outside = HOLD, modulo: float = 0.0) -> None:
         self.table = table
@@ -49,6 +60,9 @@ class Curve:
             _check_fade(table, self._fade)
         self._below = (table.forward[0], table.backward[0])
         self._above = (table.forward[-1], table.backward[-1])
+        self.forward = self._branch(table.forward)
+        """Correction of the forward branch at any machine position, in units."""
+        self.backward = self._branch(table.backward)
 
     def covers(self, position: float) -> bool:
         """Whether the table itself, not the policy outside it, answers for this machine position."""
@@ -86,22 +100,55 @@ class Curve:
             (table.backward[i + 1] - backward) / width,
         )
 
-    def branch(self, values: Sequence[float], position: float) -> float:
-        """Return one branch, ``table.forward`` or ``table.backward``, at a machine position.
+    def _branch(self, values: Sequence[float]) -> Callable[[float], float]:
+        """Return the function that gives one branch at a machine position.
 
-        The same number as from :meth:`piece`, for half the price: most positions need one branch only.
+        The same numbers as from :meth:`piece`, for a third of the price: it is called for each setpoint.
         """
-        table = self.table
-        if self._modulo:
-            position -= floor((position - table.first) / self._modulo) * self._modulo
-        elif not table.first <= position <= table.last:
+        positions = self.table.positions
+        first, last, step = self.table.first, self.table.last, self.table.even_step
+        last_segment = len(positions) - 2
+
+        def even(position: float) -> float:
+            if not first <= position <= last:
+                return outside(position)
+            index = int((position - first) / step)
+            if index > last_segment:
+                index = last_segment
+            low = positions[index]
+            # The division may land one segment off beside a point; the comparisons are exact.
+            if position < low:
+                index -= 1
+                low = positions[index]
+            elif position >= positions[index + 1] and index < last_segment:
+                index += 1
+                low = positions[index]
+            value = values[index]
+            return value + (values[index + 1] - value) / (positions[index + 1] - low) * (position - low)
+
+        def free(position: float) -> float:
+            if not first <= position <= last:
+                return outside(position)
+            index = bisect_right(positions, position) - 1
+            if index > last_segment:
+                index = last_segment
+            low, value = positions[index], values[index]
+            return value + (values[index + 1] - value) / (positions[index + 1] - low) * (position - low)
+
+        def turned(position: float) -> float:
+            position -= floor((position - first) / self._modulo) * self._modulo
+            index = self.table.segment(position)  # rounding may leave it a hair beyond the end of the turn
+            low, value = positions[index], values[index]
+            return value + (values[index + 1] - value) / (positions[index + 1] - low) * (position - low)
+
+        def outside(position: float) -> float:
             piece = self._piece_outside(position)
-            value, slope = (piece[3], piece[5]) if values is table.forward else (piece[4], piece[6])
+            value, slope = (piece[3], piece[5]) if values is self.table.forward else (piece[4], piece[6])
             return value + slope * (position - piece[2])
-        i = table.segment(position)
-        low = table.positions[i]
-        value = values[i]
-        return value + (values[i + 1] - value) / (table.positions[i + 1] - low) * (position - low)
+
+        if self._modulo:
+            return turned
+        return even if step else free
 
     def _piece_outside(self, position: float) -> Piece:
         is_below = position < self.table.first

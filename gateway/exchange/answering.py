@@ -1,6 +1,7 @@
 """Turning a drive's reply back into the controller's, and taking note of what it says."""
 
 from collections.abc import Callable, Iterable
+from collections.abc import Set as AbstractSet
 from typing import Final
 
 from gateway.exchange.access import MEI_HEAD, swapped
@@ -192,7 +193,9 @@ def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, now_ns: in
         note_bits(hits, words, set(), now_ns)
 
 
-def note_bits(hits: Iterable[BitHit], data: bytes | bytearray, written: set[str], now_ns: int) -> None:
+def note_bits(
+    hits: Iterable[BitHit], data: bytes | bytearray, written: AbstractSet[str], now_ns: int
+) -> None:
     """Take note of status bits, a word for each in ``data``.
 
     The done bit of a frame that wrote a target is still that of the one before.

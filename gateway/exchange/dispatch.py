@@ -1,6 +1,7 @@
 """What goes out next for one request: itself, or a frame that it needs first."""
 
 from collections.abc import Sequence
+from typing import Final
 
 from gateway.drives.motion import Action
 from gateway.exchange.access import ACCESS, Access
@@ -8,14 +9,20 @@ from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import why_not_passed
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.known import NOTHING_KNOWN, Known
-from gateway.exchange.life import Exchange
+from gateway.exchange.life import Exchange, Way
 from gateway.exchange.meaning import NO_ACCESS, Meaning, meanings
 from gateway.exchange.preliminaries import next_frame
 from gateway.exchange.preparing import prepare
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import Request
+from gateway.exchange.short_ways import HEAD_BYTES, find_way
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
+
+REMEMBERED_WAYS: Final = 4096
+"""Heads of requests whose way is remembered; a controller uses a few dozen."""
+SHORTEST_REQUEST: Final = 5
+"""Bytes of the PDU of a request that has a short way."""
 
 
 def access_of(pdu: bytes) -> Access | None:
@@ -27,7 +34,9 @@ def access_of(pdu: bytes) -> Access | None:
 class Units:
     """The mapped unit ids of one line."""
 
-    def __init__(self, axes: Sequence[AxisExchange], *, is_serial: bool) -> None:
+    def __init__(
+        self, axes: Sequence[AxisExchange], *, is_serial: bool, remembered_ways: int = REMEMBERED_WAYS
+    ) -> None:
         unit_ids = dict.fromkeys(axis.plan.unit_id for axis in axes)
         self._units = {
             unit_id: UnitMap(axis for axis in axes if axis.plan.unit_id == unit_id) for unit_id in unit_ids
@@ -44,10 +53,36 @@ class Units:
         }
         self.have_rules = any(unit.has_rules for unit in self._units.values())
         """Whether any frame may mean something else than positions to be gone to at once."""
+        self._ways: dict[int, dict[bytes, Way | None]] = {}
+        self._remembered_ways = self._ways_left = remembered_ways
 
     def get(self, unit_id: int) -> UnitMap | None:
         """Return a unit id's register map; None where it has none."""
         return self._units.get(unit_id)
+
+    def way_of(self, unit_id: int, pdu: bytes) -> Way | None:
+        """Return the short way of a request; None: it goes the long one."""
+        head = pdu[: HEAD_BYTES[pdu[0]]]
+        ways = self._ways.get(unit_id)
+        if ways is not None and head in ways:
+            return ways[head]
+        return self._find_way(unit_id, pdu, head)
+
+    def _find_way(self, unit_id: int, pdu: bytes, head: bytes) -> Way | None:
+        if (
+            not head
+            or len(pdu) < SHORTEST_REQUEST
+            or unit_id == BROADCAST_UNIT_ID
+            or not self._remembered_ways
+        ):
+            return None
+        if not self._ways_left:
+            self._ways.clear()
+            self._ways_left = self._remembered_ways
+        self._ways_left -= 1
+        way = find_way(self._units.get(unit_id), unit_id, pdu)
+        self._ways.setdefault(unit_id, {})[head] = way
+        return way
 
     def axes_of(self, unit_id: int) -> tuple[AxisExchange, ...]:
         """Return the axes that a request to a unit id reaches."""

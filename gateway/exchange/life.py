@@ -1,10 +1,13 @@
 """One exchange from arrival to reply, and the queue of those that wait."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
-from typing import Final
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final, Protocol
 
+from gateway.compensation.readback import Readback
 from gateway.exchange.added_frames import AddedFrame
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.draft import Draft, rewriting_of
 from gateway.exchange.known import Known
 from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
@@ -15,25 +18,48 @@ QUEUE_LIMIT: Final = 32
 """Requests of one connection that may wait; the next gets exception 6 (Messaging guide V1.0b, p. 29)."""
 
 
+class Way(Protocol):
+    """How a request goes out and its reply comes back where nothing about them needs to be judged."""
+
+    @property
+    def axes(self) -> tuple[AxisExchange, ...]:
+        """Axes of which something may have been learned."""
+        ...
+
+    def sent(self, exchange: "Exchange", now_ns: int) -> bytes | None:
+        """Return what is sent for a request; None: it goes the long way."""
+        ...
+
+    def answered(self, exchange: "Exchange", reply: bytes, now_ns: int) -> bytes | None:
+        """Return what the controller gets for a drive's reply; None: it goes the long way."""
+        ...
+
+    def settle(self, exchange: "Exchange", now_ns: int) -> None:
+        """Take note of what the reply proved, once it was passed on."""
+        ...
+
+
 class Exchange:
     """One request with its reply. ``port`` is None for a read that the gateway added by itself."""
 
-    __slots__ = (
-        "added",
-        "arrived_ns",
-        "deadline_ns",
-        "is_orphan",
-        "is_stop",
-        "known",
-        "overtaken_by",
-        "pdu",
-        "port",
-        "rewritings",
-        "sent_ns",
-        "transaction_id",
-        "unit_id",
-        "wire_unit_id",
-    )
+    # Defaults of the class: most exchanges leave most of them alone, and one is made for each request.
+    sent_ns = 0
+    deadline_ns = 0
+    is_orphan = False
+    """Its controller has gone or gone on: the reply is taken note of and then dropped."""
+    overtaken_by = ""
+    """Why it must not be sent any more, although its controller waits for it."""
+    is_stop = False
+    added: AddedFrame | None = None
+    """A frame of the gateway's own that goes first, or alone."""
+    known: Known | None = None
+    way: Way | None = None
+    """The short way on which it was sent; None: it went the long one."""
+    draft: Draft | None = None
+    """The target that it carries, on the short way."""
+    readbacks: Sequence[Readback | None] = ()
+    """Of each position that it reads, on the short way: as they were when it was sent."""
+    _rewritings: tuple[Rewriting, ...] = ()
 
     def __init__(
         self, port: ControllerPort | None, transaction_id: int, unit_id: int, pdu: bytes, arrived_ns: int
@@ -45,18 +71,17 @@ class Exchange:
         """Of the frame that is on the wire for it."""
         self.pdu = pdu
         self.arrived_ns = arrived_ns
-        self.sent_ns = 0
-        self.deadline_ns = 0
-        self.is_orphan = False
-        """Its controller has gone or gone on: the reply is taken note of and then dropped."""
-        self.overtaken_by = ""
-        """Why it must not be sent any more, although its controller waits for it."""
-        self.is_stop = False
-        self.rewritings: tuple[Rewriting, ...] = ()
+
+    @property
+    def rewritings(self) -> tuple[Rewriting, ...]:
         """What it makes of each unit that it reaches; a broadcast reaches several."""
-        self.added: AddedFrame | None = None
-        """A frame of the gateway's own that goes first, or alone."""
-        self.known: Known | None = None
+        if self.draft is not None and not self._rewritings:
+            self._rewritings = (rewriting_of(self.draft, self.pdu, self.sent_ns, self.arrived_ns),)
+        return self._rewritings
+
+    @rewritings.setter
+    def rewritings(self, rewritings: tuple[Rewriting, ...]) -> None:
+        self._rewritings = rewritings
 
     def is_same_stop(self, other: "Exchange") -> bool:
         """Whether both are stops that say the same to the same drive."""
@@ -87,16 +112,12 @@ class WaitingExchanges:
         self._own: deque[Exchange] = deque()
         self._motion: deque[Exchange] = deque()
         self._others: deque[Exchange] = deque()
-
-    @property
-    def _queues(self) -> tuple[deque[Exchange], ...]:
-        return (self._stops, self._own, self._motion, self._others)
-
-    def __bool__(self) -> bool:
-        return bool(self._motion or self._others or self._own or self._stops)
+        self._queues = (self._stops, self._own, self._motion, self._others)
+        self.total = 0
+        """How many wait: a number of its own, for it is looked at with each request."""
 
     def __len__(self) -> int:
-        return sum(map(len, self._queues))
+        return self.total
 
     def __iter__(self) -> Iterator[Exchange]:
         for queue in self._queues:
@@ -104,6 +125,7 @@ class WaitingExchanges:
 
     def add(self, exchange: Exchange) -> None:
         """Queue an exchange behind those of its rank."""
+        self.total += 1
         if exchange.port is None:
             self._own.append(exchange)
         elif exchange.port.plan.role is Role.MOTION:
@@ -125,17 +147,20 @@ class WaitingExchanges:
         if self.count(stop.port) >= QUEUE_LIMIT and any(each.is_same_stop(stop) for each in self):
             return False
         self._stops.append(stop)
+        self.total += 1
         return True
 
     def put_back(self, exchange: Exchange) -> None:
         """Queue an exchange before those of its rank: it was its turn already."""
         is_motion = exchange.port is not None and exchange.port.plan.role is Role.MOTION
+        self.total += 1
         (self._motion if is_motion else self._others).appendleft(exchange)
 
     def pop(self) -> Exchange:
         """Take the next one."""
         for queue in self._queues:
             if queue:
+                self.total -= 1
                 return queue.popleft()
         raise IndexError("nothing waits")
 
@@ -154,4 +179,5 @@ class WaitingExchanges:
                 taken += [exchange for exchange in queue if condition(exchange)]
                 queue.clear()
                 queue.extend(kept)
+        self.total -= len(taken)
         return taken

@@ -18,7 +18,7 @@ from gateway.exchange.added_frames import homed_read
 from gateway.exchange.answering import answer, note_broadcast, note_discrete
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.dispatch import Units, is_acting_on
+from gateway.exchange.dispatch import REMEMBERED_WAYS, Units, is_acting_on
 from gateway.exchange.effects import note_unknown
 from gateway.exchange.endings import NO_RESPONSE, Endings
 from gateway.exchange.events import Event, EventKind
@@ -45,11 +45,13 @@ class LineExchange:
         link: DriveLink,
         on_event: Callable[[Event], None],
         groups: Iterable[Iterable[str]] = (),
+        *,
+        remembered_ways: int = REMEMBERED_WAYS,
     ) -> None:
         self.axes = [AxisExchange(plan) for plan in axes]
         join(self.axes, groups)
         self.counters = LineCounters()
-        self._units = Units(self.axes, is_serial=link.is_serial)
+        self._units = Units(self.axes, is_serial=link.is_serial, remembered_ways=remembered_ways)
         self._link = link
         self._on_event = on_event
         self._news = AxisNews(self.axes, on_event)
@@ -83,13 +85,24 @@ class LineExchange:
         if not pdu:
             self.counters.malformed += 1
             return
-        if port.plan.serial:
+        is_free = self._current is None and not self._waiting.total
+        if not is_free and port.plan.serial:
             self._give_up(port, "its controller sent another request", now_ns)
+            is_free = self._current is None and not self._waiting.total
         if self._is_stopping:
             return
-        self._arrived_ns = max(now_ns, self._arrived_ns + 1)  # losses are told apart by it (M3)
+        # Losses are told apart by it (M3): no two requests come at one instant.
+        self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         exchange = Exchange(port, transaction_id, unit_id, pdu, self._arrived_ns)
-        is_free = self._current is None and self._rest.until_ns is None and not self._waiting
+        if is_free and self._rest.until_ns is None and self.is_up and port.plan.role is Role.MOTION:
+            self._start_request(exchange, now_ns)
+        else:
+            self._judge(exchange, now_ns, is_free=is_free and self._rest.until_ns is None)
+
+    def _judge(self, exchange: Exchange, now_ns: int, *, is_free: bool) -> None:
+        """Start, queue or refuse a request that cannot simply go out."""
+        port, unit_id, pdu = exchange.port, exchange.unit_id, exchange.pdu
+        assert port is not None
         role, may_write = port.plan.role, not only_reads(pdu)
         stops: list[Meaning] = []
         if self._units.have_rules and may_write and not (is_free and role is Role.MOTION):
@@ -161,7 +174,24 @@ class LineExchange:
         if unit_id in self._silent_units:
             self._silent_units.discard(unit_id)
             self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
-        axes = self._units.axes_of(unit_id)
+        way = exchange.way
+        turned = None if way is None else way.answered(exchange, pdu, now_ns)
+        if way is None or turned is None:
+            axes = self._take_reply(exchange, pdu, now_ns)
+        else:
+            axes = way.axes
+            self.counters.exchanges += 1
+            self.counters.exceptions += is_exception(pdu)
+            self._ends.reply(exchange, turned)
+            way.settle(exchange, now_ns)
+            self._current = None
+        if axes:
+            self._news.look(axes)
+        self._next(now_ns)
+
+    def _take_reply(self, exchange: Exchange, pdu: bytes, now_ns: int) -> tuple[AxisExchange, ...]:
+        """Take a reply the long way; return the axes of which something may have been learned."""
+        axes = self._units.axes_of(exchange.wire_unit_id)
         for axis in axes:
             if axis.silent_since_ns is not None:
                 axis.end_silence(is_answer=True)
@@ -171,9 +201,7 @@ class LineExchange:
         else:
             self._answer(exchange, pdu, now_ns)
             self._current = None
-        if axes:
-            self._news.look(axes)
-        self._next(now_ns)
+        return axes
 
     def _answer(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         self.counters.exchanges += 1
@@ -274,7 +302,7 @@ class LineExchange:
     # --- sending ---------------------------------------------------------------------------------------
 
     def _next(self, now_ns: int) -> None:
-        while self._waiting and self._current is None and self._rest.until_ns is None:
+        while self._waiting.total and self._current is None and self._rest.until_ns is None:
             self._start(self._waiting.pop(), now_ns)
 
     def _start(self, exchange: Exchange, now_ns: int) -> None:
@@ -290,6 +318,13 @@ class LineExchange:
             self._start_request(exchange, now_ns)
 
     def _start_request(self, exchange: Exchange, now_ns: int) -> None:
+        if exchange.known is None:  # nothing was read for it before
+            way = self._units.way_of(exchange.unit_id, exchange.pdu)
+            sent_pdu = None if way is None else way.sent(exchange, now_ns)
+            if sent_pdu is not None:
+                exchange.way = way
+                self._put_on_wire(exchange, sent_pdu, exchange.unit_id, now_ns)
+                return
         for axis in self._units.axes_of(exchange.unit_id):
             if axis.silent_since_ns is not None:
                 axis.end_silence(is_answer=False)
@@ -308,9 +343,9 @@ class LineExchange:
         self._send(exchange, pdu, exchange.unit_id, now_ns)
 
     def _send(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
-        exchange.sent_ns = now_ns
         exchange.wire_unit_id = unit_id
         if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
+            exchange.sent_ns = now_ns
             self._link.send_request(unit_id, pdu)
             self.counters.broadcasts += 1
             self._rest.turn_around(now_ns)
@@ -318,11 +353,17 @@ class LineExchange:
                 note_broadcast(rewriting, now_ns)
             self._news.look(self.axes)
             return
+        self._put_on_wire(exchange, pdu, unit_id, now_ns)
+
+    def _put_on_wire(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
+        exchange.sent_ns = now_ns
         self._current = exchange
-        patience_ns = self._response_timeout_ns
+        patience_ns: float = self._response_timeout_ns
         if exchange.port is not None and exchange.added is None:
-            patience_ns = max(patience_ns, int(exchange.port.plan.timeout_ms * NS_PER_MS))
-        exchange.deadline_ns = now_ns + patience_ns
+            timeout_ns = exchange.port.plan.timeout_ms * NS_PER_MS
+            if timeout_ns > patience_ns:
+                patience_ns = timeout_ns
+        exchange.deadline_ns = now_ns + int(patience_ns)
         self._link.send_request(unit_id, pdu)
 
     # --- endings ---------------------------------------------------------------------------------------

@@ -109,6 +109,8 @@ class UnitMap:
         self._bits = tuple((axis, name, bit) for axis in self.axes for name, bit in axis.plan.bits.items())
         self._rules = tuple((axis, address) for axis in self.axes for address in axis.motion.rule_addresses)
         self._widths = _object_widths(self.axes)
+        self.has_objects = self._widths is not None
+        """Whether addresses are objects, each as wide as it is."""
         self._cache: dict[int, Hits] = {}
 
     def written(self, address: int, quantity: int) -> Hits:

@@ -110,6 +110,11 @@ class PositionField:
             )
 
     @property
+    def codec(self) -> Codec:
+        """What packs and unpacks its raw values."""
+        return self._codec
+
+    @property
     def words(self) -> int:
         """How many registers the field fills."""
         return self._codec.words

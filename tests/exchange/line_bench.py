@@ -133,10 +133,13 @@ class Bench:
         tcp_drive: bool = False,
         memory: Memory | None = None,
         groups: Iterable[Iterable[str]] = (),
+        **options: Any,
     ) -> None:
         self.link = Link(is_serial=not tcp_drive)
         self.events: list[Event] = []
-        self.line = LineExchange(plans, timing or LineTiming(), self.link, self.events.append, groups)
+        self.line = LineExchange(
+            plans, timing or LineTiming(), self.link, self.events.append, groups, **options
+        )
         self.port = Port(ControllerPlan("cnc", serial=serial))
         self.memory = memory or Memory()
         self.seen: list[bytes] = []
