@@ -10,6 +10,8 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.curve import Curve
 
+GUESSES: Final = 3
+"""Pieces that are tried before the search begins: a setpoint leads to the same piece or to the next."""
 MAX_BISECTIONS: Final = 200
 """More than enough to reduce any interval of doubles to neighbours."""
 
@@ -75,17 +77,26 @@ class CorrectionMap:
         """
         if not self.terms:
             return Solution(corrected - self.offset, self.offset)
-        return self._solve(near, corrected) or self._search(corrected)
+        for _ in range(GUESSES):
+            solution, correction, is_exact = self._step(near, corrected)
+            if is_exact:
+                return Solution(solution, correction)
+            near = solution
+        return self._search(corrected)
 
-    def _solve(self, near: float, corrected: float) -> Solution | None:
-        """Solve the piece around ``near``, or return None when the solution lies on another."""
+    def _step(self, near: float, corrected: float) -> tuple[float, float, bool]:
+        """Solve the piece around ``near``; say whether the solution lies on it, or is only a better guess."""
         low, high, correction, slope = self._piece(near)
         step = (corrected - near - correction) / (1.0 + slope)
         solution = near + step
-        return Solution(solution, correction + slope * step) if low <= solution <= high else None
+        return solution, correction + slope * step, low <= solution <= high
 
     def _piece(self, nominal: float) -> tuple[float, float, float, float]:
         """Bounds of the common straight stretch around ``nominal``, correction there, its slope."""
+        if self._single is not None:
+            curve, weight = self.terms[0].curve, self._weight
+            low, high, correction, slope = curve.branch_piece(self._single, nominal)
+            return low, high, weight * correction, weight * slope
         low, high = -inf, inf
         correction, slope = self.offset, 0.0
         for curve, forward_weight, backward_weight in self.terms:
@@ -105,9 +116,9 @@ class CorrectionMap:
         middle = low
         for _ in range(MAX_BISECTIONS):
             middle = 0.5 * (low + high)
-            solution = self._solve(middle, corrected)
-            if solution is not None:
-                return solution
+            solution, correction, is_exact = self._step(middle, corrected)
+            if is_exact:
+                return Solution(solution, correction)
             if middle in (low, high):
                 break  # a step of the `zero` policy: no position maps there, the edge is the nearest
             if middle + self.correction(middle) <= corrected:

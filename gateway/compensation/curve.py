@@ -40,6 +40,8 @@ class Curve:
         "_above",
         "_below",
         "_fade",
+        "_first",
+        "_last",
         "_modulo",
         "_outside",
         "backward",
@@ -60,6 +62,7 @@ class Curve:
             _check_fade(table, self._fade)
         self._below = (table.forward[0], table.backward[0])
         self._above = (table.forward[-1], table.backward[-1])
+        self._first, self._last = table.first, table.last
         self.forward = self._branch(table.forward)
         """Correction of the forward branch at any machine position, in units."""
         self.backward = self._branch(table.backward)
@@ -99,6 +102,25 @@ class Curve:
             (table.forward[i + 1] - forward) / width,
             (table.backward[i + 1] - backward) / width,
         )
+
+    def branch_piece(
+        self, branch: Callable[[float], float], position: float
+    ) -> tuple[float, float, float, float]:
+        """Return the straight stretch of ``forward`` or ``backward`` around a machine position.
+
+        Its ends, the correction at the position itself, and the slope: what :meth:`piece` says of one branch.
+        """
+        is_forward = branch is self.forward
+        table = self.table
+        if self._modulo or not self._first <= position <= self._last:
+            piece = self.piece(position)
+            value, slope = (piece[3], piece[5]) if is_forward else (piece[4], piece[6])
+            return piece[0], piece[1], value + slope * (position - piece[2]), slope
+        positions, values = table.positions, table.forward if is_forward else table.backward
+        i = table.segment(position)
+        low, high, value = positions[i], positions[i + 1], values[i]
+        slope = (values[i + 1] - value) / (high - low)
+        return low, high, value + slope * (position - low), slope
 
     def _branch(self, values: Sequence[float]) -> Callable[[float], float]:
         """Return the function that gives one branch at a machine position.

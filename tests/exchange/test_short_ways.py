@@ -129,7 +129,8 @@ class Twins:
         for bench in self.benches:
             told, here = bench.memory.get(self.place) * self.place.scale, bench.memory.get(ACTUAL)
             is_there = amount > 0
-            bench.memory.put(ACTUAL, round(told if is_there else (told + here) / 2))
+            if abs(told) < 1e9:  # half a float may be anything
+                bench.memory.put(ACTUAL, round(told if is_there else (told + here) / 2))
             bench.memory.words[STATUS] = (0b011 if is_there else 0b110) if amount % 7 else 0
             bench.wait(abs(amount))
 
