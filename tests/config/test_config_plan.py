@@ -50,6 +50,19 @@ def test_a_line_with_its_controllers(tmp_path: Path) -> None:
     assert line.timing == LineTiming(1000.0, 1000.0, 100.0, 0.0)
 
 
+def test_the_driver_of_a_port_may_be_left_as_it_is(tmp_path: Path) -> None:
+    text = edited(
+        ('parity = "even"', 'parity = "even", low_latency = false'),
+        ("baudrate = 38400", "baudrate = 38400\nlow_latency = false"),
+    )
+    line = only_line(tmp_path, text)
+    ends = (line.drives, line.controllers[0].endpoint)
+    assert [end.low_latency for end in ends if isinstance(end, SerialEndpoint)] == [False, False]
+    line = only_line(tmp_path)
+    ends = (line.drives, line.controllers[0].endpoint)
+    assert [end.low_latency for end in ends if isinstance(end, SerialEndpoint)] == [True, True]
+
+
 def test_the_numbers_of_an_axis_that_says_little(tmp_path: Path) -> None:
     assert only_axis(tmp_path).settings == AxisSettings(
         units=Units.MM,
