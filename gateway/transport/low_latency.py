@@ -106,20 +106,21 @@ def remarks(
 ) -> Iterator[str]:
     """Yield what makes bytes wait on the port ``name`` (``ttyUSB0``), and how to change it.
 
-    ``timer_refused`` and ``trigger_refused`` are why they could not be set.
+    ``timer_refused`` and ``trigger_refused`` say why they could not be set, where that was tried in vain.
     """
     timer_ms, trigger = settings.ftdi_latency_timer_ms, settings.rx_trig_bytes
     if timer_ms is not None and timer_ms > LEAST_MS:
         yield (
             f"ftdi latency timer is {timer_ms} ms: each reply waits up to {timer_ms} ms in the adapter"
-            f"{_because(timer_refused)}; let udev set it: "
-            'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"'
+            + _remedy(timer_refused, 'SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"')
         )
-    if trigger is not None and trigger > LEAST_BYTES:
+    rule = f'SUBSYSTEM=="tty", KERNEL=="{name}", ATTR{{rx_trig_bytes}}="1"'
+    if trigger is None and trigger_refused:
+        yield "rx_trig_bytes is not known, 8 by default" + _remedy(trigger_refused, rule)
+    elif trigger is not None and trigger > LEAST_BYTES:
         yield (
             f"rx_trig_bytes is {trigger}: the end of a reply waits for four characters of silence in the UART"
-            f"{_because(trigger_refused)}; let udev set it: "
-            f'ACTION=="add|change", SUBSYSTEM=="tty", KERNEL=="{name}", ATTR{{rx_trig_bytes}}="1"'
+            + _remedy(trigger_refused, rule)
         )
     rs485 = settings.rs485
     if rs485 is not None and rs485.enabled and rs485.delay_after_send_ms:
@@ -134,14 +135,21 @@ def flag_note(settings: LatencySettings) -> str:
     return "" if settings.async_low_latency else "the driver has no low-latency mode"
 
 
-def _because(why: str) -> str:
-    return f" (setting it: {why})" if why else ""
+def _remedy(refused: str, rule: str) -> str:
+    if not refused:
+        return " (the driver takes nothing lower)"
+    return f' (setting it: {refused}); let udev set it: ACTION=="add|change", {rule}'
 
 
 def _lower(path: Path, least: int) -> str:
     """Lower the number in a file of the kernel; returns why it could not be, or ""."""
-    found = _number_in(path)
-    if found is None or found <= least:
+    try:
+        found = int(path.read_text())
+    except PermissionError as error:  # older kernels show rx_trig_bytes to root only
+        return error.strerror or str(error)
+    except (OSError, ValueError):
+        return ""
+    if found <= least:
         return ""
     try:
         handle = os.open(path, os.O_WRONLY | os.O_TRUNC)  # never makes a file where there is none

@@ -128,6 +128,30 @@ def test_without_permission_the_value_stays_and_the_rule_for_udev_is_said(tree: 
     assert 'KERNEL=="ttyUSB0", ATTR{rx_trig_bytes}="1"' in trigger
 
 
+def test_a_trigger_that_only_root_may_read_is_said_to_be_unknown(tree: Tree) -> None:
+    """As older kernels have it, mode 0640."""
+    tree.trigger.write_text("8\n")
+    tree.trigger.chmod(0o600)
+    with nobody():
+        if os.access(tree.trigger, os.R_OK, effective_ids=True):
+            tree.trigger.chmod(0)  # it is nobody's own file where the tests do not run as root
+        settings, [said] = tree.tuned()
+    assert settings.rx_trig_bytes is None
+    assert said.startswith(
+        "rx_trig_bytes is not known, 8 by default (setting it: Permission denied); let udev"
+    )
+    assert tree.trigger.stat().st_size == 2
+
+
+def test_a_value_that_was_set_and_is_not_low_has_no_rule_as_its_remedy() -> None:
+    """A 16650 has no trigger below 8: the kernel takes the nearest and shows it."""
+    [timer, trigger] = remarks(LatencySettings(ftdi_latency_timer_ms=2, rx_trig_bytes=8), "ttyS1")
+    assert timer.startswith("ftdi latency timer is 2 ms: each reply waits up to 2 ms in the adapter")
+    assert timer.endswith("(the driver takes nothing lower)")
+    assert trigger.endswith("(the driver takes nothing lower)")
+    assert "udev" not in trigger
+
+
 def test_a_value_that_the_kernel_will_not_show_counts_as_none(tree: Tree) -> None:
     """A UART without a FIFO answers a read of its trigger with EINVAL; so does a folder in its place here."""
     tree.trigger.mkdir()
