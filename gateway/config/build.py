@@ -24,6 +24,7 @@ def build_plan(
     return GatewayPlan(
         sections.gateway.name,
         tuple(_line_plan(name, line, sections, axes) for name, line in sections.lines.items()),
+        sections.relay.options,
     )
 
 

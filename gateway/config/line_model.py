@@ -20,7 +20,7 @@ from gateway.drives.strict import ByName, ListOf, StrictModel
 from gateway.exchange.plan import LineTiming, Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
-SERIAL_KEYS = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "echo"})
+SERIAL_KEYS = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "echo", "low_latency"})
 _TIMING = LineTiming()
 _SERIAL = SerialEndpoint("")
 
@@ -55,9 +55,21 @@ class _SerialSettings(StrictModel):
         default=_SERIAL.data_bits, description="data bits of the serial port; RTU needs 8"
     )
 
+    low_latency: bool = Field(
+        default=_SERIAL.low_latency,
+        description="make the serial port's driver hand bytes over at once, where it can",
+    )
+
     def serial_endpoint(self, device: str) -> SerialEndpoint:
         """Return the serial port with its character format."""
-        return SerialEndpoint(device, self.baudrate, self.parity.letter, self.data_bits, self.stop_bits)
+        return SerialEndpoint(
+            device,
+            self.baudrate,
+            self.parity.letter,
+            self.data_bits,
+            self.stop_bits,
+            low_latency=self.low_latency,
+        )
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:

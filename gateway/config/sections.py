@@ -13,6 +13,7 @@ from gateway.config.findings import Findings
 from gateway.config.gateway_model import GatewaySection, HttpSection, MqttSection
 from gateway.config.line_model import LineSection
 from gateway.config.problems import shown
+from gateway.config.relay_model import RelaySection
 from gateway.config.toml_lines import KeyPath
 from gateway.config.values import read_name
 from gateway.drives.strict import StrictModel
@@ -21,6 +22,7 @@ Model = TypeVar("Model", bound=StrictModel)
 
 SINGLE: Final[Mapping[str, type[StrictModel]]] = {
     "gateway": GatewaySection,
+    "relay": RelaySection,
     "http": HttpSection,
     "mqtt": MqttSection,
 }
@@ -43,6 +45,7 @@ class Sections:
     """What could be read. A section that is too broken to be looked at is left out; its problem is noted."""
 
     gateway: GatewaySection = field(default_factory=GatewaySection)
+    relay: RelaySection = field(default_factory=RelaySection)
     lines: dict[str, LineSection] = field(default_factory=dict)
     axes: dict[str, AxisSection] = field(default_factory=dict)
     partial_axes: dict[str, AxisSection] = field(default_factory=dict)
@@ -62,6 +65,8 @@ def read_sections(findings: Findings) -> Sections:
             section = read_section(findings, model, tables[name], (name,))
             if isinstance(section, GatewaySection):
                 sections.gateway = section
+            elif isinstance(section, RelaySection):
+                sections.relay = section
     if "line" not in tables:
         findings.refuse(("line",), "missing", "needed: at least one [line.NAME], a bus of drives")
     sections.lines = read_named(findings, "line", LineSection)

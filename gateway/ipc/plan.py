@@ -30,8 +30,20 @@ class LinePlan:
 
 
 @dataclass(frozen=True, slots=True)
+class RelayOptions:
+    """How the process of the relay is to be scheduled."""
+
+    fifo: int = 0
+    """Priority of SCHED_FIFO, 1 to 99; 0: as the process was started."""
+    cpus: tuple[int, ...] = ()
+    """CPUs to run on; none: any."""
+    lock_memory: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class GatewayPlan:
     """Everything the relay needs."""
 
     name: str
     lines: tuple[LinePlan, ...]
+    relay: RelayOptions = RelayOptions()

@@ -105,7 +105,12 @@ class SerialFront:
         self._port = RtuControllerPort(
             self.plan, exchange, request_decoder(endpoint), frame_silence_ns(endpoint)
         )
-        self._serial = SerialPort(endpoint, self._port, lambda why: note("port-not-open", why))
+        self._serial = SerialPort(
+            endpoint,
+            self._port,
+            lambda why: note("port-not-open", why),
+            lambda why: note("serial-latency", why),
+        )
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
@@ -141,6 +146,7 @@ class SerialFront:
             "failure": self._serial.failure,
             "opens": self._serial.opens,
             "notes": list(self._serial.notes),
+            "latency": self._serial.latency,
             **self._port.counters(),
         }
 

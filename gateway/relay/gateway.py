@@ -8,13 +8,15 @@ from pathlib import Path
 
 import gateway
 from gateway.ipc.place import SocketError
-from gateway.ipc.plan import GatewayPlan
+from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.ipc.server import ControlServer
+from gateway.relay.collecting import Collecting
 from gateway.relay.control import answer
 from gateway.relay.errors import StartError
 from gateway.relay.journal import Journal, Note, Severity
 from gateway.relay.line import Line
 from gateway.relay.recorder import Recorder
+from gateway.relay.scheduling import in_force, schedule
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -42,6 +44,7 @@ class Relay:
         self._state = state
         self._control: ControlServer | None = None
         self._recorder = recorder
+        self._collecting = Collecting(lambda: not self.busy_lines)
 
     @property
     def name(self) -> str:
@@ -97,6 +100,24 @@ class Relay:
             await self._close_rest()
             raise StartError(problems)
 
+    def take_process(self) -> None:
+        """Make the process the relay's own, once everything is open: its scheduling, its garbage.
+
+        For whoever started a process for it, on the thread of its loop. What the system refuses is noted.
+        """
+        self._collecting.start()
+        for refused in schedule(self._plan.relay, self._scheduling_withdrawn):
+            self._journal.note(
+                Severity.WARNING,
+                "scheduling-refused",
+                key=refused.key,
+                asked=refused.asked,
+                detail=refused.detail,
+                remedy=refused.remedy,
+            )
+        if self._plan.relay != RelayOptions():
+            self._journal.note(Severity.INFO, "scheduling", **in_force().status())
+
     async def stop(self) -> None:
         """Take no new requests, let the exchanges on the wires end, close everything."""
         if self._control is not None:
@@ -146,10 +167,15 @@ class Relay:
                 "uptime_s": round(uptime_s, 3),
                 "relay": "up",
                 "snapshot_age_s": 0.0,
+                "scheduling": in_force().status(),
+                "garbage": self._collecting.status(),
             },
             "lines": {line.plan.name: line.status() for line in self._lines},
             "axes": axes,
         }
+
+    def _scheduling_withdrawn(self, why: str) -> None:
+        self._journal.note(Severity.WARNING, "scheduling-withdrawn", key="relay.fifo", detail=why)
 
     def _commanded(self, what: str, axes: tuple[str, ...]) -> tuple[str, ...]:
         """Put it on record that somebody changed something."""
@@ -183,6 +209,7 @@ class Relay:
         return []
 
     async def _close_rest(self) -> None:
+        self._collecting.stop()
         if self._control is not None:
             await self._control.close()
         if self._recorder is not None:

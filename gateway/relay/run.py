@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import gc
 import os
 import signal
 import sys
@@ -98,8 +97,7 @@ async def _serve(
     log.plan(plan, loop)
     await relay.start()
     log.ready(relay)
-    gc.collect()
-    gc.freeze()  # what was loaded stays for good: no collection needs to look at it again
+    relay.take_process()
     status = asyncio.create_task(_status_lines(relay, log, status_every_s))
     await stopping.wait()
     status.cancel()

@@ -28,6 +28,8 @@ class SerialEndpoint:
     stop_bits: int = 1
     echo: bool = False
     """The adapter hears what it sends: an RS-485 receiver that stays on."""
+    low_latency: bool = True
+    """Set what makes bytes wait in the driver to its least; else leave it as it is."""
 
     @property
     def bits_per_character(self) -> int:

@@ -12,6 +12,7 @@ import os
 import termios
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import serial
@@ -21,6 +22,7 @@ from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError, TransportError
 from gateway.transport.keeper import Keeper
+from gateway.transport.low_latency import LatencySettings, flag_note, tune
 
 RECEIVE_BYTES: Final = 1024
 """Four of the largest RTU frames (256 bytes)."""
@@ -137,14 +139,26 @@ class SerialPort:
     """
 
     def __init__(
-        self, endpoint: SerialEndpoint, receiver: Receiver, on_failure: Callable[[str], None]
+        self,
+        endpoint: SerialEndpoint,
+        receiver: Receiver,
+        on_failure: Callable[[str], None],
+        on_slow: Callable[[str], None] | None = None,
     ) -> None:
         self._endpoint = endpoint
         self._receiver = receiver
         self._keeper = Keeper(self._attempt, on_failure)
+        self._on_slow = on_slow
+        self._slow: tuple[str, ...] = ()
+        self._settings = LatencySettings()
         self._channel: SerialChannel | None = None
         self.notes: tuple[str, ...] = ()
         """What the port does not have of what was asked for."""
+
+    @property
+    def latency(self) -> dict[str, object] | None:
+        """What in its driver makes bytes wait, as it was read back when the port was last opened."""
+        return self._settings.status()
 
     @property
     def is_open(self) -> bool:
@@ -188,10 +202,29 @@ class SerialPort:
 
     def _open(self) -> "asyncio.Future[None]":
         self._channel = None
-        port, self.notes = open_port(self._endpoint)
+        port, opened = open_port(self._endpoint)
+        self.notes, self._settings = (*opened.notes, *opened.slow), opened.settings
+        self._say_slow(opened.slow)
         self._channel = SerialChannel(port, self._endpoint, self._receiver)
         self._channel.begin()
         return self._channel.lost
+
+    def _say_slow(self, slow: tuple[str, ...]) -> None:
+        """Tell what makes bytes wait; not again each time that an adapter comes back with the same."""
+        is_news, self._slow = slow != self._slow, slow
+        if slow and is_news and self._on_slow is not None:
+            self._on_slow("; ".join(slow))
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """What a port turned out to be when it was opened."""
+
+    notes: tuple[str, ...]
+    """What it does not have of what was asked for."""
+    settings: LatencySettings
+    slow: tuple[str, ...] = ()
+    """What makes bytes wait in it, with remedies."""
 
 
 def character_ns(endpoint: SerialEndpoint) -> int:
@@ -203,10 +236,10 @@ def character_ns(endpoint: SerialEndpoint) -> int:
     return endpoint.bits_per_character * NS_PER_S // endpoint.baudrate
 
 
-def open_port(endpoint: SerialEndpoint) -> tuple[serial.Serial, tuple[str, ...]]:
-    """Open and configure a port: raw, exclusive, non-blocking, low latency where it can.
+def open_port(endpoint: SerialEndpoint) -> tuple[serial.Serial, Opened]:
+    """Open and configure a port: raw, exclusive, non-blocking, low latency where it can and is wanted.
 
-    Returns the port and notes on what it does not have.
+    Returns the port and what it turned out to be.
 
     Raises:
         AbsentError: no such device now.
@@ -218,11 +251,10 @@ def open_port(endpoint: SerialEndpoint) -> tuple[serial.Serial, tuple[str, ...]]
     except (OSError, termios.error, ValueError) as error:
         raise _why_not_opened(endpoint, error) from error
     try:
-        _finish(port, notes)
+        return port, _finish(port.fileno(), endpoint, notes)
     except (OSError, termios.error) as error:
         port.close()
         raise _why_not_opened(endpoint, error) from error
-    return port, tuple(notes)
 
 
 def _configured(endpoint: SerialEndpoint, notes: list[str]) -> serial.Serial:
@@ -241,8 +273,7 @@ def _configured(endpoint: SerialEndpoint, notes: list[str]) -> serial.Serial:
     )
 
 
-def _finish(port: serial.Serial, notes: list[str]) -> None:
-    handle = port.fileno()
+def _finish(handle: int, endpoint: SerialEndpoint, notes: list[str]) -> Opened:
     attributes = termios.tcgetattr(handle)
     attributes[_IFLAG] &= ~termios.BRKINT  # a break must not flush what was received before it
     # pyserial sets VMIN 0, with which "nothing there" and "unplugged" read alike.
@@ -250,13 +281,12 @@ def _finish(port: serial.Serial, notes: list[str]) -> None:
     attributes[_CC][termios.VTIME] = 0
     termios.tcsetattr(handle, termios.TCSANOW, attributes)
     if _is_pty(handle):
-        notes.append("a pseudo terminal has no low-latency mode")
-        return
+        return Opened((*notes, "a pseudo terminal has no low-latency mode"), LatencySettings())
     fcntl.ioctl(handle, termios.TIOCEXCL)  # pyserial's lock is advisory only
-    try:
-        port.set_low_latency_mode(True)
-    except (OSError, ValueError):
-        notes.append("the driver has no low-latency mode")
+    settings, slow = tune(handle, is_wanted=endpoint.low_latency)
+    if endpoint.low_latency and (note := flag_note(settings)):
+        notes.append(note)
+    return Opened(tuple(notes), settings, slow)
 
 
 def _is_pty(handle: int) -> bool:

@@ -227,6 +227,8 @@ class TcpConnector:
 
     notes: tuple[str, ...] = ()
     """As of a serial port; a connection has none."""
+    latency: dict[str, object] | None = None
+    """As of a serial port; a connection has no settings of this kind."""
 
     def __init__(self, endpoint: TcpEndpoint, receiver: Receiver, on_failure: Callable[[str], None]) -> None:
         self._endpoint = endpoint

@@ -19,7 +19,7 @@ from gateway.compensation.settings import (
 from gateway.compensation.units import Units
 from gateway.drives.motion import Form
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
-from gateway.ipc.plan import ControllerLink, LinePlan
+from gateway.ipc.plan import ControllerLink, LinePlan, RelayOptions
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.config.config_bench import GOOD, ONE_WAY, edited, loaded
@@ -48,6 +48,26 @@ def test_a_line_with_its_controllers(tmp_path: Path) -> None:
         ),
     )
     assert line.timing == LineTiming(1000.0, 1000.0, 100.0, 0.0)
+
+
+def test_the_relay_is_scheduled_as_it_was_started_unless_the_file_says_otherwise(tmp_path: Path) -> None:
+    assert loaded(tmp_path).plan.relay == RelayOptions(fifo=0, cpus=(), lock_memory=False)
+    assert loaded(tmp_path, GOOD + "\n[relay]\n").plan.relay == RelayOptions()
+    text = GOOD + "\n[relay]\nfifo = 50\ncpus = [3, 1]\nlock_memory = true\n"
+    assert loaded(tmp_path, text).plan.relay == RelayOptions(fifo=50, cpus=(3, 1), lock_memory=True)
+
+
+def test_the_driver_of_a_port_may_be_left_as_it_is(tmp_path: Path) -> None:
+    text = edited(
+        ('parity = "even"', 'parity = "even", low_latency = false'),
+        ("baudrate = 38400", "baudrate = 38400\nlow_latency = false"),
+    )
+    line = only_line(tmp_path, text)
+    ends = (line.drives, line.controllers[0].endpoint)
+    assert [end.low_latency for end in ends if isinstance(end, SerialEndpoint)] == [False, False]
+    line = only_line(tmp_path)
+    ends = (line.drives, line.controllers[0].endpoint)
+    assert [end.low_latency for end in ends if isinstance(end, SerialEndpoint)] == [True, True]
 
 
 def test_the_numbers_of_an_axis_that_says_little(tmp_path: Path) -> None:

@@ -239,3 +239,24 @@ def test_everything_is_said_at_once(tmp_path: Path) -> None:
         "axis.x.table",
         "axis.x.registers.actual[1]",
     ]
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "said"),
+    [
+        ("fifo = 100", "relay.fifo", ["found 100", "at least 0, at most 99"]),
+        ("fifo = -1", "relay.fifo", ["found -1", "at least 0, at most 99"]),
+        ("fifo = true", "relay.fifo", ["found true", "a whole number"]),
+        ("fifo = 50.0", "relay.fifo", ["found 50.0", "a whole number"]),
+        ("cpus = 3", "relay.cpus", ["found 3", "a list in [ ]"]),
+        ("cpus = [0, -1]", "relay.cpus[2]", ["found -1", "at least 0, at most 8191"]),
+        ("cpus = [1, 1]", "relay.cpus", ["found [1, 1]", "each CPU once"]),
+        ("lock_memory = 1", "relay.lock_memory", ["found 1", "true or false"]),
+        ("fifi = 1", "relay.fifi", ["unknown key", "did you mean fifo?"]),
+    ],
+)
+def test_scheduling_that_cannot_be(tmp_path: Path, text: str, key: str, said: list[str]) -> None:
+    config = f"{GOOD}\n[relay]\n{text}\n"
+    problem = only(refused(tmp_path, config), key)
+    assert problem.line == line_of(config, text)
+    assert all(words in f"{problem.found}; {problem.remedy}" for words in said)

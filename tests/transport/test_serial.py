@@ -14,6 +14,7 @@ import pytest
 
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
+from gateway.transport.low_latency import LatencySettings
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort, character_ns, open_port
 
@@ -36,9 +37,11 @@ def test_a_character_takes_eleven_bits_with_parity() -> None:
 
 async def test_a_pseudo_terminal_that_ignores_parity_is_taken_and_reported() -> None:
     cable = NullModem()
-    port, notes = open_port(SerialEndpoint(cable.near, 38400, "E"))
-    assert any("parity" in note for note in notes)
-    assert any("low-latency" in note for note in notes)
+    port, opened = open_port(SerialEndpoint(cable.near, 38400, "E"))
+    assert any("parity" in note for note in opened.notes)
+    assert any("low-latency" in note for note in opened.notes)
+    assert opened.settings == LatencySettings()
+    assert opened.slow == ()
     port.close()
     cable.close()
 

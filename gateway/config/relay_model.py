@@ -1,0 +1,44 @@
+"""``[relay]``: how the process that carries the traffic is scheduled."""
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from gateway.drives.strict import ListOf, StrictModel
+from gateway.ipc.plan import RelayOptions
+
+HIGHEST_PRIORITY = 99
+"""Of SCHED_FIFO (sched(7))."""
+HIGHEST_CPU = 8191
+"""Of the largest number of CPUs that Linux can be built for."""
+_DEFAULT = RelayOptions()
+
+
+def check_cpus(cpus: tuple[int, ...]) -> tuple[int, ...]:
+    """Check that no CPU is named twice. Raises ValueError otherwise."""
+    if len(set(cpus)) != len(cpus):
+        raise ValueError("allowed: each CPU once")
+    return cpus
+
+
+Cpus = Annotated[
+    ListOf[Annotated[int, Field(ge=0, le=HIGHEST_CPU)]],
+    AfterValidator(check_cpus),
+]
+
+
+class RelaySection(StrictModel):
+    """Scheduling of the relay; what the system refuses it goes without, and says so."""
+
+    fifo: Annotated[int, Field(ge=0, le=HIGHEST_PRIORITY)] = Field(
+        default=_DEFAULT.fifo, description="real-time priority (SCHED_FIFO), 0 for none"
+    )
+    cpus: Cpus = Field(default=_DEFAULT.cpus, description="CPUs that the relay runs on; none named: any")
+    lock_memory: bool = Field(
+        default=_DEFAULT.lock_memory, description="keep the memory of the relay from being paged out"
+    )
+
+    @property
+    def options(self) -> RelayOptions:
+        """The section in plain data."""
+        return RelayOptions(self.fifo, self.cpus, self.lock_memory)

@@ -1,0 +1,133 @@
+"""Python's search for garbage in cycles, held off while exchanges run.
+
+What is in use is freed by its reference count at once; only objects that refer to each other in a ring wait
+for a search. Python's own starts in the middle of whatever allocates, for 0.1 ms, and now and then for tens
+of milliseconds. Here everything that was loaded is taken out of it for good (``gc.freeze``), it never starts
+by itself (``gc.disable``), and a timer lets it run when no exchange is on any wire.
+"""
+
+import asyncio
+import gc
+import time
+from collections.abc import Callable
+from typing import Final
+
+from gateway.times import NS_PER_MS, NS_PER_S
+
+CHECK_EVERY_S: Final = 0.25
+BUSY_CHECK_S: Final = 0.02
+"""When a collection is due and an exchange was on a wire: exchanges take milliseconds."""
+WORTHWHILE: Final = 700
+"""Objects in containers more than at the last collection: Python's own threshold. Without rings of garbage
+a relay hovers around 0 and never collects."""
+INTERVAL_NS: Final = 2 * NS_PER_S
+FULL_AFTER: Final = 10
+"""Collections of the young, after which the old are looked at too; at once when one found garbage."""
+LONG_FULL_NS: Final = 2 * NS_PER_MS
+"""Where the last full collection took longer, the next one waits for ``QUIET_CHECKS`` without exchanges."""
+QUIET_CHECKS: Final = 20
+"""Five seconds, at ``CHECK_EVERY_S``."""
+HARD_LIMIT: Final = 50_000
+"""With so many new objects (some 10 MB) a collection of the young runs even during an exchange, for 3 ms or
+so: without it memory would grow without end on a line that never rests."""
+HARD_FULL_AFTER: Final = 100
+"""So many collections of the young, and the old are looked at even during an exchange."""
+
+
+class Collecting:
+    """Collects when ``is_idle`` says so. Times are ns of ``time.perf_counter_ns``."""
+
+    def __init__(self, is_idle: Callable[[], bool]) -> None:
+        self._is_idle = is_idle
+        self._timer: asyncio.TimerHandle | None = None
+        self._last_ns = 0
+        self._young_since_full = 0
+        self._found_garbage = False
+        self._quiet_checks = 0
+        self._last_full_ns = 0
+        self._longest_ns = 0
+        self._collections = 0
+        self._full = 0
+        self._forced = 0
+        self._collected = 0
+
+    def start(self) -> None:
+        """Put everything that is loaded aside, hold the search off, and begin to look after it."""
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        self._last_ns = time.perf_counter_ns()
+        self._timer = asyncio.get_running_loop().call_later(CHECK_EVERY_S, self._on_timer)
+
+    def stop(self) -> None:
+        """Leave it to Python again."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+            gc.unfreeze()
+            gc.enable()
+
+    def status(self) -> dict[str, object]:
+        """Return its counters: all collections, and of them the full and the forced ones."""
+        return {
+            "collections": self._collections,
+            "full": self._full,
+            "forced": self._forced,
+            "collected": self._collected,
+            "longest_us": self._longest_ns // 1000,
+        }
+
+    def check(self, now_ns: int) -> float:
+        """Collect if it is due and nobody waits; returns the seconds until the next check."""
+        is_idle = self._is_idle()
+        self._quiet_checks = self._quiet_checks + 1 if is_idle else 0
+        young = gc.get_count()[0]
+        if young >= HARD_LIMIT:
+            self._forced += not is_idle
+            if self._young_since_full >= HARD_FULL_AFTER:
+                self._collect_full(now_ns)
+            else:
+                self._collect_young(now_ns)
+        elif now_ns - self._last_ns < INTERVAL_NS or not self._is_due(young):
+            return CHECK_EVERY_S
+        elif not is_idle:
+            return BUSY_CHECK_S
+        elif self._is_full_due:
+            self._collect_full(now_ns)
+        else:
+            self._collect_young(now_ns)
+        return CHECK_EVERY_S
+
+    @property
+    def _is_full_due(self) -> bool:
+        is_wanted = self._found_garbage or self._young_since_full >= FULL_AFTER
+        return is_wanted and (self._last_full_ns <= LONG_FULL_NS or self._quiet_checks >= QUIET_CHECKS)
+
+    def _is_due(self, young: int) -> bool:
+        return young >= WORTHWHILE or self._is_full_due
+
+    def _collect_young(self, now_ns: int) -> None:
+        self._young_since_full += 1
+        if self._collect(0, now_ns)[0]:
+            self._found_garbage = True
+
+    def _collect_full(self, now_ns: int) -> None:
+        _, self._last_full_ns = self._collect(2, now_ns)
+        self._full += 1
+        self._young_since_full = 0
+        self._found_garbage = False
+
+    def _collect(self, generation: int, now_ns: int) -> tuple[int, int]:
+        """Collect; returns how many objects were garbage, and the ns that it took."""
+        start_ns = time.perf_counter_ns()
+        found = gc.collect(generation)
+        took_ns = time.perf_counter_ns() - start_ns
+        self._last_ns = now_ns
+        self._longest_ns = max(self._longest_ns, took_ns)
+        self._collections += 1
+        self._collected += found
+        return found, took_ns
+
+    def _on_timer(self) -> None:
+        seconds = self.check(time.perf_counter_ns())
+        self._timer = asyncio.get_running_loop().call_later(seconds, self._on_timer)

@@ -1,0 +1,219 @@
+"""What in a serial port's driver makes bytes wait, read back from the kernel and set to wait least.
+
+Sources: ``linux/serial.h`` and ``asm-generic/ioctls.h`` (layouts and numbers; the same on x86 and ARM), the
+kernel's ``driver-api/serial/serial-rs485.rst`` and ``ABI/testing/sysfs-tty`` (``rx_trig_bytes``), and
+``drivers/usb/serial/ftdi_sio.c`` (the low-latency flag makes its latency timer 1 ms).
+
+The settings belong to the port, not to this opening of it, and are not put back on closing: nobody could do
+that for a process that was killed, and what a port is like must not depend on how its last user ended.
+"""
+
+import fcntl
+import os
+import struct
+import termios
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+SYSFS: Final = Path("/sys")
+LEAST_MS: Final = 1
+"""The shortest latency timer that an FTDI adapter has."""
+LEAST_BYTES: Final = 1
+"""The lowest trigger of a receive FIFO: an interrupt for each byte."""
+ASYNC_LOW_LATENCY: Final = 0x2000
+_SERIAL_STRUCT_BYTES: Final = 72
+_SERIAL_FLAGS_AT: Final = 16
+TIOCGRS485: Final = 0x542E
+_RS485: Final = struct.Struct("=8I")
+"""``struct serial_rs485``: flags, two delays in ms, and words that are not read here."""
+_ENABLED, _RTS_ON_SEND, _RTS_AFTER_SEND, _RX_DURING_TX = 0x01, 0x02, 0x04, 0x10
+
+
+@dataclass(frozen=True, slots=True)
+class Rs485:
+    """How the kernel's driver switches the direction of an RS-485 line; delays in ms."""
+
+    enabled: bool
+    rts_on_send: bool
+    rts_after_send: bool
+    rx_during_tx: bool
+    delay_before_send_ms: int
+    delay_after_send_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class LatencySettings:
+    """What a port has in force; None where its driver has no such thing."""
+
+    ftdi_latency_timer_ms: int | None = None
+    """So long an FTDI adapter keeps bytes that do not fill a USB packet."""
+    async_low_latency: bool | None = None
+    """The low-latency flag of the port (``setserial low_latency``)."""
+    rx_trig_bytes: int | None = None
+    """So many bytes a 16550 collects before it interrupts; fewer wait for four characters of silence."""
+    rs485: Rs485 | None = None
+
+    def status(self) -> dict[str, object]:
+        """Return them as plain data."""
+        return asdict(self)
+
+
+def tune(
+    handle: int, *, is_wanted: bool = True, sysfs: Path = SYSFS
+) -> tuple[LatencySettings, tuple[str, ...]]:
+    """Make an open port wait least, where ``is_wanted``, and read back what is in force then.
+
+    Nothing that the driver, or a missing permission, does not allow is an error.
+
+    Returns:
+        The settings, and a remark with its remedy for each of them that costs time.
+    """
+    folder = tty_folder(handle, sysfs)
+    timer, trigger = folder / "device" / "latency_timer", folder / "rx_trig_bytes"
+    refused: dict[Path, str] = {}
+    if is_wanted:
+        # The flag first: any user of the port may set it, and ftdi_sio then shows a timer of 1 ms.
+        _set_low_latency_flag(handle)
+        for path, least in ((timer, LEAST_MS), (trigger, LEAST_BYTES)):
+            why = _lower(path, least)
+            if why:
+                refused[path] = why
+    settings = LatencySettings(
+        ftdi_latency_timer_ms=_number_in(timer),
+        async_low_latency=_low_latency_flag(handle),
+        rx_trig_bytes=_number_in(trigger),
+        rs485=_rs485(handle),
+    )
+    if not is_wanted:
+        return settings, ()
+    name = folder.resolve().name
+    return settings, tuple(remarks(settings, name, refused.get(timer, ""), refused.get(trigger, "")))
+
+
+def tty_folder(handle: int, sysfs: Path = SYSFS) -> Path:
+    """Return the folder in which the kernel shows an open terminal, by the number of its device.
+
+    The number does not depend on the name it was opened by: links of ``/dev/serial/by-id`` lead to it too.
+    """
+    number = os.fstat(handle).st_rdev
+    return sysfs / "dev" / "char" / f"{os.major(number)}:{os.minor(number)}"
+
+
+def remarks(
+    settings: LatencySettings, name: str, timer_refused: str = "", trigger_refused: str = ""
+) -> Iterator[str]:
+    """Yield what makes bytes wait on the port ``name`` (``ttyUSB0``), and how to change it.
+
+    ``timer_refused`` and ``trigger_refused`` say why they could not be set, where that was tried in vain.
+    """
+    timer_ms, trigger = settings.ftdi_latency_timer_ms, settings.rx_trig_bytes
+    if timer_ms is not None and timer_ms > LEAST_MS:
+        yield (
+            f"ftdi latency timer is {timer_ms} ms: each reply waits up to {timer_ms} ms in the adapter"
+            + _remedy(timer_refused, 'SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"')
+        )
+    rule = f'SUBSYSTEM=="tty", KERNEL=="{name}", ATTR{{rx_trig_bytes}}="1"'
+    if trigger is None and trigger_refused:
+        yield "rx_trig_bytes is not known, 8 by default" + _remedy(trigger_refused, rule)
+    elif trigger is not None and trigger > LEAST_BYTES:
+        yield (
+            f"rx_trig_bytes is {trigger}: the end of a reply waits for four characters of silence in the UART"
+            + _remedy(trigger_refused, rule)
+        )
+    rs485 = settings.rs485
+    if rs485 is not None and rs485.enabled and rs485.delay_after_send_ms:
+        yield (
+            f"the kernel keeps the RS-485 line for {rs485.delay_after_send_ms} ms after each frame: "
+            "what answers sooner is not heard; shorten delay_rts_after_send (device tree: rs485-rts-delay)"
+        )
+
+
+def flag_note(settings: LatencySettings) -> str:
+    """Say it where a port did not take the low-latency flag, "" where it did. It costs nothing by itself."""
+    return "" if settings.async_low_latency else "the driver has no low-latency mode"
+
+
+def _remedy(refused: str, rule: str) -> str:
+    if not refused:
+        return " (the driver takes nothing lower)"
+    return f' (setting it: {refused}); let udev set it: ACTION=="add|change", {rule}'
+
+
+def _lower(path: Path, least: int) -> str:
+    """Lower the number in a file of the kernel; returns why it could not be, or ""."""
+    try:
+        found = int(path.read_text())
+    except PermissionError as error:  # older kernels show rx_trig_bytes to root only
+        return error.strerror or str(error)
+    except (OSError, ValueError):
+        return ""
+    if found <= least:
+        return ""
+    try:
+        handle = os.open(path, os.O_WRONLY | os.O_TRUNC)  # never makes a file where there is none
+        try:
+            os.write(handle, b"%d\n" % least)
+        finally:
+            os.close(handle)
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""
+
+
+def _number_in(path: Path) -> int | None:
+    """Read a number; None where there is no such file, or the driver shows none (a UART without FIFO)."""
+    try:
+        return int(path.read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def _serial_struct(handle: int) -> bytearray | None:
+    content = bytearray(_SERIAL_STRUCT_BYTES)
+    try:
+        fcntl.ioctl(handle, termios.TIOCGSERIAL, content)
+    except OSError:
+        return None
+    return content
+
+
+def _low_latency_flag(handle: int) -> bool | None:
+    content = _serial_struct(handle)
+    if content is None:
+        return None
+    (flags,) = struct.unpack_from("=i", content, _SERIAL_FLAGS_AT)
+    return bool(flags & ASYNC_LOW_LATENCY)
+
+
+def _set_low_latency_flag(handle: int) -> None:
+    """Set it; whether the driver took it shows when it is read back."""
+    content = _serial_struct(handle)
+    if content is None:
+        return
+    (flags,) = struct.unpack_from("=i", content, _SERIAL_FLAGS_AT)
+    if flags & ASYNC_LOW_LATENCY:
+        return
+    struct.pack_into("=i", content, _SERIAL_FLAGS_AT, flags | ASYNC_LOW_LATENCY)
+    try:
+        fcntl.ioctl(handle, termios.TIOCSSERIAL, content)
+    except OSError:
+        return
+
+
+def _rs485(handle: int) -> Rs485 | None:
+    content = bytearray(_RS485.size)
+    try:
+        fcntl.ioctl(handle, TIOCGRS485, content)
+    except OSError:
+        return None
+    flags, before_ms, after_ms, *_ = _RS485.unpack(content)
+    return Rs485(
+        enabled=bool(flags & _ENABLED),
+        rts_on_send=bool(flags & _RTS_ON_SEND),
+        rts_after_send=bool(flags & _RTS_AFTER_SEND),
+        rx_during_tx=bool(flags & _RX_DURING_TX),
+        delay_before_send_ms=before_ms,
+        delay_after_send_ms=after_ms,
+    )
