@@ -45,7 +45,7 @@ class Line:
             else RecordedExchange(self._exchange, plan.name, recorder)
         )
         self._link.attach(self._timed)
-        self._drives = _make_drives(plan.drives, self._link, self._drives_failed)
+        self._drives = _make_drives(plan.drives, self._link, self._drives_failed, self._drives_slow)
         self._fronts = [make_front(plan.name, link, self._timed, journal) for link in plan.controllers]
 
     @property
@@ -110,6 +110,7 @@ class Line:
                 "failure": self._drives.failure,
                 "opens": self._drives.opens,
                 "notes": list(self._drives.notes),
+                "latency": self._drives.latency,
             },
             "controllers": [front.status() for front in self._fronts],
         }
@@ -139,6 +140,9 @@ class Line:
     def _drives_failed(self, why: str) -> None:
         self._journal.note(Severity.WARNING, "drives-not-reached", line=self.plan.name, detail=why)
 
+    def _drives_slow(self, why: str) -> None:
+        self._journal.note(Severity.WARNING, "serial-latency", line=self.plan.name, detail=why)
+
     def _longest_exchange_s(self) -> float:
         patience_ms = [link.plan.timeout_ms for link in self.plan.controllers]
         return max(self.plan.timing.response_timeout_ms, *patience_ms, 0.0) / 1000.0
@@ -153,8 +157,11 @@ def _make_link(plan: LinePlan) -> Link:
 
 
 def _make_drives(
-    endpoint: TcpEndpoint | SerialEndpoint, link: Link, on_failure: Callable[[str], None]
+    endpoint: TcpEndpoint | SerialEndpoint,
+    link: Link,
+    on_failure: Callable[[str], None],
+    on_slow: Callable[[str], None],
 ) -> SerialPort | TcpConnector:
     if isinstance(endpoint, SerialEndpoint):
-        return SerialPort(endpoint, link, on_failure)
+        return SerialPort(endpoint, link, on_failure, on_slow)
     return TcpConnector(endpoint, link, on_failure)

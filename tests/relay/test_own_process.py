@@ -167,3 +167,12 @@ async def test_the_port_of_a_controller_shows_its_latency_settings(bench: "Bench
         "rx_trig_bytes": None,
         "rs485": None,
     }
+
+
+async def test_the_port_of_the_drives_shows_its_latency_settings(bench: "Bench") -> None:
+    settings = ("ftdi_latency_timer_ms", "async_low_latency", "rx_trig_bytes", "rs485")
+    link, _ = bench.controller_link("tcp")
+    for kind, shown in (("rtu", dict.fromkeys(settings)), ("tcp", None)):
+        _, where = await bench.drive(kind)
+        line: Any = (await bench.relay(where, (link,))).status()["lines"]["line"]
+        assert line["drives"]["latency"] == shown
