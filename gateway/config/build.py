@@ -9,7 +9,7 @@ from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.tables import AxisTable
 from gateway.drives.registers import OnException, RegisterMap
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, default_late
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 
 
@@ -40,6 +40,8 @@ def _line_plan(name: str, line: LineSection, sections: Sections, plans: Mapping[
             turnaround_ms=line.turnaround_ms,
             # Drives share the wire: the one that needs the longest silence sets the pace.
             gap_ms=max([line.gap_ms, *(_registers(axis).gap_ms for axis in axes.values())]),
+            quiet_ms=line.quiet_ms,
+            monitor_max_wait_ms=line.monitor_max_wait_ms,
         ),
         groups=tuple(group.axes for group in sections.groups.values() if set(group.axes) <= set(axes)),
     )
@@ -78,6 +80,9 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         object_words={entry.address: entry.words for entry in registers.objects},
         reads_with=registers.read,
         writes_with=registers.write,
+        budget_us=axis.budget_us,
+        deadline_ms=axis.deadline_ms or 0.0,
+        late=axis.late or default_late(axis.setpoints),
         lost_ms=axis.lost_ms,
         bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
         max_registers=registers.max_registers,

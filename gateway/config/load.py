@@ -9,6 +9,7 @@ from gateway.config.build import build_plan
 from gateway.config.check_axes import check_axes
 from gateway.config.check_drives import check_drives
 from gateway.config.check_groups import check_groups
+from gateway.config.check_late import check_late
 from gateway.config.check_lines import check_lines
 from gateway.config.check_motion import check_motion
 from gateway.config.check_references import check_references
@@ -84,6 +85,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     check_references(findings, sections)
     check_motion(findings, sections)
     check_roles(findings, sections)
+    check_late(findings, sections)
     check_groups(findings, sections)
     check_drives(findings, sections, drives)
     return sections, drives
