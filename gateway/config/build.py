@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped
 from gateway.config.drive_files import NamedProfile
-from gateway.config.line_model import ControllerSection, LineSection
+from gateway.config.line_model import ControllerSection
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.tables import AxisTable
@@ -17,23 +17,26 @@ def build_plan(
     sections: Sections, tables: Mapping[str, AxisTable], drives: Mapping[str, NamedProfile]
 ) -> GatewayPlan:
     """Build the plan of a configuration in which nothing is wrong."""
-    axes = {
-        name: _axis_plan(name, axis, tables.get(name), drives.get(name))
-        for name, axis in sections.axes.items()
-    }
     return GatewayPlan(
         sections.gateway.name,
-        tuple(_line_plan(name, line, sections, axes) for name, line in sections.lines.items()),
+        tuple(line_plan(name, sections, tables, drives) for name in sections.lines),
     )
 
 
-def _line_plan(name: str, line: LineSection, sections: Sections, plans: Mapping[str, AxisPlan]) -> LinePlan:
+def line_plan(
+    name: str, sections: Sections, tables: Mapping[str, AxisTable], drives: Mapping[str, NamedProfile]
+) -> LinePlan:
+    """Build the plan of one line, in which nothing is wrong."""
+    line = sections.lines[name]
     axes = {axis_name: axis for axis_name, axis in sections.axes.items() if axis.line == name}
     return LinePlan(
         name=name,
         drives=line.drives.endpoint,
         controllers=tuple(map(_controller_link, line.controllers)),
-        axes=tuple(plans[axis_name] for axis_name in axes),
+        axes=tuple(
+            _axis_plan(axis_name, axis, tables.get(axis_name), drives.get(axis_name))
+            for axis_name, axis in axes.items()
+        ),
         timing=LineTiming(
             response_timeout_ms=line.response_timeout_ms,
             drain_ms=line.response_timeout_ms if line.drain_ms is None else line.drain_ms,
