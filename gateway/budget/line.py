@@ -16,7 +16,7 @@ from gateway.budget.timing import (
     round_ns,
 )
 from gateway.budget.wire import Wire, wire_of
-from gateway.exchange.plan import DEFAULT_BUDGET_US, Role
+from gateway.exchange.plan import DEFAULT_BUDGET_US, AxisPlan, Role
 from gateway.ipc.plan import ControllerLink, LinePlan
 from gateway.times import NS_PER_MS, US_PER_MS
 
@@ -108,8 +108,13 @@ def line_budget(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> LineBudget:
     drives = wire_of(plan.drives)
     drive_gap_ns = round(plan.timing.gap_ms * NS_PER_MS)
     alone = Route(Wire(), drives, drive_gap_ns)
+    response_ns = {
+        axis.name: round(axis.response_ms * NS_PER_MS) for axis in plan.axes if axis.response_ms is not None
+    }
     added = tuple(
-        AddedBudget(each, drive_side_ns(alone, each.frames)) for axis in plan.axes for each in added_of(axis)
+        AddedBudget(each, drive_side_ns(alone, each.frames, response_ns.get(axis.name, 0)))
+        for axis in plan.axes
+        for each in added_of(axis)
     )
     is_tcp = not drives.is_serial and not drives.is_hidden
     turnaround_ns = round(plan.timing.turnaround_ms * NS_PER_MS)
@@ -118,7 +123,7 @@ def line_budget(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> LineBudget:
         drives=drives,
         gap_ns=alone.gap_ns,
         drive_gap_ns=drive_gap_ns,
-        response_ns={},
+        response_ns=response_ns,
         # The relay counts the turnaround from the moment at which it sends.
         broadcast_ns=0
         if is_tcp
@@ -138,10 +143,8 @@ def _controller_budget(
 ) -> ControllerBudget:
     link: ControllerLink = plan.controllers[index]
     steps = round_of(plan.axes, blocks, may_move=link.plan.role is Role.MOTION)
-    budget_us = {axis.name: axis.budget_us for axis in plan.axes}
-    exchanges = tuple(
-        _exchange_budget(route, step, budget_us.get(step.axis, DEFAULT_BUDGET_US), added) for step in steps
-    )
+    axes = {axis.name: axis for axis in plan.axes}
+    exchanges = tuple(_exchange_budget(route, step, axes.get(step.axis), added) for step in steps)
     return ControllerBudget(
         index=index,
         name=link.plan.name,
@@ -158,15 +161,17 @@ def _controller_budget(
 
 
 def _exchange_budget(
-    route: Route, step: Step, budget_us: float, added: tuple[AddedBudget, ...]
+    route: Route, step: Step, axis: AxisPlan | None, added: tuple[AddedBudget, ...]
 ) -> ExchangeBudget:
     frame = step.frame
+    budget_us = DEFAULT_BUDGET_US if axis is None else axis.budget_us
+    drive_ns = 0 if axis is None else round((axis.response_ms or 0.0) * NS_PER_MS)
     return ExchangeBudget(
         step=step,
         request_bytes=route.controller.frame_bytes(frame.request_bytes),
         reply_bytes=route.controller.frame_bytes(frame.reply_bytes),
-        legs=legs_of(route, frame, round(budget_us * NS_PER_MS / US_PER_MS)),
-        direct=direct_of(route, frame),
+        legs=legs_of(route, frame, round(budget_us * NS_PER_MS / US_PER_MS), drive_ns),
+        direct=direct_of(route, frame, drive_ns),
         added_ns=_held_up_ns(
             [each for each in added if (each.added.axis, each.added.before) == (step.axis, step.what)]
         ),

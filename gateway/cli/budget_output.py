@@ -25,9 +25,11 @@ def show_line(console: Console, plan: LinePlan, blocks: Blocks) -> None:
     console.print(f"[bold]line {plan.name}[/]: times in ms")
     console.print(f"  drives: {_place(plan.drives)}{_wire_text(line.drives)}")
     console.print(f"  silence before each request to them: {ms(line.gap_ns)}{_whose(line)}")
-    if plan.axes:
-        unknown = [axis.name for axis in plan.axes if axis.name not in line.response_ns]
-        console.print(f"  time that a drive takes itself: not known, 0 assumed ({', '.join(unknown)})")
+    unknown = [axis.name for axis in plan.axes if axis.name not in line.response_ns]
+    known = [f"{ms(response_ns)} ({axis})" for axis, response_ns in line.response_ns.items()]
+    known += [f"not known, 0 assumed ({', '.join(unknown)})"] if unknown else []
+    if known:
+        console.print(f"  time that a drive takes itself: {', '.join(known)}")
     if line.broadcast_ns:
         console.print(f"  a broadcast keeps the line for {ms(line.broadcast_ns)} (turnaround_ms)")
     for controller in line.controllers:

@@ -89,6 +89,7 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         lost_ms=axis.lost_ms,
         bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
         max_registers=registers.max_registers,
+        response_ms=registers.response_ms,
         safe_read=registers.safe_read,
         added_frames=axis.added_frames is AddedFrames.AUTO,
         exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,

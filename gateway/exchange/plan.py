@@ -109,6 +109,8 @@ class AxisPlan:
     bits: Mapping[str, BitField] = field(default_factory=dict)
     max_registers: int = 123
     """Most registers that the drive takes in one frame."""
+    response_ms: float | None = None
+    """What the drive takes from the last byte of a request to the first of its reply; None: not known."""
     safe_read: bool = True
     """Positions and bits may be read by the gateway itself (W8)."""
     added_frames: bool = True

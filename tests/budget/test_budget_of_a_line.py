@@ -108,6 +108,21 @@ def test_the_gateways_share_is_the_budget_of_the_axis() -> None:
     assert target_of(plan).legs.gateway_ns == 250_000
 
 
+def test_what_a_drive_takes_itself_is_in_every_figure() -> None:
+    plan = line(serial(9600), controller(TCP), axes=(replace(axis(), table=TABLE, response_ms=2.5),))
+    without = replace(plan, axes=(replace(plan.axes[0], response_ms=None),))
+    one, other = line_budget(plan), line_budget(without)
+    assert (dict(one.response_ns), dict(other.response_ns)) == ({"x": 2_500_000}, {})
+    gains = [
+        (target_of(plan).legs.total_ns, target_of(without).legs.total_ns),
+        (target_of(plan).direct.waited_ns, target_of(without).direct.waited_ns),
+        (one.added[0].hold_ns, other.added[0].hold_ns),
+    ]
+    assert [longer - shorter for longer, shorter in gains] == [2_500_000] * 3
+    # Two exchanges in the round.
+    assert only(plan).round.total_ns - only(without).round.total_ns == 5_000_000
+
+
 def test_who_may_not_move_only_reads() -> None:
     plan = line(serial(9600), controller(TCP, role=Role.MONITOR))
     assert [each.step.what for each in only(plan).exchanges] == [What.POSITION]
