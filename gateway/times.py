@@ -2,5 +2,6 @@
 
 from typing import Final
 
+US_PER_MS: Final = 1000
 NS_PER_MS: Final = 1_000_000
 NS_PER_S: Final = 1_000_000_000

@@ -9,13 +9,13 @@ if TYPE_CHECKING:
     from gateway.config.load import Loaded
 
 
-def load_or_exit(config: Path) -> "Loaded":
+def load_or_exit(config: Path, *, checks_times: bool = True) -> "Loaded":
     """Load a configuration; what is wrong with it goes to stderr and ends the command with exit code 1."""
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
 
     try:
-        loaded = load(config)
+        loaded = load(config, checks_times=checks_times)
     except ConfigErrors as errors:
         for problem in errors.problems:
             typer.echo(problem, err=True)

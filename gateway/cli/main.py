@@ -7,6 +7,7 @@ import typer
 
 from gateway import __version__
 from gateway.cli import (
+    budget,
     check,
     demo,
     disable,
@@ -35,6 +36,7 @@ app = typer.Typer(
 app.command("demo")(demo.demo)
 app.command("run")(run.run)
 app.command("check")(check.check)
+app.command("budget")(budget.budget)
 app.command("probe")(probe.probe)
 app.command("signtest")(signtest.signtest)
 app.command("enable")(enable.enable)

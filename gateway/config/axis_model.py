@@ -14,6 +14,7 @@ from gateway.config.values import (
     CountsPerUnit,
     Length,
     LengthOrZero,
+    Microseconds,
     Milliseconds,
     Name,
     PositiveLength,
@@ -21,7 +22,7 @@ from gateway.config.values import (
 )
 from gateway.drives.registers import RegisterMap
 from gateway.drives.strict import ByName, ListOf, StrictModel
-from gateway.exchange.plan import CompensationMode, Reference
+from gateway.exchange.plan import DEFAULT_BUDGET_US, CompensationMode, Late, Reference
 from gateway.tabfile import HomeSide, V1Layout
 
 
@@ -43,13 +44,6 @@ class AddedFrames(Enum):
 
     AUTO = "auto"
     NEVER = "never"
-
-
-class Late(Enum):
-    """What happens to a target that is over its deadline."""
-
-    FORWARD = "forward"
-    REJECT = "reject"
 
 
 class Unmapped(Enum):
@@ -146,10 +140,13 @@ class AxisSection(StrictModel):
         default=settings.DEFAULT_FRESH_MS, description="age in milliseconds up to which a reading counts"
     )
     backlash: BacklashSpec | None = Field(default=None, description="constant lost motion")
-    budget_us: Annotated[float, Field(gt=0.0)] | None = Field(
-        default=None, description="latency budget of one exchange in microseconds"
+    budget_us: Microseconds = Field(
+        default=DEFAULT_BUDGET_US,
+        description="microseconds that the gateway itself may take for one exchange",
     )
-    deadline_ms: Milliseconds | None = Field(default=None, description="age at which a target is late")
+    deadline_ms: Milliseconds | None = Field(
+        default=None, description="age in milliseconds at which a target or its trigger is late"
+    )
     late: ByName[Late] | None = Field(default=None, description="what happens to a late target")
     unmapped: ByName[Unmapped] = Field(default=Unmapped.REFUSE, description="writes to unmapped positions")
     stored_moves: ByName[StoredMoves] = Field(

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped
 from gateway.config.drive_files import NamedProfile
-from gateway.config.line_model import ControllerSection, LineSection
+from gateway.config.line_model import ControllerSection
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.tables import AxisTable
 from gateway.drives.registers import OnException, RegisterMap
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, default_late
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 
 
@@ -17,30 +17,35 @@ def build_plan(
     sections: Sections, tables: Mapping[str, AxisTable], drives: Mapping[str, NamedProfile]
 ) -> GatewayPlan:
     """Build the plan of a configuration in which nothing is wrong."""
-    axes = {
-        name: _axis_plan(name, axis, tables.get(name), drives.get(name))
-        for name, axis in sections.axes.items()
-    }
     return GatewayPlan(
         sections.gateway.name,
-        tuple(_line_plan(name, line, sections, axes) for name, line in sections.lines.items()),
+        tuple(line_plan(name, sections, tables, drives) for name in sections.lines),
         sections.relay.options,
     )
 
 
-def _line_plan(name: str, line: LineSection, sections: Sections, plans: Mapping[str, AxisPlan]) -> LinePlan:
+def line_plan(
+    name: str, sections: Sections, tables: Mapping[str, AxisTable], drives: Mapping[str, NamedProfile]
+) -> LinePlan:
+    """Build the plan of one line, in which nothing is wrong."""
+    line = sections.lines[name]
     axes = {axis_name: axis for axis_name, axis in sections.axes.items() if axis.line == name}
     return LinePlan(
         name=name,
         drives=line.drives.endpoint,
         controllers=tuple(map(_controller_link, line.controllers)),
-        axes=tuple(plans[axis_name] for axis_name in axes),
+        axes=tuple(
+            _axis_plan(axis_name, axis, tables.get(axis_name), drives.get(axis_name))
+            for axis_name, axis in axes.items()
+        ),
         timing=LineTiming(
             response_timeout_ms=line.response_timeout_ms,
             drain_ms=line.response_timeout_ms if line.drain_ms is None else line.drain_ms,
             turnaround_ms=line.turnaround_ms,
             # Drives share the wire: the one that needs the longest silence sets the pace.
             gap_ms=max([line.gap_ms, *(_registers(axis).gap_ms for axis in axes.values())]),
+            quiet_ms=line.quiet_ms,
+            monitor_max_wait_ms=line.monitor_max_wait_ms,
         ),
         groups=tuple(group.axes for group in sections.groups.values() if set(group.axes) <= set(axes)),
     )
@@ -79,9 +84,13 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         object_words={entry.address: entry.words for entry in registers.objects},
         reads_with=registers.read,
         writes_with=registers.write,
+        budget_us=axis.budget_us,
+        deadline_ms=axis.deadline_ms or 0.0,
+        late=axis.late or default_late(axis.setpoints),
         lost_ms=axis.lost_ms,
         bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
         max_registers=registers.max_registers,
+        response_ms=registers.response_ms,
         safe_read=registers.safe_read,
         added_frames=axis.added_frames is AddedFrames.AUTO,
         exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,

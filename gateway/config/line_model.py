@@ -160,3 +160,11 @@ class LineSection(StrictModel):
     gap_ms: MillisecondsOrZero = Field(
         default=_TIMING.gap_ms, description="milliseconds of silence before each request"
     )
+    quiet_ms: MillisecondsOrZero = Field(
+        default=_TIMING.quiet_ms,
+        description="milliseconds without a motion exchange after which a monitor's exchange may start",
+    )
+    monitor_max_wait_ms: Milliseconds = Field(
+        default=_TIMING.monitor_max_wait_ms,
+        description="milliseconds after which a waiting request of a monitor goes at the next gap",
+    )

@@ -7,8 +7,10 @@ from typing import Any
 
 from gateway.config.build import build_plan
 from gateway.config.check_axes import check_axes
+from gateway.config.check_budget import check_budget
 from gateway.config.check_drives import check_drives
 from gateway.config.check_groups import check_groups
+from gateway.config.check_late import check_late
 from gateway.config.check_lines import check_lines
 from gateway.config.check_motion import check_motion
 from gateway.config.check_references import check_references
@@ -41,8 +43,10 @@ class Loaded:
     """The profile of each axis that names one."""
 
 
-def load(path: Path) -> Loaded:
+def load(path: Path, *, checks_times: bool = True) -> Loaded:
     """Read, check and build a configuration with all its tables.
+
+    Without ``checks_times`` nothing is said about limits that the arithmetic of time proves wrong.
 
     Raises:
         ConfigErrors: everything that is wrong with it, at once.
@@ -52,6 +56,8 @@ def load(path: Path) -> Loaded:
     tables_folder = path.parent / sections.gateway.tables
     tables = read_tables(findings, sections, tables_folder)
     check_tables(findings, sections.axes, tables)
+    if checks_times:
+        check_budget(findings, sections, tables, drives)
     findings.raise_if_any()
     return Loaded(
         path=path,
@@ -84,6 +90,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     check_references(findings, sections)
     check_motion(findings, sections)
     check_roles(findings, sections)
+    check_late(findings, sections)
     check_groups(findings, sections)
     check_drives(findings, sections, drives)
     return sections, drives

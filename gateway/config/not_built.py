@@ -36,9 +36,6 @@ class NotBuilt:
 NOT_BUILT: Final = (
     NotBuilt("http", "the status page is", 'leave [http] out or set listen = ""', _is_listening, "listen"),
     NotBuilt("mqtt", "publishing over MQTT is", "leave [mqtt] out"),
-    NotBuilt("axis.*.budget_us", "a latency budget is", "leave it out"),
-    NotBuilt("axis.*.deadline_ms", "a deadline of targets is", "leave it out"),
-    NotBuilt("axis.*.late", "a rule for late targets is", "leave it out: every target is forwarded"),
     NotBuilt(
         "axis.*.table_options.fagor_sense",
         "reading Fagor tables is",

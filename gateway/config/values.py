@@ -10,6 +10,7 @@ from typing import Annotated, Final
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
+from gateway.times import US_PER_MS
 from gateway.transport.endpoints import TcpEndpoint
 
 # Bounds that no machine reaches. They keep every later computation finite.
@@ -25,6 +26,7 @@ PositiveLength = Annotated[float, Field(gt=0.0, le=LARGEST_LENGTH)]
 LengthOrZero = Annotated[float, Field(ge=0.0, le=LARGEST_LENGTH)]
 Counts = Annotated[float, Field(ge=-LARGEST_COUNTS, le=LARGEST_COUNTS)]
 Milliseconds = Annotated[float, Field(gt=0.0, le=LONGEST_MS)]
+Microseconds = Annotated[float, Field(gt=0.0, le=LONGEST_MS * US_PER_MS)]
 MillisecondsOrZero = Annotated[float, Field(ge=0.0, le=LONGEST_MS)]
 
 NAME_RULE: Final = "allowed: 1 to 32 letters A-Z a-z, digits, - and _, beginning with a letter or digit"

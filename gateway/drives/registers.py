@@ -235,6 +235,10 @@ class RegisterMap(StrictModel):
     gap_ms: Annotated[float, Field(ge=0.0, le=MAX_GAP_MS)] = Field(
         default=0.0, description="silence in milliseconds that the drive needs before a request"
     )
+    response_ms: Annotated[float, Field(ge=0.0, le=MAX_GAP_MS)] | None = Field(
+        default=None,
+        description="milliseconds that the drive takes before it answers; only the budget reckons with it",
+    )
 
     @model_validator(mode="after")
     def _fits_together(self) -> "RegisterMap":

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from gateway.compensation.settings import AxisSettings
+from gateway.compensation.settings import AxisSettings, Setpoints
 from gateway.compensation.table import CorrectionTable
 from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan
 from gateway.modbus.registers import BitField, PositionField
@@ -14,6 +14,9 @@ HOMED_BIT: Final = "homed"
 DONE_BIT: Final = "done"
 MOVING_BIT: Final = "moving"
 ALARM_BIT: Final = "alarm"
+
+DEFAULT_BUDGET_US: Final = 1000.0
+"""About ten times what the relay takes in the median on a small Linux machine: an overrun is news."""
 
 
 class CompensationMode(Enum):
@@ -31,6 +34,18 @@ class Reference(Enum):
     DRIVE_BIT = "drive-bit"
     HOMING = "homing"
     SET_POSITION = "set-position"
+
+
+class Late(Enum):
+    """What happens to a target or trigger that is older than its deadline."""
+
+    FORWARD = "forward"
+    REJECT = "reject"
+
+
+def default_late(setpoints: Setpoints) -> Late:
+    """Return what happens where nothing is said: a move must not end short, a stale setpoint not be used."""
+    return Late.REJECT if setpoints is Setpoints.STREAM else Late.FORWARD
 
 
 class Role(Enum):
@@ -84,11 +99,18 @@ class AxisPlan:
     """Registers of each object that is not a position, where addresses are objects."""
     reads_with: Form = Form.FC03
     writes_with: Form = Form.FC16
+    budget_us: float = DEFAULT_BUDGET_US
+    """The gateway's own time in one exchange: last byte in to first byte out, both ways added."""
+    deadline_ms: float = 0.0
+    """Age, since its last byte came in, at which a target or trigger is late; 0: never."""
+    late: Late = Late.FORWARD
     lost_ms: float = 1000.0
     """After a silence as long as this the drive may have been switched off."""
     bits: Mapping[str, BitField] = field(default_factory=dict)
     max_registers: int = 123
     """Most registers that the drive takes in one frame."""
+    response_ms: float | None = None
+    """What the drive takes from the last byte of a request to the first of its reply; None: not known."""
     safe_read: bool = True
     """Positions and bits may be read by the gateway itself (W8)."""
     added_frames: bool = True
@@ -117,3 +139,7 @@ class LineTiming:
     """Pause after a broadcast (Modbus over serial line V1.02, 2.4.1: typically 100 to 200 ms)."""
     gap_ms: float = 0.0
     """Silence that a drive needs before each request, beyond 3.5 characters (Delta: 10 ms)."""
+    quiet_ms: float = 5.0
+    """Time without a motion exchange after which a monitor's may start; directly after one it may always."""
+    monitor_max_wait_ms: float = 200.0
+    """A monitor's request that has waited for as long goes at the next gap, whatever else is due."""

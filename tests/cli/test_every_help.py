@@ -34,7 +34,7 @@ def test_the_help_of_a_command_shows_examples_of_it(command: tuple[str, ...]) ->
 
 def test_the_commands_are_found() -> None:
     assert {
-        *((name,) for name in ("demo", "run", "check", "init", "simulate", "probe", "signtest")),
+        *((name,) for name in ("demo", "run", "check", "budget", "init", "simulate", "probe", "signtest")),
         *((name,) for name in ("enable", "disable", "reference", "record", "replay")),
         *(("table", name) for name in ("show", "explain", "lint", "convert")),
         ("drives", "show"),

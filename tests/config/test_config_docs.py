@@ -80,6 +80,9 @@ def test_the_example_as_it_stands_with_its_defaults_written_out(tmp_path: Path) 
         "max_registers",
         "response_timeout_ms",
         "turnaround_ms",
+        "quiet_ms",
+        "monitor_max_wait_ms",
+        "budget_us",
         "state",
     ):
         text, count = re.subn(rf"^# ({key} = )", r"\1", text, flags=re.MULTILINE)

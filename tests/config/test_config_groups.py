@@ -20,7 +20,11 @@ registers.command = [{ address = 0x0700, type = "int32" }]
 registers.actual = [{ address = 0x0800, type = "int32" }]
 """
 GROUP = '\n[group.gantry]\naxes = ["x", "y"]\n'
-BOTH = GOOD + SECOND + GROUP
+PATIENT = edited(  # one silent drive does not keep the line longer than the controller waits
+    ("[line.xyz]", "[line.xyz]\nresponse_timeout_ms = 300\ndrain_ms = 300"),
+    ('role = "monitor"', 'role = "monitor"\ntimeout_ms = 300'),
+)
+BOTH = PATIENT + SECOND + GROUP
 TABLES = {"cnc10x.tab": TWO_WAYS, "y.tab": ONE_WAY.replace("AXIS X", "AXIS Y")}
 ANOTHER_LINE = """
 [line.b]

@@ -8,9 +8,6 @@ from gateway.config.not_built import NOT_BUILT
 from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused
 
 INSIDE_AXIS = [
-    ("budget_us = 500", "budget_us", "leave it out"),
-    ("deadline_ms = 10", "deadline_ms", "leave it out"),
-    ('late = "forward"', "late", "leave it out"),
     ('table_options.fagor_sense = "actual_minus_command"', "table_options.fagor_sense", "Centroid version 3"),
 ]
 

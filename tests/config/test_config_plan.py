@@ -194,6 +194,11 @@ def test_the_drive_that_needs_the_longest_silence_sets_the_pace_of_its_line(tmp_
     assert only_line(tmp_path, text).timing == LineTiming(300.0, 250.0, 150.0, 10.5)
 
 
+def test_what_a_drive_takes_to_answer_reaches_the_plan(tmp_path: Path) -> None:
+    assert only_axis(tmp_path).response_ms is None
+    assert only_axis(tmp_path, GOOD + "response_ms = 2.5\n").response_ms == 2.5
+
+
 def test_drives_over_the_network(tmp_path: Path) -> None:
     rtu = '{ rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }'
     over = only_line(tmp_path, edited((rtu, '{ rtu_over_tcp = "nport.local:4001" }')))

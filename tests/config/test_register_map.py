@@ -21,6 +21,7 @@ def test_what_is_left_out_has_the_documented_values() -> None:
     assert registers.safe_read
     assert registers.write is Form.FC16
     assert (registers.max_registers, registers.gap_ms, registers.staged) == (123, 0.0, False)
+    assert registers.response_ms is None
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""What a line can hold, by arithmetic: frames, wires, silences. Pure; no I/O, no clock."""

@@ -1,0 +1,185 @@
+"""The budget of one line: each exchange of each controller, a round of them, and both without the gateway."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from gateway.budget.frames import Frame
+from gateway.budget.sequence import AS_MAPPED, Added, Blocks, Step, Why, added_of, round_of
+from gateway.budget.timing import (
+    Direct,
+    Legs,
+    Route,
+    direct_of,
+    direct_round_ns,
+    drive_side_ns,
+    legs_of,
+    round_ns,
+)
+from gateway.budget.wire import Wire, wire_of
+from gateway.exchange.plan import DEFAULT_BUDGET_US, AxisPlan, Role
+from gateway.ipc.plan import ControllerLink, LinePlan
+from gateway.times import NS_PER_MS, US_PER_MS
+
+BROADCAST = Frame(5, 0)
+"""One register for all drives."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangeBudget:
+    """One exchange of a round, through the gateway and without it."""
+
+    step: Step
+    request_bytes: int
+    """On the controller's side."""
+    reply_bytes: int
+    legs: Legs
+    direct: Direct
+    added_ns: int
+    """What frames of the gateway's own can hold it up by (W8); not in ``legs``."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoundBudget:
+    """All exchanges of a round, one after the other."""
+
+    total_ns: int
+    direct_ns: int
+    added_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerBudget:
+    """What one controller has to reckon with while it is alone on the line."""
+
+    index: int
+    name: str
+    role: Role
+    wire: Wire
+    timeout_ns: int
+    exchanges: tuple[ExchangeBudget, ...]
+    round: RoundBudget
+
+    @property
+    def slowest(self) -> ExchangeBudget | None:
+        """The exchange that the controller waits for longest; None where none is known."""
+        return max(self.exchanges, key=lambda each: each.legs.waited_ns, default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class AddedBudget:
+    """Frames of the gateway's own, and how long they hold up what they go before."""
+
+    added: Added
+    hold_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class LineBudget:
+    """What a line can hold."""
+
+    name: str
+    drives: Wire
+    gap_ns: int
+    """Silence before each request to the drives."""
+    drive_gap_ns: int
+    """That of it which the drives want."""
+    response_ns: Mapping[str, int]
+    """Time that a drive itself takes, by axis. Where it is not known it is missing, and reckoned with 0."""
+    broadcast_ns: int
+    """How long a broadcast of one register keeps the drives' wire, with its turnaround; 0 on Modbus TCP."""
+    controllers: tuple[ControllerBudget, ...]
+    added: tuple[AddedBudget, ...]
+
+    def longest_other_ns(self, index: int) -> int:
+        """Return the longest that a controller can find the drives' side taken by one exchange of another."""
+        others = (each for each in self.controllers if each.index != index)
+        return max(
+            (
+                legs.request_out_ns + legs.drive_ns + legs.reply_in_ns + legs.reply_tail_ns
+                for controller in others
+                for legs in (exchange.legs for exchange in controller.exchanges)
+            ),
+            default=0,
+        )
+
+
+def line_budget(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> LineBudget:
+    """Work out what a line can hold. Pure arithmetic; the plan is not changed."""
+    drives = wire_of(plan.drives)
+    drive_gap_ns = round(plan.timing.gap_ms * NS_PER_MS)
+    alone = Route(Wire(), drives, drive_gap_ns)
+    response_ns = {
+        axis.name: round(axis.response_ms * NS_PER_MS) for axis in plan.axes if axis.response_ms is not None
+    }
+    added = tuple(
+        AddedBudget(each, drive_side_ns(alone, each.frames, response_ns.get(axis.name, 0)))
+        for axis in plan.axes
+        for each in added_of(axis)
+    )
+    is_tcp = not drives.is_serial and not drives.is_hidden
+    turnaround_ns = round(plan.timing.turnaround_ms * NS_PER_MS)
+    return LineBudget(
+        name=plan.name,
+        drives=drives,
+        gap_ns=alone.gap_ns,
+        drive_gap_ns=drive_gap_ns,
+        response_ns=response_ns,
+        # The relay counts the turnaround from the moment at which it sends.
+        broadcast_ns=0
+        if is_tcp
+        else max(drives.frame_ns(BROADCAST.request_bytes) + alone.gap_ns, turnaround_ns),
+        controllers=tuple(
+            _controller_budget(
+                plan, index, Route(wire_of(link.endpoint), drives, drive_gap_ns), added, blocks
+            )
+            for index, link in enumerate(plan.controllers)
+        ),
+        added=added,
+    )
+
+
+def _controller_budget(
+    plan: LinePlan, index: int, route: Route, added: tuple[AddedBudget, ...], blocks: Blocks
+) -> ControllerBudget:
+    link: ControllerLink = plan.controllers[index]
+    steps = round_of(plan.axes, blocks, may_move=link.plan.role is Role.MOTION)
+    axes = {axis.name: axis for axis in plan.axes}
+    exchanges = tuple(_exchange_budget(route, step, axes.get(step.axis), added) for step in steps)
+    return ControllerBudget(
+        index=index,
+        name=link.plan.name,
+        role=link.plan.role,
+        wire=route.controller,
+        timeout_ns=round(link.plan.timeout_ms * NS_PER_MS),
+        exchanges=exchanges,
+        round=RoundBudget(
+            total_ns=round_ns(route, [(each.step.frame, each.legs) for each in exchanges]),
+            direct_ns=direct_round_ns(route, [each.direct for each in exchanges]),
+            added_ns=sum(each.added_ns for each in exchanges),
+        ),
+    )
+
+
+def _exchange_budget(
+    route: Route, step: Step, axis: AxisPlan | None, added: tuple[AddedBudget, ...]
+) -> ExchangeBudget:
+    frame = step.frame
+    budget_us = DEFAULT_BUDGET_US if axis is None else axis.budget_us
+    drive_ns = 0 if axis is None else round((axis.response_ms or 0.0) * NS_PER_MS)
+    return ExchangeBudget(
+        step=step,
+        request_bytes=route.controller.frame_bytes(frame.request_bytes),
+        reply_bytes=route.controller.frame_bytes(frame.reply_bytes),
+        legs=legs_of(route, frame, round(budget_us * NS_PER_MS / US_PER_MS), drive_ns),
+        direct=direct_of(route, frame, drive_ns),
+        added_ns=_held_up_ns(
+            [each for each in added if (each.added.axis, each.added.before) == (step.axis, step.what)]
+        ),
+    )
+
+
+def _held_up_ns(added: Sequence[AddedBudget]) -> int:
+    """Return the worst: a move is absolute or a distance, so of the reads only one is ever needed."""
+    writes = [each.hold_ns for each in added if each.added.why is Why.RESTAGE]
+    reads = [each.hold_ns for each in added if each.added.why is not Why.RESTAGE]
+    return sum(writes) + max(reads, default=0)

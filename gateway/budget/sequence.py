@@ -1,0 +1,204 @@
+"""What a controller sends in one round, told from the register map of each axis.
+
+A round of an axis is: its target, its trigger where the drive waits for one, its position, and with
+``setpoints = "targets"`` its state. Each is the smallest frame that does it; controllers that send larger
+blocks are told so with :class:`Blocks`.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from gateway.budget.frames import READ_BIT, WRITE_WORD, Frame, read_frame, write_frames
+from gateway.compensation.settings import Setpoints
+from gateway.drives.motion import Action, Addressing, Form, TriggerPlan
+from gateway.exchange.plan import DONE_BIT, MOVING_BIT, AxisPlan, CompensationMode
+from gateway.modbus.registers import BitTable, FieldAccess, PositionField
+
+
+class What(Enum):
+    """One exchange of a round, in the words that people read."""
+
+    TARGET = "write target"
+    TRIGGER = "trigger"
+    POSITION = "read position"
+    STATUS = "read status"
+    BLOCK = "read block"
+
+
+class Why(Enum):
+    """A frame that the gateway adds by itself, in the words that people read."""
+
+    DIRECTION = "position, for the direction (M6)"
+    BASE = "where a distance starts (M5)"
+    RESTAGE = "target anew for its trigger (M2)"
+
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """Sizes that a controller uses and a register map cannot know, in registers; 0: as the map says."""
+
+    read_registers: int = 0
+    """A block that the controller also reads from each drive in each round."""
+    target_registers: int = 0
+    """The block in which it writes a target."""
+
+
+AS_MAPPED = Blocks()
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One exchange of a round."""
+
+    axis: str
+    """"" on a line without axes."""
+    what: What
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """Frames that may have to go to the drive before an exchange of the controller can."""
+
+    axis: str
+    why: Why
+    before: What
+    frames: tuple[Frame, ...]
+
+
+def round_of(
+    axes: Sequence[AxisPlan], blocks: Blocks = AS_MAPPED, *, may_move: bool = True
+) -> tuple[Step, ...]:
+    """Return one round over all axes of a line. A controller that may not move only reads."""
+    if not axes and blocks.read_registers:
+        return (Step("", What.BLOCK, read_frame(Form.FC03, blocks.read_registers)),)
+    return tuple(step for axis in axes for step in _steps(axis, blocks, may_move=may_move))
+
+
+def _steps(axis: AxisPlan, blocks: Blocks, *, may_move: bool) -> Iterator[Step]:
+    if may_move:
+        for frame in _target_frames(axis, blocks.target_registers):
+            yield Step(axis.name, What.TARGET, frame)
+        trigger = _trigger(axis)
+        if trigger is not None:
+            yield Step(axis.name, What.TRIGGER, _trigger_frame(axis, trigger))
+    yield Step(axis.name, What.POSITION, _position_frame(axis))
+    status = _status_frame(axis)
+    if status is not None:
+        yield Step(axis.name, What.STATUS, status)
+    if blocks.read_registers:
+        form = axis.reads_with if axis.reads_with is Form.FC04 else Form.FC03
+        yield Step(axis.name, What.BLOCK, read_frame(form, blocks.read_registers))
+
+
+def least_target_registers(axis: AxisPlan) -> int:
+    """Return how many registers the frame of a target holds at least: with its block and its mode."""
+    field = axis.command[0]
+    first, end = field.address if field.block is None else field.block, field.end
+    mode = axis.motion.modes[0] if axis.motion.modes else None
+    if axis.addressing is Addressing.REGISTERS and mode is not None and mode.is_in_frame:
+        first, end = min(first, mode.address), max(end, mode.address + 1)
+    return end - first
+
+
+def _target_frames(axis: AxisPlan, registers: int) -> tuple[Frame, ...]:
+    least = least_target_registers(axis)
+    if registers > least:
+        return write_frames(Form.MEI if axis.writes_with is Form.MEI else Form.FC16, registers)
+    return write_frames(axis.writes_with, least)
+
+
+def _trigger(axis: AxisPlan) -> TriggerPlan | None:
+    """Return what starts a written target by a frame of its own; None where writing it does."""
+    if not axis.motion.is_staged:
+        return None
+    triggers = axis.motion.triggers
+    if axis.settings.setpoints is Setpoints.STREAM and any(
+        deed.action in {Action.FOLLOW, Action.FOLLOW_NEXT} for t in triggers for deed in t.deeds.values()
+    ):
+        return None  # set once, each setpoint then moves as it is written
+    return next((trigger for trigger in triggers if _runs(trigger)), None)
+
+
+def _runs(trigger: TriggerPlan) -> bool:
+    return trigger.otherwise.runs_target or any(deed.action.runs_target for deed in trigger.deeds.values())
+
+
+def _trigger_frame(axis: AxisPlan, trigger: TriggerPlan) -> Frame:
+    if trigger.is_coil:
+        return WRITE_WORD
+    if axis.writes_with is Form.MEI:
+        return write_frames(Form.MEI, axis.object_words.get(trigger.address, 1))[0]
+    if trigger.block is not None and trigger.block != trigger.address:
+        return write_frames(Form.FC16, trigger.address + 1 - trigger.block)[0]
+    return WRITE_WORD
+
+
+def _position_field(axis: AxisPlan) -> PositionField:
+    reported = (*axis.actual, *axis.commanded, *axis.command)
+    return next((field for field in reported if field.access is not FieldAccess.WRITE), axis.command[0])
+
+
+def _position_frame(axis: AxisPlan) -> Frame:
+    field = _position_field(axis)
+    first = field.address if field.block is None else field.block
+    return read_frame(axis.reads_with, field.end - first)
+
+
+def _status_frame(axis: AxisPlan) -> Frame | None:
+    """Return the read of what says that a move has ended; a stream does not wait for it."""
+    bit = axis.bits.get(DONE_BIT) or axis.bits.get(MOVING_BIT)
+    if bit is None or axis.settings.setpoints is Setpoints.STREAM:
+        return None
+    if bit.table is not BitTable.REGISTER:
+        return READ_BIT
+    return read_frame(axis.reads_with, axis.object_words.get(bit.address, 1))
+
+
+def added_of(axis: AxisPlan) -> tuple[Added, ...]:
+    """Return what the gateway may add for an axis (W8): nothing without a table or where it may not."""
+    if not axis.added_frames or axis.table is None or axis.compensation is not CompensationMode.ON:
+        return ()
+    return tuple(_added(axis))
+
+
+def _added(axis: AxisPlan) -> Iterator[Added]:
+    trigger = _trigger(axis)
+    runs_by = What.TARGET if trigger is None else What.TRIGGER
+    reads = axis.safe_read and any(field.access is not FieldAccess.WRITE for field in axis.actual)
+    if reads and axis.settings.setpoints is Setpoints.TARGETS and _has_branches(axis):
+        yield Added(axis.name, Why.DIRECTION, runs_by, (_position_frame(axis),))
+    if reads and _has_distances(axis):
+        status = _status_frame(axis)
+        standing = () if status is None else (status,)
+        yield Added(axis.name, Why.BASE, runs_by, (*standing, _position_frame(axis)))
+    if trigger is not None:
+        frames = write_frames(axis.writes_with, axis.command[0].words)
+        yield Added(axis.name, Why.RESTAGE, What.TRIGGER, frames)
+
+
+def _has_branches(axis: AxisPlan) -> bool:
+    """Whether the correction goes by the direction of travel."""
+    if axis.settings.backlash is not None:
+        return True
+    return axis.table is not None and axis.table.max_reversal() > 0.0
+
+
+def _has_distances(axis: AxisPlan) -> bool:
+    modes = (action for mode in axis.motion.modes if mode for action in mode.actions.values())
+    triggers = (deed.action for trigger in axis.motion.triggers for deed in trigger.deeds.values())
+    return any(action.is_relative for action in (*modes, *triggers))
+
+
+def misfits(axis: AxisPlan, blocks: Blocks) -> Iterator[str]:
+    """Yield why a drive would not take these blocks."""
+    least = least_target_registers(axis)
+    if blocks.target_registers and blocks.target_registers < least:
+        yield f"a target of axis {axis.name} has {least} registers, not {blocks.target_registers}"
+    for registers in (blocks.read_registers, blocks.target_registers):
+        if registers > axis.max_registers:
+            yield (
+                f"the drive of axis {axis.name} takes at most {axis.max_registers} registers in one frame "
+                f"(max_registers), not {registers}"
+            )

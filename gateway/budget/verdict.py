@@ -1,0 +1,225 @@
+"""What the arithmetic says about a configuration: what cannot be met, and what is close."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget, line_budget
+from gateway.budget.remedies import remedies
+from gateway.budget.sequence import AS_MAPPED, Blocks, What, Why
+from gateway.budget.words import ms, sum_text
+from gateway.exchange.plan import AxisPlan, Role
+from gateway.ipc.plan import LinePlan
+from gateway.times import NS_PER_MS, US_PER_MS
+from gateway.transport.endpoints import TcpEndpoint
+
+KNOWN_MASTERS: Final = (
+    (50.0, "minimalmodbus and the W1P controllers of Leadshine EL7 drives, as they come"),
+)
+"""Time-outs in ms of masters that are met on machines, and whose they are."""
+
+EACH: Final = 0.3
+"""Share of a time-out that is proposed for the wait for a drive, and for the silence after it."""
+
+
+class Grade(Enum):
+    """How bad it is."""
+
+    IMPOSSIBLE = "impossible"
+    """Whatever software does: an error of ``check``."""
+    CLOSE = "close"
+    """A warning of ``check``."""
+    NOTE = "note"
+    """Worth knowing before anything is wired: only ``budget`` says it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """One thing that the arithmetic says about a key."""
+
+    grade: Grade
+    key: tuple[str | int, ...]
+    found: str
+    remedy: str
+
+
+def judge(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> tuple[Judgement, ...]:
+    """Return what the arithmetic says about a line."""
+    line = line_budget(plan, blocks)
+    found = [each for controller in line.controllers for each in _timeouts(plan, controller, blocks)]
+    found += (each for axis in plan.axes for each in _deadlines(line, axis))
+    found += _starving(plan)
+    return tuple(found)
+
+
+# --- time-outs of controllers ------------------------------------------------------------------------------
+
+
+def _timeouts(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> Iterator[Judgement]:
+    """Yield the worst that can be said about a controller's time-out, for its worst exchange."""
+    if not controller.exchanges:
+        return
+    key = ("line", plan.name, "controllers", controller.index, "timeout_ms")
+    limit = controller.timeout_ns
+    said = f"timeout_ms = {limit / NS_PER_MS:g}"
+    slowest = max(controller.exchanges, key=lambda each: each.legs.least_ns)
+    if slowest.legs.least_ns > limit:
+        found = f"{said}, but {_reply_to(slowest)} comes {_waited(slowest)}"
+        yield Judgement(Grade.IMPOSSIBLE, key, found, _faster(plan, controller, blocks))
+        return
+    slowest = max(controller.exchanges, key=lambda each: each.legs.waited_ns + each.added_ns)
+    longest = max(controller.exchanges, key=lambda each: each.legs.total_ns)
+    if slowest.legs.waited_ns + slowest.added_ns > limit:
+        with_own = f", with frames of the gateway's own {ms(slowest.added_ns)} ms later"
+        found = f"{said}, and {_reply_to(slowest)} comes {_waited(slowest)}"
+        found += with_own if slowest.added_ns else ""
+        yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks))
+    elif longest.legs.total_ns > limit:
+        found = (
+            f"{said}, and {_exchange(longest)} takes {ms(longest.legs.total_ns)} ms with its request: too "
+            "long for a controller that counts from the first byte it sends"
+        )
+        yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks))
+    else:
+        yield from _known_masters(plan, controller, blocks)
+
+
+def _known_masters(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> Iterator[Judgement]:
+    """Yield which masters would give up through the gateway that do not without it."""
+    slowest = controller.slowest
+    if slowest is None or not controller.wire.is_serial:
+        return
+    for timeout_ms, whose in KNOWN_MASTERS:
+        if slowest.direct.waited_ns <= timeout_ms * NS_PER_MS < slowest.legs.waited_ns:
+            yield Judgement(
+                Grade.NOTE,
+                ("line", plan.name, "controllers", controller.index, "timeout_ms"),
+                f"{_reply_to(slowest)} comes {_waited(slowest)}, without the gateway "
+                f"{ms(slowest.direct.waited_ns)} ms; some masters give up after {timeout_ms:g} ms ({whose})",
+                _faster(plan, controller, blocks),
+            )
+
+
+def _exchange(exchange: ExchangeBudget) -> str:
+    step = exchange.step
+    return f"{step.what.value} of axis {step.axis}" if step.axis else step.what.value
+
+
+def _reply_to(exchange: ExchangeBudget) -> str:
+    return f"the reply to {_exchange(exchange)}"
+
+
+def _waited(exchange: ExchangeBudget) -> str:
+    """Say when a reply is there, with the terms of the sum."""
+    legs = exchange.legs
+    terms = (
+        (legs.request_tail_ns, "silence after the request"),
+        (legs.gateway_ns, "gateway"),
+        (legs.request_out_ns, "to the drive"),
+        (legs.drive_ns, "drive"),
+        (legs.reply_in_ns, "from the drive"),
+        (legs.reply_tail_ns, "silence after the reply"),
+        (legs.silence_ns, "silence"),
+        (legs.reply_out_ns, "to the controller"),
+    )
+    return f"{ms(legs.waited_ns)} ms after its request ({sum_text(terms)})"
+
+
+def _faster(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> str:
+    """Say what to change, with what it brings."""
+    slowest = controller.slowest
+    assert slowest is not None
+    ways = [
+        f"{each.what}: from {ms(each.waited_before_ns)} to {ms(each.waited_ns)} ms"
+        for each in remedies(plan, controller.index, blocks)
+        if each.waited_ns < each.waited_before_ns
+    ]
+    need_ms = (slowest.legs.waited_ns + slowest.added_ns) // NS_PER_MS + 1
+    return "; ".join((*ways, f"or let the controller wait longer than {need_ms} ms, if it can"))
+
+
+# --- deadlines of axes -------------------------------------------------------------------------------------
+
+
+def _deadlines(line: LineBudget, axis: AxisPlan) -> Iterator[Judgement]:
+    """Yield whether a target or trigger can go out before it is late, and be there before it is stale."""
+    if not axis.deadline_ms:
+        return
+    key, limit = ("axis", axis.name, "deadline_ms"), axis.deadline_ms * NS_PER_MS
+    said = f"deadline_ms = {axis.deadline_ms:g}"
+    gateway_ns = round(axis.budget_us * NS_PER_MS / US_PER_MS)
+    restaging_ns = sum(
+        each.hold_ns for each in line.added if (each.added.axis, each.added.why) == (axis.name, Why.RESTAGE)
+    )
+    before_ns = gateway_ns + restaging_ns
+    if before_ns > limit:
+        terms = sum_text(((gateway_ns, "gateway (budget_us)"), (restaging_ns, "target anew for its trigger")))
+        what = "a trigger" if restaging_ns else "a target"
+        found = f"{said}, but {what} of this axis may go out {ms(before_ns)} ms after it came ({terms})"
+        remedy = f"allow more than {before_ns // NS_PER_MS + 1} ms, or make the drives' side faster"
+        yield Judgement(Grade.IMPOSSIBLE, key, found, remedy)
+        return
+    there_ns, terms_there = _there(line, axis, gateway_ns)
+    if there_ns > limit:
+        found = (
+            f"{said}, and the drive has the whole target {ms(there_ns)} ms after the gateway ({terms_there})"
+        )
+        remedy = "a target that is not late when it goes out is older than that when it arrives: allow more, "
+        remedy += "or make the drives' side faster"
+        yield Judgement(Grade.CLOSE, key, found, remedy)
+
+
+def _there(line: LineBudget, axis: AxisPlan, gateway_ns: int) -> tuple[int, str]:
+    """Return when the last byte of a target is at the drive, counted from its last byte at the gateway."""
+    out_ns = max(
+        (
+            exchange.legs.request_out_ns
+            for controller in line.controllers
+            for exchange in controller.exchanges
+            if (exchange.step.axis, exchange.step.what) == (axis.name, What.TARGET)
+        ),
+        default=0,
+    )
+    return gateway_ns + out_ns, sum_text(((gateway_ns, "gateway"), (out_ns, "to the drive")))
+
+
+# --- a silent drive ----------------------------------------------------------------------------------------
+
+
+def _starving(plan: LinePlan) -> Iterator[Judgement]:
+    """Yield the motion controllers that a silent drive keeps from all others (W6, W7).
+
+    The gateway waits for a drive as long as the controller that asked, at least ``response_timeout_ms``, and
+    then for ``drain_ms`` of silence. Modbus TCP needs no such silence.
+    """
+    is_rtu = not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu
+    if not is_rtu or len({axis.unit_id for axis in plan.axes}) < 2:
+        return
+    timing = plan.timing
+    drain_ms = timing.drain_ms or timing.response_timeout_ms
+    for index, link in enumerate(plan.controllers):
+        others = [other.plan for other in plan.controllers if other is not link]
+        if link.plan.role is not Role.MOTION:
+            continue
+        asks = max(others, key=lambda other: other.timeout_ms, default=None)
+        wait_ms, whose = timing.response_timeout_ms, "response_timeout_ms"
+        if asks is not None and asks.timeout_ms > wait_ms:
+            wait_ms, whose = asks.timeout_ms, f"timeout_ms of {asks.name}"
+        if wait_ms + drain_ms < link.plan.timeout_ms:
+            continue
+        limit_ms = link.plan.timeout_ms
+        yield Judgement(
+            Grade.CLOSE,
+            ("line", plan.name, "controllers", index, "timeout_ms"),
+            f"timeout_ms = {limit_ms:g}, and one silent drive keeps the line for "
+            f"{wait_ms + drain_ms:g} ms ({wait_ms:g} {whose} + {drain_ms:g} drain_ms)",
+            "this controller then gives up on drives that would answer: set response_timeout_ms and drain_ms "
+            f"to what the drives need, together below {limit_ms:g} (as in {EACH * limit_ms:g} each), and "
+            "timeout_ms of the other controllers no longer than response_timeout_ms",
+        )
+
+
+def of_grade(judgements: Sequence[Judgement], *grades: Grade) -> tuple[Judgement, ...]:
+    """Return those of some grades."""
+    return tuple(each for each in judgements if each.grade in grades)

@@ -1,0 +1,152 @@
+"""What ``pitch-gateway budget`` shows on a terminal. Times in milliseconds; 80 columns are enough."""
+
+from typing import Final
+
+from rich.console import Console
+from rich.table import Table
+
+from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget, line_budget
+from gateway.budget.remedies import remedies
+from gateway.budget.sequence import Blocks
+from gateway.budget.wire import Wire
+from gateway.budget.words import ms
+from gateway.ipc.plan import LinePlan
+from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+
+NUMBERS: Final = ("in", "gateway", "drives", "out", "sum", "direct", "time-out")
+CLOSE: Final = 0.5
+"""Share of a time-out from which a figure is shown in another colour."""
+
+
+def show_line(console: Console, plan: LinePlan, blocks: Blocks) -> None:
+    """Print the budget of one line."""
+    line = line_budget(plan, blocks)
+    console.print(f"[bold]line {plan.name}[/]: times in ms")
+    console.print(f"  drives: {_place(plan.drives)}{_wire_text(line.drives)}")
+    console.print(f"  silence before each request to them: {ms(line.gap_ns)}{_whose(line)}")
+    unknown = [axis.name for axis in plan.axes if axis.name not in line.response_ns]
+    known = [f"{ms(response_ns)} ({axis})" for axis, response_ns in line.response_ns.items()]
+    known += [f"not known, 0 assumed ({', '.join(unknown)})"] if unknown else []
+    if known:
+        console.print(f"  time that a drive takes itself: {', '.join(known)}")
+    if line.broadcast_ns:
+        console.print(f"  a broadcast keeps the line for {ms(line.broadcast_ns)} (turnaround_ms)")
+    for controller in line.controllers:
+        _show_controller(console, plan, line, controller, blocks)
+    _show_added(console, line)
+
+
+def _place(endpoint: TcpEndpoint | SerialEndpoint) -> str:
+    if isinstance(endpoint, TcpEndpoint):
+        return "RTU over TCP" if endpoint.rtu else "TCP"
+    return f"RTU {endpoint.baudrate} {endpoint.data_bits}{endpoint.parity}{endpoint.stop_bits}"
+
+
+def _wire_text(wire: Wire) -> str:
+    if wire.is_serial:
+        return f", {wire.bits_per_byte * NS_PER_S / wire.baudrate / 1000:.1f} µs/character"
+    if wire.is_hidden:
+        return ", the wire behind the device server is not known, 0 assumed"
+    return ", 0 on the wire"
+
+
+def _whose(line: LineBudget) -> str:
+    if not line.gap_ns:
+        return ""
+    return " (gap_ms)" if line.drive_gap_ns > line.drives.silence_ns else " (the standard's)"
+
+
+def _show_controller(
+    console: Console, plan: LinePlan, line: LineBudget, controller: ControllerBudget, blocks: Blocks
+) -> None:
+    link = plan.controllers[controller.index]
+    console.print()
+    console.print(
+        f"[bold]controller {controller.name}[/] ({controller.role.value}): {_place(link.endpoint)}"
+        f"{_wire_text(controller.wire)}, time-out {controller.timeout_ns / NS_PER_MS:g}"
+    )
+    if not controller.exchanges:
+        console.print(
+            "  no axis on this line: nothing is known of its frames; --registers N reckons with one"
+        )
+        return
+    console.print(_exchange_table(controller))
+    cycle = controller.round
+    console.print(
+        f"  a round of these {len(controller.exchanges)}: {ms(cycle.total_ns)}, "
+        f"that is {NS_PER_S / cycle.total_ns:.1f} a second; without the gateway {ms(cycle.direct_ns)}"
+    )
+    if cycle.added_ns:
+        console.print(f"  frames of the gateway's own can add {ms(cycle.added_ns)} to a round, see below")
+    others_ns = line.longest_other_ns(controller.index)
+    if others_ns:
+        console.print(f"  an exchange of another controller can come first: up to {ms(others_ns)} more")
+    _show_remedies(console, plan, controller, blocks)
+
+
+def _exchange_table(controller: ControllerBudget) -> Table:
+    table = _table()
+    table.add_column("  axis", overflow="fold")
+    table.add_column("exchange", no_wrap=True)
+    table.add_column("bytes", no_wrap=True)
+    for name in NUMBERS:
+        table.add_column(name, justify="right", no_wrap=True)
+    for exchange in controller.exchanges:
+        table.add_row(*_row(exchange, controller.timeout_ns))
+    return table
+
+
+def _table() -> Table:
+    return Table(box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, header_style="bold")
+
+
+def _row(exchange: ExchangeBudget, timeout_ns: int) -> list[str]:
+    legs, step = exchange.legs, exchange.step
+    drive_ns = legs.request_out_ns + legs.drive_ns + legs.reply_in_ns + legs.reply_tail_ns
+    share = legs.waited_ns / timeout_ns
+    colour = "red" if share > 1.0 else "yellow" if share > CLOSE else "green"
+    return [
+        f"  {step.axis}",
+        step.what.value,
+        f"{exchange.request_bytes}+{exchange.reply_bytes}",
+        ms(legs.request_in_ns + legs.request_tail_ns),
+        ms(legs.gateway_ns),
+        ms(drive_ns),
+        ms(legs.silence_ns + legs.reply_out_ns),
+        ms(legs.total_ns),
+        ms(exchange.direct.total_ns),
+        f"[{colour}]{100.0 * share:.1f} %[/]",
+    ]
+
+
+def _show_remedies(console: Console, plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> None:
+    found = remedies(plan, controller.index, blocks)
+    if not found:
+        return
+    table = _table()
+    table.add_column("  what would help", overflow="fold")
+    table.add_column("longest wait", justify="right")
+    table.add_column("round", justify="right")
+    for each in found:
+        table.add_row(
+            f"  {each.what}",
+            f"{ms(each.waited_before_ns)} → {ms(each.waited_ns)}",
+            f"{ms(each.round_before_ns)} → {ms(each.round_ns)}",
+        )
+    console.print(table)
+
+
+def _show_added(console: Console, line: LineBudget) -> None:
+    if not line.added:
+        return
+    console.print()
+    console.print("[bold]frames of the gateway's own[/], only when they are needed")
+    table = _table()
+    for name in ("  axis", "what", "before"):
+        table.add_column(name, overflow="fold")
+    table.add_column("holds it up by", justify="right")
+    for each in line.added:
+        added = each.added
+        table.add_row(f"  {added.axis}", added.why.value, added.before.value, ms(each.hold_ns))
+    console.print(table)
