@@ -147,6 +147,18 @@ def test_frames_of_the_gateways_own_at_9600() -> None:
     assert trigger.added_ns == added[Why.DIRECTION].hold_ns + added[Why.RESTAGE].hold_ns
 
 
+def test_a_distance_reads_whether_the_axis_stands_and_where_also_in_a_stream() -> None:
+    one = known_axis("oriental-az")
+    streamed = replace(one, settings=replace(one.settings, setpoints=Setpoints.STREAM))
+    added = {
+        each.added.why: each
+        for each in line_budget(line(serial(9600), controller(TCP), axes=(streamed,))).added
+    }
+    # 8 and 7 bytes for the state, 8 and 9 for the position, a silence after each.
+    assert ms(added[Why.BASE].hold_ns) == pytest.approx(32 * 11 / 9.6 + 2 * 4.01042, abs=1e-4)
+    assert Why.DIRECTION not in added  # a stream goes by its setpoints
+
+
 def test_nothing_is_added_without_a_table_or_where_it_is_forbidden() -> None:
     for change in ({"table": None}, {"added_frames": False}):
         plan = line(serial(9600), controller(TCP), axes=(replace(known_axis("delta-asda"), **change),))
