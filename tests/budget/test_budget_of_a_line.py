@@ -80,6 +80,7 @@ def test_a_drive_that_wants_10_ms_between_frames() -> None:
     cycle = only(line(serial(115200), controller(serial(115200)), timing=timing)).round
     # 21 and 17 bytes of 95.486 µs on the drives' side, and 10 ms after each.
     assert ms(cycle.total_ns) == pytest.approx(38 * 0.0954861 + 20.0, abs=1e-4)
+    assert cycle.direct_ns == pytest.approx(cycle.total_ns, abs=5)  # they want it from any master
 
 
 def test_tcp_on_both_sides_costs_the_gateway_alone() -> None:
