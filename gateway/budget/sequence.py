@@ -85,7 +85,7 @@ def _steps(axis: AxisPlan, blocks: Blocks, *, may_move: bool) -> Iterator[Step]:
             yield Step(axis.name, What.TRIGGER, _trigger_frame(axis, trigger))
     yield Step(axis.name, What.POSITION, _position_frame(axis))
     status = _status_frame(axis)
-    if status is not None:
+    if status is not None and axis.settings.setpoints is Setpoints.TARGETS:  # a stream does not wait for it
         yield Step(axis.name, What.STATUS, status)
     if blocks.read_registers:
         form = axis.reads_with if axis.reads_with is Form.FC04 else Form.FC03
@@ -147,9 +147,9 @@ def _position_frame(axis: AxisPlan) -> Frame:
 
 
 def _status_frame(axis: AxisPlan) -> Frame | None:
-    """Return the read of what says that a move has ended; a stream does not wait for it."""
+    """Return the read of what says that a move has ended."""
     bit = axis.bits.get(DONE_BIT) or axis.bits.get(MOVING_BIT)
-    if bit is None or axis.settings.setpoints is Setpoints.STREAM:
+    if bit is None:
         return None
     if bit.table is not BitTable.REGISTER:
         return READ_BIT
@@ -166,10 +166,10 @@ def added_of(axis: AxisPlan) -> tuple[Added, ...]:
 def _added(axis: AxisPlan) -> Iterator[Added]:
     trigger = _trigger(axis)
     runs_by = What.TARGET if trigger is None else What.TRIGGER
-    reads = axis.safe_read and any(field.access is not FieldAccess.WRITE for field in axis.actual)
-    if reads and axis.settings.setpoints is Setpoints.TARGETS and _has_branches(axis):
+    reads_actual = axis.safe_read and any(field.access is not FieldAccess.WRITE for field in axis.actual)
+    if reads_actual and axis.settings.setpoints is Setpoints.TARGETS and _has_branches(axis):
         yield Added(axis.name, Why.DIRECTION, runs_by, (_position_frame(axis),))
-    if reads and _has_distances(axis):
+    if (reads_actual or (axis.safe_read and axis.commanded)) and _has_distances(axis):
         status = _status_frame(axis)
         standing = () if status is None else (status,)
         yield Added(axis.name, Why.BASE, runs_by, (*standing, _position_frame(axis)))

@@ -80,6 +80,7 @@ def test_a_drive_that_wants_10_ms_between_frames() -> None:
     cycle = only(line(serial(115200), controller(serial(115200)), timing=timing)).round
     # 21 and 17 bytes of 95.486 µs on the drives' side, and 10 ms after each.
     assert ms(cycle.total_ns) == pytest.approx(38 * 0.0954861 + 20.0, abs=1e-4)
+    assert cycle.direct_ns == pytest.approx(cycle.total_ns, abs=5)  # they want it from any master
 
 
 def test_tcp_on_both_sides_costs_the_gateway_alone() -> None:
@@ -145,6 +146,18 @@ def test_frames_of_the_gateways_own_at_9600() -> None:
     assert {each.added.before for each in added.values()} == {What.TRIGGER}
     [trigger] = [each for each in only(plan).exchanges if each.step.what is What.TRIGGER]
     assert trigger.added_ns == added[Why.DIRECTION].hold_ns + added[Why.RESTAGE].hold_ns
+
+
+def test_a_distance_reads_whether_the_axis_stands_and_where_also_in_a_stream() -> None:
+    one = known_axis("oriental-az")
+    streamed = replace(one, settings=replace(one.settings, setpoints=Setpoints.STREAM))
+    added = {
+        each.added.why: each
+        for each in line_budget(line(serial(9600), controller(TCP), axes=(streamed,))).added
+    }
+    # 8 and 7 bytes for the state, 8 and 9 for the position, a silence after each.
+    assert ms(added[Why.BASE].hold_ns) == pytest.approx(32 * 11 / 9.6 + 2 * 4.01042, abs=1e-4)
+    assert Why.DIRECTION not in added  # a stream goes by its setpoints
 
 
 def test_nothing_is_added_without_a_table_or_where_it_is_forbidden() -> None:

@@ -1,14 +1,26 @@
 """Bytes, bits and silences, worked out by hand."""
 
+import subprocess
+import sys
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gateway.budget.frames import Frame, read_frame, write_frames
 from gateway.budget.sequence import What, round_of
 from gateway.budget.wire import Wire, wire_of
+from gateway.drives.library import names
 from gateway.drives.motion import Form
+from gateway.exchange.added_frames import AddedFrame, Purpose, read_field
+from gateway.exchange.axis import AxisExchange
+from gateway.modbus.lengths import UNTIL_SILENCE, request_length
 from gateway.modbus.rtu import encode_rtu
+from gateway.simulator.pacing import PacedWire
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.budget.budget_bench import known_axis, serial
+
+SIZES = st.integers(min_value=1, max_value=253)
 
 
 @pytest.mark.parametrize(
@@ -120,3 +132,46 @@ def test_what_a_round_of_a_known_drive_holds(profile: str, steps: list[tuple[Wha
         for step in round_of([known_axis(profile)])
     ]
     assert found == steps
+
+
+@pytest.mark.parametrize("profile", names())
+def test_frames_of_the_gateways_own_are_as_long_as_those_that_it_sends(profile: str) -> None:
+    plan = known_axis(profile)
+    exchange = AxisExchange(plan)
+    read = read_field(exchange, Purpose.ACTUAL, plan.actual[0])
+    assert read_frame(plan.reads_with, plan.actual[0].words).request_bytes == len(read.pdu)
+    words = 1 if plan.writes_with is Form.FC06 else plan.command[0].words
+    write = AddedFrame(exchange, Purpose.RESTAGE, 0x100, words, words=bytes(2 * words))
+    frames = write_frames(plan.writes_with, plan.command[0].words)
+    assert {frame.request_bytes for frame in frames} == {len(write.pdu)}
+    assert len(frames) * words == plan.command[0].words
+
+
+@pytest.mark.parametrize("profile", names())
+def test_a_frame_of_a_round_ends_by_silence_where_the_decoder_cannot_tell_its_length(profile: str) -> None:
+    plan = known_axis(profile)
+    pdu = read_field(AxisExchange(plan), Purpose.ACTUAL, plan.actual[0]).pdu
+    ends_by_silence = request_length(encode_rtu(1, pdu)) == UNTIL_SILENCE
+    assert read_frame(plan.reads_with, plan.actual[0].words).ends_by_silence is ends_by_silence
+
+
+def test_the_relay_can_reckon_without_the_libraries_that_it_must_not_have() -> None:
+    script = (
+        "import sys, gateway.budget.as_data, gateway.budget.remedies;"
+        "print([m for m in ('pydantic', 'rich', 'typer', 'asyncio', 'logging') if m in sys.modules])"
+    )
+    process = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert process.stdout == "[]\n"
+
+
+@given(baudrate=st.sampled_from([1200, 9600, 19200, 57600, 115200]), parity=st.sampled_from("NE"), size=SIZES)
+def test_a_frame_takes_as_long_as_on_the_simulated_wire(baudrate: int, parity: str, size: int) -> None:
+    endpoint = serial(baudrate, parity)
+    wire = PacedWire(baudrate, endpoint.bits_per_character)
+    wire.send(bytes(size + 3), now_ns=0)
+    while wire.deadline_ns is not None:
+        last_ns = wire.deadline_ns
+        wire.receive(last_ns)
+    assert wire_of(endpoint).frame_ns(size) == pytest.approx(last_ns, abs=1)

@@ -4,7 +4,6 @@ import json
 import os
 import pty
 import re
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from gateway.cli.main import app
+from tests.child import started
 from tests.config.config_bench import TWO_WAYS, edited, written
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "latency.md").read_text()
@@ -59,7 +59,7 @@ def test_colours_only_on_a_terminal(tmp_path: Path) -> None:
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "80"}
     environment.pop("NO_COLOR", None)
     command = [sys.executable, "-c", "from gateway.cli.main import main; main()", "budget", str(path)]
-    with subprocess.Popen(command, stdout=theirs, env=environment) as process:
+    with started(command, stdout=theirs, env=environment) as process:
         os.close(theirs)
         shown = b""
         while True:
