@@ -17,6 +17,7 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference
+from gateway.exchange.ports import Unmeasured
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 
@@ -53,7 +54,7 @@ class Candidate:
         return statistics.median(self.ns)
 
 
-class _Wire:
+class _Wire(Unmeasured):
     """Port and link in one that frame as the relay does and throw the bytes away."""
 
     is_serial = True

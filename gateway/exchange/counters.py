@@ -12,6 +12,8 @@ class LineCounters:
     exceptions: int = 0
     late: int = 0
     """Frames or bytes that came when nothing was expected any more."""
+    late_targets: int = 0
+    """Targets and triggers that waited longer than their axis's deadline."""
     refused: int = 0
     withdrawn: int = 0
     broadcasts: int = 0

@@ -32,6 +32,12 @@ class EventKind(Enum):
     """A relative move came while nobody knew where it starts."""
     WITHDRAWN = "withdrawn"
     """A request was not sent, because its controller had given up on it."""
+    LATE_TARGET = "late-target"
+    """A target or trigger had waited longer than its axis's deadline."""
+    BUDGET_OVERRUN = "budget-overrun"
+    """An exchange cost more gateway time than its axis's budget, after many that did not."""
+    BUDGET_KEPT = "budget-kept"
+    """The budget is kept again."""
     LATE_REPLY = "late-reply"
     """A drive sent a frame that answers nothing: late, or twice."""
 

@@ -45,6 +45,12 @@ class Exchange:
     # Defaults of the class: most exchanges leave most of them alone, and one is made for each request.
     sent_ns = 0
     deadline_ns = 0
+    started_ns = 0
+    """When its turn came, after it had waited or after a frame that it needed; 0: as it arrived."""
+    queue_ns = 0
+    """How long it waited for the line."""
+    added_ns = 0
+    """How long frames of the gateway's own held it up."""
     is_orphan = False
     """Its controller has gone or gone on: the reply is taken note of and then dropped."""
     overtaken_by = ""
@@ -73,6 +79,11 @@ class Exchange:
         self.arrived_ns = arrived_ns
 
     @property
+    def is_motion(self) -> bool:
+        """Whether a motion controller asked for it."""
+        return self.port is not None and self.port.plan.role is Role.MOTION
+
+    @property
     def rewritings(self) -> tuple[Rewriting, ...]:
         """What it makes of each unit that it reaches; a broadcast reaches several."""
         if self.draft is not None and not self._rewritings:
@@ -82,6 +93,14 @@ class Exchange:
     @rewritings.setter
     def rewritings(self, rewritings: tuple[Rewriting, ...]) -> None:
         self._rewritings = rewritings
+
+    def start(self, now_ns: int) -> None:
+        """Note that it is its turn: after it waited for the line, or for a frame that goes first."""
+        if self.added is not None or self.known is not None:
+            self.added_ns += now_ns - (self.started_ns or self.arrived_ns)
+        else:
+            self.queue_ns = now_ns - self.arrived_ns
+        self.started_ns = now_ns
 
     def is_same_stop(self, other: "Exchange") -> bool:
         """Whether both are stops that say the same to the same drive."""
@@ -116,6 +135,23 @@ class WaitingExchanges:
         self.total = 0
         """How many wait: a number of its own, for it is looked at with each request."""
 
+    @property
+    def only_others(self) -> bool:
+        """Whether nothing waits but what monitors and operators read."""
+        return self.total == len(self._others)
+
+    def first_of_others(self) -> list[Exchange]:
+        """Return the first one of each monitor or operator, oldest first."""
+        first: dict[int, Exchange] = {}
+        for exchange in self._others:
+            first.setdefault(id(exchange.port), exchange)
+        return list(first.values())
+
+    def take(self, exchange: Exchange) -> None:
+        """Take out one that is known to wait among the others."""
+        self._others.remove(exchange)
+        self.total -= 1
+
     def __len__(self) -> int:
         return self.total
 
@@ -132,6 +168,13 @@ class WaitingExchanges:
             self._motion.append(exchange)
         else:
             self._others.append(exchange)
+
+    def add_own(self, frame: AddedFrame | None, now_ns: int) -> None:
+        """Queue a frame of the gateway's own, if there is one."""
+        if frame is not None:
+            exchange = Exchange(None, 0, frame.axis.plan.unit_id, frame.pdu, now_ns)
+            exchange.added = frame
+            self.add(exchange)
 
     @property
     def has_stops(self) -> bool:

@@ -13,11 +13,13 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from gateway.exchange import control
-from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import homed_read
+from gateway.exchange.admission import judge
 from gateway.exchange.answering import answer, note_broadcast, note_discrete
+from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.counters import LineCounters
+from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import REMEMBERED_WAYS, Units, is_acting_on
 from gateway.exchange.effects import note_unknown
 from gateway.exchange.endings import NO_RESPONSE, Endings
@@ -26,11 +28,13 @@ from gateway.exchange.groups import join
 from gateway.exchange.life import QUEUE_LIMIT, Exchange, WaitingExchanges
 from gateway.exchange.losses import note_learned
 from gateway.exchange.meaning import Meaning
+from gateway.exchange.meter import LineMeter
 from gateway.exchange.news import AxisNews
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.rest import Rest
+from gateway.exchange.silence import SilentUnits
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, is_exception
 from gateway.times import NS_PER_MS
 
@@ -47,6 +51,7 @@ class LineExchange:
         groups: Iterable[Iterable[str]] = (),
         *,
         remembered_ways: int = REMEMBERED_WAYS,
+        what_ran: Callable[[int, int], str] = lambda _since_ns, _until_ns: "",
     ) -> None:
         self.axes = [AxisExchange(plan) for plan in axes]
         join(self.axes, groups)
@@ -63,13 +68,19 @@ class LineExchange:
         self.is_up = False
         """Whether there is a way to the drives."""
         self._is_stopping = False
-        self._silent_units: set[int] = set()
+        self._silent = SilentUnits(self._units, self._news, on_event)
         self._arrived_ns = 0
+        self._gaps = Gaps(timing)
+        self._monitor_due_ns: int | None = None
+        self.meter = LineMeter(self.axes, link, on_event, what_ran)
+        self._deadlines = Deadlines(self.axes, self._units, self.counters, on_event)
 
     @property
     def deadline_ns(self) -> int | None:
         """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
-        return self._rest.until_ns if self._current is None else self._current.deadline_ns
+        if self._current is not None:
+            return self._current.deadline_ns
+        return self._monitor_due_ns if self._rest.until_ns is None else self._rest.until_ns
 
     @property
     def is_idle(self) -> bool:
@@ -85,41 +96,41 @@ class LineExchange:
         if not pdu:
             self.counters.malformed += 1
             return
-        is_free = self._current is None and not self._waiting.total
-        if not is_free and port.plan.serial:
+        if port.plan.serial and (self._current is not None or self._waiting.total):
             self._give_up(port, "its controller sent another request", now_ns)
-            is_free = self._current is None and not self._waiting.total
         if self._is_stopping:
             return
+        is_motion = port.plan.role is Role.MOTION
+        if is_motion and self._gaps.is_watching and not self._is_moving:
+            self._gaps.motion_came(now_ns)
         # Losses are told apart by it (M3): no two requests come at one instant.
         self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         exchange = Exchange(port, transaction_id, unit_id, pdu, self._arrived_ns)
-        if is_free and self._rest.until_ns is None and self.is_up and port.plan.role is Role.MOTION:
+        is_free = self._current is None and self._rest.until_ns is None
+        if is_free and is_motion and self.is_up:
             self._start_request(exchange, now_ns)
         else:
-            self._judge(exchange, now_ns, is_free=is_free and self._rest.until_ns is None)
+            self._judge(exchange, now_ns, is_free=is_free)
 
     def _judge(self, exchange: Exchange, now_ns: int, *, is_free: bool) -> None:
         """Start, queue or refuse a request that cannot simply go out."""
-        port, unit_id, pdu = exchange.port, exchange.unit_id, exchange.pdu
+        port = exchange.port
         assert port is not None
-        role, may_write = port.plan.role, not only_reads(pdu)
-        stops: list[Meaning] = []
-        if self._units.have_rules and may_write and not (is_free and role is Role.MOTION):
-            stops = self._units.stops_of(unit_id, pdu)
-        may_stop = role is Role.OPERATOR and bool(stops) and self._units.only_stops(unit_id, pdu)
-        if role is not Role.MOTION and may_write and not may_stop:
+        is_allowed, stops = judge(self._units, exchange, is_free=is_free)
+        if not is_allowed:
             self._ends.refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
         elif not self.is_up:
             self._ends.fail_unsent(exchange)
-        elif is_free:
+        elif is_free and stops:
             self._start(exchange, now_ns)
         elif stops:
             self._overtake(exchange, stops, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
             self._ends.refuse_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
         else:
+            self._gaps.is_watching |= not exchange.is_motion
             self._waiting.add(exchange)
+            self._next(now_ns)
 
     def _overtake(self, stop: Exchange, stops: list[Meaning], now_ns: int) -> None:
         """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3)."""
@@ -171,9 +182,8 @@ class LineExchange:
         if exchange is None or unit_id != exchange.wire_unit_id or not pdu:
             self.stray(now_ns)
             return
-        if unit_id in self._silent_units:
-            self._silent_units.discard(unit_id)
-            self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
+        if unit_id in self._silent.ids:
+            self._silent.answered(unit_id)
         way = exchange.way
         turned = None if way is None else way.answered(exchange, pdu, now_ns)
         if way is None or turned is None:
@@ -185,9 +195,14 @@ class LineExchange:
             self._ends.reply(exchange, turned)
             way.settle(exchange, now_ns)
             self._current = None
+            assert exchange.port is not None
+            self.meter.note(exchange, exchange.port, pdu, now_ns)
+        if self._gaps.is_watching:
+            self._gaps.ended(exchange, now_ns, is_motion=exchange.is_motion)
         if axes:
             self._news.look(axes)
-        self._next(now_ns)
+        if self._waiting.total:
+            self._next(now_ns)
 
     def _take_reply(self, exchange: Exchange, pdu: bytes, now_ns: int) -> tuple[AxisExchange, ...]:
         """Take a reply the long way; return the axes of which something may have been learned."""
@@ -201,6 +216,8 @@ class LineExchange:
         else:
             self._answer(exchange, pdu, now_ns)
             self._current = None
+            if exchange.port is not None:
+                self.meter.note(exchange, exchange.port, pdu, now_ns)
         return axes
 
     def _answer(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
@@ -253,11 +270,7 @@ class LineExchange:
         for axis in self.axes:
             axis.silent_until_ns = now_ns
             axis.end_silence(is_answer=True)
-            read = homed_read(axis)
-            if read is not None:
-                exchange = Exchange(None, 0, axis.plan.unit_id, read.pdu, now_ns)
-                exchange.added = read
-                self._waiting.add(exchange)
+            self._waiting.add_own(homed_read(axis), now_ns)
         self._news.look(self.axes)
         self._next(now_ns)
 
@@ -301,12 +314,28 @@ class LineExchange:
 
     # --- sending ---------------------------------------------------------------------------------------
 
+    @property
+    def _is_moving(self) -> bool:
+        """Whether a motion exchange is on the wire or waits."""
+        current = self._current
+        return (current is not None and current.is_motion) or not self._waiting.only_others
+
     def _next(self, now_ns: int) -> None:
+        """Start what waits, as long as the line is free."""
+        self._monitor_due_ns = None
         while self._waiting.total and self._current is None and self._rest.until_ns is None:
-            self._start(self._waiting.pop(), now_ns)
+            if not self._waiting.only_others:
+                self._start(self._waiting.pop(), now_ns)
+                continue
+            exchange, self._monitor_due_ns = self._gaps.choose(self._waiting.first_of_others(), now_ns)
+            if exchange is None:
+                return
+            self._waiting.take(exchange)
+            self._start(exchange, now_ns)
 
     def _start(self, exchange: Exchange, now_ns: int) -> None:
         """Send an exchange, or the frame that it needs first; or withdraw or refuse it."""
+        exchange.start(now_ns)
         reason = "the gateway stops" if self._is_stopping else exchange.why_given_up(now_ns)
         if reason:
             self._ends.withdrawn(exchange, reason)
@@ -318,7 +347,7 @@ class LineExchange:
             self._start_request(exchange, now_ns)
 
     def _start_request(self, exchange: Exchange, now_ns: int) -> None:
-        if exchange.known is None:  # nothing was read for it before
+        if exchange.known is None and not self._deadlines.may_be_late(exchange, now_ns):
             way = self._units.way_of(exchange.unit_id, exchange.pdu)
             sent_pdu = None if way is None else way.sent(exchange, now_ns)
             if sent_pdu is not None:
@@ -329,6 +358,7 @@ class LineExchange:
             if axis.silent_since_ns is not None:
                 axis.end_silence(is_answer=False)
         try:
+            self._deadlines.check(exchange, now_ns)
             added, pdu = self._units.next_to_send(exchange, now_ns)
         except RefusedRequestError as refusal:
             self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason))
@@ -371,16 +401,13 @@ class LineExchange:
     def _time_out(self, exchange: Exchange, now_ns: int) -> None:
         self._link.abandon()
         self._current = None
+        if self._gaps.is_watching:
+            self._gaps.ended(exchange, now_ns, is_motion=exchange.is_motion)
         self.counters.timeouts += 1
         unit_id = exchange.wire_unit_id
-        if unit_id not in self._silent_units:
-            self._silent_units.add(unit_id)
-            self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {unit_id}"))
+        self._silent.timed_out(unit_id)
         self._ends.lost(exchange, now_ns)
-        axes = self._units.axes_of(unit_id)
-        for axis in axes:
-            axis.doubt(now_ns)
-        self._news.look(axes)
+        self._silent.doubt(unit_id, now_ns)
         if self._link.is_serial:
             self._rest.drain(now_ns)
         self._ends.fail(exchange, NO_RESPONSE)

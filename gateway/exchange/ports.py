@@ -9,7 +9,32 @@ from typing import Protocol
 from gateway.exchange.plan import ControllerPlan
 
 
-class ControllerPort(Protocol):
+class Stamps(Protocol):
+    """When the newest frame left. Monotonic, in ns; 0 where nobody measures."""
+
+    @property
+    def ready_ns(self) -> int:
+        """When it was ready to be written."""
+        ...
+
+    @property
+    def sent_ns(self) -> int:
+        """When the system had taken it; ``ready_ns`` while it is held back."""
+        ...
+
+    @property
+    def held_ns(self) -> int:
+        """How long it was held back, for the silence that a wire or a drive wants before it."""
+        ...
+
+
+class Unmeasured:
+    """Stamps of what keeps no time: traffic that is only played."""
+
+    ready_ns = sent_ns = held_ns = wire_ns_per_byte = 0
+
+
+class ControllerPort(Stamps, Protocol):
     """One connection of one controller: a serial port, or one accepted TCP connection."""
 
     @property
@@ -22,8 +47,13 @@ class ControllerPort(Protocol):
         ...
 
 
-class DriveLink(Protocol):
+class DriveLink(Stamps, Protocol):
     """The way to the drives of one line."""
+
+    @property
+    def wire_ns_per_byte(self) -> int:
+        """How long a byte takes on the wire; 0 where there is none."""
+        ...
 
     @property
     def is_serial(self) -> bool:

@@ -4,6 +4,7 @@ A port decodes whole requests out of the bytes and hands them to the exchange in
 of the loop between the last byte of a request and the write towards the drive.
 """
 
+import time
 from collections.abc import Callable
 
 from gateway.exchange.plan import ControllerPlan
@@ -33,6 +34,7 @@ class MbapControllerPort:
         self._channel: Channel | None = None
         self._patience_ns = int(plan.timeout_ms * NS_PER_MS)
         self._received_ns = 0
+        self.ready_ns = self.sent_ns = self.held_ns = 0
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -60,7 +62,10 @@ class MbapControllerPort:
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
         if self._channel is not None:
-            self._channel.write(encode_mbap(transaction_id, unit_id, pdu))
+            frame = encode_mbap(transaction_id, unit_id, pdu)
+            self.ready_ns = time.monotonic_ns()
+            self._channel.write(frame)
+            self.sent_ns = time.monotonic_ns()
 
 
 class RtuControllerPort:
@@ -79,6 +84,21 @@ class RtuControllerPort:
         self._gap_ns = gap_ns
         self._timer: Timer | None = None
         self._sender: PacedSender | None = None
+
+    @property
+    def ready_ns(self) -> int:
+        """See ``Stamps``."""
+        return 0 if self._sender is None else self._sender.ready_ns
+
+    @property
+    def sent_ns(self) -> int:
+        """See ``Stamps``."""
+        return 0 if self._sender is None else self._sender.sent_ns
+
+    @property
+    def held_ns(self) -> int:
+        """See ``Stamps``."""
+        return 0 if self._sender is None else self._sender.held_ns
 
     async def drained(self) -> None:
         """Wait until no reply waits for its silence any more."""

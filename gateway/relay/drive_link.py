@@ -7,6 +7,7 @@ bytes. Modbus/TCP: the gateway numbers its own requests; a reply with another nu
 
 from typing import Final, Protocol
 
+from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
@@ -21,21 +22,8 @@ UNANSWERED_LIMIT: Final = 1024
 that comes more than a thousand time-outs late comes from no drive."""
 
 
-class Link(Protocol):
-    """What a line needs of its drive link beyond ``gateway.exchange.ports.DriveLink``."""
-
-    @property
-    def is_serial(self) -> bool:
-        """See ``DriveLink``."""
-        ...
-
-    def send_request(self, unit_id: int, pdu: bytes) -> None:
-        """See ``DriveLink``."""
-        ...
-
-    def abandon(self) -> None:
-        """See ``DriveLink``."""
-        ...
+class Link(DriveLink, Protocol):
+    """What a line needs of its drive link beyond what the exchange needs."""
 
     def attach(self, exchange: TimedExchange) -> None:
         """Name the exchange that gets the replies; before the first byte."""
@@ -79,6 +67,26 @@ class RtuDriveLink:
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
         self._exchange: TimedExchange | None = None
+
+    @property
+    def ready_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._sender.ready_ns
+
+    @property
+    def sent_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._sender.sent_ns
+
+    @property
+    def held_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._sender.held_ns
+
+    @property
+    def wire_ns_per_byte(self) -> int:
+        """See ``DriveLink``."""
+        return self._sender.wire_ns_per_byte
 
     def attach(self, exchange: TimedExchange) -> None:
         """See ``Link``."""
@@ -174,6 +182,26 @@ class MbapDriveLink:
         self._unanswered: dict[int, None] = {}
         self._late = 0
         self._malformed = 0
+
+    @property
+    def ready_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._sender.ready_ns
+
+    @property
+    def sent_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._sender.sent_ns
+
+    @property
+    def held_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._sender.held_ns
+
+    @property
+    def wire_ns_per_byte(self) -> int:
+        """See ``DriveLink``."""
+        return self._sender.wire_ns_per_byte
 
     def attach(self, exchange: TimedExchange) -> None:
         """See ``Link``."""

@@ -29,6 +29,17 @@ class PacedSender:
         self._held: deque[bytes] = deque()
         self._timer = Timer(self._send_held)
         self._drained: asyncio.Future[None] | None = None
+        self.ready_ns = 0
+        """When the newest frame was to be sent."""
+        self.sent_ns = 0
+        """When the system had taken it; ``ready_ns`` while it is held back."""
+        self.held_ns = 0
+        """How long it was held back."""
+
+    @property
+    def wire_ns_per_byte(self) -> int:
+        """How long a byte takes on the wire; 0 where there is none."""
+        return self._wire_ns_per_byte
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """Write to ``channel`` from now on. What went before on its wire is unknown: begin with a silence."""
@@ -48,7 +59,8 @@ class PacedSender:
 
     def send(self, frame: bytes) -> None:
         """Send now if the silence is over, else as soon as it is."""
-        now_ns = time.monotonic_ns()
+        self.ready_ns = self.sent_ns = now_ns = time.monotonic_ns()
+        self.held_ns = 0
         if self._held or now_ns < self._quiet_from_ns + self._gap_ns:
             self._held.append(frame)
             self._timer.arm(self._quiet_from_ns + self._gap_ns)
@@ -75,10 +87,12 @@ class PacedSender:
     def _write(self, frame: bytes, now_ns: int) -> None:
         if self._channel is not None:
             self._channel.write(frame)
+            self.sent_ns = time.monotonic_ns()
             self._quiet_from_ns = now_ns + len(frame) * self._wire_ns_per_byte
 
     def _send_held(self, now_ns: int) -> None:
         if self._held and now_ns >= self._quiet_from_ns + self._gap_ns:
+            self.held_ns = now_ns - self.ready_ns
             self._write(self._held.popleft(), now_ns)
         if self._held:
             self._timer.arm(self._quiet_from_ns + self._gap_ns)

@@ -21,6 +21,26 @@ class RecordedLink:
         """See ``DriveLink``."""
         return self._link.is_serial
 
+    @property
+    def ready_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._link.ready_ns
+
+    @property
+    def sent_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._link.sent_ns
+
+    @property
+    def held_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._link.held_ns
+
+    @property
+    def wire_ns_per_byte(self) -> int:
+        """See ``DriveLink``."""
+        return self._link.wire_ns_per_byte
+
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``."""
         self._recorder.put(traffic.Sent(self._line, unit_id, pdu.hex()))
@@ -41,6 +61,21 @@ class _RecordedPort:
         self._port = port
         self._line = line
         self._recorder = recorder
+
+    @property
+    def ready_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._port.ready_ns
+
+    @property
+    def sent_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._port.sent_ns
+
+    @property
+    def held_ns(self) -> int:
+        """See ``Stamps``."""
+        return self._port.held_ns
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""

@@ -9,6 +9,7 @@ from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
+from gateway.exchange.ports import Unmeasured
 from gateway.ipc import traffic
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
@@ -49,7 +50,7 @@ class ReplayResult:
     is_cut_off: bool = False
 
 
-class _Port:
+class _Port(Unmeasured):
     """A controller's connection; its replies are outputs."""
 
     def __init__(self, plan: ControllerPlan, number: int, line: "_Line") -> None:
@@ -63,7 +64,7 @@ class _Port:
         self._line.outputs.append(traffic.Answered(name, self._number, transaction_id, unit_id, pdu.hex()))
 
 
-class _Line:
+class _Line(Unmeasured):
     """One line's exchange; it is the link to the drives too, and what goes there is output."""
 
     def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None]) -> None:

@@ -10,6 +10,7 @@ from gateway.compensation.units import Units
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
+from gateway.exchange.ports import Unmeasured
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 
 MS = 1_000_000
@@ -45,7 +46,7 @@ def stream_plan(**changes: Any) -> AxisPlan:
 
 
 @dataclass
-class Port:
+class Port(Unmeasured):
     """A controller that records what it is answered."""
 
     plan: ControllerPlan = CNC
@@ -61,7 +62,7 @@ class Port:
 
 
 @dataclass
-class Link:
+class Link(Unmeasured):
     """The way to the drives: records what is sent."""
 
     is_serial: bool = True
@@ -133,9 +134,10 @@ class Bench:
         tcp_drive: bool = False,
         memory: Memory | None = None,
         groups: Iterable[Iterable[str]] = (),
+        link: Link | None = None,
         **options: Any,
     ) -> None:
-        self.link = Link(is_serial=not tcp_drive)
+        self.link = link or Link(is_serial=not tcp_drive)
         self.events: list[Event] = []
         self.line = LineExchange(
             plans, timing or LineTiming(), self.link, self.events.append, groups, **options

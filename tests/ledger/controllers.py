@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
+from gateway.exchange.ports import Unmeasured
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from tests.ledger.clock import MS, Clock
@@ -17,7 +18,7 @@ from tests.ledger.ledger import Ledger
 Script = Callable[[], list[Step]]
 
 
-class Master:
+class Master(Unmeasured):
     """A controller's port at the gateway, and the program behind it."""
 
     def __init__(

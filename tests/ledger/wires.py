@@ -3,6 +3,7 @@
 import random
 
 from gateway.exchange.line import LineExchange
+from gateway.exchange.ports import Unmeasured
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from tests.ledger.clock import MS, Clock
@@ -18,7 +19,7 @@ ON_TCP = {Fault.REQUEST_GARBLED: Fault.REQUEST_LOST, Fault.REPLY_GARBLED: Fault.
 """TCP garbles nothing."""
 
 
-class Wire:
+class Wire(Unmeasured):
     """A drive link for the gateway, with the drives behind it."""
 
     is_serial = True

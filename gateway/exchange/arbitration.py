@@ -1,0 +1,136 @@
+"""When monitors get the line: into the gaps that motion leaves, and never for long without (DESIGN 8).
+
+A monitor's exchange starts at two kinds of chances, and only if it fits the gap that it finds there:
+
+- directly after a motion exchange ended, into the shortest gap of the last second;
+- after ``quiet_ms`` without motion, into what is left of the shortest gap of the last second that was as long
+  as that. Bursts leave short gaps between their frames and long ones behind them; a pause is one of the long.
+
+It is taken to last as long as it did the last time; one that was never seen, as long as a motion exchange.
+One that has waited for ``monitor_max_wait_ms``, or for half of its controller's ``timeout_ms``, starts at the
+next chance all the same. Where no motion exchange was seen for a second, monitors need not wait at all.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.exchange.life import Exchange
+from gateway.exchange.plan import LineTiming
+from gateway.times import NS_PER_MS, NS_PER_S
+
+WINDOW_NS: Final = NS_PER_S // 2
+"""Gaps are kept for two of these: the last second, within half of one."""
+REMEMBERED: Final = 256
+"""Requests whose duration is remembered."""
+SHRINKS: Final = 8
+"""A duration that was not reached again is taken to be an eighth shorter the next time."""
+HEAD_BYTES: Final = 5
+"""Bytes of a PDU that say what is asked for."""
+
+
+class _Shortest:
+    """The shortest gap of the last second, within half of one."""
+
+    def __init__(self) -> None:
+        self._now_ns: int | None = None
+        self._before_ns: int | None = None
+        self._window_ends_ns = 0
+
+    def note(self, gap_ns: int, now_ns: int) -> None:
+        self._turn(now_ns)
+        if self._now_ns is None or gap_ns < self._now_ns:
+            self._now_ns = gap_ns
+
+    def get(self, now_ns: int) -> int | None:
+        """Return it; None where there was none."""
+        self._turn(now_ns)
+        if self._now_ns is None or self._before_ns is None:
+            return self._before_ns if self._now_ns is None else self._now_ns
+        return min(self._now_ns, self._before_ns)
+
+    def _turn(self, now_ns: int) -> None:
+        if now_ns < self._window_ends_ns:
+            return
+        is_next = now_ns < self._window_ends_ns + WINDOW_NS
+        self._before_ns = self._now_ns if is_next else None
+        self._now_ns = None
+        self._window_ends_ns = now_ns + WINDOW_NS
+
+
+class Gaps:
+    """The gaps between the motion exchanges of one line, and what fits into them."""
+
+    def __init__(self, timing: LineTiming) -> None:
+        self._quiet_ns = int(timing.quiet_ms * NS_PER_MS)
+        self._max_wait_ns = int(timing.monitor_max_wait_ms * NS_PER_MS)
+        self.is_watching = False
+        """Whether anybody but motion controllers uses the line; nothing is watched before."""
+        self._ended_ns: int | None = None
+        """When the last motion exchange ended; None: none was seen yet."""
+        self._any = _Shortest()
+        self._long = _Shortest()
+        """Of the gaps of ``quiet_ms`` and more."""
+        self._durations_ns: dict[bytes, int] = {}
+        self._motion_ns = 0
+
+    def motion_came(self, now_ns: int) -> None:
+        """Note a motion request that found no other motion exchange under way."""
+        if self._ended_ns is None:
+            return
+        gap_ns = now_ns - self._ended_ns
+        self._any.note(gap_ns, now_ns)
+        if gap_ns >= self._quiet_ns:
+            self._long.note(gap_ns, now_ns)
+
+    def ended(self, exchange: Exchange, now_ns: int, *, is_motion: bool) -> None:
+        """Note the end of an exchange, answered or not."""
+        took_ns = now_ns - exchange.sent_ns
+        if is_motion:
+            self._ended_ns = now_ns
+            self._motion_ns = max(took_ns, self._motion_ns - self._motion_ns // SHRINKS)
+            return
+        if len(self._durations_ns) >= REMEMBERED:
+            self._durations_ns.clear()
+        before_ns = self._durations_ns.get(_key(exchange), 0)
+        self._durations_ns[_key(exchange)] = max(took_ns, before_ns - before_ns // SHRINKS)
+
+    def choose(self, first: Sequence[Exchange], now_ns: int) -> tuple[Exchange | None, int | None]:
+        """Return the first exchange whose turn it is; else None, and when to ask again."""
+        for exchange in first:
+            if self.may_start(exchange, now_ns):
+                return exchange, None
+        return None, min((self.next_chance_ns(exchange, now_ns) for exchange in first), default=None)
+
+    def may_start(self, exchange: Exchange, now_ns: int) -> bool:
+        """Whether it is the turn of a monitor's exchange; the line is free, and no motion waits."""
+        idle_ns = self._idle_ns(now_ns)
+        if idle_ns >= NS_PER_S:
+            return True
+        if 0 < idle_ns < self._quiet_ns:
+            return False
+        return now_ns >= self._waits_until_ns(exchange) or self._fits(exchange, idle_ns, now_ns)
+
+    def next_chance_ns(self, exchange: Exchange, now_ns: int) -> int:
+        """When to ask again, if no motion exchange comes before."""
+        ended_ns = now_ns - self._idle_ns(now_ns)
+        quiet_ns = ended_ns + self._quiet_ns
+        if not self._fits(exchange, self._quiet_ns, quiet_ns) or quiet_ns <= now_ns:
+            quiet_ns = max(quiet_ns, self._waits_until_ns(exchange))
+        return max(now_ns + 1, min(quiet_ns, ended_ns + NS_PER_S))
+
+    def _idle_ns(self, now_ns: int) -> int:
+        return NS_PER_S if self._ended_ns is None else now_ns - self._ended_ns
+
+    def _waits_until_ns(self, exchange: Exchange) -> int:
+        max_wait_ns = self._max_wait_ns
+        if exchange.port is not None:
+            max_wait_ns = min(max_wait_ns, int(exchange.port.plan.timeout_ms * NS_PER_MS) // 2)
+        return exchange.arrived_ns + max_wait_ns
+
+    def _fits(self, exchange: Exchange, idle_ns: int, now_ns: int) -> bool:
+        gap_ns = (self._long if idle_ns else self._any).get(now_ns)
+        return gap_ns is None or self._durations_ns.get(_key(exchange), self._motion_ns) <= gap_ns - idle_ns
+
+
+def _key(exchange: Exchange) -> bytes:
+    return bytes((exchange.unit_id,)) + exchange.pdu[:HEAD_BYTES]

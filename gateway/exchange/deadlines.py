@@ -1,0 +1,69 @@
+"""Targets and triggers that have waited too long (DESIGN 8): sent all the same and counted, or refused.
+
+In ``targets`` a move must not end short, in ``stream`` a stale setpoint is worse than none: ``late`` says
+which.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.counters import LineCounters
+from gateway.exchange.dispatch import Units, is_acting_on
+from gateway.exchange.events import Event, EventKind
+from gateway.exchange.life import Exchange
+from gateway.exchange.plan import Late
+from gateway.exchange.refusal import RefusedRequestError
+from gateway.modbus.pdu import ExceptionCode
+from gateway.times import NS_PER_MS, NS_PER_S
+
+TOLD_EVERY_NS: Final = NS_PER_S
+"""How often late targets of one axis that are forwarded are reported; all are counted."""
+
+
+class Deadlines:
+    """The deadlines of the axes of one line."""
+
+    def __init__(
+        self,
+        axes: Sequence[AxisExchange],
+        units: Units,
+        counters: LineCounters,
+        on_event: Callable[[Event], None],
+    ) -> None:
+        self._axes = [axis for axis in axes if axis.plan.deadline_ms]
+        self._least_ns = int(min((a.plan.deadline_ms for a in self._axes), default=0.0) * NS_PER_MS)
+        self._units = units
+        self._counters = counters
+        self._on_event = on_event
+        self._told_ns: dict[str, int] = {}
+
+    def may_be_late(self, exchange: Exchange, now_ns: int) -> bool:
+        """Whether a request has waited longer than any axis allows."""
+        return bool(self._axes) and now_ns - exchange.arrived_ns > self._least_ns
+
+    def check(self, exchange: Exchange, now_ns: int) -> None:
+        """Look at the age of a target or trigger that is about to be sent.
+
+        Raises:
+            RefusedRequestError: it is late, and its axis wants no late ones.
+        """
+        if not self.may_be_late(exchange, now_ns):
+            return
+        age_ms = (now_ns - exchange.arrived_ns) / NS_PER_MS
+        late = [axis for axis in self._axes if age_ms > axis.plan.deadline_ms]
+        late = [axis for axis in late if is_acting_on(self._units, exchange, [axis])]
+        if not late:
+            return
+        self._counters.late_targets += 1
+        for axis in late:
+            detail = f"it waited {age_ms:.1f} ms, deadline_ms = {axis.plan.deadline_ms:g}"
+            if axis.plan.late is Late.REJECT:
+                reason = f'{detail}: refused (late = "reject")'
+                raise RefusedRequestError(
+                    ExceptionCode.SERVER_DEVICE_BUSY, axis.plan.name, reason, EventKind.LATE_TARGET
+                )
+            if now_ns - self._told_ns.get(axis.plan.name, -TOLD_EVERY_NS) >= TOLD_EVERY_NS:
+                self._told_ns[axis.plan.name] = now_ns
+                detail = f'{detail}: sent all the same (late = "forward")'
+                self._on_event(Event(EventKind.LATE_TARGET, axis.plan.name, detail))

@@ -1,0 +1,186 @@
+"""What an exchange costs: legs, waiting, the drive; and the budget of its axes (DESIGN 8)."""
+
+from dataclasses import dataclass
+
+from gateway.exchange.latency import middle_ns
+from gateway.exchange.meter import Measured
+from gateway.exchange.plan import ControllerPlan, Role
+from tests.exchange.line_bench import MS, Bench, Link, Port, axis_plan, stream_plan
+
+US = 1000
+OTHER = bytes.fromhex("03 1000 0001")
+ANSWER = bytes.fromhex("03 02 0000")
+
+
+@dataclass
+class TimedPort(Port):
+    """A port that takes its time: ``turn_ns`` until a reply is ready, ``write_ns`` to write it."""
+
+    turn_ns: int = 0
+    write_ns: int = 0
+    clock_ns: int = 0
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        super().send_reply(transaction_id, unit_id, pdu)
+        self.ready_ns = self.clock_ns + self.turn_ns
+        self.sent_ns = self.ready_ns + self.write_ns
+
+
+@dataclass
+class TimedLink(Link):
+    """A link that takes its time, and holds frames back for ``held_ns``."""
+
+    work_ns: int = 0
+    write_ns: int = 0
+    clock_ns: int = 0
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        super().send_request(unit_id, pdu)
+        self.ready_ns = self.clock_ns + self.work_ns
+        self.sent_ns = self.ready_ns + self.held_ns + self.write_ns
+
+
+class MeterBench(Bench):
+    """One exchange at a time, with every time given."""
+
+    def __init__(self, *, budget_us: float = 1000.0, wire_ns_per_byte: int = 0) -> None:
+        self.timed_link = TimedLink()
+        self.timed_link.wire_ns_per_byte = wire_ns_per_byte
+        self.ran: list[tuple[int, int]] = []
+        super().__init__(
+            stream_plan(budget_us=budget_us),
+            link=self.timed_link,
+            what_ran=self._what_ran,
+        )
+        self.port = self.timed_port = TimedPort(ControllerPlan("cnc"))
+
+    def _what_ran(self, since_ns: int, until_ns: int) -> str:
+        self.ran.append((since_ns, until_ns))
+        return "the journal, 400 µs"
+
+    def exchange(self, work_us: int, write_us: int, drive_us: int, turn_us: int, answer_us: int) -> None:
+        """One exchange whose parts take so long."""
+        link, port = self.timed_link, self.timed_port
+        link.clock_ns, link.work_ns, link.write_ns = self.now_ns, work_us * US, write_us * US
+        self.send(OTHER)
+        link.sent.clear()
+        reply_ns = link.sent_ns + drive_us * US
+        port.clock_ns, port.turn_ns, port.write_ns = reply_ns, turn_us * US, answer_us * US
+        self.line.reply(1, ANSWER, reply_ns)
+        self.now_ns = reply_ns + MS
+
+
+def times_us(measured: Measured) -> dict[str, float]:
+    """The only time of each kind, in µs."""
+    found = {}
+    for name in ("gateway", "request", "reply", "queue", "drive"):
+        counts = getattr(measured, name).counts
+        assert sum(counts) == 1
+        found[name] = middle_ns(counts.index(1)) / US
+    return found
+
+
+def is_about(found: float, wanted: float) -> bool:
+    return abs(found - wanted) <= wanted / 60
+
+
+def test_every_part_of_an_exchange_is_measured_apart() -> None:
+    bench = MeterBench()
+    bench.exchange(work_us=30, write_us=5, drive_us=900, turn_us=20, answer_us=7)
+    found = times_us(bench.line.meter.controllers["cnc"])
+    assert is_about(found["request"], 35)
+    assert is_about(found["reply"], 27)
+    assert is_about(found["gateway"], 62)
+    assert is_about(found["drive"], 900)
+    assert found["queue"] == 0
+    of_axis = bench.line.meter.axes["x"].measured
+    assert of_axis.gateway.counts == bench.line.meter.controllers["cnc"].gateway.counts
+    assert of_axis.high.ever_ns == 62 * US
+
+
+def test_silence_before_a_frame_and_bytes_on_the_wire_are_not_the_gateways() -> None:
+    bench = MeterBench(wire_ns_per_byte=95 * US)  # about 115200 Bd
+    bench.timed_link.held_ns = 1_750 * US
+    bench.exchange(work_us=10, write_us=5, drive_us=3000, turn_us=10, answer_us=5)
+    found = times_us(bench.line.meter.controllers["cnc"])
+    assert is_about(found["gateway"], 30)
+    # 5 bytes out and 4 back, with three more each for unit id and check sum: 15 bytes, 1425 µs
+    assert bench.line.meter.wire_ns == 15 * 95 * US
+    assert is_about(found["drive"], 3000 - 1425)
+
+
+def test_waiting_for_the_line_is_no_gateway_time() -> None:
+    bench = MeterBench()
+    link, port = bench.timed_link, bench.timed_port
+    link.clock_ns = port.clock_ns = bench.now_ns
+    link.work_ns = port.turn_ns = US
+    bench.send(OTHER)
+    bench.send(OTHER)  # waits for the first
+    end_ns = bench.now_ns + 4 * MS
+    link.clock_ns = port.clock_ns = end_ns
+    bench.line.reply(1, ANSWER, end_ns)
+    port.clock_ns = end_ns + MS
+    bench.line.reply(1, ANSWER, end_ns + MS)
+    measured = bench.line.meter.controllers["cnc"]
+    queues = [middle_ns(i) for i, count in enumerate(measured.queue.counts) for _ in range(count)]
+    assert queues[0] == 0
+    assert is_about(queues[1], 4 * MS)
+    assert measured.high.ever_ns == 2 * US
+
+
+def test_a_monitor_is_measured_apart() -> None:
+    bench = MeterBench()
+    bench.exchange(1, 1, 1, 1, 1)
+    hmi = TimedPort(ControllerPlan("hmi", role=Role.MONITOR))
+    bench.now_ns += 2_000 * MS
+    bench.timed_link.clock_ns = hmi.clock_ns = bench.now_ns
+    bench.send(OTHER, hmi)
+    bench.line.reply(1, ANSWER, bench.now_ns)
+    assert sorted(bench.line.meter.controllers) == ["cnc", "hmi"]
+    assert bench.line.meter.axes["x"].measured.gateway.total == 2
+
+
+def test_an_overrun_is_told_once_when_it_begins_and_once_when_it_has_ended() -> None:
+    bench = MeterBench(budget_us=100)
+    bench.exchange(60, 20, 500, 19, 1)  # exactly 100: kept
+    assert bench.line.meter.overruns == 0
+    began_ns = bench.now_ns
+    bench.exchange(10, 5, 500, 83, 3)
+    bench.exchange(90, 20, 500, 1, 1)
+    assert bench.line.meter.overruns == 2
+    assert bench.kinds() == ["line-up", "budget-overrun"]
+    event = bench.events[-1]
+    assert event.axis == "x"
+    assert event.detail == (
+        "101 µs of gateway time, budget_us = 100; slowest: turning the reply back, 83 µs; "
+        "meanwhile the journal, 400 µs"
+    )
+    assert bench.ran == [(began_ns, began_ns + 601 * US)]
+    for _ in range(99):
+        bench.exchange(1, 1, 1, 1, 1)
+    assert bench.kinds() == ["line-up", "budget-overrun"]
+    bench.exchange(1, 1, 1, 1, 1)
+    assert bench.kinds() == ["line-up", "budget-overrun", "budget-kept"]
+    bench.exchange(200, 1, 1, 1, 1)
+    assert bench.kinds()[-1] == "budget-overrun"
+    assert bench.line.meter.overruns == 3
+
+
+def test_an_exchange_that_needed_a_frame_of_the_gateways_own_counts_that_apart() -> None:
+    link = TimedLink()
+    bench = Bench(axis_plan(budget_us=100), link=link)
+    port = TimedPort(ControllerPlan("cnc"))
+    link.clock_ns = bench.now_ns
+    link.work_ns = 10 * US
+    target = bytes.fromhex("10 0606 0002 04 0064 0000")
+    bench.send(target, port)
+    assert link.sent.pop()[1][0] == 3  # where the axis is, is read first
+    read_ns = bench.now_ns + 20 * MS
+    link.clock_ns = read_ns
+    bench.line.reply(1, bytes.fromhex("03 04 0000 0000"), read_ns)
+    assert link.sent.pop()[1][0] == 16
+    port.clock_ns = read_ns + MS
+    bench.line.reply(1, target[:5], read_ns + MS)
+    assert bench.line.meter.added_ns == 20 * MS
+    assert bench.line.meter.controllers["cnc"].high.ever_ns == 10 * US
+    assert bench.line.meter.overruns == 0
