@@ -6,7 +6,7 @@ import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
-from gateway.relay.log import LogFormat
+from gateway.ipc.notes import LogFormat
 
 HowToLog = Annotated[
     LogFormat, typer.Option("--log-format", help="How the log is written; auto: console on a terminal.")
@@ -33,8 +33,8 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
 
         pitch-gateway run gateway.toml --log-format json 2> gateway.log
     """
+    from gateway.ipc.notes import note_writer
     from gateway.relay.errors import StartError
-    from gateway.relay.log import note_writer
     from gateway.relay.run import run_relay
 
     loaded = load_or_exit(config)

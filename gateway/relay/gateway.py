@@ -7,12 +7,13 @@ from functools import partial
 from pathlib import Path
 
 import gateway
+from gateway.ipc.notes import Note, Severity
 from gateway.ipc.place import SocketError
 from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.server import ControlServer
 from gateway.relay.control import answer
 from gateway.relay.errors import StartError
-from gateway.relay.journal import Journal, Note, Severity
+from gateway.relay.journal import Journal
 from gateway.relay.line import Line
 from gateway.relay.recorder import Recorder
 from gateway.times import NS_PER_S

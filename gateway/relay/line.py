@@ -6,10 +6,11 @@ from typing import Final
 
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import axes_status, line_status
+from gateway.ipc.notes import Severity
 from gateway.ipc.plan import LinePlan
 from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink
 from gateway.relay.front import Front, make_front
-from gateway.relay.journal import Journal, Severity
+from gateway.relay.journal import Journal
 from gateway.relay.recorded import RecordedExchange, RecordedLink
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange

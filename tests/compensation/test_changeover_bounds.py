@@ -30,6 +30,8 @@ POSITIONS = [0.0, 10.0, 20.0, 30.0]
 FORWARD = [0.01, 0.05, -0.02, 0.0]
 BACKWARD = [0.02, 0.01, -0.04, 0.0]
 LENGTHS = st.lists(st.floats(-0.1, 0.1), min_size=4, max_size=4)
+SHARES = st.sampled_from([0.0, 1.0])
+Drawn = tuple[list[float], list[float], Gain]
 GAINS = st.builds(Gain, st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 
 
@@ -86,22 +88,15 @@ def test_a_change_over_is_four_differences_long_at_least() -> None:
     assert changeover_distance(NOTHING, spec_of(table_of(FORWARD, BACKWARD)), SETTINGS) == 1.0
 
 
-@given(LENGTHS, LENGTHS, LENGTHS, LENGTHS, GAINS, GAINS, st.floats(-50.0, 80.0), st.sampled_from([0.0, 1.0]))
+@given(st.tuples(LENGTHS, LENGTHS, GAINS), st.tuples(LENGTHS, LENGTHS, GAINS), st.floats(-50.0, 80.0), SHARES)
 def test_no_place_changes_more_than_the_bound(
-    f1: list[float],
-    b1: list[float],
-    f2: list[float],
-    b2: list[float],
-    gain1: Gain,
-    gain2: Gain,
-    position: float,
-    share: float,
+    one_of: Drawn, other_of: Drawn, position: float, share: float
 ) -> None:
     fading = AxisSettings(
         units=Units.MM, counts_per_unit=1000.0, outside=Outside(OutsideKind.FADE, fade_length=20.0)
     )
-    one = spec_of_table(table_of(f1, b1), fading, gain1)
-    other = spec_of_table(table_of(f2, b2), fading, gain2)
+    one = spec_of_table(table_of(one_of[0], one_of[1]), fading, one_of[2])
+    other = spec_of_table(table_of(other_of[0], other_of[1]), fading, other_of[2])
     change = abs(one.map_at(share).correction(position) - other.map_at(share).correction(position))
     assert change <= largest_difference(one, other) + 1e-12
 
