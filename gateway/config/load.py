@@ -39,6 +39,8 @@ class Loaded:
     warnings: tuple[Problem, ...]
     drives: Mapping[str, NamedProfile]
     """The profile of each axis that names one."""
+    sha256: str
+    """Of the configuration file."""
 
 
 def load(path: Path) -> Loaded:
@@ -61,6 +63,7 @@ def load(path: Path) -> Loaded:
         tables=tables,
         warnings=in_file_order(findings.warnings, str(path)),
         drives=drives,
+        sha256=findings.document.sha256,
     )
 
 
