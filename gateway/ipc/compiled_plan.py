@@ -96,10 +96,8 @@ def write_plan(state: Path, plan: GatewayPlan, sources: Mapping[str, str]) -> di
     make_folder(state)
     make_folder(state / TABLES_NAME)
     for data in tables.values():
-        path = table_path(state, digest_of(data))
-        if not path.exists() or path.read_bytes() != data:
-            write_whole(path, data)
-    write_whole(state / PLAN_NAME, msgspec.msgpack.encode(file))
+        _write_if_new(table_path(state, digest_of(data)), data)
+    _write_if_new(state / PLAN_NAME, msgspec.msgpack.encode(file))
     _remove_others(state, {digest_of(data) for data in tables.values()})
     return tables
 
@@ -125,6 +123,11 @@ def read_plan(state: Path, config: Path) -> CompiledPlan:
     if not isinstance(plan, GatewayPlan):
         raise StateError(f"{path} holds no plan; {remedy}")
     return CompiledPlan(plan, shape_of(plan))
+
+
+def _write_if_new(path: Path, content: bytes) -> None:
+    if not path.is_file() or path.read_bytes() != content:
+        write_whole(path, content)
 
 
 def _with_backlash(axis: AxisPlan) -> AxisPlan:
