@@ -55,6 +55,16 @@ class Link:
         """How old the snapshot is."""
         return None if self._snapshot_s is None else time.monotonic() - self._snapshot_s
 
+    def status(self) -> dict[str, Any] | None:
+        """Return the newest status model, with whether the relay is there and how old it is.
+
+        None where there has been no relay yet.
+        """
+        if self.snapshot is None or self.snapshot_age_s is None:
+            return None
+        relay = {"relay": "up" if self._is_up else "down", "snapshot_age_s": round(self.snapshot_age_s, 3)}
+        return {**self.snapshot, "gateway": {**self.snapshot["gateway"], **relay}}
+
     async def run(self) -> None:
         """Connect again and again; never returns."""
         tries = 0
