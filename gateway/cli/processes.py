@@ -61,7 +61,10 @@ def run_both(relay: list[str], supervisor: list[str], write: Callable[[Note], No
 def _started(command: list[str]) -> "subprocess.Popen[bytes]":
     """Start a program in a process group of its own: Ctrl-C on the terminal reaches it through us only."""
     return subprocess.Popen(  # noqa: S603 - our own interpreter
-        [*command, "--parent", str(os.getpid())], process_group=0, env=_environment()
+        [*command, "--parent", str(os.getpid())],
+        process_group=0,
+        stdin=subprocess.DEVNULL,
+        env=_environment(),
     )
 
 

@@ -12,6 +12,11 @@ WORDS = {
     "blended": "is blended in over the next stretch of setpoints",
     "not-in-force": "waits until the axis is referenced and its compensation on",
 }
+GONE = {
+    "next-target": "goes with the next different target",
+    "blended": "fades out over the next stretch of setpoints",
+    "not-in-force": "was not in force",
+}
 
 
 def reload(config: Config, *, as_json: AsJson = False) -> None:
@@ -41,7 +46,10 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
         typer.echo(json.dumps(result))
     else:
         for axis, comes in outcome.comes.items():
-            typer.echo(f"{axis}: its new table {WORDS[comes]}")
+            if axis in outcome.gone:
+                typer.echo(f"{axis}: it has no table any more; the old correction {GONE[comes]}")
+            else:
+                typer.echo(f"{axis}: its new table {WORDS[comes]}")
         if not outcome.is_running:
             typer.echo("no gateway runs: the tables are compiled for its start")
         elif not outcome.comes and not outcome.problems:

@@ -18,6 +18,8 @@ def follow_parent(parent_pid: int, number: signal.Signals) -> None:
     ``parent_pid`` 0: started by somebody else, whom it need not follow.
     """
     signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)
+    # In a process group of its own, a terminal with "stty tostop" would stop whoever writes a log line.
+    signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     if not parent_pid:
         return
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, int(number), 0, 0, 0)

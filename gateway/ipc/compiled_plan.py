@@ -6,8 +6,10 @@ configuration has changed since is never run.
 """
 
 import contextlib
+import fcntl
 import hashlib
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -95,10 +97,11 @@ def write_plan(state: Path, plan: GatewayPlan, sources: Mapping[str, str]) -> di
     )
     make_folder(state)
     make_folder(state / TABLES_NAME)
-    for data in tables.values():
-        _write_if_new(table_path(state, digest_of(data)), data)
-    _write_if_new(state / PLAN_NAME, msgspec.msgpack.encode(file))
-    _remove_others(state, {digest_of(data) for data in tables.values()})
+    with _alone_in(state / TABLES_NAME):
+        for data in tables.values():
+            _write_if_new(table_path(state, digest_of(data)), data)
+        _write_if_new(state / PLAN_NAME, msgspec.msgpack.encode(file))
+        _remove_others(state, {digest_of(data) for data in tables.values()})
     return tables
 
 
@@ -123,6 +126,17 @@ def read_plan(state: Path, config: Path) -> CompiledPlan:
     if not isinstance(plan, GatewayPlan):
         raise StateError(f"{path} holds no plan; {remedy}")
     return CompiledPlan(plan, shape_of(plan))
+
+
+@contextlib.contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Wait until nobody else writes here: two at once would remove each other's tables."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _write_if_new(path: Path, content: bytes) -> None:

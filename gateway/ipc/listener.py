@@ -15,6 +15,8 @@ from gateway.ipc.messages import Happened, Snapshot, encode
 from gateway.ipc.outbox import Outbox
 
 EVENTS_KEPT: Final = 256
+SENT_A_TURN: Final = 8
+"""So many messages go in one turn of the loop: frames must not wait for a burst of events."""
 
 
 class Listener:
@@ -28,7 +30,8 @@ class Listener:
         self._is_snapshot_due = True
         self._dropped = 0
         self._loop = asyncio.get_running_loop()
-        self._timer = self._loop.call_later(0, self._tick)
+        self._timer: asyncio.Handle = self._loop.call_soon(self._tick)
+        self._more = self._timer
 
     def tell(self, happened: Happened) -> None:
         """Take an event; :meth:`pump` sends it."""
@@ -39,7 +42,9 @@ class Listener:
 
     def pump(self) -> None:
         """Send what can be sent now. Events are older than a snapshot that has not been made yet."""
-        while not self._outbox.waiting_bytes and (self._events or self._is_snapshot_due):
+        for _ in range(SENT_A_TURN):
+            if self._outbox.waiting_bytes or not (self._events or self._is_snapshot_due):
+                return
             dropped, self._dropped = self._dropped, 0
             if self._events:
                 happened = self._events.popleft()
@@ -47,10 +52,13 @@ class Listener:
             else:
                 self._is_snapshot_due = False
                 self._outbox.write(encode(Snapshot(status=dict(self._status()), dropped=dropped)))
+        self._more.cancel()
+        self._more = self._loop.call_soon(self.pump)
 
     def close(self) -> None:
         """Tell it nothing any more."""
         self._timer.cancel()
+        self._more.cancel()
         self._events.clear()
         self._is_snapshot_due = False
 

@@ -4,7 +4,7 @@ Dataclasses, named tuples and enumerations carry the name of their class, so a n
 the classes are found by the type hints of the one that stands at the top. Every sequence becomes a tuple.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from ipaddress import IPv4Network, IPv6Network, ip_network
@@ -61,7 +61,9 @@ class PlainReader:
     """Reads what :func:`to_plain` made of a ``top`` class; ``special`` gets the content of such objects."""
 
     def __init__(self, top: type, special: Callable[[Any], object]) -> None:
-        self._classes = {found.__name__: found for found in _classes_of(top)}
+        found = _classes_of(top)
+        self._classes = {each.__name__: each for each in found}
+        assert len(self._classes) == len(found), "two classes of one name in a plan"
         self._special = special
 
     def read(self, data: Any) -> Any:
@@ -95,7 +97,7 @@ class PlainReader:
         return found(**{name: self._read(part) for name, part in content.items()})
 
 
-def _classes_of(top: type) -> Iterable[type]:
+def _classes_of(top: type) -> list[type]:
     """Return every class of a project's own that an object of ``top`` may hold, by its type hints."""
     found: dict[type, None] = {}
     waiting: list[Any] = [top]
@@ -109,4 +111,4 @@ def _classes_of(top: type) -> Iterable[type]:
         elif is_dataclass(hint) or hasattr(hint, "_fields"):
             found[hint] = None
             waiting += get_type_hints(hint).values()
-    return found
+    return list(found)

@@ -72,7 +72,8 @@ class Supervisor:
 
     def _report(self, outcome: Outcome, *, is_asked: bool) -> None:
         for axis, comes in outcome.comes.items():
-            self._say("table-handed-over", axis=axis, comes=comes)
+            what = "table-taken-away" if axis in outcome.gone else "table-handed-over"
+            self._say(what, axis=axis, comes=comes)
         if outcome.problems and (is_asked or outcome.problems != self._last_problems):
             detail = "the tables in force stay"
             self._say("reload-refused", Severity.ERROR, problems=list(outcome.problems), detail=detail)

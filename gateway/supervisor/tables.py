@@ -13,7 +13,17 @@ from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.compiled_table import digest_of
-from gateway.ipc.messages import Done, GetStatus, Ping, Pong, SetTable, Status, TableFor
+from gateway.ipc.messages import (
+    ClearTable,
+    Done,
+    GetStatus,
+    Ping,
+    Pong,
+    Reply,
+    SetTable,
+    Status,
+    TableFor,
+)
 from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.plan import LinePlan
 from gateway.ipc.sealed_memory import seal
@@ -25,10 +35,12 @@ class Outcome:
     """What came of bringing the tables up to date."""
 
     comes: Mapping[str, str]
-    """How the new table of an axis comes into force; axes whose table is the same are not there."""
+    """How the new table of an axis comes into force, or the old one goes; the others are not there."""
     problems: tuple[str, ...] = ()
     is_running: bool = True
     """Whether a relay was there; without one the tables wait in the state folder for its start."""
+    gone: tuple[str, ...] = ()
+    """Axes whose table the configuration names no more."""
 
 
 def bring_up_to_date(config: Path) -> Outcome:
@@ -79,6 +91,7 @@ def _hand_over(path: Path, loaded: Loaded, tables: Mapping[str, bytes]) -> Outco
     axes: Mapping[str, Any] = reply.status["axes"] if isinstance(reply, Status) else {}
     comes: dict[str, str] = {}
     problems: list[str] = []
+    gone = [name for name, axis in axes.items() if name not in tables and axis["table"]["points"]]
     for together in _together(loaded.plan.lines):
         changed = [
             axis
@@ -88,8 +101,12 @@ def _hand_over(path: Path, loaded: Loaded, tables: Mapping[str, bytes]) -> Outco
         if changed:
             done = _send(path, changed, tables)
             comes.update(done.comes)
-            problems += (f"{loaded.path}: {problem}" for problem in done.problems)
-    return Outcome(comes, tuple(problems))
+            problems += done.problems
+    if gone:
+        done = _done(ask(path, ClearTable(axes=tuple(gone))))
+        comes.update(done.comes)
+        problems += done.problems
+    return Outcome(comes, tuple(f"{loaded.path}: {problem}" for problem in problems), gone=tuple(gone))
 
 
 def _together(lines: Sequence[LinePlan]) -> Iterator[list[AxisPlan]]:
@@ -115,4 +132,8 @@ def _send(path: Path, axes: Sequence[AxisPlan], tables: Mapping[str, bytes]) -> 
     finally:
         for descriptor in descriptors:
             os.close(descriptor)
+    return _done(reply)
+
+
+def _done(reply: Reply) -> Done:
     return reply if isinstance(reply, Done) else Done(problems=(f"answered by {type(reply).__name__}",))

@@ -393,6 +393,17 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
         assert (new.returncode, new.stderr) == (0, "")
         assert new.stdout == "x: its new table comes into force with the next different target\n"
         assert master.move(50_001) == 50_101
+        text = site.config.read_text()
+        site.config.write_text(text.replace('table = "x.tab"', ""))
+        gone = typed("reload", config)
+        assert (gone.returncode, gone.stderr) == (0, "")
+        assert gone.stdout == (
+            "x: it has no table any more; the old correction goes with the next different target\n"
+        )
+        assert master.move(50_000) == 50_000
+        site.config.write_text(text)
+        assert typed("reload", config).returncode == 0
+        assert master.move(50_001) == 50_101
         site.table.write_text("no table")
         bad = typed("reload", config, "--json")
         assert bad.returncode == 1
