@@ -40,7 +40,7 @@ def ask(
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
             connection.settimeout(timeout_s)
             connection.connect(str(path))
-            _check_owner(path, connection)
+            check_owner(path, connection)
             data = encode(request)
             sent = socket.send_fds(connection, [data], descriptors)
             connection.sendall(data[sent:])
@@ -58,8 +58,12 @@ def ask(
     return _understood(path, line)
 
 
-def _check_owner(path: Path, connection: socket.socket) -> None:
-    """A gateway is ours or root's; root may have to do with anybody's."""
+def check_owner(path: Path, connection: socket.socket) -> None:
+    """Check that a gateway is ours or root's; root may have to do with anybody's.
+
+    Raises:
+        NoGatewayError: it is somebody else's.
+    """
     uid, own = peer_uid(connection), os.geteuid()
     if own != ROOT_UID and uid not in (own, ROOT_UID):
         raise NoGatewayError(

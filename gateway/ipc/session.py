@@ -71,7 +71,7 @@ class Session:
     # --- reading ---------------------------------------------------------------------------------------
 
     def _read_on(self) -> None:
-        if not self._is_reading and self._is_open:
+        if not self._is_reading and self._is_open and not self._is_ending:
             self._is_reading = True
             self._loop.add_reader(self._connection.fileno(), self._readable)
 
@@ -156,8 +156,7 @@ class Session:
             )
             return
         if self.listener is None:
-            self._idle.cancel()
-            self._idle = self._loop.call_later(self._server.idle_s, self.drop)
+            self._wait_for_it()
         self._answer(request)
 
     def _answer(self, request: Request) -> None:
@@ -189,11 +188,17 @@ class Session:
         self._close_descriptors()
         self._read_no_more()
         self._is_ending = True
+        self._wait_for_it()
         if self.listener is not None:
             self.listener.close()
         self._send(Refused(reason=reason))
         if not self._outbox.waiting_bytes:
             self.drop()
+
+    def _wait_for_it(self) -> None:
+        """Give it so long to say something whole, or to take what it is told last."""
+        self._idle.cancel()
+        self._idle = self._loop.call_later(self._server.idle_s, self.drop)
 
     def _send(self, reply: Reply) -> None:
         if self._is_open:

@@ -1,11 +1,13 @@
 """The supervisor's ear: subscribes to the relay, keeps the newest snapshot, comes back when it is lost."""
 
 import asyncio
+import socket
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.ipc.client import NoGatewayError, check_owner
 from gateway.ipc.messages import (
     DEFAULT_INTERVAL_S,
     MAX_REPLY_BYTES,
@@ -70,7 +72,9 @@ class Link:
         tries = 0
         while True:
             try:
-                reader, writer = await asyncio.open_unix_connection(str(self._path), limit=MAX_REPLY_BYTES)
+                reader, writer = await self._connect()
+            except NoGatewayError as error:
+                self._lose(str(error))
             except OSError as error:
                 if tries >= QUIET_TRIES:
                     self._lose(f"{self._path}: {error.strerror or error}")
@@ -83,6 +87,17 @@ class Link:
                     self._is_up, tries = False, 0
             await asyncio.sleep(min(FIRST_WAIT_S * 2**tries, LONGEST_WAIT_S))
             tries = min(tries + 1, 10)
+
+    async def _connect(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            connection.setblocking(False)
+            await asyncio.get_running_loop().sock_connect(connection, str(self._path))
+            check_owner(self._path, connection)
+        except BaseException:
+            connection.close()
+            raise
+        return await asyncio.open_unix_connection(sock=connection, limit=MAX_REPLY_BYTES)
 
     async def _listen(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> str:
         """Listen until the connection ends; returns why it did."""

@@ -207,3 +207,15 @@ async def _until(condition: Any) -> None:
     async with asyncio.timeout(PATIENCE_S):
         while not condition():  # noqa: ASYNC110 - nobody is told
             await asyncio.sleep(0)
+
+
+async def test_a_listener_that_talks_nonsense_and_takes_nothing_is_dropped(tmp_path: Path) -> None:
+    model = Model()
+    model.ballast = "x" * 1_000_000  # more than the system takes at once, so that the refusal waits behind it
+    async with serving(tmp_path, model, idle_s=0.1) as server:
+        with socket.socket(socket.AF_UNIX) as deaf:
+            deaf.connect(str(server.path))
+            deaf.sendall(encode(SLOW))
+            await _until(lambda: any(each._outbox.waiting_bytes for each in server._sessions))
+            deaf.sendall(b"nonsense\n")
+            await _until(lambda: not server.clients)
