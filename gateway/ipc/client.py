@@ -26,13 +26,18 @@ class NoGatewayError(Exception):
     """Nobody answers at the socket, or not with what can be understood; with the path and the remedy."""
 
 
+class NobodyListensError(NoGatewayError):
+    """There is no gateway at the socket; every other reason is somebody who cannot be understood."""
+
+
 def ask(
     path: Path, request: Request, timeout_s: float = TIMEOUT_S, *, descriptors: Sequence[int] = ()
 ) -> Reply:
     """Send a request to the gateway at ``path``, with descriptors where they belong; return its reply.
 
     Raises:
-        NoGatewayError: no gateway there, or somebody else's; no permission, no answer in time, or one that is
+        NobodyListensError: no gateway there.
+        NoGatewayError: that, or somebody else's; no permission, no answer in time, or one that is
             not understood.
     """
     deadline_s = time.monotonic() + timeout_s
@@ -46,7 +51,7 @@ def ask(
             connection.sendall(data[sent:])
             line = _read_line(connection, deadline_s)
     except (FileNotFoundError, ConnectionRefusedError, NotADirectoryError):
-        raise NoGatewayError(f"no gateway runs: nobody listens at {path}") from None
+        raise NobodyListensError(f"no gateway runs: nobody listens at {path}") from None
     except PermissionError:
         raise NoGatewayError(
             f"no permission for {path}: run this as the user that the gateway runs as, or as root"

@@ -10,7 +10,7 @@ from gateway.config.compile import compile_into_state
 from gateway.config.load import Loaded, load
 from gateway.config.problems import ConfigErrors
 from gateway.exchange.plan import AxisPlan
-from gateway.ipc.client import NoGatewayError, ask
+from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.compiled_table import digest_of
 from gateway.ipc.messages import (
@@ -74,10 +74,8 @@ def _check_same(path: Path, loaded: Loaded) -> bool:
     """
     try:
         pong = ask(path, Ping())
-    except NoGatewayError as error:
-        if "no gateway runs" in str(error):
-            return False
-        raise
+    except NobodyListensError:
+        return False
     if not isinstance(pong, Pong) or pong.shape != shape_of(loaded.plan):
         raise StateError(
             "it has changed in more than its tables since the gateway was started, and only tables are taken "
