@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gateway.cli.arguments import Config
+from gateway.cli.configuration import compile_or_exit
 
 if TYPE_CHECKING:
     from gateway.config.load import Loaded
@@ -17,14 +18,22 @@ def check(
     config: Config,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    compiles: Annotated[
+        bool, typer.Option("--compile", help="Write what `relay` starts from into the state folder.")
+    ] = False,
 ) -> None:
     """Find everything that is wrong with a configuration and its tables, at once.
 
     Each problem is one line on stderr: file and line, key, what was found, what is allowed or what to do.
+    With ``--compile`` a good one is written into its state folder, with its tables, in the form that
+    ``relay`` starts from; a gateway that runs keeps what it has.
+
     Exit code 0 when the configuration can be run, 1 when it cannot.
 
     Examples:
         pitch-gateway check gateway.toml
+
+        pitch-gateway check --compile gateway.toml
 
         pitch-gateway check gateway.toml --json | jq .problems
     """
@@ -36,6 +45,8 @@ def check(
     except ConfigErrors as errors:
         _say_bad(errors, as_json=as_json)
         raise typer.Exit(1) from None
+    if compiles:
+        compile_or_exit(loaded)
     _say_good(loaded, as_json=as_json)
 
 

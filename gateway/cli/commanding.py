@@ -24,7 +24,7 @@ def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "
 
     With ``as_json`` standard output says it too, in the form of a command that changed nothing.
     """
-    from gateway.ipc.client import NoGatewayError, ask
+    from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
     from gateway.ipc.place import SocketError, socket_path
 
     state = state_folder_or_exit(config)
@@ -32,9 +32,10 @@ def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "
         return ask(socket_path(state), request)
     except SocketError as error:
         problem = f"gateway.state: {error}"
+    except NobodyListensError as error:
+        problem = f"{error}; start it with: pitch-gateway run {config}"
     except NoGatewayError as error:
-        remedy = f"; start it with: pitch-gateway run {config}" if "no gateway runs" in str(error) else ""
-        problem = f"{error}{remedy}"
+        problem = str(error)
     if as_json:
         typer.echo(_result([], [problem]))
     typer.echo(f"{config}: {problem}", err=True)

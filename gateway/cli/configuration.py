@@ -25,6 +25,18 @@ def load_or_exit(config: Path, *, checks_times: bool = True) -> "Loaded":
     return loaded
 
 
+def compile_or_exit(loaded: "Loaded") -> None:
+    """Write the compiled form of a configuration into its state folder, or say why not and end with 1."""
+    from gateway.config.compile import compile_into_state
+    from gateway.ipc.state_folder import StateError
+
+    try:
+        compile_into_state(loaded)
+    except StateError as error:
+        typer.echo(f"{loaded.path}: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
 def state_folder_or_exit(config: Path) -> Path:
     """Return the state folder of a configuration, whatever else may be wrong with it by now.
 

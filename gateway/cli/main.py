@@ -17,10 +17,13 @@ from gateway.cli import (
     probe,
     record,
     reference,
+    relay,
+    reload,
     replay,
     run,
     signtest,
     simulate,
+    supervise,
     table,
 )
 from gateway.cli.standard_streams import Output, OutputLostError
@@ -35,6 +38,8 @@ app = typer.Typer(
 )
 app.command("demo")(demo.demo)
 app.command("run")(run.run)
+app.command("relay")(relay.relay)
+app.command("supervise")(supervise.supervise)
 app.command("check")(check.check)
 app.command("budget")(budget.budget)
 app.command("probe")(probe.probe)
@@ -42,6 +47,7 @@ app.command("signtest")(signtest.signtest)
 app.command("enable")(enable.enable)
 app.command("disable")(disable.disable)
 app.command("reference")(reference.reference)
+app.command("reload")(reload.reload)
 app.command("record")(record.record)
 app.command("replay")(replay.replay)
 app.command("init")(init.init)

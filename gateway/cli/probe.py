@@ -73,14 +73,16 @@ def _lines(loaded: "Loaded", config: Path, axis: str | None) -> "list[LinePlan]"
 
 
 def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
-    from gateway.ipc.client import NoGatewayError, ask
+    from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
     from gateway.ipc.messages import Ping
     from gateway.ipc.place import SocketError, socket_path
 
     try:
         ask(socket_path(loaded.state_folder), Ping())
-    except (NoGatewayError, SocketError):
+    except (NobodyListensError, SocketError):
         return
+    except NoGatewayError:
+        pass  # somebody is there, of another release perhaps, and has the drives
     typer.echo(
         f"{config}: its gateway runs and has the drives: stop it first, or look at what it says about them "
         "(its log, --status-every)",

@@ -8,7 +8,7 @@ import typer
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
 from gateway.cli.run import HowToLog, StatusEvery
-from gateway.relay.log import LogFormat
+from gateway.ipc.notes import LogFormat
 
 if TYPE_CHECKING:
     from gateway.relay.recorder import Recorder
@@ -42,8 +42,8 @@ def record(
         pitch-gateway replay monday.jsonl --show
     """
     from gateway.cli.recordings import header_of
+    from gateway.ipc.notes import note_writer
     from gateway.relay.errors import StartError
-    from gateway.relay.log import note_writer
     from gateway.relay.recorder import Recorder
     from gateway.relay.run import run_relay
 

@@ -5,8 +5,8 @@ from typing import Annotated
 import typer
 
 from gateway.cli.arguments import Config
-from gateway.cli.configuration import load_or_exit
-from gateway.relay.log import LogFormat
+from gateway.cli.configuration import compile_or_exit, load_or_exit
+from gateway.ipc.notes import LogFormat
 
 HowToLog = Annotated[
     LogFormat, typer.Option("--log-format", help="How the log is written; auto: console on a terminal.")
@@ -22,9 +22,13 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
     It listens, connects to the drives and corrects. The log goes to stderr; the event ``ready`` says that all
     listeners are open, and where. Drives and serial adapters that are not there yet are waited for. A stop
     finishes the exchange on the wire first; a second signal ends at once. Commands (``enable``, ``disable``,
-    ``reference``) reach it through a socket in its state folder.
+    ``reference``, ``reload``) reach it through a socket in its state folder.
 
-    Exit code 0 after a stop; 1 when the configuration is bad, a port cannot be opened, or on a second signal.
+    There are two processes: the relay moves the frames, the supervisor gives it tables. A supervisor that
+    ends is started again, and the relay goes on meanwhile; without the relay the gateway ends.
+
+    Exit code 0 after a stop; 1 when the configuration is bad, a port cannot be opened, the relay died, or on
+    a second signal.
 
     Examples:
         pitch-gateway run gateway.toml
@@ -33,14 +37,14 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
 
         pitch-gateway run gateway.toml --log-format json 2> gateway.log
     """
-    from gateway.relay.errors import StartError
-    from gateway.relay.log import note_writer
-    from gateway.relay.run import run_relay
+    from gateway.cli.processes import command_of, run_both
+    from gateway.ipc.notes import note_writer
 
-    loaded = load_or_exit(config)
-    try:
-        run_relay(loaded.plan, note_writer(log_format), status_every, state=loaded.state_folder)
-    except StartError as error:
-        for problem in error.problems:
-            typer.echo(f"{config}: {problem}", err=True)
-        raise typer.Exit(1) from None
+    compile_or_exit(load_or_exit(config))
+    code = run_both(
+        command_of("gateway.relay", config, log_format, "--status-every", str(status_every)),
+        command_of("gateway.supervisor", config, log_format),
+        note_writer(log_format),
+    )
+    if code:
+        raise typer.Exit(code)

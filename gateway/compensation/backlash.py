@@ -12,6 +12,8 @@ from gateway.compensation.table import CorrectionTable, make_table
 def with_backlash(table: CorrectionTable, backlash: Backlash) -> CorrectionTable:
     """Return a table of two directions: moving forward lost motion has to be added, backward not.
 
+    A table that has its lost motion from here already is returned as it is.
+
     Raises:
         SettingsError: the table has two directions already, or the width is not positive.
 
@@ -21,6 +23,8 @@ def with_backlash(table: CorrectionTable, backlash: Backlash) -> CorrectionTable
     >>> list(with_backlash(one, Backlash(0.02, BacklashKind.TWO_SIDED)).forward)
     [0.01, 0.01]
     """
+    if table.facts.has_backlash:
+        return table
     if not table.is_unidirectional:
         raise SettingsError(
             "backlash belongs to tables of one direction: this table has two, which contain it already"
@@ -37,4 +41,5 @@ def with_backlash(table: CorrectionTable, backlash: Backlash) -> CorrectionTable
         [c + forward for c in table.forward],
         [c + backward for c in table.backward],
         table.units,
+        has_backlash=True,
     )

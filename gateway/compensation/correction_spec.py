@@ -17,7 +17,7 @@ from gateway.compensation.settings import (
     ReversalKind,
     Setpoints,
 )
-from gateway.compensation.table import CorrectionTable
+from gateway.compensation.table import CorrectionTable, Range
 
 STEP: Final = Reversal(ReversalKind.STEP)
 FULL: Final = Gain()
@@ -39,6 +39,18 @@ class CorrectionSpec:
         forward = weight * forward_share * self.gain.forward
         backward = weight * (1.0 - forward_share) * self.gain.backward
         return (Term(self.curve, forward, backward),)
+
+    def gain_of(self, *, is_forward: bool) -> float:
+        """Share of its table that one branch gets."""
+        return self.gain.forward if is_forward else self.gain.backward
+
+    def range(self, *, is_forward: bool) -> Range:
+        """Return the smallest and the largest correction of one branch, wherever the axis is."""
+        if self.curve is None:
+            return Range(self.offset, self.offset)
+        low, high = self.curve.range(is_forward=is_forward)
+        gain = self.gain_of(is_forward=is_forward)
+        return Range(self.offset + gain * low, self.offset + gain * high)
 
     def map_at(self, forward_share: float) -> CorrectionMap:
         """Return the map with this alone in force."""
@@ -77,30 +89,55 @@ def reversal_in_force(table: CorrectionTable, settings: AxisSettings, gain: Gain
                 'and only "step" ends where it should'
             )
         return STEP
-    differences = [
-        gain.forward * f - gain.backward * b for f, b in zip(table.forward, table.backward, strict=True)
-    ]
+    difference = _branch_difference(table, gain)
     if asked is None:
-        largest = max(map(abs, differences))
-        asked = Reversal(
-            ReversalKind.DISTANCE,
-            max(REVERSAL_PER_DIFFERENCE * largest, REVERSAL_PER_HYSTERESIS * settings.hysteresis),
+        amount = max(
+            REVERSAL_PER_DIFFERENCE * difference.largest, REVERSAL_PER_HYSTERESIS * settings.hysteresis
         )
+        asked = Reversal(ReversalKind.DISTANCE, amount)
     if asked.kind is not ReversalKind.DISTANCE:
         return asked
-    against = max(0.0, -min(differences))
+    against = max(0.0, -difference.low)
     return Reversal(ReversalKind.DISTANCE, max(asked.amount, RELOAD_PER_DIFFERENCE * against))
 
 
-def largest_difference(one: CorrectionSpec, other: CorrectionSpec) -> float:
-    """Largest change that going from ``one`` to ``other`` makes on either branch anywhere, in units."""
-    knots = [x for spec in (one, other) if spec.curve is not None for x in spec.curve.knots()] or [0.0]
-    return max(
-        abs(a.correction(x) - b.correction(x))
-        for share in (0.0, 1.0)
-        for a, b in [(one.map_at(share), other.map_at(share))]
-        for x in knots
+def _branch_difference(table: CorrectionTable, gain: Gain) -> Range:
+    """Bounds of what is added forward less what is added backward; exact where both gains are the same."""
+    facts = table.facts
+    low, high = facts.difference
+    if gain.is_even:
+        return Range(gain.forward * low, gain.forward * high)
+    # gf·f − gb·b = gf·(f − b) + (gf − gb)·b, and each branch has bounds of its own.
+    more = gain.forward - gain.backward
+    rest = sorted((more * facts.backward.low, more * facts.backward.high))
+    return Range(
+        max(
+            gain.forward * low + rest[0],
+            gain.forward * facts.forward.low - gain.backward * facts.backward.high,
+        ),
+        min(
+            gain.forward * high + rest[1],
+            gain.forward * facts.forward.high - gain.backward * facts.backward.low,
+        ),
     )
+
+
+def largest_difference(one: CorrectionSpec, other: CorrectionSpec) -> float:
+    """Bound of the change that going from ``one`` to ``other`` makes on either branch anywhere, in units.
+
+    Exact where one of them is no curve, or both are one table with other gains. For two tables it is what
+    their extremes leave open: no walk over their points, and a blend that is rather too long.
+    """
+    return max(_branch_change(one, other, is_forward=is_forward) for is_forward in (True, False))
+
+
+def _branch_change(one: CorrectionSpec, other: CorrectionSpec, *, is_forward: bool) -> float:
+    if one.curve is not None and other.curve is not None and one.curve.table is other.curve.table:
+        change = one.gain_of(is_forward=is_forward) - other.gain_of(is_forward=is_forward)
+        return abs(change) * one.curve.range(is_forward=is_forward).largest + abs(one.offset - other.offset)
+    low, high = one.range(is_forward=is_forward)
+    other_low, other_high = other.range(is_forward=is_forward)
+    return max(high - other_low, other_high - low)
 
 
 def changeover_distance(one: CorrectionSpec, other: CorrectionSpec, settings: AxisSettings) -> float:

@@ -11,7 +11,7 @@ from typing import Final
 
 from gateway.compensation.errors import TableError
 from gateway.compensation.settings import Outside, OutsideKind
-from gateway.compensation.table import CorrectionTable
+from gateway.compensation.table import CorrectionTable, Range
 
 CLOSURE_TOLERANCE: Final = 1e-9
 """How well both ends of a turn must agree: corrections in units, the turn relative to itself."""
@@ -71,12 +71,12 @@ class Curve:
         """Whether the table itself, not the policy outside it, answers for this machine position."""
         return bool(self._modulo) or self.table.first <= position <= self.table.last
 
-    def knots(self) -> list[float]:
-        """Return every position at which a piece ends."""
-        knots = list(self.table.positions)
-        if self._fade:
-            knots = [knots[0] - self._fade, *knots, knots[-1] + self._fade]
-        return knots
+    def range(self, *, is_forward: bool) -> Range:
+        """Return the smallest and the largest correction of one branch, wherever the axis is."""
+        low, high = self.table.facts.forward if is_forward else self.table.facts.backward
+        if not self._modulo and (self._fade or self._outside is OutsideKind.ZERO):
+            return Range(min(low, 0.0), max(high, 0.0))
+        return Range(low, high)
 
     def piece(self, position: float) -> Piece:
         """Return the straight stretch around a machine position; at a knot, the one that begins there."""

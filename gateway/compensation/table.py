@@ -6,16 +6,48 @@ dialect before a table exists; nothing that uses a table knows about signs any m
 
 from array import array
 from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 from math import inf, isfinite
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.compensation.errors import TableError
 from gateway.compensation.units import Units
 
 EVEN_GRID_TOLERANCE: Final = 1e-9
 """A grid counts as even when every point lies within this fraction of a step from its even place."""
+
+
+class Range(NamedTuple):
+    """Smallest and largest of some numbers."""
+
+    low: float
+    high: float
+
+    @property
+    def largest(self) -> float:
+        """Largest absolute value."""
+        return max(abs(self.low), abs(self.high))
+
+
+class TableFacts(NamedTuple):
+    """What holds for all points together. Lengths are in the units of the table.
+
+    Found once, by whoever builds the table: a process that must answer in microseconds never walks over the
+    points of one.
+    """
+
+    is_unidirectional: bool
+    """Both directions carry the same corrections."""
+    forward: Range
+    backward: Range
+    difference: Range
+    """Of forward - backward."""
+    max_slope: float
+    """Largest |change of correction / distance| of either direction, without a unit."""
+    has_backlash: bool = False
+    """A constant lost motion was put into it (see ``backlash``); its file knew one direction only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +66,9 @@ class CorrectionTable:
     units: Units
     even_step: float
     """Distance of neighbouring points when the grid is even, else 0."""
+    facts: TableFacts
+    digest: str = field(default="", compare=False)
+    """Names the compiled form that it came from; empty for one that was built in this process."""
 
     @property
     def first(self) -> float:
@@ -48,7 +83,7 @@ class CorrectionTable:
     @property
     def is_unidirectional(self) -> bool:
         """Whether both directions carry the same corrections."""
-        return self.forward is self.backward or list(self.forward) == list(self.backward)
+        return self.facts.is_unidirectional
 
     def segment(self, position: float) -> int:
         """Index of the point that begins the segment around ``position``, clipped to the table.
@@ -70,19 +105,15 @@ class CorrectionTable:
 
     def max_slope(self) -> float:
         """Largest |change of correction / distance| of either direction, without a unit."""
-        return max(
-            abs(curve[i + 1] - curve[i]) / (self.positions[i + 1] - self.positions[i])
-            for curve in (self.forward, self.backward)
-            for i in range(len(self.positions) - 1)
-        )
+        return self.facts.max_slope
 
     def max_correction(self) -> float:
         """Largest |correction| of either direction, in the table's units."""
-        return max(max(map(abs, self.forward)), max(map(abs, self.backward)))
+        return max(self.facts.forward.largest, self.facts.backward.largest)
 
     def max_reversal(self) -> float:
         """Largest |forward - backward|, in the table's units."""
-        return max(abs(f - b) for f, b in zip(self.forward, self.backward, strict=True))
+        return self.facts.difference.largest
 
     def in_units(self, units: Units) -> "CorrectionTable":
         """Return the same table in other units.
@@ -98,11 +129,17 @@ class CorrectionTable:
             [c * factor for c in self.forward],
             [c * factor for c in self.backward],
             units,
+            has_backlash=self.facts.has_backlash,
         )
 
 
 def make_table(
-    positions: Sequence[float], forward: Sequence[float], backward: Sequence[float], units: Units
+    positions: Sequence[float],
+    forward: Sequence[float],
+    backward: Sequence[float],
+    units: Units,
+    *,
+    has_backlash: bool = False,
 ) -> CorrectionTable:
     """Check and build a table from points in ascending order.
 
@@ -134,9 +171,29 @@ def make_table(
     forward_array = array("d", forward)
     backward_array = forward_array if list(forward) == list(backward) else array("d", backward)
     position_array = array("d", positions)
-    table = CorrectionTable(position_array, forward_array, backward_array, units, _even_step(position_array))
-    _check_slope(table)
-    return table
+    _check_slope(position_array, forward_array, backward_array)
+    facts = TableFacts(
+        is_unidirectional=forward_array is backward_array,
+        forward=Range(min(forward_array), max(forward_array)),
+        backward=Range(min(backward_array), max(backward_array)),
+        difference=_range_of(f - b for f, b in zip(forward_array, backward_array, strict=True)),
+        max_slope=max(_steepest(position_array, curve) for curve in (forward_array, backward_array)),
+        has_backlash=has_backlash,
+    )
+    even_step = _even_step(position_array)
+    return CorrectionTable(position_array, forward_array, backward_array, units, even_step, facts)
+
+
+def _range_of(numbers: Iterable[float]) -> Range:
+    found = list(numbers)
+    return Range(min(found), max(found))
+
+
+def _steepest(positions: Sequence[float], curve: Sequence[float]) -> float:
+    return max(
+        abs(after - before) / (high - low)
+        for (low, high), (before, after) in zip(pairwise(positions), pairwise(curve), strict=True)
+    )
 
 
 def _even_step(positions: Sequence[float]) -> float:
@@ -146,9 +203,8 @@ def _even_step(positions: Sequence[float]) -> float:
     return step if furthest <= step * EVEN_GRID_TOLERANCE else 0.0
 
 
-def _check_slope(table: CorrectionTable) -> None:
-    positions = table.positions
-    for name, curve in (("forward", table.forward), ("backward", table.backward)):
+def _check_slope(positions: Sequence[float], forward: Sequence[float], backward: Sequence[float]) -> None:
+    for name, curve in (("forward", forward), ("backward", backward)):
         for i in range(len(positions) - 1):
             slope = (curve[i + 1] - curve[i]) / (positions[i + 1] - positions[i])
             if not -1.0 < slope < 1.0 or abs(slope) == inf:

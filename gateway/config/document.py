@@ -1,5 +1,6 @@
 """One configuration file as text: its tables, and the lines its keys stand on."""
 
+import hashlib
 import re
 import tomllib
 from collections.abc import Mapping
@@ -27,6 +28,8 @@ class Document:
     path: Path
     tables: Mapping[str, Any]
     lines: KeyLines
+    sha256: str = ""
+    """Of the bytes of the file."""
 
 
 def read_document(path: Path, what: str = "a configuration file") -> Document:
@@ -35,7 +38,7 @@ def read_document(path: Path, what: str = "a configuration file") -> Document:
     Raises:
         ConfigErrors: the file cannot be read, is no text, or is not TOML; with line and column.
     """
-    text = _read_text(path, what)
+    text, sha256 = _read_text(path, what)
     try:
         tables = tomllib.loads(text)
     except RecursionError:
@@ -44,21 +47,23 @@ def read_document(path: Path, what: str = "a configuration file") -> Document:
         ) from None
     except ValueError as error:
         raise _syntax_error(path, text, error) from None
-    return Document(path, tables, key_lines(text))
+    return Document(path, tables, key_lines(text), sha256)
 
 
-def _read_text(path: Path, what: str) -> str:
+def _read_text(path: Path, what: str) -> tuple[str, str]:
+    """Return the text of a file, and the digest of its bytes."""
     try:
         content = read_regular_file(path, LARGEST_FILE, what)
     except FileRefusedError as error:
         raise _refuse(path, error.found, error.remedy) from None
     try:
         # Editors on Windows put a byte order mark in front; CR LF is TOML's own.
-        return content.decode("utf-8-sig").replace("\r\n", "\n")
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         found = f"byte {content[error.start]:#04x} is not UTF-8"
         raise _refuse(path, found, "save the file as UTF-8 text", line) from None
+    return text, hashlib.sha256(content).hexdigest()
 
 
 def _syntax_error(path: Path, text: str, error: ValueError) -> ConfigErrors:

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from gateway.config.values import Name
 from gateway.drives.strict import StrictModel
+from gateway.ipc.state_folder import DEFAULT_STATE
 
 Folder = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
 
@@ -18,8 +19,9 @@ class GatewaySection(StrictModel):
         default="tables", description="folder with the .tab files, relative to the configuration file"
     )
     state: Folder = Field(
-        default="state",
-        description="folder of the socket for commands while it runs, relative to the configuration file",
+        default=DEFAULT_STATE,
+        description="folder of what the gateway keeps: the compiled configuration and tables, and its socket "
+        "while it runs; relative to the configuration file",
     )
 
 

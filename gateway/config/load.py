@@ -41,6 +41,8 @@ class Loaded:
     warnings: tuple[Problem, ...]
     drives: Mapping[str, NamedProfile]
     """The profile of each axis that names one."""
+    sha256: str
+    """Of the configuration file."""
 
 
 def load(path: Path, *, checks_times: bool = True) -> Loaded:
@@ -67,6 +69,7 @@ def load(path: Path, *, checks_times: bool = True) -> Loaded:
         tables=tables,
         warnings=in_file_order(findings.warnings, str(path)),
         drives=drives,
+        sha256=findings.document.sha256,
     )
 
 

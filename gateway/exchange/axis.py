@@ -207,6 +207,11 @@ class AxisExchange:
         if self.is_referenced:
             self.compensation.want(self.wanted)
 
+    def adopt(self, plan: AxisPlan) -> None:
+        """Go on with another table or gain; comes into force as in :meth:`enable`."""
+        self.plan = plan
+        self.enable(is_wanted=self.is_enabled)
+
     def end(self) -> None:
         """End the compensation until the gateway is started again: its registers mean something else now."""
         self.is_ended = True

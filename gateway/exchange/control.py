@@ -1,8 +1,31 @@
-"""What a person may ask of a running line: switch an axis's compensation, declare it referenced."""
+"""What may be asked of a running line: other tables or gains, compensation on or off, a reference."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
 
+from gateway.compensation.correction_spec import spec_of_table
+from gateway.compensation.errors import CompensationError
+from gateway.compensation.settings import Gain, Setpoints
+from gateway.compensation.table import CorrectionTable
 from gateway.exchange.axis import AxisExchange
+
+ROUNDING: Final = 1e-9
+"""Share of a limit by which decimal fractions and conversions may exceed it."""
+NEXT_TARGET: Final = "next-target"
+BLENDED: Final = "blended"
+NOT_IN_FORCE: Final = "not-in-force"
+
+
+@dataclass(frozen=True, slots=True)
+class TableChange:
+    """Another table for an axis; the texts are what the status shows of its file."""
+
+    axis: str
+    table: CorrectionTable
+    name: str
+    format: str
+    digest: str
 
 
 class ControlError(Exception):
@@ -44,6 +67,97 @@ def declare(axes: Sequence[AxisExchange], name: str) -> tuple[str, ...]:
         )
     axis.declare_referenced()
     return (name,)
+
+
+def set_tables(axes: Sequence[AxisExchange], changes: Sequence[TableChange]) -> dict[str, str]:
+    """Give axes other tables, all of them or none; return how each comes into force, by name.
+
+    Nothing here walks over the points of a table.
+
+    Raises:
+        ControlError: which axis cannot have its table, and why; nothing has changed then.
+    """
+    members = [_group_of(axes, change.axis)[0] for change in changes]
+    for axis, change in zip(members, changes, strict=True):
+        _check_fits(axis, change.table)
+    _check_whole(members)
+    for axis, change in zip(members, changes, strict=True):
+        plan = axis.plan
+        axis.adopt(
+            replace(
+                plan,
+                table=change.table,
+                table_name=change.name,
+                table_format=change.format,
+                table_digest=change.digest,
+            )
+        )
+    return {axis.plan.name: _comes(axis) for axis in members}
+
+
+def clear_table(axes: Sequence[AxisExchange], name: str) -> dict[str, str]:
+    """Take the table of an axis and of its whole group away; return how the correction goes, by name.
+
+    Raises:
+        ControlError: no such axis.
+    """
+    members = [axis for axis in _group_of(axes, name) if axis.plan.table is not None]
+    for axis in members:
+        axis.adopt(replace(axis.plan, table=None, table_name="", table_format="", table_digest=""))
+    return {axis.plan.name: _comes(axis) for axis in members}
+
+
+def set_gain(axes: Sequence[AxisExchange], name: str, gain: Gain) -> dict[str, str]:
+    """Apply another share of the tables of an axis and its whole group; return how each comes into force.
+
+    Raises:
+        ControlError: no such axis.
+    """
+    members = [axis for axis in _group_of(axes, name) if axis.plan.settings.gain != gain]
+    for axis in members:
+        axis.adopt(replace(axis.plan, settings=replace(axis.plan.settings, gain=gain)))
+    return {axis.plan.name: _comes(axis) for axis in members}
+
+
+def _check_fits(axis: AxisExchange, table: CorrectionTable) -> None:
+    name, settings = axis.plan.name, axis.plan.settings
+    if table.units is not settings.units:
+        raise ControlError(f"the table for axis {name} is in {table.units.value}, not {settings.units.value}")
+    if settings.backlash is not None and not table.facts.has_backlash:
+        raise ControlError(f"the table for axis {name} is without its backlash: compile it again")
+    largest = table.max_correction()
+    if not largest <= settings.max_correction * (1.0 + ROUNDING):
+        raise ControlError(
+            f"the table for axis {name} corrects by {largest:.6g} {settings.units.value}, more than "
+            f"max_correction = {settings.max_correction:.6g}"
+        )
+    if not 0.0 <= table.max_slope() < 1.0:
+        raise ControlError(f"the table for axis {name} has a slope of {table.max_slope():.4g}, 1 or more")
+    try:
+        spec_of_table(table, settings)
+    except CompensationError as error:
+        raise ControlError(f"the table for axis {name}: {error}") from None
+
+
+def _check_whole(members: Sequence[AxisExchange]) -> None:
+    """Check that no axis comes twice, and that none of a group is left without a table (M11)."""
+    names = [axis.plan.name for axis in members]
+    for axis in members:
+        if names.count(axis.plan.name) > 1:
+            raise ControlError(f"two tables for axis {axis.plan.name}: send one")
+        for peer in axis.peers:
+            if peer.plan.table is None and peer.plan.name not in names:
+                raise ControlError(
+                    f"axis {peer.plan.name} of the group of {axis.plan.name} has no table: they are "
+                    "corrected together or not at all; send both in one message"
+                )
+
+
+def _comes(axis: AxisExchange) -> str:
+    """Say how what is wanted of an axis comes into force; nothing moves by itself."""
+    if axis.is_ended or not axis.is_enabled or not axis.is_referenced:
+        return NOT_IN_FORCE
+    return BLENDED if axis.plan.settings.setpoints is Setpoints.STREAM else NEXT_TARGET
 
 
 def _group_of(axes: Sequence[AxisExchange], name: str) -> tuple[AxisExchange, ...]:

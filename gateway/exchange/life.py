@@ -211,6 +211,13 @@ class WaitingExchanges:
         """Return how many requests of one connection wait."""
         return sum(1 for exchange in self if exchange.port is port)
 
+    def give_up(self, port: ControllerPort) -> list[Exchange]:
+        """Take out and return what a controller does not wait for any more; its stops stay, without it."""
+        taken = self.withdraw(lambda each: each.port is port and not each.is_stop)
+        for exchange in self:
+            exchange.is_orphan |= exchange.port is port
+        return taken
+
     def withdraw(self, condition: Callable[[Exchange], bool]) -> list[Exchange]:
         """Take out and return every exchange that meets a condition."""
         taken: list[Exchange] = []

@@ -151,25 +151,13 @@ class LineExchange:
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
-        for exchange in self._waiting.withdraw(lambda each: each.port is port and not each.is_stop):
+        for exchange in self._waiting.give_up(port):
             self._ends.withdrawn(exchange, reason)
-        for exchange in self._waiting:
-            exchange.is_orphan |= exchange.port is port
         if self._current and self._current.port is port:
             self._current.is_orphan = True
 
-    # --- from people (errors: ControlError) ------------------------------------------------------------
-
-    def enable(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Apply the table of an axis and its group; return their names."""
-        return control.switch(self.axes, axis, is_wanted=True)
-
-    def disable(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Apply the table of an axis and its group no longer; return their names."""
-        return control.switch(self.axes, axis, is_wanted=False)
-
     def reference(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Take an axis as standing where its drive says."""
+        """Take an axis as standing where its drive says. Raises ControlError."""
         names = control.declare(self.axes, axis)
         self._news.look(self.axes)
         return names
@@ -368,8 +356,7 @@ class LineExchange:
         if added is not None:
             self._send(exchange, added.pdu, added.axis.plan.unit_id, now_ns)
             return
-        for rewriting in exchange.rewritings:
-            self.counters.unknown_modes += note_unknown(rewriting.request.meanings)
+        self.counters.unknown_modes += sum(note_unknown(r.request.meanings) for r in exchange.rewritings)
         self._send(exchange, pdu, exchange.unit_id, now_ns)
 
     def _send(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:

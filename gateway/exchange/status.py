@@ -86,6 +86,7 @@ def _table_status(axis: AxisExchange) -> dict[str, object]:
         "file": plan.table_name or None,
         "format": plan.table_format or None,
         "sha256": plan.table_digest or None,
+        "compiled": None if plan.table is None else plan.table.digest or None,
         "points": 0 if plan.table is None else len(plan.table.positions),
         "status": "none" if plan.table is None else "active",
         "error": None,

@@ -1,7 +1,9 @@
 """Asking a gateway that runs: one request, one reply, over its socket. Blocking, for commands."""
 
+import os
 import socket
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +16,7 @@ from gateway.ipc.messages import (
     decode_reply,
     encode,
 )
+from gateway.ipc.place import ROOT_UID, peer_uid
 
 TIMEOUT_S: Final = 5.0
 CHUNK_BYTES: Final = 65536
@@ -23,21 +26,32 @@ class NoGatewayError(Exception):
     """Nobody answers at the socket, or not with what can be understood; with the path and the remedy."""
 
 
-def ask(path: Path, request: Request, timeout_s: float = TIMEOUT_S) -> Reply:
-    """Send a request to the gateway at ``path`` and return its reply.
+class NobodyListensError(NoGatewayError):
+    """There is no gateway at the socket; every other reason is somebody who cannot be understood."""
+
+
+def ask(
+    path: Path, request: Request, timeout_s: float = TIMEOUT_S, *, descriptors: Sequence[int] = ()
+) -> Reply:
+    """Send a request to the gateway at ``path``, with descriptors where they belong; return its reply.
 
     Raises:
-        NoGatewayError: no gateway there, no permission, no answer in time, or one that is not understood.
+        NobodyListensError: no gateway there.
+        NoGatewayError: that, or somebody else's; no permission, no answer in time, or one that is
+            not understood.
     """
     deadline_s = time.monotonic() + timeout_s
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
             connection.settimeout(timeout_s)
             connection.connect(str(path))
-            connection.sendall(encode(request))
+            check_owner(path, connection)
+            data = encode(request)
+            sent = socket.send_fds(connection, [data], descriptors)
+            connection.sendall(data[sent:])
             line = _read_line(connection, deadline_s)
     except (FileNotFoundError, ConnectionRefusedError, NotADirectoryError):
-        raise NoGatewayError(f"no gateway runs: nobody listens at {path}") from None
+        raise NobodyListensError(f"no gateway runs: nobody listens at {path}") from None
     except PermissionError:
         raise NoGatewayError(
             f"no permission for {path}: run this as the user that the gateway runs as, or as root"
@@ -47,6 +61,20 @@ def ask(path: Path, request: Request, timeout_s: float = TIMEOUT_S) -> Reply:
     except OSError as error:
         raise NoGatewayError(f"{path}: {error.strerror or error}") from None
     return _understood(path, line)
+
+
+def check_owner(path: Path, connection: socket.socket) -> None:
+    """Check that a gateway is ours or root's; root may have to do with anybody's.
+
+    Raises:
+        NoGatewayError: it is somebody else's.
+    """
+    uid, own = peer_uid(connection), os.geteuid()
+    if own != ROOT_UID and uid not in (own, ROOT_UID):
+        raise NoGatewayError(
+            f"{path} is held by user {uid}, and this is user {own}: nothing was said to it; run this as the "
+            "user that the gateway runs as, or name another folder with [gateway] state"
+        )
 
 
 def _read_line(connection: socket.socket, deadline_s: float) -> bytes:

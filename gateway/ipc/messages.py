@@ -1,17 +1,27 @@
 """What is said on the gateway's socket: one request, one reply, each one line of JSON.
 
+Whoever subscribes is told without asking, from then on. Tables travel beside their message, as descriptors
+of sealed memory (SCM_RIGHTS of unix(7)), one for each table and in their order.
+
 Every message carries the version of this catalogue. A program that speaks another version gets a refusal that
 both sides can read: its shape, :class:`Refused`, never changes.
 """
 
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import msgspec
 
-VERSION: Final = 1
+VERSION: Final = 2
 MAX_REQUEST_BYTES: Final = 4096
 """Longer than the names of a hundred axes."""
 MAX_REPLY_BYTES: Final = 4_000_000
+
+
+MAX_TABLES: Final = 16
+"""In one message: the axes of a group are changed together, and nobody has more on one beam."""
+SHORTEST_INTERVAL_S: Final = 0.05
+LONGEST_INTERVAL_S: Final = 60.0
+DEFAULT_INTERVAL_S: Final = 0.2
 
 
 class WrongMessageError(Exception):
@@ -50,7 +60,48 @@ class SetReference(_Message, frozen=True, tag="reference", tag_field="kind"):
     axis: str
 
 
-Request = Ping | GetStatus | Enable | Disable | SetReference
+class Subscribe(_Message, frozen=True, tag="subscribe", tag_field="kind"):
+    """Ask to be told: a snapshot every ``interval_s``, and what happens as it happens."""
+
+    interval_s: Annotated[float, msgspec.Meta(ge=SHORTEST_INTERVAL_S, le=LONGEST_INTERVAL_S)] = (
+        DEFAULT_INTERVAL_S
+    )
+
+
+class TableFor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A table and its axis; its points are in the descriptor that stands at the same place."""
+
+    axis: str
+    file: str
+    format: str
+    sha256: str
+    """Of the file that it was read from."""
+
+
+class SetTable(_Message, frozen=True, tag="set-table", tag_field="kind"):
+    """Hand over tables, all of them or none; on record by their digests."""
+
+    tables: Annotated[tuple[TableFor, ...], msgspec.Meta(min_length=1, max_length=MAX_TABLES)]
+
+
+class ClearTable(_Message, frozen=True, tag="clear-table", tag_field="kind"):
+    """Take the tables of axes away, and so their correction; axes of a group lose theirs together."""
+
+    axes: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+
+
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+
+
+class SetGain(_Message, frozen=True, tag="set-gain", tag_field="kind"):
+    """Apply another share of the tables, until the gateway is started again; no names: of all axes."""
+
+    forward: Share
+    backward: Share
+    axes: tuple[str, ...] = ()
+
+
+Request = Ping | GetStatus | Enable | Disable | SetReference | Subscribe | SetTable | ClearTable | SetGain
 
 
 class Pong(_Message, frozen=True, tag="pong", tag_field="kind"):
@@ -59,6 +110,8 @@ class Pong(_Message, frozen=True, tag="pong", tag_field="kind"):
     name: str
     gateway_version: str
     pid: int
+    shape: str = ""
+    """Digest of the plan that it runs, without its tables: only tables made for the same are for it."""
 
 
 class Status(_Message, frozen=True, tag="status", tag_field="kind"):
@@ -73,6 +126,9 @@ class Done(_Message, frozen=True, tag="done", tag_field="kind"):
     changed: tuple[str, ...] = ()
     """Names of the axes that changed: a group changes as one."""
     problems: tuple[str, ...] = ()
+    comes: dict[str, str] = {}
+    """How the new correction of an axis comes into force: ``next-target``, ``blended``, or ``not-in-force``
+    where it waits for a reference or to be enabled."""
 
 
 class Refused(_Message, frozen=True, tag="refused", tag_field="kind"):
@@ -81,7 +137,33 @@ class Refused(_Message, frozen=True, tag="refused", tag_field="kind"):
     reason: str
 
 
-Reply = Pong | Status | Done | Refused
+class Subscribed(_Message, frozen=True, tag="subscribed", tag_field="kind"):
+    """From now on the connection is told."""
+
+    interval_s: float
+
+
+class Snapshot(_Message, frozen=True, tag="snapshot", tag_field="kind"):
+    """The status model as it is now."""
+
+    status: dict[str, Any]
+    dropped: int = 0
+    """Snapshots and events that were not sent since the last message, because this listener was too slow."""
+
+
+class Happened(_Message, frozen=True, tag="happened", tag_field="kind"):
+    """An event, as it stands in the log."""
+
+    event: str
+    severity: str
+    fields: dict[str, Any]
+    wall_s: float
+    """Time of day, in seconds since 1970."""
+    dropped: int = 0
+    """As in :class:`Snapshot`."""
+
+
+Reply = Pong | Status | Done | Refused | Subscribed | Snapshot | Happened
 
 
 class _AnyVersion(msgspec.Struct):
@@ -91,7 +173,7 @@ class _AnyVersion(msgspec.Struct):
     kind: str = ""
 
 
-_encoder: Final = msgspec.json.Encoder()
+_encoder: Final = msgspec.json.Encoder(enc_hook=str)
 _request_decoder: Final = msgspec.json.Decoder(Request)
 _reply_decoder: Final = msgspec.json.Decoder(Reply)
 _version_decoder: Final = msgspec.json.Decoder(_AnyVersion)
@@ -101,7 +183,7 @@ def encode(message: Request | Reply) -> bytes:
     r"""Return a message as one line.
 
     >>> encode(Enable(axes=("x",)))
-    b'{"kind":"enable","axes":["x"],"version":1}\n'
+    b'{"kind":"enable","axes":["x"],"version":2}\n'
     """
     return _encoder.encode(message) + b"\n"
 

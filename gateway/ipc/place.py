@@ -5,6 +5,7 @@ import fcntl
 import os
 import socket
 import stat
+import struct
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +14,9 @@ LOCK_NAME: Final = "relay.lock"
 LONGEST_PATH: Final = 107
 """Bytes: ``sun_path`` of unix(7) has 108 with the zero at its end."""
 BACKLOG: Final = 16
+ROOT_UID: Final = 0
+_CREDENTIALS: Final = struct.Struct("3i")
+"""``struct ucred`` of unix(7): process, user, group."""
 
 
 class SocketError(Exception):
@@ -123,3 +127,10 @@ class SocketPlace:
             f"{self.path} belongs to a gateway that runs: stop it first, or give this one a folder of its "
             "own with [gateway] state"
         )
+
+
+def peer_uid(connection: socket.socket) -> int:
+    """Return the user at the other end of a connection, as the system tells."""
+    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    uid: int = _CREDENTIALS.unpack(credentials)[1]
+    return uid

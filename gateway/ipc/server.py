@@ -1,39 +1,67 @@
 """The gateway's end of its socket. Nothing here waits: a client that hangs costs a buffer, and is dropped."""
 
 import asyncio
-from collections.abc import Callable
+import os
+import socket
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, cast
+from typing import Any, Final
 
-from gateway.ipc.messages import (
-    MAX_REQUEST_BYTES,
-    Refused,
-    Reply,
-    Request,
-    WrongMessageError,
-    decode_request,
-    encode,
-)
-from gateway.ipc.place import SocketPlace
+from gateway.ipc.complaints import Complaints
+from gateway.ipc.messages import Done, Happened, Reply, Request, SetTable
+from gateway.ipc.place import ROOT_UID, SocketPlace, peer_uid
+from gateway.ipc.session import Session
 
 MAX_CLIENTS: Final = 8
 """At once. Whoever comes when they are all there is closed at once."""
+MAX_LISTENERS: Final = 4
+"""Of them; so that listeners which hang leave room for commands."""
 IDLE_S: Final = 30.0
 """A client that sends nothing whole for so long, or does not take its replies, is dropped."""
-READ_BYTES: Final = 1024
-UNTAKEN_BYTES: Final = 65536
-"""Replies that wait for a client; beyond that nothing more is read from it."""
+ACCEPT_AGAIN_S: Final = 1.0
+
+
+def _no_tables(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
+    return Done(problems=("tables are not taken here",))
+
+
+def _no_status() -> Mapping[str, Any]:
+    return {}
+
+
+def _no_note(_detail: str) -> None:
+    pass
+
+
+@dataclass(frozen=True, slots=True)
+class Desk:
+    """What a server does for its clients; every function returns at once.
+
+    ``hand_over`` gets the descriptors of a message with it, and may not keep them; they are closed after it.
+    """
+
+    answer: Callable[[Request], Reply]
+    hand_over: Callable[[SetTable, Sequence[int]], Reply] = _no_tables
+    status: Callable[[], Mapping[str, Any]] = _no_status
+    complain: Callable[[str], None] = _no_note
+    """Gets a sentence about what was refused; not more than one a minute of each kind."""
+    masters: frozenset[int] = field(default_factory=lambda: frozenset((os.geteuid(), ROOT_UID)))
+    """User ids that may change something; others may look."""
 
 
 class ControlServer:
-    """Listens in a state folder and answers each request with what ``answer`` returns, in the same call."""
+    """Listens in a state folder and answers each request in the call in which it is read."""
 
-    def __init__(self, state: Path, answer: Callable[[Request], Reply], idle_s: float = IDLE_S) -> None:
+    def __init__(self, state: Path, desk: Desk | Callable[[Request], Reply], idle_s: float = IDLE_S) -> None:
         self._place = SocketPlace(state)
-        self._answer = answer
-        self._idle_s = idle_s
-        self._server: asyncio.Server | None = None
-        self._clients: set[_Client] = set()
+        self.desk = desk if isinstance(desk, Desk) else Desk(desk)
+        self.idle_s = idle_s
+        self.complaints = Complaints(self.desk.complain)
+        self._listening: socket.socket | None = None
+        self._sessions: set[Session] = set()
+        self._is_pump_due = False
+        self._later: asyncio.TimerHandle | None = None
 
     @property
     def path(self) -> Path:
@@ -43,7 +71,17 @@ class ControlServer:
     @property
     def clients(self) -> int:
         """How many are connected."""
-        return len(self._clients)
+        return len(self._sessions)
+
+    @property
+    def has_listeners(self) -> bool:
+        """Whether anybody is told what happens."""
+        return any(session.listener is not None for session in self._sessions)
+
+    @property
+    def has_room_for_listener(self) -> bool:
+        """Whether one more may subscribe."""
+        return sum(session.listener is not None for session in self._sessions) < MAX_LISTENERS
 
     async def open(self) -> None:
         """Listen.
@@ -51,104 +89,63 @@ class ControlServer:
         Raises:
             SocketError: another gateway has the place, or it cannot be made; with the remedy.
         """
-        loop = asyncio.get_running_loop()
-        self._server = await loop.create_unix_server(self._client, sock=self._place.take())
+        self._listening = self._place.take()
+        self._listen()
 
     async def close(self) -> None:
         """Drop every client and remove the socket."""
-        if self._server is None:
+        if self._listening is None:
             return
-        self._server.close()
-        lost = [client.lost for client in self._clients]
-        for client in tuple(self._clients):
-            client.drop()
-        if lost:
-            await asyncio.wait(lost)
-        await self._server.wait_closed()
-        self._server = None
+        self._listen(is_on=False)
+        if self._later is not None:
+            self._later.cancel()
+        for session in tuple(self._sessions):
+            session.drop()
         self._place.leave()
+        self._listening.close()
+        self._listening = None
 
-    def _client(self) -> "_Client":
-        return _Client(self._clients, self._answer, self._idle_s)
+    def tell(self, happened: Happened) -> None:
+        """Tell all listeners that something happened; costs an append for each, and is sent a turn later."""
+        for session in self._sessions:
+            if session.listener is not None:
+                session.listener.tell(happened)
+                if not self._is_pump_due:
+                    self._is_pump_due = True
+                    asyncio.get_running_loop().call_soon(self._pump)
 
+    def forget(self, session: Session) -> None:
+        """Note that a connection is closed."""
+        self._sessions.discard(session)
 
-class _Client(asyncio.BufferedProtocol):
-    """One connection."""
+    def _pump(self) -> None:
+        self._is_pump_due = False
+        for session in tuple(self._sessions):
+            if session.listener is not None:
+                session.listener.pump()
 
-    def __init__(self, clients: set["_Client"], answer: Callable[[Request], Reply], idle_s: float) -> None:
-        self._clients = clients
-        self._answer = answer
-        self._idle_s = idle_s
-        self._buffer = memoryview(bytearray(READ_BYTES))
-        self._data = b""
-        self._transport: asyncio.Transport | None = None
-        loop = asyncio.get_running_loop()
-        self.lost: asyncio.Future[None] = loop.create_future()
-        self._idle = loop.call_later(idle_s, self.drop)
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = cast("asyncio.Transport", transport)  # uvloop's are no subclass
-        self._transport.set_write_buffer_limits(high=UNTAKEN_BYTES)
-        self._clients.add(self)
-        if len(self._clients) > MAX_CLIENTS:
-            self.drop()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        self._idle.cancel()
-        self._transport = None
-        self._clients.discard(self)
-        if not self.lost.done():
-            self.lost.set_result(None)
-
-    def get_buffer(self, sizehint: int) -> memoryview:
-        return self._buffer
-
-    def buffer_updated(self, nbytes: int) -> None:
-        self._data += bytes(self._buffer[:nbytes])
-        self._next()
-
-    def pause_writing(self) -> None:
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.pause_reading()
-
-    def resume_writing(self) -> None:
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.resume_reading()
-
-    def drop(self) -> None:
-        """Close at once."""
-        if self._transport is not None:
-            self._transport.abort()
-
-    def _next(self) -> None:
-        """Answer one request; more that came with it wait for a turn of the loop each, as frames do."""
-        if self._transport is None or self._transport.is_closing():
-            return
-        line, end, rest = self._data.partition(b"\n")
-        if len(line) > MAX_REQUEST_BYTES:
-            self._refuse(f"a request of more than {MAX_REQUEST_BYTES} bytes")
-        elif end:
-            self._data = rest
-            self._take(line)
-            if rest:
-                asyncio.get_running_loop().call_soon(self._next)
-
-    def _take(self, line: bytes) -> None:
+    def _accept(self) -> None:
+        assert self._listening is not None
         try:
-            request = decode_request(line)
-        except WrongMessageError as error:
-            self._refuse(str(error))
+            connection, _ = self._listening.accept()
+        except (BlockingIOError, InterruptedError, ConnectionAbortedError):
             return
-        self._idle.cancel()
-        self._idle = asyncio.get_running_loop().call_later(self._idle_s, self.drop)
-        self._send(self._answer(request))
+        except OSError as error:
+            # No descriptors left, say: whoever waits stays there, and would have us try again without end.
+            self.complaints.add("accept", f"nobody can connect: {error.strerror or error}")
+            self._listen(is_on=False)
+            self._later = asyncio.get_running_loop().call_later(ACCEPT_AGAIN_S, self._listen)
+            return
+        if len(self._sessions) >= MAX_CLIENTS:
+            connection.close()
+            self.complaints.add("clients", f"more than {MAX_CLIENTS} clients at once")
+            return
+        connection.setblocking(False)
+        self._sessions.add(Session(self, connection, peer_uid(connection)))
 
-    def _refuse(self, reason: str) -> None:
-        self._data = b""
-        self._send(Refused(reason=reason))
-        if self._transport is not None:
-            self._transport.close()
-
-    def _send(self, reply: Reply) -> None:
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.write(encode(reply))
+    def _listen(self, *, is_on: bool = True) -> None:
+        if self._listening is not None:
+            loop, descriptor = asyncio.get_running_loop(), self._listening.fileno()
+            loop.remove_reader(descriptor)
+            if is_on:
+                loop.add_reader(descriptor, self._accept)

@@ -87,10 +87,34 @@ class Stop(_Input, frozen=True, tag="stop"):
 
 
 class Control(_Input, frozen=True, tag="control"):
-    """A person's command: ``enable``, ``disable`` or ``reference``."""
+    """A person's command: ``enable``, ``disable``, ``reference`` or ``clear-table``."""
 
     command: str
     axis: str
+
+
+class Table(msgspec.Struct, frozen=True):
+    """A table as it was handed over; ``data`` is its compiled form."""
+
+    axis: str
+    file: str
+    format: str
+    sha256: str
+    data: bytes
+
+
+class Tables(_Input, frozen=True, tag="tables"):
+    """Tables that were handed over together."""
+
+    tables: tuple[Table, ...]
+
+
+class Share(_Input, frozen=True, tag="gain"):
+    """Another gain for an axis and its group."""
+
+    axis: str
+    forward: float
+    backward: float
 
 
 class Sent(_Entry, frozen=True, tag="sent"):
@@ -123,7 +147,7 @@ class End(_Entry, frozen=True, tag="end"):
     entries: int
 
 
-Input = Request | Gone | Reply | Stray | Up | Down | Tick | Stop | Control
+Input = Request | Gone | Reply | Stray | Up | Down | Tick | Stop | Control | Tables | Share
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | End
 

@@ -5,18 +5,24 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import gateway
+from gateway.compensation.settings import Gain
 from gateway.exchange.control import ControlError
 from gateway.ipc.messages import (
+    ClearTable,
     Disable,
     Done,
     Enable,
     GetStatus,
     Ping,
     Pong,
+    Refused,
     Reply,
     Request,
+    SetGain,
     SetReference,
+    SetTable,
     Status,
+    Subscribe,
 )
 
 
@@ -26,6 +32,11 @@ class Controllable(Protocol):
     @property
     def name(self) -> str:
         """Name of the gateway."""
+        ...
+
+    @property
+    def shape(self) -> str:
+        """Digest of its plan without the tables."""
         ...
 
     @property
@@ -49,12 +60,22 @@ class Controllable(Protocol):
         """Take an axis as referenced where it stands. Raises ControlError with reason and remedy."""
         ...
 
+    def clear_table(self, axis: str) -> dict[str, str]:
+        """Take the table of an axis away; returns how it goes, by axis. Raises ControlError."""
+        ...
+
+    def set_gain(self, axis: str, gain: Gain) -> dict[str, str]:
+        """Apply another share of the table of an axis; as :meth:`clear_table`."""
+        ...
+
 
 def answer(relay: Controllable, request: Request) -> Reply:
     """Do what a request asks for and return the reply."""
     match request:
         case Ping():
-            return Pong(name=relay.name, gateway_version=gateway.__version__, pid=os.getpid())
+            return Pong(
+                name=relay.name, gateway_version=gateway.__version__, pid=os.getpid(), shape=relay.shape
+            )
         case GetStatus():
             return Status(status=dict(relay.status()))
         case Enable(axes=axes):
@@ -63,18 +84,33 @@ def answer(relay: Controllable, request: Request) -> Reply:
             return _on_axes(relay, axes, relay.disable)
         case SetReference(axis=axis):
             return _on_axes(relay, (axis,), relay.reference)
+        case ClearTable(axes=axes):
+            return _on_axes(relay, axes, relay.clear_table)
+        case SetGain(axes=axes):
+            gain = Gain(request.forward, request.backward)
+            return _on_axes(relay, axes, lambda axis: relay.set_gain(axis, gain))
+        case Subscribe() | SetTable():
+            return Refused(reason="this is answered where the connection is")  # and never comes here
 
 
-def _on_axes(relay: Controllable, asked: Sequence[str], command: Callable[[str], tuple[str, ...]]) -> Done:
+Changed = tuple[str, ...] | dict[str, str]
+
+
+def _on_axes(relay: Controllable, asked: Sequence[str], command: Callable[[str], Changed]) -> Done:
     """Command each axis; one that cannot be commanded does not keep the others from it."""
-    changed: dict[str, None] = {}
+    changed: dict[str, str] = {}
+    comes: dict[str, str] = {}
     problems: list[str] = []
     for axis in asked or relay.axes:
         if axis not in relay.axes:
             problems.append(f"axis {axis}: there is none of that name; there are {', '.join(relay.axes)}")
             continue
         try:
-            changed.update(dict.fromkeys(command(axis)))
+            found = command(axis)
         except ControlError as error:
             problems.append(str(error))
-    return Done(changed=tuple(changed), problems=tuple(problems))
+            continue
+        changed.update(dict.fromkeys(found, ""))
+        if isinstance(found, dict):
+            comes.update(found)
+    return Done(changed=tuple(changed), problems=tuple(problems), comes=comes)

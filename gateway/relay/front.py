@@ -4,10 +4,11 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.exchange.plan import ControllerPlan
+from gateway.ipc.notes import Severity
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
-from gateway.relay.journal import Journal, Severity
+from gateway.relay.journal import Journal
 from gateway.relay.refusals import Refusals
 from gateway.relay.timed import TimedExchange
 from gateway.transport.channel import Receiver

@@ -2,18 +2,25 @@
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 import gateway
+from gateway.compensation.settings import Gain
+from gateway.exchange.control import ControlError, TableChange
+from gateway.ipc.compiled_plan import shape_of
+from gateway.ipc.complaints import Complaints
+from gateway.ipc.messages import Happened
+from gateway.ipc.notes import Note, Severity
 from gateway.ipc.place import SocketError
 from gateway.ipc.plan import GatewayPlan, RelayOptions
-from gateway.ipc.server import ControlServer
+from gateway.ipc.server import ControlServer, Desk
 from gateway.relay.collecting import Collecting
 from gateway.relay.control import answer
 from gateway.relay.errors import StartError
-from gateway.relay.journal import Journal, Note, Severity
+from gateway.relay.handover import hand_over
+from gateway.relay.journal import Journal
 from gateway.relay.line import Line
 from gateway.relay.recorder import Recorder
 from gateway.relay.scheduling import in_force, schedule
@@ -45,11 +52,20 @@ class Relay:
         self._control: ControlServer | None = None
         self._recorder = recorder
         self._collecting = Collecting(lambda: not self.busy_lines)
+        self._shape = shape_of(plan)
+        self._refused_tables = Complaints(
+            lambda detail: self._journal.note(Severity.WARNING, "table-refused", detail=detail)
+        )
 
     @property
     def name(self) -> str:
         """Name of the gateway."""
         return self._plan.name
+
+    @property
+    def shape(self) -> str:
+        """Digest of its plan without the tables: only tables that were made for the same are for it."""
+        return self._shape
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -141,6 +157,45 @@ class Relay:
         """Take an axis as referenced where it stands; as :meth:`enable`."""
         return self._commanded("referenced", self._line_of(axis).reference(axis))
 
+    def set_tables(self, changes: Sequence[TableChange]) -> dict[str, str]:
+        """Give axes of one line other tables, all or none; returns how each comes into force, by axis.
+
+        Raises:
+            ControlError: which table cannot be had, and why; nothing has changed then.
+        """
+        lines = {id(line): line for line in (self._line_of(change.axis) for change in changes)}
+        if len(lines) > 1:
+            raise ControlError("tables for axes of several lines: send a message for each line")
+        [line] = lines.values()
+        comes = line.set_tables(changes)
+        for change in changes:
+            self._journal.note(
+                Severity.INFO,
+                "table-activated",
+                axis=change.axis,
+                table=change.name,
+                points=len(change.table.positions),
+                comes=comes[change.axis],
+                detail="handed over",
+            )
+        return comes
+
+    def note_refused(self, detail: str) -> None:
+        """Put it on record that a table was refused; not more than once a minute."""
+        self._refused_tables.add("table", detail)
+
+    def clear_table(self, axis: str) -> dict[str, str]:
+        """Take the table of an axis and its group away; as :meth:`set_tables`."""
+        comes = self._line_of(axis).clear_table(axis)
+        self._commanded("table-removed", tuple(comes))
+        return comes
+
+    def set_gain(self, axis: str, gain: Gain) -> dict[str, str]:
+        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`."""
+        comes = self._line_of(axis).set_gain(axis, gain)
+        self._commanded("gain-changed", tuple(comes), forward=gain.forward, backward=gain.backward)
+        return comes
+
     @property
     def busy_lines(self) -> dict[str, float]:
         """Lines with an exchange on the wire, each with the seconds that a stop waits for it at most."""
@@ -177,11 +232,23 @@ class Relay:
     def _scheduling_withdrawn(self, why: str) -> None:
         self._journal.note(Severity.WARNING, "scheduling-withdrawn", key="relay.fifo", detail=why)
 
-    def _commanded(self, what: str, axes: tuple[str, ...]) -> tuple[str, ...]:
+    def _commanded(self, what: str, axes: tuple[str, ...], **more: object) -> tuple[str, ...]:
         """Put it on record that somebody changed something."""
         if axes:
-            self._journal.note(Severity.INFO, what, axes=list(axes), detail="by a command")
+            self._journal.note(Severity.INFO, what, axes=list(axes), **more, detail="by a command")
         return axes
+
+    def _tell(self, note: Note) -> None:
+        """Let those who listen know."""
+        if self._control is not None and self._control.has_listeners:
+            self._control.tell(
+                Happened(
+                    event=note.event,
+                    severity=note.severity.value,
+                    fields=dict(note.fields),
+                    wall_s=note.wall_s,
+                )
+            )
 
     def _line_of(self, axis: str) -> Line:
         return next(line for line in self._lines if axis in (plan.name for plan in line.plan.axes))
@@ -202,7 +269,14 @@ class Relay:
         if self._state is None:
             return []
         try:
-            self._control = ControlServer(self._state, partial(answer, self))
+            desk = Desk(
+                answer=partial(answer, self),
+                hand_over=partial(hand_over, self),
+                status=self.status,
+                complain=lambda detail: self._journal.note(Severity.WARNING, "socket-refused", detail=detail),
+            )
+            self._control = ControlServer(self._state, desk)
+            self._journal.on_note = self._tell
             await self._control.open()
         except SocketError as error:
             return [f"gateway.state: {error}"]

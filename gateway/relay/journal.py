@@ -8,37 +8,18 @@ counted.
 import asyncio
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from enum import Enum
+from collections.abc import Callable
 from typing import Final
 
 from gateway.exchange.events import Event, EventKind
+from gateway.ipc.notes import Note, Severity
 
 CAPACITY: Final = 1000
 WRITE_EVERY_S: Final = 0.2
 
 
-class Severity(Enum):
-    """How loud a note is; the values are the method names of a structlog logger."""
-
-    INFO = "info"
-    WARNING = "warning"
-    ERROR = "error"
-
-
 QUIET_KINDS: Final = frozenset({EventKind.LINE_UP, EventKind.DRIVE_ANSWERS, EventKind.AXIS_REFERENCED})
 """Good news; every other event of the exchange is a warning."""
-
-
-@dataclass(frozen=True, slots=True)
-class Note:
-    """One thing that happened; ``wall_s`` is the time of day (``time.time``)."""
-
-    severity: Severity
-    event: str
-    fields: Mapping[str, object] = field(default_factory=dict)
-    wall_s: float = 0.0
 
 
 class Journal:
@@ -49,12 +30,16 @@ class Journal:
         self._notes: deque[Note] = deque(maxlen=CAPACITY)
         self._task: asyncio.Task[None] | None = None
         self.dropped = 0
+        self.on_note: Callable[[Note], None] = _tell_nobody
+        """Gets every note at once; it has to cost as little as an append."""
 
     def note(self, severity: Severity, event: str, **fields: object) -> None:
         """Append a note; never blocks."""
         if len(self._notes) == CAPACITY:
             self.dropped += self._write is not None
-        self._notes.append(Note(severity, event, fields, time.time()))
+        note = Note(severity, event, fields, time.time())
+        self._notes.append(note)
+        self.on_note(note)
 
     def exchange_event(self, line: str, event: Event) -> None:
         """Append an event of a line's exchange."""
@@ -93,3 +78,7 @@ class Journal:
         while True:
             await asyncio.sleep(WRITE_EVERY_S)
             self.flush()
+
+
+def _tell_nobody(note: Note) -> None:
+    pass

@@ -1,15 +1,18 @@
 """One line, put together: controllers in front, the exchange in the middle, the way to the drives behind."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
+from gateway.compensation.settings import Gain
+from gateway.exchange.control import TableChange
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import axes_status, line_status
+from gateway.ipc.notes import Severity
 from gateway.ipc.plan import LinePlan
 from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink
 from gateway.relay.front import Front, make_front
-from gateway.relay.journal import Journal, Severity
+from gateway.relay.journal import Journal
 from gateway.relay.recorded import RecordedExchange, RecordedLink
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
@@ -130,6 +133,18 @@ class Line:
     def reference(self, axis: str) -> tuple[str, ...]:
         """Take an axis as referenced where it stands; as :meth:`enable`."""
         return self._timed.reference(axis, time.monotonic_ns())
+
+    def set_tables(self, changes: Sequence[TableChange]) -> dict[str, str]:
+        """Give axes other tables, all or none; returns how each comes into force. Or ControlError."""
+        return self._timed.set_tables(changes, time.monotonic_ns())
+
+    def clear_table(self, axis: str) -> dict[str, str]:
+        """Take the table of an axis and its group away; as :meth:`set_tables`."""
+        return self._timed.clear_table(axis, time.monotonic_ns())
+
+    def set_gain(self, axis: str, gain: Gain) -> dict[str, str]:
+        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`."""
+        return self._timed.set_gain(axis, gain, time.monotonic_ns())
 
     async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
         try:

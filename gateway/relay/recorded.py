@@ -1,9 +1,14 @@
 """A line's exchange with a recorder at its border: every input with its time, then what it caused."""
 
+from collections.abc import Sequence
+
+from gateway.compensation.settings import Gain
+from gateway.exchange.control import TableChange
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.ipc import traffic
+from gateway.ipc.compiled_table import compiled
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
 
@@ -151,6 +156,25 @@ class RecordedExchange(TimedExchange):
         """See ``TimedExchange``."""
         self._recorder.put(traffic.Control(self._line, now_ns, "reference", axis))
         return super().reference(axis, now_ns)
+
+    def set_tables(self, changes: Sequence[TableChange], now_ns: int) -> dict[str, str]:
+        """See ``TimedExchange``. The points go into the recording too, or nobody could replay it."""
+        tables = tuple(
+            traffic.Table(each.axis, each.name, each.format, each.digest, compiled(each.table))
+            for each in changes
+        )
+        self._recorder.put(traffic.Tables(self._line, now_ns, tables))
+        return super().set_tables(changes, now_ns)
+
+    def clear_table(self, axis: str, now_ns: int) -> dict[str, str]:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Control(self._line, now_ns, "clear-table", axis))
+        return super().clear_table(axis, now_ns)
+
+    def set_gain(self, axis: str, gain: Gain, now_ns: int) -> dict[str, str]:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Share(self._line, now_ns, axis, gain.forward, gain.backward))
+        return super().set_gain(axis, gain, now_ns)
 
     def _tick(self, now_ns: int) -> None:
         if self.is_due(now_ns):

@@ -5,12 +5,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
+from gateway.compensation.settings import Gain
+from gateway.exchange import control
 from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import Unmeasured
 from gateway.ipc import traffic
+from gateway.ipc.compiled_table import WrongTableError, checked
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -109,12 +112,27 @@ class _Line(Unmeasured):
                 exchange.stop(entry.t)
             case traffic.Control():
                 self._control(entry)
+            case traffic.Tables() | traffic.Share():
+                self._change(entry)
+
+    def _change(self, entry: traffic.Tables | traffic.Share) -> None:
+        axes = self._exchange.axes
+        try:
+            if isinstance(entry, traffic.Share):
+                control.set_gain(axes, entry.axis, Gain(entry.forward, entry.backward))
+            else:
+                control.set_tables(axes, [_change_of(table) for table in entry.tables])
+        except WrongTableError as error:
+            raise ReplayError(f"a table in the recording: {error}; replay it with its own release") from None
+        except ControlError:
+            return  # as it was refused then, or of another configuration
 
     def _control(self, entry: traffic.Control) -> None:
-        commands = {
-            "enable": self._exchange.enable,
-            "disable": self._exchange.disable,
+        commands: dict[str, Callable[[str, int], object]] = {
+            "enable": lambda axis, _now_ns: control.switch(self._exchange.axes, axis, is_wanted=True),
+            "disable": lambda axis, _now_ns: control.switch(self._exchange.axes, axis, is_wanted=False),
             "reference": self._exchange.reference,
+            "clear-table": lambda axis, _now_ns: control.clear_table(self._exchange.axes, axis),
         }
         if entry.command not in commands:
             raise ReplayError(f"the command {entry.command!r} is not known; replay it with a newer release")
@@ -136,6 +154,10 @@ class _Line(Unmeasured):
                 )
             port = self._ports[entry.port] = _Port(plan, entry.port, self)
         return port
+
+
+def _change_of(table: traffic.Table) -> control.TableChange:
+    return control.TableChange(table.axis, checked(table.data), table.file, table.format, table.sha256)
 
 
 class Replay:

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.exchange.plan import CompensationMode
+from gateway.ipc.notes import Note, Severity
 from gateway.ipc.plan import GatewayPlan
 from gateway.relay.gateway import Relay
-from gateway.relay.journal import Note, Severity
 from gateway.relay.recorder import Recorder
 
 SWITCH_INTERVAL_S: Final = 1e-4

@@ -4,7 +4,11 @@ Everything that reaches the exchange comes through here, so its next deadline is
 """
 
 import asyncio
+from collections.abc import Sequence
 
+from gateway.compensation.settings import Gain
+from gateway.exchange import control
+from gateway.exchange.control import TableChange
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
 from gateway.transport.timer import Timer
@@ -61,13 +65,13 @@ class TimedExchange:
         Raises:
             ControlError: why it cannot be, and what to do.
         """
-        changed = self._exchange.enable(axis, now_ns)
+        changed = control.switch(self._exchange.axes, axis, is_wanted=True)
         self._settle()
         return changed
 
     def disable(self, axis: str, now_ns: int) -> tuple[str, ...]:
         """Switch the compensation of an axis off; as :meth:`enable`."""
-        changed = self._exchange.disable(axis, now_ns)
+        changed = control.switch(self._exchange.axes, axis, is_wanted=False)
         self._settle()
         return changed
 
@@ -76,6 +80,22 @@ class TimedExchange:
         changed = self._exchange.reference(axis, now_ns)
         self._settle()
         return changed
+
+    def set_tables(self, changes: Sequence[TableChange], now_ns: int) -> dict[str, str]:
+        """Give axes other tables, all or none; returns how each comes into force.
+
+        Raises:
+            ControlError: which table cannot be had, and why.
+        """
+        return control.set_tables(self._exchange.axes, changes)
+
+    def clear_table(self, axis: str, now_ns: int) -> dict[str, str]:
+        """Take the table of an axis and its group away; as :meth:`set_tables`."""
+        return control.clear_table(self._exchange.axes, axis)
+
+    def set_gain(self, axis: str, gain: Gain, now_ns: int) -> dict[str, str]:
+        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`."""
+        return control.set_gain(self._exchange.axes, axis, gain)
 
     def is_due(self, now_ns: int) -> bool:
         """Whether the exchange's deadline has passed."""

@@ -1,1 +1,1 @@
-"""Process 2: tables, MQTT, HTTP, metrics, page. Filled by a later release."""
+"""Process 2: it keeps the tables of the relay up to date. The relay needs it for nothing else."""

@@ -126,7 +126,11 @@ def test_an_axis_that_is_not_there_is_said(tmp_path: Path, drive: tuple[str, lis
     assert drive[1] == []
 
 
-def test_beside_its_own_gateway_it_does_not_probe(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
+@pytest.mark.parametrize("version", [1, 2])
+def test_beside_its_own_gateway_it_does_not_probe(
+    tmp_path: Path, drive: tuple[str, list[bytes]], version: int
+) -> None:
+    """Of whatever release it is."""
     config = configured(tmp_path, drive[0])
     place = SocketPlace(tmp_path / "state")
     with place.take() as listening:
@@ -139,7 +143,9 @@ def test_beside_its_own_gateway_it_does_not_probe(tmp_path: Path, drive: tuple[s
                 return  # nobody asked
             with connection:
                 connection.recv(300)
-                connection.sendall(b'{"kind":"pong","version":1,"name":"t","gateway_version":"0","pid":1}\n')
+                connection.sendall(
+                    b'{"kind":"pong","version":%d,"name":"t","gateway_version":"0","pid":1}\n' % version
+                )
 
         threading.Thread(target=pong, daemon=True).start()
         result = typed(str(config))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.exchange.control import ControlError
+from gateway.exchange.control import ControlError, switch
 from gateway.exchange.plan import ControllerPlan, Reference, Role
 from tests.exchange.line_bench import ACTUAL, COMMAND, Port, read, write
 from tests.exchange.staged_bench import (
@@ -216,7 +216,7 @@ def test_m11_while_one_is_not_referenced_none_is_compensated() -> None:
 
 def test_m11_switching_one_off_switches_all_off() -> None:
     bench = gantry()
-    assert set(bench.line.disable("y2", bench.now_ns)) == {"y1", "y2"}
+    assert set(switch(bench.line.axes, "y2", is_wanted=False)) == {"y1", "y2"}
     ask(bench, 1, write(COMMAND, 50_000))
     ask(bench, 1, RUN_PDU)
     assert bench.drive.get(COMMAND) == 50_000

@@ -16,6 +16,7 @@ from gateway.compensation.settings import Outside, OutsideKind
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.axis import AxisExchange
+from gateway.exchange.control import switch
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.exchange.short_ways import ReadWay, WriteWay
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
@@ -102,7 +103,7 @@ class Twins:
             self.arrive(amount)
         elif what == "switch":
             for bench in self.benches:
-                (bench.line.enable if amount % 2 else bench.line.disable)("x", bench.now_ns)
+                switch(bench.line.axes, "x", is_wanted=bool(amount % 2))
         else:
             self.pull_the_cable()
         self.compare()

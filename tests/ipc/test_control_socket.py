@@ -169,10 +169,10 @@ async def test_more_clients_than_there_may_be_are_closed_at_once(tmp_path: Path)
     ("data", "reason"),
     [
         (b"no JSON\n", "not a message: "),
-        (b'{"kind":"ping","version":2}\n', "a message of version 2, but this side speaks version 1"),
-        (b'{"kind":"explode","version":1}\n', "no request of version 1"),
-        (b'{"kind":"ping","version":1,"axis":"x"}\n', "no request of version 1"),
-        (b'{"kind":"reference","version":1}\n', "no request of version 1"),
+        (b'{"kind":"ping","version":3}\n', "a message of version 3, but this side speaks version 2"),
+        (b'{"kind":"explode","version":2}\n', "no request of version 2"),
+        (b'{"kind":"ping","version":2,"axis":"x"}\n', "no request of version 2"),
+        (b'{"kind":"reference","version":2}\n', "no request of version 2"),
         (b"x" * 5000, "more than 4096 bytes"),
     ],
 )

@@ -11,10 +11,10 @@ from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
+from gateway.ipc.notes import Note
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.relay.gateway import Relay
-from gateway.relay.journal import Note
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.null_modem import NullModem

@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from gateway.exchange.events import Event, EventKind
-from gateway.relay.journal import CAPACITY, Journal, Note, Severity
-from gateway.relay.log import LogFormat, note_writer
+from gateway.ipc.notes import LogFormat, Note, Severity, note_writer
+from gateway.relay.journal import CAPACITY, Journal
 
 
 def test_without_a_writer_the_newest_notes_are_kept() -> None:

@@ -1,0 +1,151 @@
+"""Relay and supervisor as programs: how each is started, and both together in the foreground."""
+
+import os
+import signal
+import subprocess
+import sys
+import sysconfig
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+import gateway
+from gateway.ipc.children import HELD_BACK
+from gateway.ipc.notes import LogFormat, Note, Severity
+
+STOPS: Final = frozenset({signal.SIGTERM, signal.SIGINT})
+FIRST_WAIT_S: Final = 0.2
+LONGEST_WAIT_S: Final = 30.0
+LONG_LIFE_S: Final = 60.0
+"""A supervisor that lived so long is started again as if it were the first time."""
+PATIENCE_S: Final = 2.0
+"""For the supervisor to stop: it holds nothing that must be finished."""
+
+
+def command_of(module: str, config: Path, log_format: LogFormat, *more: str) -> list[str]:
+    """Return the command line of a program of ours."""
+    # -P: a folder "gateway" where somebody happens to stand is not this program.
+    return [sys.executable, "-P", "-m", module, str(config), "--log-format", log_format.value, *more]
+
+
+def become(command: list[str]) -> NoReturn:
+    """Turn this process into another program; what the command line needed is gone with it."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execve(command[0], command, _environment())  # noqa: S606 - no shell, and our own interpreter
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment in which a child finds the very package that this process runs."""
+    folder = str(Path(gateway.__file__).parents[1])
+    if folder in (sysconfig.get_path("purelib"), sysconfig.get_path("platlib")):
+        return dict(os.environ)  # installed: found as it is, and behind the standard library
+    others = os.environ.get("PYTHONPATH")
+    return {**os.environ, "PYTHONPATH": os.pathsep.join((folder, others) if others else (folder,))}
+
+
+def run_both(relay: list[str], supervisor: list[str], write: Callable[[Note], None]) -> int:
+    """Run both until SIGTERM, SIGINT or the end of the relay; returns the exit code.
+
+    They write into the same log. A supervisor that ends is started again, later each time; the relay goes on
+    without it.
+    """
+    signal.pthread_sigmask(signal.SIG_BLOCK, HELD_BACK)
+    try:
+        return _Pair(relay, supervisor, write).run()
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)
+
+
+def _started(command: list[str]) -> "subprocess.Popen[bytes]":
+    """Start a program in a process group of its own: Ctrl-C on the terminal reaches it through us only."""
+    return subprocess.Popen(  # noqa: S603 - our own interpreter
+        [*command, "--parent", str(os.getpid())],
+        process_group=0,
+        stdin=subprocess.DEVNULL,
+        env=_environment(),
+    )
+
+
+class _Pair:
+    """The two processes, from the start of the first to the end of the last."""
+
+    def __init__(self, relay: list[str], supervisor: list[str], write: Callable[[Note], None]) -> None:
+        self._write = write
+        self._supervisor_command = supervisor
+        self._relay = _started(relay)
+        self._supervisor: subprocess.Popen[bytes] | None = _started(supervisor)
+        self._supervisor_since_s = time.monotonic()
+        self._wait_s = FIRST_WAIT_S
+        self._is_stopping = False
+
+    def run(self) -> int:
+        while self._relay.poll() is None:
+            if not self._is_stopping:
+                self._look_after_supervisor()
+            found = signal.sigtimedwait(HELD_BACK, self._longest_wait_s())
+            if found is not None and found.si_signo in STOPS:
+                self._stop(found.si_signo)
+        self._end_supervisor()
+        return self._exit_code(self._relay.returncode)
+
+    def _longest_wait_s(self) -> float:
+        if self._supervisor is not None:
+            return LONGEST_WAIT_S  # or until a child ends
+        return max(0.0, self._supervisor_since_s + self._wait_s - time.monotonic())
+
+    def _look_after_supervisor(self) -> None:
+        now_s = time.monotonic()
+        if self._supervisor is None:
+            if now_s >= self._supervisor_since_s + self._wait_s:
+                self._wait_s = min(2.0 * self._wait_s, LONGEST_WAIT_S)
+                self._supervisor = _started(self._supervisor_command)
+                self._supervisor_since_s = now_s
+                self._say("supervisor-started", pid=self._supervisor.pid)
+        elif self._supervisor.poll() is not None:
+            if now_s - self._supervisor_since_s > LONG_LIFE_S:
+                self._wait_s = FIRST_WAIT_S
+            status = _status(self._supervisor.returncode)
+            self._supervisor = None
+            self._supervisor_since_s = now_s
+            detail = f"the relay goes on; it is started again in {self._wait_s:g} s"
+            self._say("supervisor-ended", Severity.WARNING, status=status, detail=detail)
+
+    def _stop(self, number: int) -> None:
+        """Stop both; the second time the relay ends at once."""
+        self._is_stopping = True
+        self._relay.send_signal(number)
+        if self._supervisor is not None:
+            self._supervisor.send_signal(signal.SIGTERM)
+
+    def _end_supervisor(self) -> None:
+        if self._supervisor is None:
+            return
+        self._supervisor.terminate()
+        try:
+            self._supervisor.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self._supervisor.kill()
+            self._supervisor.wait()
+
+    def _exit_code(self, code: int) -> int:
+        if self._is_stopping and -code in STOPS:
+            return 0  # it had not even begun
+        if not self._is_stopping and code <= 0:
+            detail = "positions pass no more: the gateway ends"
+            self._say("relay-ended", Severity.ERROR, status=_status(code), detail=detail)
+            return 1
+        return code if code >= 0 else 1
+
+    def _say(self, event: str, severity: Severity = Severity.INFO, **fields: Any) -> None:
+        self._write(Note(severity, event, fields, time.time()))
+
+
+def _status(code: int) -> str:
+    """Return how a process ended, as a person says it.
+
+    >>> _status(-9), _status(1)
+    ('SIGKILL', 'exit code 1')
+    """
+    return f"exit code {code}" if code >= 0 else signal.Signals(-code).name

@@ -1,0 +1,27 @@
+"""One process that is started by another of ours: which signals it hears, and that it never outlives it."""
+
+import ctypes
+import os
+import signal
+import sys
+from typing import Final
+
+PR_SET_PDEATHSIG: Final = 1
+"""``prctl(2)``: the signal that a process gets when its parent has ended."""
+HELD_BACK: Final = frozenset({signal.SIGTERM, signal.SIGINT, signal.SIGCHLD})
+"""Signals that the parent waits for instead of being interrupted by them; children inherit that."""
+
+
+def follow_parent(parent_pid: int, number: signal.Signals) -> None:
+    """Hear all signals again, and get ``number`` when the parent ends; ends at once where it has already.
+
+    ``parent_pid`` 0: started by somebody else, whom it need not follow.
+    """
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)
+    # In a process group of its own, a terminal with "stty tostop" would stop whoever writes a log line.
+    signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+    if not parent_pid:
+        return
+    ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, int(number), 0, 0, 0)
+    if os.getppid() != parent_pid:
+        sys.exit(1)

@@ -1,0 +1,219 @@
+"""The checked configuration in the state folder, as the relay starts from it: no pydantic, no text formats.
+
+``plan.msgpack`` holds the plan with the digests of the files that it was made from and of its tables; each
+table is a file of its own (see ``compiled_table``). A plan of another release, a damaged one, or one whose
+configuration has changed since is never run.
+"""
+
+import contextlib
+import fcntl
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+import gateway
+from gateway.compensation.backlash import with_backlash
+from gateway.compensation.table import CorrectionTable
+from gateway.exchange.plan import AxisPlan
+from gateway.ipc.compiled_table import WrongTableError, checked, compiled, digest_of
+from gateway.ipc.plain_data import PlainReader, WrongDataError, to_plain
+from gateway.ipc.plan import GatewayPlan
+from gateway.ipc.state_folder import (
+    PLAN_NAME,
+    TABLE_SUFFIX,
+    TABLES_NAME,
+    StateError,
+    make_folder,
+    table_path,
+    write_whole,
+)
+
+FORMAT: Final = "pitch-gateway plan"
+VERSION: Final = 1
+_FOR_RECORDS: Final = {"table": None, "table_name": "", "table_format": "", "table_digest": ""}
+"""Fields of an axis that change with its table."""
+
+
+class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the file holds."""
+
+    format: str
+    version: int
+    gateway_version: str
+    sources: dict[str, str]
+    plan_sha256: str
+    plan: bytes
+
+
+class _AnyFile(msgspec.Struct):
+    """As much of the file as every version has."""
+
+    format: str = ""
+    version: int = 0
+    gateway_version: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledPlan:
+    """A plan as it was compiled."""
+
+    plan: GatewayPlan
+    shape: str
+    """Digest of everything but the tables: what a gateway that runs cannot be given."""
+
+
+def in_force(plan: GatewayPlan) -> GatewayPlan:
+    """Return a plan whose tables are as they come into force, with the lost motion that is configured."""
+    return _with_axes(plan, _with_backlash)
+
+
+def shape_of(plan: GatewayPlan) -> str:
+    """Return the digest of a plan without its tables."""
+    bare = _with_axes(plan, lambda axis: replace(axis, **_FOR_RECORDS))
+    return hashlib.sha256(_encode(to_plain(bare, _no_special))).hexdigest()
+
+
+def write_plan(state: Path, plan: GatewayPlan, sources: Mapping[str, str]) -> dict[str, bytes]:
+    """Write a plan and its tables; returns the compiled tables by axis.
+
+    ``sources`` are the files that it was made from, by absolute path, with the SHA-256 of each. Files of
+    tables that belong to no axis any more are removed.
+
+    Raises:
+        OSError: the folder or a file cannot be written; what was there can still be run.
+    """
+    plan = in_force(plan)
+    axes = [axis for line in plan.lines for axis in line.axes if axis.table is not None]
+    tables = {axis.name: compiled(axis.table) for axis in axes if axis.table is not None}
+    digest_by_id = {id(axis.table): digest_of(tables[axis.name]) for axis in axes}
+    content = _encode(to_plain(plan, lambda value: digest_by_id.get(id(value))))
+    file = _File(
+        FORMAT, VERSION, gateway.__version__, dict(sources), hashlib.sha256(content).hexdigest(), content
+    )
+    make_folder(state)
+    make_folder(state / TABLES_NAME)
+    with _alone_in(state / TABLES_NAME):
+        for data in tables.values():
+            _write_if_new(table_path(state, digest_of(data)), data)
+        _write_if_new(state / PLAN_NAME, msgspec.msgpack.encode(file))
+        _remove_others(state, {digest_of(data) for data in tables.values()})
+    return tables
+
+
+def read_plan(state: Path, config: Path) -> CompiledPlan:
+    """Return the plan that was compiled from a configuration.
+
+    Raises:
+        StateError: there is none, it is damaged or of another release, or the configuration or a profile that
+            it names has changed since; with what to do.
+    """
+    remedy = f"run: pitch-gateway check --compile {config}"
+    path = state / PLAN_NAME
+    file = _read_file(path, remedy)
+    _check_sources(file.sources, config, path, remedy)
+    if hashlib.sha256(file.plan).hexdigest() != file.plan_sha256:
+        raise StateError(f"{path} is damaged: its digest is another; {remedy}")
+    reader = PlainReader(GatewayPlan, lambda digest: _read_table(state, str(digest), remedy))
+    try:
+        plan = reader.read(msgspec.msgpack.decode(file.plan))
+    except (msgspec.MsgspecError, WrongDataError) as error:
+        raise StateError(f"{path} is not understood: {error}; {remedy}") from None
+    if not isinstance(plan, GatewayPlan):
+        raise StateError(f"{path} holds no plan; {remedy}")
+    return CompiledPlan(plan, shape_of(plan))
+
+
+@contextlib.contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Wait until nobody else writes here: two at once would remove each other's tables."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _write_if_new(path: Path, content: bytes) -> None:
+    if not path.is_file() or path.read_bytes() != content:
+        write_whole(path, content)
+
+
+def _with_backlash(axis: AxisPlan) -> AxisPlan:
+    if axis.table is None or axis.settings.backlash is None:
+        return axis
+    return replace(axis, table=with_backlash(axis.table, axis.settings.backlash))
+
+
+def _with_axes(plan: GatewayPlan, change: Any) -> GatewayPlan:
+    lines = (replace(line, axes=tuple(map(change, line.axes))) for line in plan.lines)
+    return replace(plan, lines=tuple(lines))
+
+
+def _no_special(_value: object) -> object | None:
+    return None
+
+
+def _encode(data: object) -> bytes:
+    return msgspec.msgpack.encode(data)
+
+
+def _read_file(path: Path, remedy: str) -> _File:
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise StateError(f"it has not been compiled yet: there is no {path}; {remedy}") from None
+    except OSError as error:
+        raise StateError(f"{path}: {error.strerror or error}; {remedy}") from None
+    try:
+        found = msgspec.msgpack.decode(content, type=_AnyFile)
+        if found.format != FORMAT:
+            raise StateError(f"{path} is no compiled configuration; {remedy}")
+        if (found.version, found.gateway_version) != (VERSION, gateway.__version__):
+            raise StateError(
+                f"{path} was made by release {found.gateway_version}, and this is release "
+                f"{gateway.__version__}; {remedy}"
+            )
+        return msgspec.msgpack.decode(content, type=_File)
+    except msgspec.MsgspecError as error:
+        raise StateError(f"{path} is damaged: {error}; {remedy}") from None
+
+
+def _check_sources(sources: Mapping[str, str], config: Path, path: Path, remedy: str) -> None:
+    if str(config.resolve()) not in sources:
+        made_from = ", ".join(sources) or "nothing"
+        raise StateError(f"{path} was compiled from {made_from}, not from {config.resolve()}; {remedy}")
+    for name, wanted in sources.items():
+        try:
+            found = hashlib.sha256(Path(name).read_bytes()).hexdigest()
+        except OSError as error:
+            raise StateError(f"{name}: {error.strerror or error}; {remedy}") from None
+        if found != wanted:
+            raise StateError(f"{name} has changed since it was compiled; {remedy}")
+
+
+def _read_table(state: Path, digest: str, remedy: str) -> CorrectionTable:
+    """Read a table into memory: a mapped file that somebody cuts short would kill whoever reads on."""
+    path = table_path(state, digest)
+    try:
+        data = path.read_bytes()
+        table = checked(data)
+    except OSError as error:
+        raise StateError(f"{path}: {error.strerror or error}; {remedy}") from None
+    except WrongTableError as error:
+        raise StateError(f"{path}: {error}; {remedy}") from None
+    if table.digest != digest:
+        raise StateError(f"{path} holds another table than its name says; {remedy}")
+    return table
+
+
+def _remove_others(state: Path, digests: set[str]) -> None:
+    for path in (state / TABLES_NAME).glob(f"*{TABLE_SUFFIX}"):
+        if path.name.removesuffix(TABLE_SUFFIX) not in digests:
+            with contextlib.suppress(OSError):
+                path.unlink()

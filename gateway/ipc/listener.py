@@ -1,0 +1,72 @@
+"""Whoever wants to be told: what waits for one listener, the newest first to stay.
+
+A listener that is slow, stopped or hung costs what stands here and nothing else: the message that the system
+has taken a part of, one note that a snapshot is due (it is made when it can be sent), and the newest events.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import msgspec
+
+from gateway.ipc.messages import Happened, Snapshot, encode
+from gateway.ipc.outbox import Outbox
+
+EVENTS_KEPT: Final = 256
+SENT_A_TURN: Final = 8
+"""So many messages go in one turn of the loop: frames must not wait for a burst of events."""
+
+
+class Listener:
+    """Events and snapshots on their way to one connection; ``status`` returns the model as it is now."""
+
+    def __init__(self, outbox: Outbox, interval_s: float, status: Callable[[], Mapping[str, Any]]) -> None:
+        self._outbox = outbox
+        self._interval_s = interval_s
+        self._status = status
+        self._events: deque[Happened] = deque()
+        self._is_snapshot_due = True
+        self._dropped = 0
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.Handle = self._loop.call_soon(self._tick)
+        self._more = self._timer
+
+    def tell(self, happened: Happened) -> None:
+        """Take an event; :meth:`pump` sends it."""
+        if len(self._events) >= EVENTS_KEPT:
+            self._events.popleft()
+            self._dropped += 1
+        self._events.append(happened)
+
+    def pump(self) -> None:
+        """Send what can be sent now. Events are older than a snapshot that has not been made yet."""
+        for _ in range(SENT_A_TURN):
+            if self._outbox.waiting_bytes or not (self._events or self._is_snapshot_due):
+                return
+            dropped, self._dropped = self._dropped, 0
+            if self._events:
+                happened = self._events.popleft()
+                self._outbox.write(encode(msgspec.structs.replace(happened, dropped=dropped)))
+            else:
+                self._is_snapshot_due = False
+                self._outbox.write(encode(Snapshot(status=dict(self._status()), dropped=dropped)))
+        self._more.cancel()
+        self._more = self._loop.call_soon(self.pump)
+
+    def close(self) -> None:
+        """Tell it nothing any more."""
+        self._timer.cancel()
+        self._more.cancel()
+        self._events.clear()
+        self._is_snapshot_due = False
+
+    def _tick(self) -> None:
+        self._timer = self._loop.call_later(self._interval_s, self._due)
+        self.pump()
+
+    def _due(self) -> None:
+        self._dropped += self._is_snapshot_due
+        self._is_snapshot_due = True
+        self._tick()

@@ -1,0 +1,214 @@
+"""One connection to the gateway's socket: requests in, with their descriptors; replies and news out."""
+
+import array
+import asyncio
+import contextlib
+import os
+import socket
+from typing import TYPE_CHECKING, Final
+
+from gateway.ipc.listener import Listener
+from gateway.ipc.messages import (
+    MAX_REQUEST_BYTES,
+    MAX_TABLES,
+    GetStatus,
+    Ping,
+    Refused,
+    Reply,
+    Request,
+    SetTable,
+    Subscribe,
+    Subscribed,
+    WrongMessageError,
+    decode_request,
+    encode,
+)
+from gateway.ipc.outbox import Outbox
+
+if TYPE_CHECKING:
+    from gateway.ipc.server import ControlServer
+
+READ_BYTES: Final = 4096
+UNTAKEN_BYTES: Final = 65536
+"""Replies that wait for a client; beyond that nothing more is read from it."""
+_DESCRIPTOR_BYTES: Final = array.array("i").itemsize
+_ANCILLARY_BYTES: Final = socket.CMSG_SPACE((MAX_TABLES + 1) * _DESCRIPTOR_BYTES)
+"""Room for one too many; of what is beyond it the system closes the rest itself."""
+
+
+class Session:
+    """Serves one client from its first byte to its last."""
+
+    def __init__(self, server: "ControlServer", connection: socket.socket, uid: int) -> None:
+        self.listener: Listener | None = None
+        self._server = server
+        self._connection = connection
+        self._uid = uid
+        self._data = b""
+        self._descriptors: list[int] = []
+        self._outbox = Outbox(connection, self._emptied, self.drop)
+        self._is_open = True
+        self._is_ending = False
+        self._loop = asyncio.get_running_loop()
+        self._is_reading = False
+        self._idle = self._loop.call_later(server.idle_s, self.drop)
+        self._read_on()
+
+    def drop(self) -> None:
+        """Close at once."""
+        if not self._is_open:
+            return
+        self._is_open = False
+        self._idle.cancel()
+        self._outbox.close()
+        if self.listener is not None:
+            self.listener.close()
+        self._read_no_more()
+        self._close_descriptors()
+        self._connection.close()
+        self._server.forget(self)
+
+    # --- reading ---------------------------------------------------------------------------------------
+
+    def _read_on(self) -> None:
+        if not self._is_reading and self._is_open and not self._is_ending:
+            self._is_reading = True
+            self._loop.add_reader(self._connection.fileno(), self._readable)
+
+    def _read_no_more(self) -> None:
+        if self._is_reading:
+            self._is_reading = False
+            self._loop.remove_reader(self._connection.fileno())
+
+    def _readable(self) -> None:
+        try:
+            data, ancillary, flags, _ = self._connection.recvmsg(
+                READ_BYTES, _ANCILLARY_BYTES, socket.MSG_CMSG_CLOEXEC
+            )
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError:
+            self._end_of_data()
+            return
+        for level, kind, content in ancillary:
+            if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
+                whole = len(content) - len(content) % _DESCRIPTOR_BYTES
+                self._descriptors += array.array("i", content[:whole])
+        if not data:
+            self._end_of_data()
+        elif flags & socket.MSG_CTRUNC or len(self._descriptors) > MAX_TABLES:
+            self._refuse("descriptor", f"more than {MAX_TABLES} descriptors")
+        else:
+            self._data += data
+            self._next()
+
+    def _end_of_data(self) -> None:
+        if self._data or self._descriptors:
+            self._complain("half", "went away in the middle of a message")
+        self.drop()
+
+    def _next(self) -> None:
+        """Answer one request; more that came with it wait for a turn of the loop each, as frames do."""
+        if not self._is_open or self._is_ending:
+            return
+        line, end, rest = self._data.partition(b"\n")
+        if len(line) > MAX_REQUEST_BYTES:
+            self._refuse("long", f"a request of more than {MAX_REQUEST_BYTES} bytes")
+        elif not end:
+            self._read_on()
+        elif self._outbox.waiting_bytes > UNTAKEN_BYTES:
+            self._read_no_more()  # until it has taken what it asked for
+        else:
+            self._data = rest
+            self._take(line)
+            if rest:
+                self._read_no_more()  # nobody makes us keep more than we answer
+                self._loop.call_soon(self._next)
+            else:
+                self._read_on()
+
+    def _emptied(self) -> None:
+        if self._is_ending:
+            self.drop()
+            return
+        if self.listener is not None:
+            self.listener.pump()
+        self._next()
+
+    # --- answering -------------------------------------------------------------------------------------
+
+    def _take(self, line: bytes) -> None:
+        try:
+            request = decode_request(line)
+        except WrongMessageError as error:
+            self._refuse("message", str(error))
+            return
+        if (
+            not isinstance(request, Ping | GetStatus | Subscribe)
+            and self._uid not in self._server.desk.masters
+        ):
+            self._refuse("user", f"user {self._uid} may look, and change nothing")
+            return
+        wanted = len(request.tables) if isinstance(request, SetTable) else 0
+        if len(self._descriptors) != wanted:
+            self._refuse(
+                "descriptor", f"{len(self._descriptors)} descriptors where {wanted} belong to the message"
+            )
+            return
+        if self.listener is None:
+            self._wait_for_it()
+        self._answer(request)
+
+    def _answer(self, request: Request) -> None:
+        desk = self._server.desk
+        if isinstance(request, Subscribe):
+            self._subscribe(request)
+        elif isinstance(request, SetTable):
+            try:
+                self._send(desk.hand_over(request, tuple(self._descriptors)))
+            finally:
+                self._close_descriptors()
+        else:
+            self._send(desk.answer(request))
+
+    def _subscribe(self, request: Subscribe) -> None:
+        if self.listener is not None:
+            self._refuse("subscribe", "subscribed already")
+        elif not self._server.has_room_for_listener:
+            self._refuse("subscribe", "as many listeners as there may be are subscribed")
+        else:
+            self._idle.cancel()  # it may be silent from now on
+            self._send(Subscribed(interval_s=request.interval_s))
+            self.listener = Listener(self._outbox, request.interval_s, self._server.desk.status)
+
+    def _refuse(self, kind: str, reason: str) -> None:
+        """Say why, close what came with it, and end."""
+        self._complain(kind, reason)
+        self._data = b""
+        self._close_descriptors()
+        self._read_no_more()
+        self._is_ending = True
+        self._wait_for_it()
+        if self.listener is not None:
+            self.listener.close()
+        self._send(Refused(reason=reason))
+        if not self._outbox.waiting_bytes:
+            self.drop()
+
+    def _wait_for_it(self) -> None:
+        """Give it so long to say something whole, or to take what it is told last."""
+        self._idle.cancel()
+        self._idle = self._loop.call_later(self._server.idle_s, self.drop)
+
+    def _send(self, reply: Reply) -> None:
+        if self._is_open:
+            self._outbox.write(encode(reply))
+
+    def _complain(self, kind: str, reason: str) -> None:
+        self._server.complaints.add(kind, f"a client (user {self._uid}): {reason}")
+
+    def _close_descriptors(self) -> None:
+        for descriptor in self._descriptors:
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+        self._descriptors.clear()

@@ -1,0 +1,76 @@
+"""Files in the state folder: where they are, and how they are written so that a power cut spoils none."""
+
+import contextlib
+import os
+import tempfile
+import tomllib
+from pathlib import Path
+from typing import Any, Final
+
+DEFAULT_STATE: Final = "state"
+"""Folder of the state, relative to the configuration file."""
+PLAN_NAME: Final = "plan.msgpack"
+TABLES_NAME: Final = "tables"
+TABLE_SUFFIX: Final = ".doubles"
+
+
+class StateError(Exception):
+    """The state cannot be read or written; one sentence with the path and the remedy."""
+
+
+def state_folder(config: Path) -> Path:
+    """Return the state folder of a configuration, with nothing else of it looked at.
+
+    Raises:
+        StateError: the configuration cannot be read, or is not TOML.
+    """
+    try:
+        text = config.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        document: dict[str, Any] = tomllib.loads(text)
+    except OSError as error:
+        raise StateError(f"cannot be read ({error.strerror or error}); give the path of a file") from None
+    except (ValueError, RecursionError) as error:
+        raise StateError(f"not TOML: {error}; pitch-gateway check {config} says where") from None
+    section = document.get("gateway", {})
+    named = section.get("state", DEFAULT_STATE) if isinstance(section, dict) else None
+    if not isinstance(named, str) or not named or "\0" in named:
+        raise StateError(f"gateway.state: found {named!r}; allowed: a folder")
+    return config.parent / named
+
+
+def table_path(state: Path, digest: str) -> Path:
+    """Return where a compiled table is kept."""
+    return state / TABLES_NAME / f"{digest}{TABLE_SUFFIX}"
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder of the state where there is none; only this user may look into it.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file so that its name stands for the old content or for the new, whatever happens.
+
+    Raises:
+        OSError: it cannot be written; the old content is still there.
+    """
+    descriptor, made = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(made).replace(path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            Path(made).unlink()
+        raise
+    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(folder)  # the new name too
+    finally:
+        os.close(folder)

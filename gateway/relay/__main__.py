@@ -1,0 +1,49 @@
+"""The relay as a program: ``python -m gateway.relay CONFIG``, what ``pitch-gateway relay`` becomes.
+
+It runs the compiled configuration. Nothing here may load what only reading a configuration needs.
+"""
+
+import argparse
+import signal
+import sys
+from pathlib import Path
+
+from gateway.ipc.children import follow_parent
+from gateway.ipc.compiled_plan import read_plan
+from gateway.ipc.notes import LogFormat, note_writer
+from gateway.ipc.state_folder import StateError, state_folder
+from gateway.relay.errors import StartError
+from gateway.relay.run import run_relay
+
+
+def main() -> int:
+    """Run until a signal ends it; returns the exit code."""
+    options = _options()
+    follow_parent(options.parent, signal.SIGTERM)
+    config: Path = options.config
+    try:
+        state = state_folder(config)
+        plan = read_plan(state, config).plan
+        run_relay(plan, note_writer(options.log_format), options.status_every, state=state)
+    except StateError as error:
+        problems: tuple[str, ...] = (str(error),)
+    except StartError as error:
+        problems = error.problems
+    else:
+        return 0
+    for problem in problems:
+        sys.stderr.write(f"{config}: {problem}\n")
+    return 1
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="pitch-gateway relay")
+    parser.add_argument("config", type=Path)
+    parser.add_argument("--log-format", type=LogFormat, default=LogFormat.AUTO)
+    parser.add_argument("--status-every", type=float, default=0.0)
+    parser.add_argument("--parent", type=int, default=0, help="process to end with")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,134 @@
+"""The supervisor's ear: subscribes to the relay, keeps the newest snapshot, comes back when it is lost."""
+
+import asyncio
+import socket
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.ipc.client import NoGatewayError, check_owner
+from gateway.ipc.messages import (
+    DEFAULT_INTERVAL_S,
+    MAX_REPLY_BYTES,
+    Happened,
+    Refused,
+    Snapshot,
+    Subscribe,
+    WrongMessageError,
+    decode_reply,
+    encode,
+)
+
+FIRST_WAIT_S: Final = 0.1
+LONGEST_WAIT_S: Final = 5.0
+QUIET_TRIES: Final = 4
+"""A relay that is being started needs a moment, of which nobody needs to know: 1.5 s."""
+
+
+class Link:
+    """Keeps a connection to the relay.
+
+    ``on_up`` is called when the relay has been reached, ``on_lost`` with a sentence when it is there no more
+    or does not understand us, and ``on_event`` with everything that happens there.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        on_up: Callable[[], None],
+        on_lost: Callable[[str], None],
+        on_event: Callable[[Happened], None],
+    ) -> None:
+        self.snapshot: Mapping[str, Any] | None = None
+        """The newest status model; it stays when the relay is lost."""
+        self.dropped = 0
+        """Snapshots and events that did not come through, because this process was too slow."""
+        self._path = path
+        self._on_up = on_up
+        self._on_lost = on_lost
+        self._on_event = on_event
+        self._snapshot_s: float | None = None
+        self._said = ""
+        self._is_up = False
+
+    @property
+    def snapshot_age_s(self) -> float | None:
+        """How old the snapshot is."""
+        return None if self._snapshot_s is None else time.monotonic() - self._snapshot_s
+
+    def status(self) -> dict[str, Any] | None:
+        """Return the newest status model, with whether the relay is there and how old it is.
+
+        None where there has been no relay yet.
+        """
+        if self.snapshot is None or self.snapshot_age_s is None:
+            return None
+        relay = {"relay": "up" if self._is_up else "down", "snapshot_age_s": round(self.snapshot_age_s, 3)}
+        return {**self.snapshot, "gateway": {**self.snapshot["gateway"], **relay}}
+
+    async def run(self) -> None:
+        """Connect again and again; never returns."""
+        tries = 0
+        while True:
+            try:
+                reader, writer = await self._connect()
+            except NoGatewayError as error:
+                self._lose(str(error))
+            except OSError as error:
+                if tries >= QUIET_TRIES:
+                    self._lose(f"{self._path}: {error.strerror or error}")
+            else:
+                try:
+                    self._lose(await self._listen(reader, writer))
+                finally:
+                    writer.close()
+                if self._is_up:
+                    self._is_up, tries = False, 0
+            await asyncio.sleep(min(FIRST_WAIT_S * 2**tries, LONGEST_WAIT_S))
+            tries = min(tries + 1, 10)
+
+    async def _connect(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            connection.setblocking(False)
+            await asyncio.get_running_loop().sock_connect(connection, str(self._path))
+            check_owner(self._path, connection)
+        except BaseException:
+            connection.close()
+            raise
+        return await asyncio.open_unix_connection(sock=connection, limit=MAX_REPLY_BYTES)
+
+    async def _listen(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> str:
+        """Listen until the connection ends; returns why it did."""
+        writer.write(encode(Subscribe(interval_s=DEFAULT_INTERVAL_S)))
+        try:
+            while line := await reader.readline():
+                message = decode_reply(line)
+                match message:
+                    case Snapshot():
+                        self._take(message)
+                    case Happened():
+                        self.dropped += message.dropped
+                        self._on_event(message)
+                    case Refused():
+                        return f"the relay refused: {message.reason}"
+                    case _:
+                        self._is_up, self._said = True, ""
+                        self._on_up()
+        except WrongMessageError as error:
+            return str(error)
+        except (OSError, ValueError) as error:
+            return str(error)
+        return "the connection was closed"
+
+    def _take(self, message: Snapshot) -> None:
+        self.dropped += message.dropped
+        self.snapshot = message.status
+        self._snapshot_s = time.monotonic()
+
+    def _lose(self, why: str) -> None:
+        """Say it once, not with every attempt."""
+        if why != self._said:
+            self._said = why
+            self._on_lost(why)

@@ -1,0 +1,118 @@
+"""Another table or gain for an axis: what it costs the loop, and that a refusal changes nothing."""
+
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import overload
+
+import pytest
+
+from gateway.compensation.settings import AxisSettings, Gain, Outside, OutsideKind, Setpoints
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.exchange import control
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.control import ControlError, TableChange
+from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
+from gateway.modbus.registers import PositionField, RegisterType
+
+POINTS = 50_000
+
+
+class Counting(Sequence[float]):
+    """Numbers that count how often one of them is looked at."""
+
+    def __init__(self, numbers: Sequence[float]) -> None:
+        self.numbers = array("d", numbers)
+        self.looks = 0
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @overload
+    def __getitem__(self, index: int) -> float: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[float]: ...
+
+    def __getitem__(self, index: int | slice) -> float | Sequence[float]:
+        self.looks += 1 if isinstance(index, int) else len(self.numbers)
+        return self.numbers[index]
+
+    def __iter__(self) -> Iterator[float]:
+        self.looks += len(self.numbers)
+        return iter(self.numbers)
+
+
+def counting_table(height: float) -> tuple[CorrectionTable, tuple[Counting, ...]]:
+    positions = [number / 100 for number in range(POINTS)]
+    forward = [height * (number % 2) / 1000 for number in range(POINTS)]
+    table = make_table(positions, forward, [c / 2 for c in forward], Units.MM)
+    columns = tuple(map(Counting, (table.positions, table.forward, table.backward)))
+    return replace(table, positions=columns[0], forward=columns[1], backward=columns[2]), columns
+
+
+def axis_with(table: CorrectionTable | None, setpoints: Setpoints) -> AxisExchange:
+    settings = AxisSettings(
+        units=Units.MM,
+        counts_per_unit=1000.0,
+        setpoints=setpoints,
+        outside=Outside(OutsideKind.FADE, fade_length=10.0),
+    )
+    command = (PositionField(100, RegisterType.INT32),)
+    return AxisExchange(AxisPlan("x", 1, settings, table, CompensationMode.ON, Reference.ABSOLUTE, command))
+
+
+def change_of(table: CorrectionTable) -> TableChange:
+    return TableChange("x", table, "x.tab", "centroid-3", "0" * 64)
+
+
+@pytest.mark.parametrize("setpoints", list(Setpoints))
+def test_no_change_walks_over_the_points_of_a_table(setpoints: Setpoints) -> None:
+    old, old_columns = counting_table(1.0)
+    new, new_columns = counting_table(2.0)
+    axis = axis_with(old, setpoints)
+    for counts in (100_000, 120_000, 140_000):
+        axis.compensation.commit(axis.compensation.plan(counts, None, 0), counts)
+    for column in (*old_columns, *new_columns):
+        column.looks = 0
+    control.set_tables([axis], [change_of(new)])
+    control.set_gain([axis], "x", Gain(0.5, 0.9))
+    control.switch([axis], "x", is_wanted=False)
+    control.switch([axis], "x", is_wanted=True)
+    axis.lose()
+    axis.declare_referenced()
+    # The ends of both columns, whenever a curve is made of them; 50 000 where somebody walks.
+    assert sum(column.looks for column in (*old_columns, *new_columns)) < 100
+
+
+def test_a_refused_table_leaves_the_old_one() -> None:
+    old, _ = counting_table(1.0)
+    axis = axis_with(old, Setpoints.TARGETS)
+    plan, wanted = axis.plan, axis.compensation.plan(50_000, None, 0).correction_counts
+    steep = make_table([0.0, 1.0], [0.0, 0.4], [0.0, 0.4], Units.MM)
+    tall = make_table([0.0, 100.0], [0.0, 0.6], [0.0, 0.6], Units.MM)
+    for table, said in (
+        (tall, r"corrects by 0\.6 mm, more than max_correction = 0\.5"),
+        (replace(steep, units=Units.DEGREE), "is in degree, not mm"),
+        (replace(steep, facts=steep.facts._replace(max_slope=1.5)), r"has a slope of 1\.5, 1 or more"),
+    ):
+        with pytest.raises(ControlError, match=said):
+            control.set_tables([axis], [change_of(table)])
+        assert axis.plan is plan
+    assert axis.compensation.plan(50_000, None, 0).correction_counts == wanted
+    with pytest.raises(ControlError, match="there is no axis q here; there are x"):
+        control.set_tables([axis], [replace(change_of(old), axis="q")])
+
+
+def test_a_table_without_the_lost_motion_that_is_configured_is_refused() -> None:
+    from gateway.compensation.backlash import with_backlash
+    from gateway.compensation.settings import Backlash, BacklashKind
+
+    flat = make_table([0.0, 100.0], [0.0, 0.0], [0.0, 0.0], Units.MM)
+    backlash = Backlash(0.02, BacklashKind.TWO_SIDED)
+    axis = axis_with(None, Setpoints.TARGETS)
+    axis.plan = replace(axis.plan, settings=replace(axis.plan.settings, backlash=backlash))
+    with pytest.raises(ControlError, match="is without its backlash: compile it again"):
+        control.set_tables([axis], [change_of(flat)])
+    assert control.set_tables([axis], [change_of(with_backlash(flat, backlash))]) == {"x": "next-target"}

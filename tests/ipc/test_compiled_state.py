@@ -1,0 +1,282 @@
+"""The compiled plan and its tables: everything survives, and nothing old or damaged is ever run."""
+
+import hashlib
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gateway
+from gateway.compensation.backlash import with_backlash
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.config.compile import compile_into_state
+from gateway.config.load import Loaded, load
+from gateway.drives import library
+from gateway.drives.profile import Transport
+from gateway.ipc.compiled_plan import in_force, read_plan, shape_of
+from gateway.ipc.compiled_table import HEADER_BYTES, WrongTableError, checked, compiled, digest_of, mapped
+from gateway.ipc.state_folder import PLAN_NAME, StateError, state_folder, table_path
+
+ROOT = Path(__file__).parents[2]
+CONFIG = """
+[line.xyz]
+drives = { tcp = "127.0.0.1:502" }
+
+[[line.xyz.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:1502"
+allow = ["127.0.0.0/8", "::1/128"]
+
+[[line.xyz.controllers]]
+name = "plc"
+rtu = "/dev/serial/by-id/usb-A"
+role = "operator"
+
+[axis.x]
+line = "xyz"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 100.0]
+referenced = "absolute"
+table = "x.tab"
+backlash = { width = 0.02, kind = "two-sided" }
+gain = { forward = 1.0, backward = 0.5 }
+registers.command = [{ address = 100, type = "int32", words = "low-first" }]
+registers.bits = { homed = { address = 7, bit = 3 } }
+"""
+TABLE = """CNC10 TAB FILE VERSION 3
+AXIS X
+UNITS MILLIMETER
+INTERVAL 50.0
+ENTRIES 3
+0.0 0.0 0.0
+50.0 0.05 0.05
+100.0 0.1 0.1
+"""
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "x.tab").write_text(TABLE)
+    path = tmp_path / "gateway.toml"
+    path.write_text(CONFIG)
+    return path
+
+
+def compiled_and_read(path: Path) -> Loaded:
+    loaded = load(path)
+    compile_into_state(loaded)
+    found = read_plan(state_folder(path), path)
+    # Tables compare by their points: those of the file and those in memory are the same doubles.
+    assert found.plan == in_force(loaded.plan)
+    assert found.shape == shape_of(loaded.plan)
+    return loaded
+
+
+def test_every_field_of_a_plan_survives(config: Path) -> None:
+    loaded = compiled_and_read(config)
+    (axis,) = read_plan(loaded.state_folder, config).plan.lines[0].axes
+    assert axis.table is not None
+    # Half of 0.02 mm each way; 0.05 mm in the middle.
+    assert list(axis.table.forward) == [0.01, pytest.approx(0.06), pytest.approx(0.11)]
+    assert list(axis.table.backward) == [-0.01, pytest.approx(0.04), pytest.approx(0.09)]
+    assert (
+        axis.table.facts
+        == with_backlash(
+            loaded.tables["x"].table,
+            loaded.plan.lines[0].axes[0].settings.backlash,  # type: ignore[arg-type]
+        ).facts
+    )
+
+
+@pytest.mark.parametrize("example", ["gateway.example.toml", "gateway.profile.example.toml"])
+def test_the_plans_of_the_examples_survive(tmp_path: Path, example: str) -> None:
+    for table in (ROOT / "deploy" / "tables").iterdir():
+        (tmp_path / "tables").mkdir(exist_ok=True)
+        (tmp_path / "tables" / table.name).write_bytes(table.read_bytes())
+    path = tmp_path / example
+    path.write_text((ROOT / "deploy" / example).read_text().replace("/var/lib/pitch-gateway", "state"))
+    compiled_and_read(path)
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_the_plans_of_all_shipped_drives_survive(config: Path, name: str) -> None:
+    text = config.read_text().replace('table = "x.tab"', f'table = "x.tab"\ndrive = "{name}"')
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("registers."))
+    if Transport.TCP not in library.shipped(name).transports:
+        text = text.replace('{ tcp = "127.0.0.1:502" }', '{ rtu_over_tcp = "127.0.0.1:502" }')
+    config.write_text(text)
+    compiled_and_read(config)
+
+
+def test_before_it_was_compiled_the_command_is_said(config: Path) -> None:
+    with pytest.raises(StateError) as caught:
+        read_plan(state_folder(config), config)
+    assert str(caught.value) == (
+        f"it has not been compiled yet: there is no {config.parent}/state/plan.msgpack; "
+        f"run: pitch-gateway check --compile {config}"
+    )
+
+
+def test_a_configuration_that_changed_since_is_not_run_from_an_old_plan(config: Path) -> None:
+    compile_into_state(load(config))
+    config.write_text(config.read_text() + "# a remark\n")
+    with pytest.raises(
+        StateError, match=r"gateway\.toml has changed since it was compiled; run: pitch-gateway"
+    ):
+        read_plan(state_folder(config), config)
+
+
+def test_a_profile_that_changed_since_is_noticed_too(config: Path) -> None:
+    own = config.parent / "mine.toml"
+    own.write_bytes((Path(gateway.__file__).parent / "drives" / "profiles" / "tl-r.toml").read_bytes())
+    text = config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ndrive = "./mine.toml"')
+    config.write_text("\n".join(line for line in text.splitlines() if not line.startswith("registers.")))
+    config.write_text(config.read_text().replace('{ tcp = "127.0.0.1:502" }', '{ rtu = "/dev/ttyS9" }'))
+    compiled_and_read(config)
+    own.write_text(own.read_text() + "# a remark\n")
+    with pytest.raises(StateError, match=r"mine\.toml has changed since it was compiled"):
+        read_plan(state_folder(config), config)
+
+
+def test_the_plan_of_another_configuration_is_refused(config: Path) -> None:
+    compile_into_state(load(config))
+    other = config.with_name("other.toml")
+    other.write_text(config.read_text())
+    with pytest.raises(StateError, match=r"was compiled from .*gateway\.toml, not from .*other\.toml"):
+        read_plan(state_folder(other), other)
+
+
+def test_the_plan_of_another_release_is_refused(config: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr(gateway, "__version__", "0.0.9")
+        compile_into_state(load(config))
+    with pytest.raises(StateError, match=r"was made by release 0\.0\.9, and this is release"):
+        read_plan(state_folder(config), config)
+
+
+def test_a_damaged_plan_is_refused_wherever_a_byte_is_wrong(config: Path) -> None:
+    compile_into_state(load(config))
+    path = state_folder(config) / PLAN_NAME
+    good = path.read_bytes()
+    for place in range(0, len(good), 7):
+        path.write_bytes(good[:place] + bytes((good[place] ^ 0x55,)) + good[place + 1 :])
+        with pytest.raises(StateError, match="check --compile"):
+            read_plan(state_folder(config), config)
+    path.write_bytes(good[:-1])
+    with pytest.raises(StateError, match="check --compile"):
+        read_plan(state_folder(config), config)
+
+
+def test_a_plan_with_what_this_release_does_not_know_is_refused(config: Path) -> None:
+    compile_into_state(load(config))
+    path = state_folder(config) / PLAN_NAME
+    file = msgspec.msgpack.decode(path.read_bytes())
+    plan = msgspec.msgpack.decode(file["plan"])
+    plan["of"]["lines"][0]["of"]["colour"] = "red"
+    file["plan"] = msgspec.msgpack.encode(plan)
+    file["plan_sha256"] = hashlib.sha256(file["plan"]).hexdigest()
+    path.write_bytes(msgspec.msgpack.encode(file))
+    with pytest.raises(StateError, match=r"is not understood: .*colour"):
+        read_plan(state_folder(config), config)
+
+
+def test_a_damaged_table_file_is_refused(config: Path) -> None:
+    data = compile_into_state(load(config))["x"]
+    path = table_path(state_folder(config), digest_of(data))
+    path.write_bytes(data[:-1] + b"\xff")
+    with pytest.raises(StateError, match="the points of the compiled table are damaged"):
+        read_plan(state_folder(config), config)
+    path.unlink()
+    with pytest.raises(StateError, match="No such file"):
+        read_plan(state_folder(config), config)
+
+
+def test_tables_that_no_axis_has_any_more_are_removed(config: Path) -> None:
+    first = digest_of(compile_into_state(load(config))["x"])
+    (config.parent / "tables" / "x.tab").write_text(TABLE.replace("0.05", "0.04"))
+    second = digest_of(compile_into_state(load(config))["x"])
+    state = state_folder(config)
+    assert first != second
+    assert [path.name for path in (state / "tables").iterdir()] == [f"{second}.doubles"]
+    assert sorted(path.name for path in state.iterdir()) == ["plan.msgpack", "tables"]
+
+
+def test_a_file_where_the_state_folder_should_be_is_said(config: Path) -> None:
+    (config.parent / "state").write_text("")
+    with pytest.raises(StateError, match=r"gateway\.state: .*state.*: File exists"):
+        compile_into_state(load(config))
+
+
+# --- one table ---------------------------------------------------------------------------------------------
+
+
+def table_of_3() -> CorrectionTable:
+    return make_table([0.0, 1.0, 3.0], [0.0, 0.01, 0.02], [0.0, -0.01, 0.03], Units.MM)
+
+
+def test_a_compiled_table_is_24_bytes_a_point_behind_its_header() -> None:
+    table = table_of_3()
+    data = compiled(table)
+    assert len(data) == HEADER_BYTES + 3 * 24
+    points = struct.unpack("=9d", data[HEADER_BYTES:])
+    assert points == (0.0, 1.0, 3.0, 0.0, 0.01, 0.02, 0.0, -0.01, 0.03)
+    found = mapped(memoryview(data))
+    assert found == table
+    assert found.facts == table.facts
+    assert found.digest == digest_of(data)
+    assert isinstance(found.positions, memoryview)
+    assert compiled(found) == data
+
+
+def test_a_table_of_one_direction_has_one_branch_in_memory() -> None:
+    found = checked(compiled(make_table([0.0, 1.0], [0.0, 0.01], [0.0, 0.01], Units.INCH)))
+    assert found.forward is found.backward
+    assert found.units is Units.INCH
+    assert found.even_step == 1.0
+
+
+@given(st.integers(0, HEADER_BYTES + 72), st.integers(1, 255))
+def test_a_table_with_a_wrong_byte_is_refused(place: int, change: int) -> None:
+    data = bytearray(compiled(table_of_3()))
+    if place == len(data):
+        data += b"x"
+    else:
+        data[place] ^= change
+    with pytest.raises(WrongTableError):
+        checked(bytes(data))
+
+
+@given(st.binary(max_size=400))
+def test_any_bytes_are_a_table_or_refused(data: bytes) -> None:
+    with pytest.raises(WrongTableError):
+        mapped(memoryview(data))
+
+
+def test_what_is_wrong_with_a_table_is_said() -> None:
+    data = compiled(table_of_3())
+    for bad, said in (
+        (data[:10], "10 bytes are no compiled table"),
+        (b"x" * 200, "it begins with b'xxxxxxxx'"),
+        (data[:-8], f"{len(data) - 8} bytes for 3 points, which take {len(data)}"),
+        (data[:8] + struct.pack("=I", 2) + data[12:], "of version 2; this release has version 1"),
+    ):
+        with pytest.raises(WrongTableError, match=said):
+            mapped(memoryview(bad))
+
+
+def test_the_shape_of_a_plan_does_not_hang_on_its_tables(config: Path) -> None:
+    plan = load(config).plan
+    (line,) = plan.lines
+    (axis,) = line.axes
+    bare = replace(axis, table=None, table_name="", table_digest="")
+    assert shape_of(replace(plan, lines=(replace(line, axes=(bare,)),))) == shape_of(plan)
+    moved = replace(axis, unit_id=2)
+    assert shape_of(replace(plan, lines=(replace(line, axes=(moved,)),))) != shape_of(plan)

@@ -1,0 +1,214 @@
+"""Real programs, a real drive and a real master, for tests of the two processes."""
+
+import contextlib
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from gateway.ipc.place import socket_path
+from gateway.modbus.mbap import encode_mbap
+from tests.child import started
+
+ROOT = Path(__file__).parents[2]
+COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
+SECONDS = 30.0
+CONFIG = """
+[gateway]
+name = "trial"
+
+[line.xyz]
+drives = {{ tcp = "127.0.0.1:{drives}" }}
+
+[[line.xyz.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:{port}"
+
+[axis.x]
+line = "xyz"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 100.0]
+referenced = "absolute"
+table = "x.tab"
+registers.command = [{{ address = 100, type = "int32" }}]
+"""
+TABLE = """CNC10 TAB FILE VERSION 3
+AXIS X
+UNITS MILLIMETER
+INTERVAL 50.0
+ENTRIES 3
+0.0 0.0 0.0
+50.0 0.05 0.05
+100.0 0.1 0.1
+"""
+STEEPER = TABLE.replace("0.1 0.1", "0.2 0.2").replace("0.05 0.05", "0.1 0.1")
+
+
+def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [*COMMAND, *arguments], capture_output=True, text=True, timeout=SECONDS, check=False, cwd=ROOT
+    )
+
+
+class Drive:
+    """Acknowledges FC16; keeps what it was told, in counts."""
+
+    def __init__(self, listening: socket.socket) -> None:
+        self.told: list[int] = []
+        self._listening = listening
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                connection, _ = self._listening.accept()
+            except OSError:
+                return
+            with connection, contextlib.suppress(OSError):
+                while data := connection.recv(300):
+                    self.told.append(int.from_bytes(data[13:17], "big", signed=True))
+                    connection.sendall(data[:4] + bytes((0, 6)) + data[6:12])
+
+
+class Master:
+    """Commands positions, and sees every answer."""
+
+    def __init__(self, port: int, drive: Drive) -> None:
+        self._connection = socket.create_connection(("127.0.0.1", port), timeout=SECONDS)
+        self._drive = drive
+        self._number = 0
+
+    def move(self, counts: int) -> int:
+        """Command a position; returns what the drive was told."""
+        self._number = self._number % 60_000 + 1
+        pdu = bytes.fromhex("10 0064 0002 04") + counts.to_bytes(4, "big")
+        self._connection.sendall(encode_mbap(self._number, 1, pdu))
+        assert self._connection.recv(300) == encode_mbap(self._number, 1, pdu[:5])
+        return self._drive.told[-1]
+
+    def close(self) -> None:
+        self._connection.close()
+
+
+class Site:
+    """A configuration with a drive behind it."""
+
+    def __init__(self, folder: Path, drives: int, port: int, drive: Drive) -> None:
+        self.config = folder / "gateway.toml"
+        self.config.write_text(CONFIG.format(drives=drives, port=port))
+        self.table = folder / "tables" / "x.tab"
+        self.table.parent.mkdir()
+        self.table.write_text(TABLE)
+        self.socket = socket_path(folder / "state")
+        self.port = port
+        self.drive = drive
+
+    def master(self) -> Master:
+        return Master(self.port, self.drive)
+
+
+@contextlib.contextmanager
+def site_in(folder: Path) -> Iterator[Site]:
+    """Lay out a configuration with a drive that answers."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        yield Site(folder, listening.getsockname()[1], port, Drive(listening))
+
+
+class Running:
+    """A program of ours with its log."""
+
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
+        self.process = process
+        self.notes: list[dict[str, Any]] = []
+
+    def until(self, name: str, **fields: object) -> dict[str, Any]:
+        """Read the log up to an event."""
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            note: dict[str, Any] = json.loads(line)
+            self.notes.append(note)
+            if note["event"] == name and all(note.get(key) == value for key, value in fields.items()):
+                return note
+        raise AssertionError(f"the log ended without {name}: {self.notes}")
+
+    def end(self, number: signal.Signals = signal.SIGTERM) -> int:
+        self.process.send_signal(number)
+        self.rest()
+        return self.process.wait(SECONDS)
+
+    def rest(self) -> list[dict[str, Any]]:
+        """Read the log to its end: every program that writes into it has ended then."""
+        assert self.process.stderr is not None
+        rest = [json.loads(line) for line in self.process.stderr]
+        self.notes += rest
+        return rest
+
+
+@contextlib.contextmanager
+def running(*arguments: str) -> Iterator[Running]:
+    command = [*COMMAND, *arguments, "--log-format", "json"]
+    with started(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+        yield Running(process)
+        process.kill()
+
+
+def children(process: "subprocess.Popen[str]") -> dict[str, int]:
+    """Return the programs that a process has started, by module."""
+    found = {}
+    for pid in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
+        words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        found[words[words.index("-m") + 1]] = int(pid)
+    return found
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def wait_until_dead(pid: int) -> None:
+    """Wait for the end of a process that is not ours to wait for."""
+    try:
+        descriptor = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return
+    try:
+        ready, _, _ = select.select([descriptor], [], [], SECONDS)
+        assert ready, f"{pid} still runs"
+    finally:
+        os.close(descriptor)
+
+
+@contextlib.contextmanager
+def gateway_of(site: Site) -> Iterator[tuple[Running, Master]]:
+    """``run`` with both processes, which have found each other."""
+    with running("run", str(site.config)) as gateway:
+        seen: set[str] = set()
+        while not {"line-up", "relay-reached"} <= seen:
+            seen.add(_next(gateway))
+        master = site.master()
+        try:
+            yield gateway, master
+        finally:
+            master.close()
+
+
+def _next(gateway: Running) -> str:
+    assert gateway.process.stderr is not None
+    line = gateway.process.stderr.readline()
+    assert line, f"the log ended: {gateway.notes}"
+    gateway.notes.append(json.loads(line))
+    return str(gateway.notes[-1]["event"])

@@ -1,0 +1,70 @@
+"""``reload``: what changed is handed over, and what is wrong is said."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.processes.bench import (
+    STEEPER,
+    TABLE,
+    Site,
+    gateway_of,
+    site_in,
+    typed,
+)
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    with site_in(tmp_path) as site:
+        yield site
+
+
+def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> None:
+    config = str(site.config)
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_050
+        same = typed("reload", config)
+        assert (same.returncode, same.stdout) == (0, "nothing to change: all tables are in force already\n")
+        site.table.write_text(STEEPER)
+        new = typed("reload", config)
+        assert (new.returncode, new.stderr) == (0, "")
+        assert new.stdout == "x: its new table comes into force with the next different target\n"
+        assert master.move(50_001) == 50_101
+        text = site.config.read_text()
+        site.config.write_text(text.replace('table = "x.tab"', ""))
+        gone = typed("reload", config)
+        assert (gone.returncode, gone.stderr) == (0, "")
+        assert gone.stdout == (
+            "x: it has no table any more; the old correction goes with the next different target\n"
+        )
+        assert master.move(50_000) == 50_000
+        site.config.write_text(text)
+        assert typed("reload", config).returncode == 0
+        assert master.move(50_001) == 50_101
+        site.table.write_text("no table")
+        bad = typed("reload", config, "--json")
+        assert bad.returncode == 1
+        assert bad.stderr.startswith(f"{site.table}")
+        result = json.loads(bad.stdout)
+        assert (result["changed"], result["running"]) == ([], True)
+        assert result["problems"] == bad.stderr.splitlines()
+        assert master.move(50_000) == 50_100
+        site.table.write_text(TABLE)
+        site.config.write_text(site.config.read_text().replace("= 1000.0", "= 2000.0"))
+        other = typed("reload", config)
+        assert other.returncode == 1
+        assert other.stderr == (
+            f"{config}: it has changed in more than its tables since the gateway was started, and only "
+            "tables are taken while it runs; restart the gateway\n"
+        )
+        assert master.move(50_001) == 50_101
+        assert gateway.end() == 0
+
+
+def test_without_a_gateway_reload_compiles_for_its_start(site: Site) -> None:
+    done = typed("reload", str(site.config))
+    assert (done.returncode, done.stdout) == (0, "no gateway runs: the tables are compiled for its start\n")
+    assert (site.config.parent / "state" / "plan.msgpack").exists()

@@ -1,0 +1,144 @@
+"""Relay and supervisor as two services: each lives without the other, also when it is of another version."""
+
+import signal
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gateway.ipc.client import ask
+from gateway.ipc.messages import Ping, Pong
+from tests.processes.bench import (
+    SECONDS,
+    STEEPER,
+    TABLE,
+    Site,
+    children,
+    gateway_of,
+    running,
+    site_in,
+    typed,
+)
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    with site_in(tmp_path) as site:
+        yield site
+
+
+def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
+    config = str(site.config)
+    nothing = typed("relay", config)
+    assert nothing.returncode == 1
+    assert nothing.stderr == (
+        f"{config}: it has not been compiled yet: there is no {site.config.parent}/state/plan.msgpack; "
+        f"run: pitch-gateway check --compile {config}\n"
+    )
+    assert typed("check", "--compile", config).returncode == 0
+    with running("relay", config) as relay:
+        relay.until("line-up")
+        master = site.master()
+        assert master.move(50_000) == 50_050
+        master.close()
+        assert children(relay.process) == {}
+        assert relay.end() == 0
+    site.config.write_text(site.config.read_text() + "# a remark\n")
+    changed = typed("relay", config)
+    assert changed.returncode == 1
+    assert changed.stderr == (
+        f"{config}: {config} has changed since it was compiled; run: pitch-gateway check --compile {config}\n"
+    )
+
+
+def test_each_starts_and_ends_without_the_other(site: Site) -> None:
+    config = str(site.config)
+    assert typed("check", "--compile", config).returncode == 0
+    with running("supervise", config) as supervisor:
+        supervisor.until("supervising")
+        for _ in range(2):  # the relay comes and goes twice
+            with running("relay", config) as relay:
+                relay.until("line-up")
+                supervisor.until("relay-reached")
+                assert isinstance(ask(site.socket, Ping()), Pong)
+                assert relay.end() == 0
+            supervisor.until("relay-not-reached", detail="the connection was closed")
+        with running("relay", config) as relay:
+            relay.until("line-up")
+            supervisor.until("relay-reached")
+            master = site.master()
+            assert master.move(50_000) == 50_050
+            assert supervisor.end() == 0
+            assert master.move(60_000) == 60_060
+            with running("supervise", config) as again:
+                again.until("relay-reached")
+                assert master.move(50_000) == 50_050
+            master.close()
+            assert relay.end() == 0
+
+
+def test_a_table_that_changed_is_handed_over_on_a_hangup_signal(site: Site) -> None:
+    config = str(site.config)
+    assert typed("check", "--compile", config).returncode == 0
+    with running("relay", config) as relay, running("supervise", config) as supervisor:
+        relay.until("line-up")
+        supervisor.until("relay-reached")
+        master = site.master()
+        assert master.move(50_000) == 50_050
+        supervisor.process.send_signal(signal.SIGHUP)
+        assert supervisor.until("nothing-to-reload")["detail"] == "all tables are in force already"
+        site.table.write_text(TABLE.replace("50.0 0.05 0.05", "50.0 0.9 0.9"))
+        supervisor.process.send_signal(signal.SIGHUP)
+        refused = supervisor.until("reload-refused")
+        assert refused["detail"] == "the tables in force stay"
+        # File and line: the second of the three points.
+        assert refused["problems"][0].startswith(f"{site.table}:7: ")
+        assert master.move(50_001) == 50_051
+        site.table.write_text(STEEPER)
+        supervisor.process.send_signal(signal.SIGHUP)
+        assert supervisor.until("table-handed-over")["comes"] == "next-target"
+        assert master.move(50_000) == 50_100
+        assert relay.until("table-activated")["table"] == "x.tab"
+        master.close()
+        relay.process.kill()
+    # The last good table is what the relay starts with, although nothing was compiled by hand.
+    with running("relay", config) as relay:
+        relay.until("line-up")
+        master = site.master()
+        assert master.move(50_000) == 50_100
+        master.close()
+
+
+def test_a_supervisor_says_once_that_the_relay_is_of_another_version(site: Site) -> None:
+    site.socket.parent.mkdir()
+    with socket.socket(socket.AF_UNIX) as other:
+        other.bind(str(site.socket))
+        other.listen()
+        with running("supervise", str(site.config)) as supervisor:
+            for _ in range(3):
+                connection, _ = other.accept()
+                with connection:
+                    assert b'"subscribe"' in connection.recv(300)
+                    connection.sendall(b'{"kind":"subscribed","interval_s":0.2,"version":3}\n')
+            said = supervisor.until("relay-not-reached")
+            assert said["detail"].startswith("a message of version 3, but this side speaks version 2")
+            connection, _ = other.accept()
+            with connection:
+                connection.recv(300)
+            assert supervisor.until("relay-not-reached")["detail"] == "the connection was closed"
+            assert supervisor.end() == 0
+    assert [note["event"] for note in supervisor.notes].count("relay-not-reached") == 2
+
+
+def test_a_supervisor_of_another_version_is_refused_and_the_relay_goes_on(site: Site) -> None:
+    with gateway_of(site) as (gateway, master):
+        with socket.socket(socket.AF_UNIX) as connection:
+            connection.settimeout(SECONDS)
+            connection.connect(str(site.socket))
+            connection.sendall(b'{"kind":"subscribe","interval_s":0.2,"version":3}\n')
+            assert b"a message of version 3, but this side speaks version 2" in connection.recv(1000)
+        refused = gateway.until("socket-refused")
+        assert "a message of version 3" in refused["detail"]
+        assert master.move(50_000) == 50_050
+        assert gateway.end() == 0

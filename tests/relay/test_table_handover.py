@@ -1,0 +1,351 @@
+"""Tables handed to a relay that runs: how they come into force, and what is refused."""
+
+import asyncio
+import gc
+import os
+import struct
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from gateway.compensation.settings import Setpoints
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.exchange.plan import AxisPlan
+from gateway.ipc import traffic
+from gateway.ipc.client import ask
+from gateway.ipc.compiled_table import HEADER_BYTES, compiled, digest_of
+from gateway.ipc.messages import (
+    ClearTable,
+    Disable,
+    Done,
+    Enable,
+    GetStatus,
+    SetGain,
+    SetTable,
+    Status,
+    TableFor,
+)
+from gateway.ipc.plan import GatewayPlan, LinePlan
+from gateway.ipc.sealed_memory import seal
+from gateway.modbus.mbap import encode_mbap
+from gateway.relay.gateway import Relay
+from gateway.relay.recorder import Recorder
+from gateway.relay.replay import Replay
+
+if TYPE_CHECKING:
+    from tests.relay.conftest import Bench, RawEnd, Tools
+
+FLAT = [0.0, 100.0]
+
+
+def table_of(*corrections: float, units: Units = Units.MM) -> CorrectionTable:
+    return make_table(FLAT, list(corrections), list(corrections), units)
+
+
+STEEPER = table_of(0.0, 0.2)
+"""Adds 0.1 mm at 50 mm, where the table of the bench adds 0.05 mm."""
+
+
+def answered(data: bytes) -> bytes:
+    """Acknowledge FC16."""
+    return data[:4] + bytes((0, 6)) + data[6:12]
+
+
+def without_actual(tools: "Tools", **changes: Any) -> AxisPlan:
+    """The axis of the bench with nothing to read: no frame is added."""
+    return replace(tools.axis(), actual=(), **changes)
+
+
+class Machine:
+    """A relay with its controller's end; keeps what the drives were told, in counts by unit id."""
+
+    def __init__(self, relay: Relay, near: "RawEnd", told: list[tuple[int, int]]) -> None:
+        self.relay = relay
+        self.near = near
+        self.told = told
+
+    @property
+    def socket(self) -> Path:
+        assert self.relay.control_socket is not None
+        return self.relay.control_socket
+
+    async def move(self, counts: int, unit: int = 1) -> int:
+        """Command a position; returns what the drive was told."""
+        pdu = bytes.fromhex("10 0064 0002 04") + counts.to_bytes(4, "big", signed=True)
+        self.near.write(encode_mbap(1, unit, pdu))
+        await self.near.receives(encode_mbap(1, unit, pdu[:5]))
+        found, position = self.told[-1]
+        assert found == unit
+        return position
+
+    async def give(self, *tables: tuple[str, CorrectionTable | bytes]) -> Done:
+        """Hand over tables in one message."""
+        content = [table if isinstance(table, bytes) else compiled(table) for _, table in tables]
+        return await self.give_descriptors(
+            [axis for axis, _ in tables], [seal(data, "table") for data in content]
+        )
+
+    async def give_descriptors(self, axes: list[str], descriptors: list[int]) -> Done:
+        request = SetTable(tables=tuple(TableFor(axis, "new.tab", "centroid-3", "f" * 64) for axis in axes))
+        try:
+            reply = await asyncio.to_thread(ask, self.socket, request, descriptors=descriptors)
+        finally:
+            for descriptor in descriptors:
+                os.close(descriptor)
+        assert isinstance(reply, Done)
+        return reply
+
+    async def say(self, request: ClearTable | SetGain | Disable | Enable) -> Done:
+        reply = await asyncio.to_thread(ask, self.socket, request)
+        assert isinstance(reply, Done)
+        return reply
+
+
+async def machine(
+    bench: "Bench",
+    tools: "Tools",
+    state: Path,
+    *axes: AxisPlan,
+    groups: tuple[tuple[str, ...], ...] = (),
+    recorder: Recorder | None = None,
+) -> Machine:
+    told: list[tuple[int, int]] = []
+
+    def script(data: bytes) -> bytes:
+        told.append((data[6], int.from_bytes(data[13:17], "big", signed=True)))
+        return answered(data)
+
+    _, where = await bench.drive("tcp", script)
+    link, _ = bench.controller_link("tcp")
+    line = LinePlan("line", where, (link,), axes, tools.timing, groups)
+    relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=state, recorder=recorder)
+    await relay.start()
+    bench.stack.push_async_callback(relay.stop)
+    await tools.until_up(relay)
+    return Machine(relay, await bench.connect(relay.address("line", "cnc")), told)
+
+
+def descriptors_open() -> int:
+    gc.collect()  # what other tests left is none of ours
+    return sum(1 for _ in Path("/proc/self/fd").iterdir())
+
+
+async def test_a_table_is_in_force_with_the_next_different_target(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+    assert await mill.move(50_000) == 50_050
+    done = await mill.give(("x", STEEPER))
+    assert done == Done(changed=("x",), comes={"x": "next-target"})
+    assert len(mill.told) == 1  # nothing moves by itself
+    assert await mill.move(50_000) == 50_050  # the same target, the same words
+    assert await mill.move(50_001) == 50_101  # 0.2 % of 50.001 mm are 100.002 counts
+    assert await mill.move(50_000) == 50_100
+    reply = await asyncio.to_thread(ask, mill.socket, GetStatus())
+    assert isinstance(reply, Status)
+    table = reply.status["axes"]["x"]["table"]
+    assert table["compiled"] == digest_of(compiled(STEEPER))
+    assert (table["file"], table["sha256"], table["points"]) == ("new.tab", "f" * 64, 2)
+    await tools.eventually(lambda: "table-activated" in [note.event for note in bench.notes])
+    [note] = [note for note in bench.notes if note.event == "table-activated"]
+    assert (note.fields["axis"], note.fields["comes"], note.fields["points"]) == ("x", "next-target", 2)
+
+
+async def test_a_stream_never_steps_by_more_than_the_blend_allows(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    """From 20 to 60 counts over 10 mm in setpoints of 0.1 mm.
+
+    sin² over D adds (π/2)·d/D of slope at most: (π/2)·0.04/10 = 0.0063, that is 0.63 counts on each setpoint
+    of 100 counts. Rounded to whole counts a step is 100 or 101 counts, and never 102.
+    """
+    axis = without_actual(tools)
+    settings = replace(axis.settings, setpoints=Setpoints.STREAM, reload_distance=10.0)
+    mill = await machine(bench, tools, tmp_path, replace(axis, settings=settings, table=table_of(0.02, 0.02)))
+    for counts in range(10_000, 22_000, 100):
+        await mill.move(counts)
+    assert mill.told[-1] == (1, 21_900 + 20)
+    done = await mill.give(("x", table_of(0.06, 0.06)))
+    assert done.comes == {"x": "blended"}
+    before = len(mill.told)
+    for counts in range(22_000, 34_000, 100):
+        await mill.move(counts)
+    positions = [position for _, position in mill.told[before - 1 :]]
+    steps = {after - position for position, after in pairwise(positions)}
+    assert steps == {100, 101}
+    offsets = [position - (21_900 + 100 * number) for number, position in enumerate(positions)]
+    assert offsets[0] == offsets[1] == 20  # the blend begins where the axis is
+    # 5 mm later half of 40 counts are there, and all of them after 10 mm.
+    assert offsets[1 + 50] == 40
+    assert offsets[1 + 100 :] == [60] * 20
+    assert offsets[1 + 99] in (59, 60)
+
+
+async def test_a_table_that_goes_takes_its_correction_along(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+    assert await mill.move(50_000) == 50_050
+    assert await mill.say(ClearTable(axes=("x",))) == Done(changed=("x",), comes={"x": "next-target"})
+    assert await mill.move(50_000) == 50_050
+    assert await mill.move(60_000) == 60_000
+    assert mill.relay.status()["axes"]["x"]["compensation"] == "no-table"  # type: ignore[index]
+    assert await mill.say(ClearTable(axes=("x",))) == Done()  # nothing to take away
+    assert (await mill.give(("x", STEEPER))).changed == ("x",)
+    assert await mill.move(50_000) == 50_100
+
+
+async def test_another_gain_is_in_force_with_the_next_target(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+    done = await mill.say(SetGain(forward=0.5, backward=1.0))
+    assert done == Done(changed=("x",), comes={"x": "next-target"})
+    await mill.move(10_000)  # on a branch that nobody knows yet
+    assert await mill.move(50_000) == 50_025  # forward: half of 50 counts
+    assert await mill.move(40_000) == 40_040  # backward: all of 40
+    assert await mill.say(SetGain(forward=0.5, backward=1.0)) == Done()
+
+
+async def test_a_table_for_an_axis_that_is_off_waits(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
+    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+    await mill.say(Disable())
+    assert (await mill.give(("x", STEEPER))).comes == {"x": "not-in-force"}
+    assert await mill.move(50_000) == 50_000
+    await mill.say(Enable())
+    assert await mill.move(50_001) == 50_101
+
+
+def a_file() -> int:
+    with tempfile.TemporaryFile() as file:
+        file.write(compiled(STEEPER))
+        file.flush()
+        return os.dup(file.fileno())
+
+
+def unsealed() -> int:
+    descriptor = os.memfd_create("table", os.MFD_ALLOW_SEALING)
+    os.write(descriptor, compiled(STEEPER))
+    return descriptor
+
+
+def of(change: Callable[[bytes], bytes]) -> Callable[[], int]:
+    return lambda: seal(change(compiled(STEEPER)), "table")
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        ("q", of(lambda data: data), "axis q: there is none of that name; there are x"),
+        ("x", a_file, "the table for axis x: the descriptor is no memory of the system's"),
+        ("x", unsealed, "the table for axis x: the memory is not sealed"),
+        ("x", of(lambda data: data[:-8]), "bytes for 2 points, which take"),
+        ("x", of(lambda data: data[:40]), "40 bytes are no compiled table"),
+        ("x", of(lambda data: b"PGtable\r" + data[8:]), "it begins with b'PGtable"),
+        ("x", of(lambda data: data[:8] + struct.pack("=I", 9) + data[12:]), "of version 9; this release"),
+        (
+            "x",
+            of(lambda data: data[:40] + b"\x01" + data[41:]),
+            "the header of the compiled table is damaged",
+        ),
+        ("x", of(lambda data: data[: HEADER_BYTES - 1] + b"\0" + data[HEADER_BYTES:]), "is damaged"),
+        (
+            "x",
+            lambda: seal(compiled(table_of(0.0, 0.001, units=Units.INCH)), "table"),
+            "the table for axis x is in inch, not mm",
+        ),
+        (
+            "x",
+            lambda: seal(compiled(table_of(0.0, 0.51)), "table"),
+            "corrects by 0.51 mm, more than max_correction = 0.5",
+        ),
+    ],
+)
+async def test_a_bad_table_is_refused_and_the_relay_is_unharmed(
+    bench: "Bench", tools: "Tools", tmp_path: Path, case: tuple[str, Callable[[], int], str]
+) -> None:
+    axis, make, said = case
+    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+    assert await mill.move(50_000) == 50_050
+    before = descriptors_open()
+    for _ in range(20):
+        done = await mill.give_descriptors([axis], [make()])
+        assert done.changed == ()
+        [problem] = done.problems
+        assert said in problem
+    await tools.eventually(lambda: descriptors_open() == before)
+    assert await mill.move(60_000) == 60_060  # the old table
+    await mill.relay.stop()
+    # Once, not twenty times.
+    refused = [str(note.fields["detail"]) for note in bench.notes if note.event == "table-refused"]
+    assert refused == [problem]
+
+
+async def test_tables_that_are_replaced_leave_no_descriptors_behind(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+    counts = []
+    for number in range(12):
+        await mill.give(("x", table_of(0.0, 0.1 + number / 100)))
+        # At 50 mm: 50 counts and 5 more for each of them; then somewhere else, that the next differs.
+        assert await mill.move(50_000) == 50_050 + 5 * number
+        await mill.move(60_000)
+        counts.append(descriptors_open())
+    # The table in force keeps one, and at times the one before, for a reading that is still fading.
+    assert max(counts[2:]) <= counts[2]
+
+
+async def test_of_a_group_all_axes_get_their_tables_or_none(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    y1 = without_actual(tools, name="y1")
+    y2 = without_actual(tools, name="y2", unit_id=2)
+    mill = await machine(bench, tools, tmp_path, y1, y2, groups=(("y1", "y2"),))
+    done = await mill.give(("y1", STEEPER), ("y2", table_of(0.0, 0.6)))
+    assert done.changed == ()
+    assert "the table for axis y2 corrects by 0.6 mm" in done.problems[0]
+    assert await mill.move(50_000, 1) == 50_050
+    done = await mill.give(("y1", STEEPER), ("y2", STEEPER))
+    assert done.comes == {"y1": "next-target", "y2": "next-target"}
+    assert await mill.move(50_001, 1) == 50_101
+    assert await mill.move(50_001, 2) == 50_101
+    # One loses its table, both lose it; one alone does not get it back.
+    assert (await mill.say(ClearTable(axes=("y1",)))).changed == ("y1", "y2")
+    done = await mill.give(("y1", STEEPER))
+    assert done.changed == ()
+    assert "axis y2 of the group of y1 has no table" in done.problems[0]
+    assert await mill.move(50_000, 1) == 50_000
+    assert (await mill.give(("y1", STEEPER), ("y2", STEEPER))).changed == ("y1", "y2")
+    assert "two tables for axis y1" in (await mill.give(("y1", STEEPER), ("y1", STEEPER))).problems[0]
+
+
+async def test_what_was_handed_over_is_in_a_recording_and_replayed(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    path = tmp_path / "record.jsonl"
+    header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
+    mill = await machine(
+        bench, tools, tmp_path / "state", without_actual(tools), recorder=Recorder(path, header)
+    )
+    await mill.move(50_000)
+    await mill.give(("x", STEEPER))
+    await mill.give(("x", table_of(0.0, 0.6)))  # refused, then and now
+    assert await mill.move(50_001) == 50_101
+    await mill.say(SetGain(forward=0.5, backward=0.5))
+    assert await mill.move(50_002) == 50_052
+    await mill.say(ClearTable(axes=("x",)))
+    assert await mill.move(50_003) == 50_003
+    plan = mill.relay._plan
+    await mill.relay.stop()
+    replay = Replay(plan)
+    for number, line in enumerate(path.read_bytes().splitlines(keepends=True), start=1):
+        replay.feed(number, traffic.decode(line))
+    assert (replay.result.different, replay.result.is_cut_off) == (0, False)
+    assert replay.result.outputs >= 8  # four requests, four answers

@@ -1,0 +1,91 @@
+"""The supervisor's ear, on a real socket: what it keeps, what it passes on, and how it comes back."""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Any
+
+from gateway.ipc.messages import Happened, Pong, Request
+from gateway.ipc.place import socket_path
+from gateway.ipc.server import ControlServer, Desk
+from gateway.supervisor.link import Link
+
+PATIENCE_S = 10.0
+STATUS = {"gateway": {"name": "mill-1", "relay": "up", "snapshot_age_s": 0.0}, "lines": {}, "axes": {}}
+
+
+def pong(request: Request) -> Pong:
+    return Pong(name="mill-1", gateway_version="", pid=1)
+
+
+class Heard:
+    """What a link told."""
+
+    def __init__(self) -> None:
+        self.ups = 0
+        self.lost: list[str] = []
+        self.events: list[Happened] = []
+
+    def up(self) -> None:
+        self.ups += 1
+
+
+@contextlib.asynccontextmanager
+async def linked(state: Path) -> AsyncIterator[tuple[Link, Heard]]:
+    heard = Heard()
+    link = Link(socket_path(state), heard.up, heard.lost.append, heard.events.append)
+    task = asyncio.create_task(link.run())
+    try:
+        yield link, heard
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+@contextlib.asynccontextmanager
+async def relay(state: Path, status: dict[str, Any] | None = None) -> AsyncIterator[ControlServer]:
+    server = ControlServer(state, Desk(pong, status=lambda: STATUS if status is None else status))
+    await server.open()
+    try:
+        yield server
+    finally:
+        await server.close()
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110 - nobody is told
+            await asyncio.sleep(0)
+
+
+async def test_the_newest_snapshot_stays_when_the_relay_is_lost_and_says_so(tmp_path: Path) -> None:
+    async with linked(tmp_path) as (link, heard):
+        assert link.status() is None
+        async with relay(tmp_path) as server:
+            await until(lambda: link.snapshot == STATUS)
+            status = link.status()
+            assert status is not None
+            assert status["gateway"]["relay"] == "up"
+            server.tell(Happened(event="line-up", severity="info", fields={"line": "xyz"}, wall_s=1.0))
+            await until(lambda: bool(heard.events))
+            assert heard.events[0].fields == {"line": "xyz"}
+        await until(lambda: bool(heard.lost))
+        await until(lambda: link.status()["gateway"]["relay"] == "down")  # type: ignore[index]
+        assert heard.lost == ["the connection was closed"]
+        age_s = link.snapshot_age_s
+        assert age_s is not None
+        later = {**STATUS, "gateway": {"name": "mill-2"}}
+        async with relay(tmp_path, later):
+            await until(lambda: link.snapshot == later)
+        assert heard.ups == 2
+
+
+async def test_a_relay_that_is_not_there_yet_is_waited_for_without_a_word(tmp_path: Path) -> None:
+    async with linked(tmp_path) as (link, heard):
+        await asyncio.sleep(0)
+        async with relay(tmp_path):
+            await until(lambda: heard.ups == 1)
+        assert link.dropped == 0
+    assert [why for why in heard.lost if why != "the connection was closed"] == []
