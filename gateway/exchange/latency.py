@@ -3,7 +3,9 @@
 Each power of two is divided into 64 buckets, so that a value is known within 1.6 %, from 1 ns to two minutes.
 """
 
+from bisect import bisect_left
 from collections import deque
+from itertools import accumulate
 from typing import Final
 
 from gateway.times import NS_PER_S
@@ -35,7 +37,7 @@ def middle_ns(bucket: int) -> int:
     """Return the middle of a bucket.
 
     >>> middle_ns(100), middle_ns(bucket_of(1_000_000))
-    (100, 995328)
+    (100, 1003520)
     """
     shift = (bucket >> SUB_BITS) - 1
     if shift <= 0:
@@ -57,7 +59,7 @@ class Histogram:
         self.counts[bucket_of(span_ns)] += 1
 
     def percentiles_ns(self, *shares: float) -> list[int]:
-        """Return the time below which each share (ascending, 0 to 1) of all counted ones lies; 0 of none.
+        """Return the time that each share (0 to 1) of all counted ones does not exceed; 0 of none.
 
         >>> histogram = Histogram()
         >>> for ns in range(1, 101):
@@ -65,16 +67,11 @@ class Histogram:
         >>> histogram.percentiles_ns(0.5, 0.99, 1.0)
         [50, 99, 100]
         """
-        total = sum(self.counts)
+        below = list(accumulate(self.counts))
+        total = below[-1]
         if not total:
             return [0] * len(shares)
-        found: list[int] = []
-        seen = 0
-        for bucket, count in enumerate(self.counts):
-            seen += count
-            while count and len(found) < len(shares) and seen >= shares[len(found)] * total:
-                found.append(middle_ns(bucket))
-        return found
+        return [middle_ns(bisect_left(below, max(1, share * total))) for share in shares]
 
     @property
     def total(self) -> int:

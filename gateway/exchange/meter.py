@@ -30,7 +30,7 @@ RTU_OVERHEAD: Final = 3
 class Measured:
     """Times of the exchanges of one controller, or of one axis."""
 
-    __slots__ = ("drive", "gateway", "high", "queue", "reply", "request")
+    __slots__ = ("drive", "exchange", "gateway", "high", "queue", "reply", "request")
 
     def __init__(self) -> None:
         self.gateway = Histogram()
@@ -38,6 +38,8 @@ class Measured:
         self.reply = Histogram()
         self.queue = Histogram()
         self.drive = Histogram()
+        self.exchange = Histogram()
+        """From the last byte of a request to the reply, all together."""
         self.high = HighMark()
 
 
@@ -78,6 +80,8 @@ class LineMeter:
         self._link = link
         self._on_event = on_event
         self._what_ran = what_ran
+        self.gateway = Histogram()
+        self.high = HighMark()
         self.wire_ns = 0
         """All the time that bytes of exchanges took on the drives' wire, as their number says."""
         self.added_ns = 0
@@ -90,6 +94,7 @@ class LineMeter:
 
     def turn(self, now_ns: int) -> None:
         """Let high marks of the last minute grow old; to be called every few seconds."""
+        self.high.turn(now_ns)
         for measured in (*self.controllers.values(), *(budget.measured for budget in self.axes.values())):
             measured.high.turn(now_ns)
 
@@ -113,13 +118,17 @@ class LineMeter:
         if measured is None:
             measured = self.controllers[port.plan.name] = Measured()
         gateway, request, leg = bucket_of(gateway_ns), bucket_of(request_ns), bucket_of(reply_leg_ns)
+        self.gateway.counts[gateway] += 1
         measured.gateway.counts[gateway] += 1
         measured.request.counts[request] += 1
         measured.reply.counts[leg] += 1
+        measured.exchange.counts[bucket_of(port.sent_ns - exchange.arrived_ns)] += 1
         measured.drive.counts[bucket_of(drive_ns)] += 1
         measured.queue.counts[bucket_of(exchange.queue_ns) if exchange.queue_ns else 0] += 1
         if gateway_ns > measured.high.slot_ns:
             measured.high.raise_to(gateway_ns)
+        if gateway_ns > self.high.slot_ns:
+            self.high.raise_to(gateway_ns)
         for budget in self._of_unit.get(exchange.unit_id, ()):
             measured = budget.measured
             measured.gateway.counts[gateway] += 1

@@ -14,6 +14,7 @@ def line_status(line: LineExchange) -> dict[str, object]:
         "timeouts": counters.timeouts,
         "exceptions": counters.exceptions,
         "late": counters.late,
+        "late_targets": counters.late_targets,
         "refused": counters.refused,
         "withdrawn": counters.withdrawn,
         "broadcasts": counters.broadcasts,

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from gateway.relay.activity import Activity
 from gateway.times import NS_PER_MS, NS_PER_S
 
 CHECK_EVERY_S: Final = 0.25
@@ -37,8 +38,9 @@ HARD_FULL_AFTER: Final = 100
 class Collecting:
     """Collects when ``is_idle`` says so. Times are ns of ``time.perf_counter_ns``."""
 
-    def __init__(self, is_idle: Callable[[], bool]) -> None:
+    def __init__(self, is_idle: Callable[[], bool], activity: Activity | None = None) -> None:
         self._is_idle = is_idle
+        self._activity = activity or Activity()
         self._timer: asyncio.TimerHandle | None = None
         self._last_ns = 0
         self._young_since_full = 0
@@ -120,7 +122,8 @@ class Collecting:
     def _collect(self, generation: int, now_ns: int) -> tuple[int, int]:
         """Collect; returns how many objects were garbage, and the ns that it took."""
         start_ns = time.perf_counter_ns()
-        found = gc.collect(generation)
+        with self._activity.of("garbage collection"):
+            found = gc.collect(generation)
         took_ns = time.perf_counter_ns() - start_ns
         self._last_ns = now_ns
         self._longest_ns = max(self._longest_ns, took_ns)

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 import gateway
 from gateway.compensation.settings import Gain
@@ -16,6 +17,7 @@ from gateway.ipc.notes import Note, Severity
 from gateway.ipc.place import SocketError
 from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.ipc.server import ControlServer, Desk
+from gateway.relay.activity import Activity
 from gateway.relay.collecting import Collecting
 from gateway.relay.control import answer
 from gateway.relay.errors import StartError
@@ -26,6 +28,8 @@ from gateway.relay.recorder import Recorder
 from gateway.relay.scheduling import in_force, schedule
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
+
+_Result = TypeVar("_Result")
 
 
 class Relay:
@@ -51,7 +55,8 @@ class Relay:
         self._state = state
         self._control: ControlServer | None = None
         self._recorder = recorder
-        self._collecting = Collecting(lambda: not self.busy_lines)
+        self._activity = Activity()
+        self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
         self._shape = shape_of(plan)
         self._refused_tables = Complaints(
             lambda detail: self._journal.note(Severity.WARNING, "table-refused", detail=detail)
@@ -104,7 +109,7 @@ class Relay:
         self._started_ns = time.monotonic_ns()
         self._journal.start()
         problems = self._start_recorder()
-        self._lines = [Line(plan, self._journal, self._recorder) for plan in self._plan.lines]
+        self._lines = [Line(plan, self._journal, self._activity, self._recorder) for plan in self._plan.lines]
         problems += await self._open_control()
         for line in () if problems else self._lines:
             problems += await line.open()
@@ -211,6 +216,10 @@ class Relay:
 
     def status(self) -> dict[str, dict[str, object]]:
         """Return the status model: the gateway, its lines, its axes."""
+        with self._activity.of("status"):
+            return self._status()
+
+    def _status(self) -> dict[str, dict[str, object]]:
         axes: dict[str, object] = {}
         for line in self._lines:
             axes.update(line.axes_status())
@@ -224,6 +233,7 @@ class Relay:
                 "snapshot_age_s": 0.0,
                 "scheduling": in_force().status(),
                 "garbage": self._collecting.status(),
+                "loop": self._activity.status(),
             },
             "lines": {line.plan.name: line.status() for line in self._lines},
             "axes": axes,
@@ -270,8 +280,8 @@ class Relay:
             return []
         try:
             desk = Desk(
-                answer=partial(answer, self),
-                hand_over=partial(hand_over, self),
+                answer=partial(self._named, "a command", partial(answer, self)),
+                hand_over=partial(self._named, "a table", partial(hand_over, self)),
                 status=self.status,
                 complain=lambda detail: self._journal.note(Severity.WARNING, "socket-refused", detail=detail),
             )
@@ -281,6 +291,11 @@ class Relay:
         except SocketError as error:
             return [f"gateway.state: {error}"]
         return []
+
+    def _named(self, name: str, work: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Do something for a client, and note how long it took."""
+        with self._activity.of(name):
+            return work(*arguments)
 
     async def _close_rest(self) -> None:
         self._collecting.stop()

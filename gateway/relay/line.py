@@ -6,10 +6,13 @@ from typing import Final
 
 from gateway.compensation.settings import Gain
 from gateway.exchange.control import TableChange
+from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc.notes import Severity
 from gateway.ipc.plan import LinePlan
+from gateway.relay.activity import Activity
+from gateway.relay.computed import computed
 from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink
 from gateway.relay.front import Front, make_front
 from gateway.relay.journal import Journal
@@ -30,7 +33,9 @@ STOP_MARGIN_S: Final = 1.0
 class Line:
     """A bus of drives with its controllers, from the configuration to open sockets and ports."""
 
-    def __init__(self, plan: LinePlan, journal: Journal, recorder: Recorder | None = None) -> None:
+    def __init__(
+        self, plan: LinePlan, journal: Journal, activity: Activity, recorder: Recorder | None = None
+    ) -> None:
         self.plan = plan
         self._journal = journal
         self._link = _make_link(plan)
@@ -41,7 +46,10 @@ class Line:
             link,
             lambda event: journal.exchange_event(plan.name, event),
             groups=plan.groups,
+            what_ran=activity.between,
         )
+        self._latency = LatencyStatus(self._exchange.meter)
+        self._computed = computed(plan)
         self._timed = (
             TimedExchange(self._exchange)
             if recorder is None
@@ -105,8 +113,11 @@ class Line:
 
     def status(self) -> dict[str, object]:
         """Return this line's part of the status model."""
+        self._latency.refresh(time.monotonic_ns())
         return {
             **line_status(self._exchange),
+            **self._latency.line(),
+            "computed": self._computed,
             **self._link.counters(),
             "drives": {
                 "address": str(self.plan.drives),
@@ -115,12 +126,17 @@ class Line:
                 "notes": list(self._drives.notes),
                 "latency": self._drives.latency,
             },
-            "controllers": [front.status() for front in self._fronts],
+            "controllers": [
+                {**front.status(), **self._latency.controller(front.plan.name)} for front in self._fronts
+            ],
         }
 
     def axes_status(self) -> dict[str, dict[str, object]]:
         """Return the status of each axis on this line, by name."""
-        return axes_status(self._exchange)
+        status = axes_status(self._exchange)
+        for name, of_axis in status.items():
+            of_axis["latency"] = self._latency.axis(name)
+        return status
 
     def enable(self, axis: str) -> tuple[str, ...]:
         """Switch the compensation of an axis on; returns all axes that changed with it. Or ControlError."""

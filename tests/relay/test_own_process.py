@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.ipc.client import ask
-from gateway.ipc.messages import GetStatus, Status
+from gateway.ipc.messages import GetStatus, Ping, Pong, Status
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.collecting import BUSY_CHECK_S, CHECK_EVERY_S
 
@@ -67,7 +67,9 @@ async def running(folder: Path, relay: str) -> AsyncIterator[tuple[int, dict[str
             while "scheduling" not in log:
                 note = json.loads(await process.stderr.readline())
                 log.setdefault(note["event"], []).append(note)
-        yield process.pid, log
+        pong = await asyncio.to_thread(ask, folder / "state" / "relay.sock", Ping())
+        assert isinstance(pong, Pong)
+        yield pong.pid, log  # run starts the relay as a process of its own
     finally:
         process.kill()
         await process.communicate()

@@ -1,0 +1,56 @@
+"""What else the loop ran beside the exchanges: named in the event when a budget is exceeded.
+
+The loop does one thing at a time. Bytes that arrive meanwhile wait unread, so what ran just before a read may
+be what an exchange waited for, although its own time stamps begin later.
+"""
+
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from gateway.times import NS_PER_US
+
+KEPT: Final = 16
+JUST_BEFORE_NS: Final = 200 * NS_PER_US
+"""So long before an exchange began counts as meanwhile."""
+WORTH_NAMING_NS: Final = 20 * NS_PER_US
+
+
+class Activity:
+    """The newest things that the loop ran, and the longest of all."""
+
+    def __init__(self) -> None:
+        self._newest: deque[tuple[str, int, int]] = deque(maxlen=KEPT)
+        self._longest_ns = 0
+        self._longest = ""
+
+    @contextmanager
+    def of(self, name: str) -> Iterator[None]:
+        """Note what runs inside."""
+        began_ns = time.monotonic_ns()
+        try:
+            yield
+        finally:
+            self.note(name, began_ns, time.monotonic_ns())
+
+    def note(self, name: str, began_ns: int, ended_ns: int) -> None:
+        """Note something that ran."""
+        self._newest.append((name, began_ns, ended_ns))
+        if ended_ns - began_ns > self._longest_ns:
+            self._longest_ns, self._longest = ended_ns - began_ns, name
+
+    def between(self, since_ns: int, until_ns: int) -> str:
+        """Return what ran between two instants, or just before, with its time; empty for nothing."""
+        return ", ".join(
+            f"{name} {(ended_ns - began_ns) / NS_PER_US:.0f} µs"
+            for name, began_ns, ended_ns in self._newest
+            if ended_ns - began_ns >= WORTH_NAMING_NS
+            and ended_ns >= since_ns - JUST_BEFORE_NS
+            and began_ns <= until_ns
+        )
+
+    def status(self) -> dict[str, object]:
+        """Return the longest step so far, for the status."""
+        return {"longest_us": round(self._longest_ns / NS_PER_US, 1), "longest": self._longest or None}
