@@ -10,9 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+import typer
+
 import gateway
 from gateway.ipc.children import HELD_BACK
 from gateway.ipc.notes import LogFormat, Note, Severity
+from gateway.ipc.state_folder import StateError, state_folder
 
 STOPS: Final = frozenset({signal.SIGTERM, signal.SIGINT})
 FIRST_WAIT_S: Final = 0.2
@@ -29,8 +32,16 @@ def command_of(module: str, config: Path, log_format: LogFormat, *more: str) -> 
     return [sys.executable, "-P", "-m", module, str(config), "--log-format", log_format.value, *more]
 
 
-def become(command: list[str]) -> NoReturn:
-    """Turn this process into another program; what the command line needed is gone with it."""
+def become(config: Path, command: list[str]) -> NoReturn:
+    """Turn this process into another program; what the command line needed is gone with it.
+
+    A CONFIG that cannot be read is said before.
+    """
+    try:
+        state_folder(config)
+    except StateError as error:
+        typer.echo(f"{config}: {error}", err=True)
+        raise typer.Exit(1) from None
     sys.stdout.flush()
     sys.stderr.flush()
     os.execve(command[0], command, _environment())  # noqa: S606 - no shell, and our own interpreter

@@ -47,9 +47,9 @@ def replay(
         pitch-gateway replay monday.jsonl --config new.toml --json | jq .first
     """
     from gateway.config.problems import ConfigErrors
+    from gateway.files import FileRefusedError
     from gateway.ipc.traffic import WrongEntryError
     from gateway.relay.replay import ReplayError
-    from gateway.tabfile.files import FileRefusedError
 
     try:
         result = _replayed(file, config, line, show=show and not as_json)
@@ -93,8 +93,8 @@ def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) 
 
 def _entries(file: Path) -> Iterator[tuple[int, "Entry"]]:
     """Yield the entries of a file with their line numbers; a last line that was cut off is left out."""
+    from gateway.files import open_regular_file
     from gateway.ipc.traffic import WrongEntryError, decode
-    from gateway.tabfile.files import open_regular_file
 
     with open_regular_file(file, "a recording") as lines:
         number = 0

@@ -31,4 +31,4 @@ def supervise(
     """
     from gateway.cli.processes import become, command_of
 
-    become(command_of("gateway.supervisor", config, log_format, *(["--events"] if events else [])))
+    become(config, command_of("gateway.supervisor", config, log_format, *(["--events"] if events else [])))

@@ -11,6 +11,7 @@ import typer
 from gateway.cli import table_output as output
 from gateway.compensation.errors import TableError
 from gateway.compensation.units import Units
+from gateway.files import kind_of
 from gateway.tabfile import (
     Dialect,
     LoadedTable,
@@ -21,7 +22,6 @@ from gateway.tabfile import (
     axis_of_name,
     parse_table,
 )
-from gateway.tabfile.files import kind_of
 from gateway.tabfile.readings import largest_difference
 
 

@@ -10,15 +10,14 @@ from typing import Any, Final
 
 from gateway.config.problems import ConfigErrors, Problem, key_text
 from gateway.config.toml_lines import KeyLines, key_lines
-from gateway.tabfile.files import FileRefusedError, read_regular_file
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.ipc.state_folder import LARGEST_CONFIGURATION
 
 _PLACE: Final = re.compile(
     r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
 )
 _TWICE: Final = re.compile("overwrite|declare|duplicate|namespace", re.IGNORECASE)
 """How the standard reader speaks of keys and tables that are given twice."""
-LARGEST_FILE: Final = 4_000_000
-"""Bytes. A configuration has a few thousand; whatever is larger is another file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +52,7 @@ def read_document(path: Path, what: str = "a configuration file") -> Document:
 def _read_text(path: Path, what: str) -> tuple[str, str]:
     """Return the text of a file, and the digest of its bytes."""
     try:
-        content = read_regular_file(path, LARGEST_FILE, what)
+        content = read_regular_file(path, LARGEST_CONFIGURATION, what)
     except FileRefusedError as error:
         raise _refuse(path, error.found, error.remedy) from None
     try:

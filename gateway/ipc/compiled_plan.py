@@ -20,6 +20,7 @@ import gateway
 from gateway.compensation.backlash import with_backlash
 from gateway.compensation.table import CorrectionTable
 from gateway.exchange.plan import AxisPlan
+from gateway.files import FileRefusedError
 from gateway.ipc.compiled_table import WrongTableError, checked, compiled, digest_of
 from gateway.ipc.plain_data import PlainReader, WrongDataError, to_plain
 from gateway.ipc.plan import GatewayPlan
@@ -29,6 +30,7 @@ from gateway.ipc.state_folder import (
     TABLES_NAME,
     StateError,
     make_folder,
+    read_state,
     table_path,
     write_whole,
 )
@@ -165,11 +167,14 @@ def _encode(data: object) -> bytes:
 
 def _read_file(path: Path, remedy: str) -> _File:
     try:
-        content = path.read_bytes()
+        path.stat()
+        content = read_state(path)
     except FileNotFoundError:
         raise StateError(f"it has not been compiled yet: there is no {path}; {remedy}") from None
     except OSError as error:
         raise StateError(f"{path}: {error.strerror or error}; {remedy}") from None
+    except FileRefusedError as error:
+        raise StateError(f"{path}: {error.found}; {remedy}") from None
     try:
         found = msgspec.msgpack.decode(content, type=_AnyFile)
         if found.format != FORMAT:
@@ -190,9 +195,9 @@ def _check_sources(sources: Mapping[str, str], config: Path, path: Path, remedy:
         raise StateError(f"{path} was compiled from {made_from}, not from {config.resolve()}; {remedy}")
     for name, wanted in sources.items():
         try:
-            found = hashlib.sha256(Path(name).read_bytes()).hexdigest()
-        except OSError as error:
-            raise StateError(f"{name}: {error.strerror or error}; {remedy}") from None
+            found = hashlib.sha256(read_state(Path(name))).hexdigest()
+        except FileRefusedError as error:
+            raise StateError(f"{name}: {error.found}; {remedy}") from None
         if found != wanted:
             raise StateError(f"{name} has changed since it was compiled; {remedy}")
 
@@ -201,10 +206,9 @@ def _read_table(state: Path, digest: str, remedy: str) -> CorrectionTable:
     """Read a table into memory: a mapped file that somebody cuts short would kill whoever reads on."""
     path = table_path(state, digest)
     try:
-        data = path.read_bytes()
-        table = checked(data)
-    except OSError as error:
-        raise StateError(f"{path}: {error.strerror or error}; {remedy}") from None
+        table = checked(read_state(path))
+    except FileRefusedError as error:
+        raise StateError(f"{path}: {error.found}; {remedy}") from None
     except WrongTableError as error:
         raise StateError(f"{path}: {error}; {remedy}") from None
     if table.digest != digest:

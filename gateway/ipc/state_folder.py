@@ -7,8 +7,14 @@ import tomllib
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.files import FileRefusedError, read_regular_file
+
 DEFAULT_STATE: Final = "state"
 """Folder of the state, relative to the configuration file."""
+LARGEST_CONFIGURATION: Final = 4_000_000
+"""Bytes. A configuration has a few thousand; whatever is larger is another file."""
+LARGEST_STATE: Final = 200_000_000
+"""Bytes: of a compiled file."""
 PLAN_NAME: Final = "plan.msgpack"
 TABLES_NAME: Final = "tables"
 TABLE_SUFFIX: Final = ".doubles"
@@ -25,10 +31,11 @@ def state_folder(config: Path) -> Path:
         StateError: the configuration cannot be read, or is not TOML.
     """
     try:
-        text = config.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        content = read_regular_file(config, LARGEST_CONFIGURATION, "a configuration file")
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
         document: dict[str, Any] = tomllib.loads(text)
-    except OSError as error:
-        raise StateError(f"cannot be read ({error.strerror or error}); give the path of a file") from None
+    except FileRefusedError as error:
+        raise StateError(str(error)) from None
     except (ValueError, RecursionError) as error:
         raise StateError(f"not TOML: {error}; pitch-gateway check {config} says where") from None
     section = document.get("gateway", {})
@@ -36,6 +43,15 @@ def state_folder(config: Path) -> Path:
     if not isinstance(named, str) or not named or "\0" in named:
         raise StateError(f"gateway.state: found {named!r}; allowed: a folder")
     return config.parent / named
+
+
+def read_state(path: Path) -> bytes:
+    """Return a file that was compiled, or that something was compiled from.
+
+    Raises:
+        FileRefusedError: missing, no permission, no regular file, or too large.
+    """
+    return read_regular_file(path, LARGEST_STATE, "a file")
 
 
 def table_path(state: Path, digest: str) -> Path:

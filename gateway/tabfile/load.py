@@ -4,12 +4,12 @@ from pathlib import Path
 
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable, make_table
+from gateway.files import FileRefusedError, read_regular_file
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.curves import steepest
 from gateway.tabfile.decoded import Decoded, LoadedTable
 from gateway.tabfile.dialects import Dialect, sniff
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.files import FileRefusedError, read_regular_file
 from gateway.tabfile.lints import run_lints
 from gateway.tabfile.text import MAX_BYTES, SourceText, decode
 

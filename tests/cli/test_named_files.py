@@ -15,6 +15,9 @@ NOBODY = 65534
 COMMANDS = (
     "check {}",
     "run {}",
+    "relay {}",
+    "supervise {}",
+    "reload {}",
     "simulate {}",
     "record {} never.jsonl",
     "replay {}",
@@ -47,7 +50,7 @@ def refused(command: str, path: Path | str) -> str:
     if os.geteuid() == 0:  # All imports first: the interpreter may be where only root may look.
         needed = (
             "gateway.config.load, gateway.relay.run, gateway.simulator.world, gateway.cli.recordings, "
-            "gateway.relay.readable, gateway.ipc.client"
+            "gateway.relay.readable, gateway.supervisor.tables, gateway.cli.processes"
         )
         lesser = f"os.setresuid({NOBODY}, {NOBODY}, 0)"
         code = f"import os, {needed}; from gateway.cli.main import main; {lesser}; main()"

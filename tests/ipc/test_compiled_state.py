@@ -195,7 +195,7 @@ def test_a_damaged_table_file_is_refused(config: Path) -> None:
     with pytest.raises(StateError, match="the points of the compiled table are damaged"):
         read_plan(state_folder(config), config)
     path.unlink()
-    with pytest.raises(StateError, match="No such file"):
+    with pytest.raises(StateError, match="no such file"):
         read_plan(state_folder(config), config)
 
 

@@ -52,6 +52,19 @@ def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
     )
 
 
+def test_after_a_bad_table_the_relay_starts_with_the_last_good_one(site: Site) -> None:
+    config = str(site.config)
+    assert typed("check", "--compile", config).returncode == 0
+    site.table.write_text("no table")
+    assert typed("check", "--compile", config).returncode == 1
+    with running("relay", config) as relay:
+        relay.until("line-up")
+        master = site.master()
+        assert master.move(50_000) == 50_050
+        master.close()
+        assert relay.end() == 0
+
+
 def test_each_starts_and_ends_without_the_other(site: Site) -> None:
     config = str(site.config)
     assert typed("check", "--compile", config).returncode == 0
