@@ -12,7 +12,7 @@ from gateway.compensation.correction_map import IDENTITY, CorrectionMap
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, changeover_distance
 from gateway.compensation.direction import Direction, Travel, follow
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
-from gateway.compensation.readback import Readback, after_target
+from gateway.compensation.readback import Fade, Readback, after_target
 from gateway.compensation.settings import AxisSettings, OutsideKind, Setpoints
 from gateway.times import NS_PER_MS
 
@@ -83,6 +83,8 @@ class AxisCompensation:
         self.readback = Readback(settings.counts_per_unit, settings.zero_counts)
         self.accepted: Accepted | None = None
         """None when nothing was commanded yet, or nobody knows what the drive holds."""
+        self.way = (0.0, 0.0)
+        """Corrected counts between which the axis moves for the last accepted target, lower one first."""
         self._wanted = NOTHING
         self._wanted_distance = settings.reload_distance
         self._standing_counts: float | None = None
@@ -184,7 +186,7 @@ class AxisCompensation:
         else:
             state = self._target(position, place, now_ns)
         self._check_covered(state, position)
-        correction_map = self._map_of(state)
+        correction_map = self.map_of(state)
         correction = correction_map.correction(position)
         if not correction_map.is_identity:
             self._check_travel(position, correction)
@@ -196,14 +198,29 @@ class AxisCompensation:
         ``is_reached``: the axis stands at the target before, whatever was read of it on the way there.
         """
         standing = self._standing_counts
+        before = self.accepted.corrected_counts if self.accepted else corrected_counts
         if standing is None or (is_reached and self.accepted is not None):
-            standing = self.accepted.corrected_counts if self.accepted else corrected_counts
+            standing = before
+        self.way = (min(standing, before, corrected_counts), max(standing, before, corrected_counts))
         self.readback = after_target(
             self.readback, move.correction_map, move.nominal_counts, corrected_counts, standing
         )
         self.state = move.state
         self.accepted = Accepted(move.nominal_counts, corrected_counts)
         self._standing_counts = None
+
+    def resume(
+        self, state: State, accepted: Accepted | None, anchor_counts: float, fade: Fade | None
+    ) -> None:
+        """Go on where another run of the gateway left off; what is wanted stays."""
+        self.state = state
+        self.accepted = accepted
+        settings = self.settings
+        self.readback = Readback(
+            settings.counts_per_unit, settings.zero_counts, self.map_of(state), anchor_counts, fade
+        )
+        self._standing_counts = None
+        self._measure_change()
 
     def _measure_change(self) -> None:
         if self.settings.setpoints is Setpoints.STREAM:
@@ -277,7 +294,8 @@ class AxisCompensation:
             )
         return state
 
-    def _map_of(self, state: State) -> CorrectionMap:
+    def map_of(self, state: State) -> CorrectionMap:
+        """Return the correction that a state puts into force."""
         key = (state.spec, state.previous, state.change, state.progress)
         if key != self._map_key:
             forward_share = shape(state.progress)

@@ -36,7 +36,14 @@ class Exchange:
     )
 
     def __init__(
-        self, port: ControllerPort | None, transaction_id: int, unit_id: int, pdu: bytes, arrived_ns: int
+        self,
+        port: ControllerPort | None,
+        transaction_id: int,
+        unit_id: int,
+        pdu: bytes,
+        arrived_ns: int,
+        *,
+        added: AddedFrame | None = None,
     ) -> None:
         self.port = port
         self.transaction_id = transaction_id
@@ -54,7 +61,7 @@ class Exchange:
         self.is_stop = False
         self.rewritings: tuple[Rewriting, ...] = ()
         """What it makes of each unit that it reaches; a broadcast reaches several."""
-        self.added: AddedFrame | None = None
+        self.added = added
         """A frame of the gateway's own that goes first, or alone."""
         self.known: Known | None = None
 

@@ -15,7 +15,7 @@ from typing import Final
 
 from gateway.exchange import control
 from gateway.exchange.access import only_reads
-from gateway.exchange.added_frames import homed_read
+from gateway.exchange.added_frames import reads_at_start
 from gateway.exchange.answering import answer, note_broadcast, note_discrete
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.counters import LineCounters
@@ -30,6 +30,7 @@ from gateway.exchange.news import AxisNews
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.remembering import note_sending
 from gateway.exchange.rest import Rest
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
 from gateway.times import NS_PER_MS
@@ -234,11 +235,9 @@ class LineExchange:
         for axis in self.axes:
             axis.silent_until_ns = now_ns
             axis.end_silence(is_answer=True)
-            read = homed_read(axis)
-            if read is not None:
-                exchange = Exchange(None, 0, axis.plan.unit_id, read.pdu, now_ns)
-                exchange.added = read
-                self._waiting.add(exchange)
+        for read in reads_at_start(self.axes):
+            unit_id = read.axis.plan.unit_id
+            self._waiting.add(Exchange(None, 0, unit_id, read.pdu, now_ns, added=read))
         self._news.look(self.axes)
         self._next(now_ns)
 
@@ -316,6 +315,7 @@ class LineExchange:
             return
         for rewriting in exchange.rewritings:
             self.counters.unknown_modes += note_unknown(rewriting.request.meanings)
+            note_sending(rewriting)
         self._send(exchange, pdu, exchange.unit_id, now_ns)
 
     def _send(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
@@ -396,5 +396,5 @@ class LineExchange:
         self._note_unsent(exchange, code)
         self.counters.withdrawn += 1
         if exchange.port is not None:
-            name = exchange.port.plan.name
-            self._on_event(Event(EventKind.WITHDRAWN, None, f"a request of {name} was not sent: {reason}"))
+            detail = f"a request of {exchange.port.plan.name} was not sent: {reason}"
+            self._on_event(Event(EventKind.WITHDRAWN, None, detail))

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import gateway
+from gateway.exchange.remembering import FindTable
 from gateway.ipc.place import SocketError
 from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.server import ControlServer
@@ -23,8 +24,10 @@ class Relay:
     """Runs a plan on the loop of whoever starts it.
 
     ``write`` gets what happened, a few times a second, off the hot path; without it the newest notes can be
-    looked at with :meth:`recent`. ``state`` is the folder of its socket; without it there is none. With a
-    ``recorder`` everything that passes is recorded. A relay lives once: make another one to start again.
+    looked at with :meth:`recent`. ``state`` is the folder of its socket and of the records of its axes;
+    without it there are none. With a ``recorder`` everything that passes is recorded. ``find_table`` finds a
+    table that was in force in an earlier run, by its ``compensation.fingerprint.table_digest``. A relay lives
+    once: make another one to start again.
     """
 
     def __init__(
@@ -34,6 +37,7 @@ class Relay:
         *,
         state: Path | None = None,
         recorder: Recorder | None = None,
+        find_table: FindTable | None = None,
     ) -> None:
         self._plan = plan
         self._journal = Journal(write)
@@ -42,6 +46,7 @@ class Relay:
         self._state = state
         self._control: ControlServer | None = None
         self._recorder = recorder
+        self._find_table = find_table
 
     @property
     def name(self) -> str:
@@ -88,6 +93,8 @@ class Relay:
         self._lines = [Line(plan, self._journal, self._recorder) for plan in self._plan.lines]
         problems += await self._open_control()
         for line in () if problems else self._lines:
+            if self._state is not None:
+                line.keep_records(self._state, self._find_table)
             problems += await line.open()
         if problems:
             for line in self._lines:
