@@ -6,6 +6,7 @@ check sum is the CRC-32 of everything before it. Each slot has a page of its own
 """
 
 import struct
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 from zlib import crc32
 
@@ -22,18 +23,21 @@ RECORD_SIZE: Final = 3 * PAGE
 
 _STATE: Final = "b?5dq"
 """Direction, unsure; position, extreme, progress, change, change distance; monotonic time."""
+_HEAD: Final = "Q16s??"
+"""Generation, scale digest; says something, has a move."""
 _BASE: Final = "?????B" + "4d" + _STATE + "d?4d"
 """Has a target, at it, done, may have left it, words known, its field; nominal, corrected, way; state;
 anchor, fade."""
-_MOVE: Final = "??B2d" + _STATE
+_MOVE: Final = struct.Struct("<?B2d" + _STATE)
+"""Is a distance, its field; nominal, corrected; state. What stands here without a move is left over."""
 _SPEC: Final = struct.Struct("<B16s3d")
 _SPECS: Final = 4 * _SPEC.size
-_BODY: Final = struct.Struct(f"<Q16s?{_BASE}{_MOVE}{_SPECS}s")
+_BODY: Final = struct.Struct(f"<{_HEAD}{_BASE}{_SPECS}s")
+_HEAD_FIELDS: Final = 4
 _CRC: Final = struct.Struct("<I")
-SLOT_SIZE: Final = _BODY.size + _CRC.size
-_BASE_FIELDS: Final = 6 + 4 + 8 + 6
-_MOVE_FIELDS: Final = 5 + 8
-_NO_MOVE: Final = (False, False, 0, 0.0, 0.0, 0, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+_MOVE_AT: Final = _BODY.size
+_CRC_AT: Final = _MOVE_AT + _MOVE.size
+SLOT_SIZE: Final = _CRC_AT + _CRC.size
 _EMPTY: Final = (
     *(False, False, False, False, False, 0, 0.0, 0.0, 0.0, 0.0),
     *(0, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
@@ -44,7 +48,10 @@ _IS_WANTED: Final = 2
 _NO_SPEC: Final = _SPEC.pack(0, b"", 0.0, 0.0, 0.0)
 
 
-Specs = tuple[CorrectionSpec, CorrectionSpec | None, CorrectionSpec | None, CorrectionSpec | None]
+Specs = tuple[
+    CorrectionSpec, CorrectionSpec | None, CorrectionSpec | None, CorrectionSpec | None, CorrectionSpec
+]
+"""What the state refers to, in force and giving way; the same of a move; and what is asked for."""
 
 
 class RememberedSpec(NamedTuple):
@@ -120,10 +127,10 @@ class RecordSlots:
     def __init__(self, buffer: memoryview, scale_digest: bytes) -> None:
         self._buffer = buffer
         self._digest = scale_digest
-        self._views = tuple(buffer[at : at + _BODY.size] for at in SLOTS_AT)
-        found = [body[0] for body in self._bodies() if body is not None]
+        self._views = tuple(buffer[at : at + _CRC_AT] for at in SLOTS_AT)
+        found = [_generation(body) for body in self._bodies() if body is not None]
         self._generation: int = max(found, default=0)
-        self._specs: tuple[CorrectionSpec | None, ...] = ()
+        self._specs: Specs | None = None
         self._specs_bytes = b""
 
     @property
@@ -142,49 +149,35 @@ class RecordSlots:
             view.release()
         self._buffer.release()
 
-    def write(
-        self,
-        base: tuple[object, ...],
-        move: tuple[object, ...] | None,
-        specs: Specs,
-        wanted: CorrectionSpec,
-    ) -> None:
-        """Write a record.
-
-        Args:
-            base: its numbers, as the layout has them.
-            move: those of a target that is on its way to the drive.
-            specs: the corrections that both states refer to: in force and giving way, of each.
-            wanted: which of them is asked for.
-        """
-        kept = (*specs, wanted)
-        if not _are_same(kept, self._specs):
-            self._specs = kept
-            self._specs_bytes = b"".join(_spec_bytes(spec, wanted) for spec in specs)
-        self._store(True, base, move or _NO_MOVE, self._specs_bytes)
+    def write(self, base: tuple[object, ...], move: tuple[object, ...] | None, specs: Specs) -> None:
+        """Write a record: its numbers in the order of the layout, and those of a target on its way."""
+        if specs != self._specs:
+            self._specs = specs
+            self._specs_bytes = b"".join(_spec_bytes(spec, specs[4]) for spec in specs[:4])
+        self._store(True, base, move, self._specs_bytes)
 
     def clear(self) -> None:
         """Write a record that says nothing."""
-        self._store(False, _EMPTY, _NO_MOVE, b"")
+        self._store(False, _EMPTY, None, b"")
 
     def read(self) -> Remembered | None:
         """Return the newest good record; None where there is none, or where it says nothing."""
         good = [body for body in self._bodies() if body is not None]
-        if not good:
-            return None
-        newest = max(good, key=lambda body: int(body[0]))
-        return _remembered(newest) if newest[2] else None
+        return _remembered(max(good, key=_generation)) if good else None
 
     def _store(
-        self, is_known: bool, base: tuple[object, ...], move: tuple[object, ...], specs: bytes
+        self, is_known: bool, base: tuple[object, ...], move: tuple[object, ...] | None, specs: bytes
     ) -> None:
         generation = self._generation = self._generation + 1
         number = generation & 1
         at = SLOTS_AT[number]
-        _BODY.pack_into(self._buffer, at, generation, self._digest, is_known, *base, *move, specs)
-        _CRC.pack_into(self._buffer, at + _BODY.size, crc32(self._views[number]))
+        buffer = self._buffer
+        _BODY.pack_into(buffer, at, generation, self._digest, is_known, move is not None, *base, specs)
+        if move is not None:
+            _MOVE.pack_into(buffer, at + _MOVE_AT, *move)
+        _CRC.pack_into(buffer, at + _CRC_AT, crc32(self._views[number]))
 
-    def _bodies(self) -> list[tuple[Any, ...] | None]:
+    def _bodies(self) -> list[bytes | None]:
         return [_body(self._buffer, number) for number in (0, 1)]
 
 
@@ -207,10 +200,6 @@ def why_not_readable(data: bytes | memoryview, name: str) -> str:
     return ""
 
 
-def _are_same(specs: tuple[object, ...], others: tuple[object, ...]) -> bool:
-    return len(specs) == len(others) and all(a is b for a, b in zip(specs, others, strict=True))
-
-
 def _spec_bytes(spec: CorrectionSpec | None, wanted: CorrectionSpec) -> bytes:
     if spec is None:
         return _NO_SPEC
@@ -218,28 +207,31 @@ def _spec_bytes(spec: CorrectionSpec | None, wanted: CorrectionSpec) -> bytes:
     return _SPEC.pack(flags, spec.table_digest, spec.gain.forward, spec.gain.backward, spec.offset)
 
 
-def _body(buffer: memoryview, number: int) -> tuple[Any, ...] | None:
-    """Return the fields of a slot whose generation belongs there and whose check sum holds."""
+def _body(buffer: memoryview, number: int) -> bytes | None:
+    """Return a slot whose check sum holds and whose generation belongs there."""
     at = SLOTS_AT[number]
-    data = bytes(buffer[at : at + SLOT_SIZE])
-    body = data[: _BODY.size]
-    if _CRC.unpack_from(data, _BODY.size)[0] != crc32(body):
+    data = bytes(buffer[at : at + _CRC_AT])
+    if _CRC.unpack_from(buffer, at + _CRC_AT)[0] != crc32(data):
         return None
-    fields = _BODY.unpack(body)
-    return fields if fields[0] & 1 == number else None
+    return data if _generation(data) & 1 == number else None
 
 
-def _remembered(fields: tuple[Any, ...]) -> Remembered:
-    generation, digest, _ = fields[:3]
-    base = fields[3 : 3 + _BASE_FIELDS]
-    move = fields[3 + _BASE_FIELDS : 3 + _BASE_FIELDS + _MOVE_FIELDS]
-    specs = [_spec(fields[-1][at : at + _SPEC.size]) for at in range(0, _SPECS, _SPEC.size)]
-    assert specs[0] is not None
+def _generation(body: bytes) -> int:
+    return int.from_bytes(body[:8], "little")
+
+
+def _remembered(body: bytes) -> Remembered | None:
+    generation, digest, is_known, has_move, *base, spec_bytes = _BODY.unpack_from(body)
+    if not is_known:
+        return None
+    spec, previous, move_spec, move_previous = (_spec(each) for each in _SPEC.iter_unpack(spec_bytes))
+    assert spec is not None
     unproven = None
-    if move[0]:
-        assert specs[2] is not None
+    if has_move:
+        assert move_spec is not None
+        is_distance, number, nominal, corrected, *state = _MOVE.unpack_from(body, _MOVE_AT)
         unproven = RememberedMove(
-            move[1], move[2], _counts(move[3]), _counts(move[4]), _state(move[5:], specs[2], specs[3])
+            is_distance, number, _counts(nominal), _counts(corrected), _state(state, move_spec, move_previous)
         )
     return Remembered(
         generation,
@@ -253,24 +245,22 @@ def _remembered(fields: tuple[Any, ...]) -> Remembered:
         _counts(base[6]),
         _counts(base[7]),
         (base[8], base[9]),
-        _state(base[10:18], specs[0], specs[1]),
+        _state(base[10:18], spec, previous),
         base[18],
-        base[20:24] if base[19] else None,
+        (base[20], base[21], base[22], base[23]) if base[19] else None,
         unproven,
     )
 
 
-def _state(
-    numbers: tuple[Any, ...], spec: RememberedSpec, previous: RememberedSpec | None
-) -> RememberedState:
+def _state(numbers: Sequence[Any], spec: RememberedSpec, previous: RememberedSpec | None) -> RememberedState:
     direction, is_unsure, position, extreme, progress, change, change_distance, at_ns = numbers
     return RememberedState(
         direction, is_unsure, position, extreme, progress, change, change_distance, at_ns, spec, previous
     )
 
 
-def _spec(data: bytes) -> RememberedSpec | None:
-    flags, digest, forward, backward, offset = _SPEC.unpack(data)
+def _spec(fields: tuple[Any, ...]) -> RememberedSpec | None:
+    flags, digest, forward, backward, offset = fields
     if not flags & _IS_THERE:
         return None
     return RememberedSpec(digest if any(digest) else b"", forward, backward, offset, bool(flags & _IS_WANTED))

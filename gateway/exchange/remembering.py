@@ -20,9 +20,12 @@ from gateway.exchange.plan import AxisPlan
 from gateway.exchange.record_layout import RecordSlots, Remembered, Specs
 from gateway.exchange.restoring import why_not_restored
 from gateway.exchange.rewriting import Rewriting
+from gateway.exchange.shadow import Shadow
 
 LARGEST_COUNTS: Final = 2.0**53
 """Beyond it a double does not hold every whole count; such a target is not kept."""
+_NO_TARGET: Final = (0.0, 0.0)
+_NO_FADE: Final = (False, 0.0, 0.0, 0.0, 0.0)
 FindTable = Callable[[bytes], CorrectionTable | None]
 """The table with a digest (``compensation.fingerprint.table_digest``); None where it is not to be had."""
 
@@ -45,6 +48,7 @@ class AxisMemory:
     __slots__ = (
         "_axis",
         "_find_elsewhere",
+        "_has_rules",
         "_is_empty",
         "_is_on_wire",
         "_is_paused",
@@ -64,6 +68,7 @@ class AxisMemory:
         self._axis = axis
         self._slots = slots
         self._find_elsewhere = find_table
+        self._has_rules = axis.plan.has_rules
         self._is_empty = False
         self._is_on_wire = False
         self._is_paused = False
@@ -130,18 +135,16 @@ class AxisMemory:
             compensation.state,
             compensation.readback,
             compensation.accepted,
-            shadow and shadow.corrected_words,
             axis.is_branch_known,
             axis.was_at_target,
             axis.is_done_seen,
             axis.may_have_left,
-            shadow and shadow.is_torn,
+            shadow is not None and shadow.corrected_words,
+            shadow is not None and shadow.is_torn,
         )
-        before = self._seen
-        if before and all(map(_is, seen, before)):
-            return
-        self._seen = seen
-        self._keep(None)
+        if seen != self._seen:
+            self._seen = seen
+            self._keep(None)
 
     def sending(self, rendering: Rendering) -> None:
         """A target goes out next: when the process dies now, the drive may hold it or not."""
@@ -200,22 +203,33 @@ class AxisMemory:
         if not axis.is_branch_known or high > LARGEST_COUNTS or low < -LARGEST_COUNTS:
             self._clear()
             return
-        state = compensation.state
+        state, accepted, shadow = compensation.state, compensation.accepted, axis.last_shadow
+        _, _, _, anchor, fade = compensation.readback
         move = None
-        specs: Specs = (state.spec, state.previous, None, None)
+        specs: Specs = (state.spec, state.previous, None, None, axis.wanted)
         if pending is not None and pending.move is not None:
             after = pending.move.state
-            specs = (state.spec, state.previous, after.spec, after.previous)
-            move = (
-                True,
-                pending.is_distance,
-                _number_of(pending),
-                pending.move.nominal_counts,
-                pending.corrected_counts,
-                *_state_numbers(after),
-            )
+            specs = (state.spec, state.previous, after.spec, after.previous, axis.wanted)
+            number = axis.shadows.index(pending.shadow)
+            ends = (pending.move.nominal_counts, pending.corrected_counts)
+            move = (pending.is_distance, number, *ends, *_state_numbers(after))
+        has_target = has_target and accepted is not None
+        numbers = (
+            has_target,
+            has_target and axis.was_at_target,
+            has_target and axis.is_done_seen,
+            has_target and axis.may_have_left,
+            has_target and not self._has_rules and shadow is not None and _holds_its_words(shadow),
+            0 if shadow is None else axis.shadows.index(shadow),
+            *(accepted or _NO_TARGET),
+            low,
+            high,
+            *_state_numbers(state),
+            anchor,
+            *(_NO_FADE if fade is None else (True, *fade)),
+        )
         self._is_empty = False
-        self._slots.write(_base_numbers(axis, has_target=has_target), move, specs, axis.wanted)
+        self._slots.write(numbers, move, specs)
 
 
 def note_sending(rewriting: Rewriting) -> None:
@@ -241,45 +255,9 @@ def note_sending(rewriting: Rewriting) -> None:
             axis.memory.doubt()
 
 
-def _is(one: object, other: object) -> bool:
-    return one is other
-
-
-def _number_of(rendering: Rendering) -> int:
-    return rendering.axis.shadows.index(rendering.shadow)
-
-
-def _base_numbers(axis: AxisExchange, *, has_target: bool) -> tuple[object, ...]:
-    """Return the numbers of an axis in the order of the record."""
-    compensation = axis.compensation
-    accepted, readback, shadow = compensation.accepted, compensation.readback, axis.last_shadow
-    nominal = corrected = 0.0
-    knows_words = False
-    if accepted is None:
-        has_target = False
-    else:
-        nominal, corrected = accepted
-        knows_words = (
-            shadow is not None
-            and shadow.corrected_words is not None
-            and shadow.nominal_words is not None
-            and not shadow.is_torn
-            and not axis.plan.has_rules
-        )
-    return (
-        has_target,
-        has_target and axis.was_at_target,
-        has_target and axis.is_done_seen,
-        has_target and axis.may_have_left,
-        knows_words,
-        0 if shadow is None else axis.shadows.index(shadow),
-        nominal,
-        corrected,
-        *compensation.way,
-        *_state_numbers(compensation.state),
-        readback.anchor_counts,
-        *((False, 0.0, 0.0, 0.0, 0.0) if readback.fade is None else (True, *readback.fade)),
-    )
+def _holds_its_words(shadow: Shadow) -> bool:
+    """Whether the drive holds the words of the last target, and nothing was lost on the way there since."""
+    return shadow.corrected_words is not None and shadow.nominal_words is not None and not shadow.is_torn
 
 
 def _state_numbers(state: State) -> tuple[object, ...]:
