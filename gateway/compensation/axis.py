@@ -201,7 +201,11 @@ class AxisCompensation:
         before = self.accepted.corrected_counts if self.accepted else corrected_counts
         if standing is None or (is_reached and self.accepted is not None):
             standing = before
-        self.way = (min(standing, before, corrected_counts), max(standing, before, corrected_counts))
+        low, high = min(standing, before, corrected_counts), max(standing, before, corrected_counts)
+        is_unseen = self._standing_counts is None and self.accepted is not None and not is_reached
+        if is_unseen and self.settings.setpoints is Setpoints.TARGETS:  # it may be anywhere on the way before
+            low, high = min(low, self.way[0]), max(high, self.way[1])
+        self.way = (low, high)
         self.readback = after_target(
             self.readback, move.correction_map, move.nominal_counts, corrected_counts, standing
         )

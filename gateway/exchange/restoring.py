@@ -120,7 +120,9 @@ def _spec(axis: AxisExchange, numbers: RememberedSpec, find_table: FindTable) ->
 
 def _restore(axis: AxisExchange, record: Remembered, state: State, *, is_at_target: bool) -> None:
     compensation = axis.compensation
-    accepted = Accepted(record.nominal_counts, record.corrected_counts) if is_at_target else None
+    accepted = None
+    if is_at_target or (record.has_target and not _may_have_stopped(axis)):
+        accepted = Accepted(record.nominal_counts, record.corrected_counts)
     fade = None if record.fade is None else Fade(*record.fade)
     compensation.resume(state, accepted, record.anchor_counts, fade)
     compensation.way = record.way
@@ -135,6 +137,15 @@ def _restore(axis: AxisExchange, record: Remembered, state: State, *, is_at_targ
             field.pack(raw_of(field, accepted.nominal_counts)),
             field.pack(raw_of(field, accepted.corrected_counts)),
         )
+
+
+def _may_have_stopped(axis: AxisExchange) -> bool:
+    """Whether an axis that was found on its way may go no further, and its next distance begin where it is.
+
+    A drive that is only told positions gets its target once more, or another one; one that takes stops and
+    distances may have stopped for want of a master, and its target must be no base of a distance (M5).
+    """
+    return axis.plan.has_rules
 
 
 def _follow_unproven(axis: AxisExchange, move: RememberedMove, state: State, finding: _Finding) -> None:
@@ -163,5 +174,5 @@ def _follow_unproven(axis: AxisExchange, move: RememberedMove, state: State, fin
         axis.accept(rendering)
     else:
         axis.commit(rendering)
-    if not finding.is_at_unproven:
+    if not finding.is_at_unproven and _may_have_stopped(axis):
         axis.forget_place(keeps_branch=True)

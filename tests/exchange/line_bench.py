@@ -1,6 +1,6 @@
 """A line on the bench: a controller's port, a link that records, and a drive that is plain memory."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -133,6 +133,7 @@ class Bench:
         tcp_drive: bool = False,
         memory: Memory | None = None,
         groups: Iterable[Iterable[str]] = (),
+        before_up: Callable[[LineExchange], None] = lambda line: None,
     ) -> None:
         self.link = Link(is_serial=not tcp_drive)
         self.events: list[Event] = []
@@ -142,6 +143,7 @@ class Bench:
         self.seen: list[bytes] = []
         """Every PDU that the drive received."""
         self.now_ns = 1_000 * MS
+        before_up(self.line)
         self.line.link_up(self.now_ns)
         self.serve()
 
