@@ -139,8 +139,7 @@ class AxisMemory:
             axis.was_at_target,
             axis.is_done_seen,
             axis.may_have_left,
-            shadow is not None and shadow.corrected_words,
-            shadow is not None and shadow.is_torn,
+            shadow is not None and not self._has_rules and _holds_its_words(shadow),
         )
         if seen != self._seen:
             self._seen = seen

@@ -42,7 +42,7 @@ def why_not_restored(axis: AxisExchange, record: Remembered, actual: Actual, fin
     if finding is None:
         low, high = record.way
         if record.was_at_target or low == high:
-            said = f"at {high:.10g}"
+            said = f"at {record.corrected_counts:.10g}"
         else:
             said = f"between {low:.10g} and {high:.10g}"
         return f"the drive stands at {actual.counts:.10g} counts, and the record says {said}"
