@@ -19,7 +19,7 @@ class GatewaySection(StrictModel):
     )
     state: Folder = Field(
         default="state",
-        description="folder of the socket for commands while it runs, relative to the configuration file",
+        description="folder of the socket for commands and of the records of the axes, relative to this file",
     )
 
 

@@ -3,7 +3,8 @@
 Reads: the actual position, where nothing else tells the direction of a move or the offset in force; the
 drive's command words, when a controller writes a part of a position whose rest is not known; the homed bit;
 a mode register whose content decides what a target means; the place from which a relative move starts, and
-whether the axis stands there. One kind of write: a staged target once more, corrected for its trigger (M2).
+whether the axis stands there; at the start, where an axis with a record of the run before stands. One kind of
+write: a staged target once more, corrected for its trigger (M2).
 """
 
 from collections.abc import Sequence
