@@ -135,6 +135,7 @@ class AxisMemory:
             compensation.state,
             compensation.readback,
             compensation.accepted,
+            axis.wanted,
             axis.is_branch_known,
             axis.was_at_target,
             axis.is_done_seen,

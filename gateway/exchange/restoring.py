@@ -127,7 +127,6 @@ def _restore(axis: AxisExchange, record: Remembered, state: State, *, is_at_targ
     compensation.resume(state, accepted, record.anchor_counts, fade)
     compensation.way = record.way
     axis.is_branch_known = True
-    axis.was_at_target = is_at_target and record.was_at_target
     axis.is_done_seen = is_at_target and record.was_done_seen
     axis.may_have_left = is_at_target and record.may_have_left
     shadow = axis.last_shadow = axis.shadows[record.number]

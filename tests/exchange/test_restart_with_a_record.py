@@ -75,8 +75,9 @@ def streams(draw: st.DrawFn) -> list[Op]:
     """Setpoints near each other, some repeated, with reversals; the drive follows or lags a little."""
     at = draw(st.integers(20_000, 80_000))
     ops: list[Op] = []
-    for step in draw(st.lists(st.integers(-400, 400), min_size=2, max_size=40)):
-        at += step if abs(step) > 10 else 0
+    steps = st.one_of(st.integers(-400, 400), st.integers(-2, 2))
+    for step in draw(st.lists(steps, min_size=2, max_size=40)):
+        at += step
         ops.append(("follow", at, draw(st.sampled_from([0.0, 0.5, 1.0])) if ops else 1.0))
         if draw(st.booleans()):
             ops.append(draw(others))
@@ -123,7 +124,27 @@ def test_setpoints_go_on_after_a_kill_with_the_same_words_and_readings(
     ops: list[Op], reversal: Reversal | None, data: Any
 ) -> None:
     at = data.draw(st.integers(1, len(ops)))
-    check_goes_on(stream_plan(table=SCREW, reversal=reversal), ops, at)
+    check_goes_on(stream_plan(table=SCREW, reversal=reversal, reload_distance=1.5), ops, at)
+
+
+def test_a_change_over_that_was_asked_for_before_the_kill_is_made_after_it() -> None:
+    """Off and on again without a setpoint between: what is in force is not what is wanted any more."""
+    ops: list[Op] = [("follow", at, 1.0) for at in (30_000, 31_000, 32_000, 33_000)]
+    ops += [("switch", 0, 0.0), ("switch", 1, 0.0)]
+    ops += [("follow", at, 1.0) for at in (33_400, 33_800, 33_600, 33_200, 32_800, 32_000)]
+    check_goes_on(stream_plan(table=SCREW), ops, 6)
+
+
+def test_m1_a_half_after_a_restart_is_completed_from_the_record() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000)
+    bench.move(20_000)
+    again = bench.restarted()
+    half = bytes.fromhex("06 0606") + (20_001).to_bytes(2, "big")
+    assert again.ask(half) == half
+    # One count is less than the hysteresis: it stays on its branch.
+    assert again.writes == [write(COMMAND, 19_991)]
+    assert read(COMMAND) not in again.seen
 
 
 @settings(max_examples=100, deadline=None)
