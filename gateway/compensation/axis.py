@@ -4,76 +4,21 @@
 accepted the target. Between the two nothing has happened, and a refused target leaves no trace.
 """
 
-from enum import Enum
 from math import inf
-from typing import Final, NamedTuple
+from typing import Final
 
 from gateway.compensation.blend import shape, share_of, towards
 from gateway.compensation.correction_map import IDENTITY, CorrectionMap
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, changeover_distance
 from gateway.compensation.direction import Direction, Travel, follow
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
-from gateway.compensation.readback import Readback, after_target
+from gateway.compensation.moves import Accepted, Move, Place, PlaceKind, State, SteadyMove
+from gateway.compensation.readback import Fade, Readback, after_target
 from gateway.compensation.settings import AxisSettings, OutsideKind, Setpoints
 from gateway.times import NS_PER_MS
 
 JUST_BELOW: Final = 1.0 - 1e-6
 """A distance of exactly the hysteresis must count as one, whatever floating point makes of it."""
-
-
-class PlaceKind(Enum):
-    """How well the place of an axis is known, and on which scale."""
-
-    REACHED = "reached"
-    """The last accepted target, in nominal counts, known to be reached: every count of difference counts."""
-    MEASURED = "measured"
-    """A measured position in nominal counts: compared with hysteresis."""
-    ASSUMED = "assumed"
-    """The last accepted target, in nominal counts, that nothing has proved to be reached."""
-    ON_DRIVE = "on-drive"
-    """A measured position in corrected counts, while nobody knows which branch led there."""
-
-
-class Place(NamedTuple):
-    """Where an axis is."""
-
-    counts: float
-    kind: PlaceKind
-
-
-class State(NamedTuple):
-    """Everything that a target leaves behind. ``position`` is the last nominal machine position."""
-
-    position: float | None = None
-    travel: Travel = Travel(Direction.UNKNOWN, 0.0)
-    progress: float = Direction.UNKNOWN.goal
-    spec: CorrectionSpec = NOTHING
-    previous: CorrectionSpec | None = None
-    change: float = 1.0
-    change_distance: float = 0.0
-    is_unsure: bool = False
-    at_ns: int = 0
-
-
-class Move(NamedTuple):
-    """What a target would do: a correction, and the state that accepting it leads to."""
-
-    nominal_counts: float
-    correction_counts: float
-    correction_map: CorrectionMap
-    state: State
-
-
-SteadyMove = tuple[float, float, float, int, State, CorrectionMap]
-"""A move that changes nothing but the position: nominal and correction counts, nominal machine position, time
-in ns, the state before it, the map. A plain tuple, for one is made for each setpoint; see ``move_of``."""
-
-
-class Accepted(NamedTuple):
-    """The last target that the drive accepted."""
-
-    nominal_counts: float
-    corrected_counts: float
 
 
 class AxisCompensation:
@@ -89,6 +34,8 @@ class AxisCompensation:
         self.readback = Readback(settings.counts_per_unit, settings.zero_counts)
         self.accepted: Accepted | None = None
         """None when nothing was commanded yet, or nobody knows what the drive holds."""
+        self.way = (0.0, 0.0)
+        """Corrected counts between which the axis moves for the last accepted target, lower one first."""
         self._wanted = NOTHING
         self._wanted_distance = settings.reload_distance
         self._standing_counts: float | None = None
@@ -97,7 +44,8 @@ class AxisCompensation:
         self.is_steady = False
         """Whether the branch in force is the one that is wanted, whole: :meth:`plan_steady` may be asked."""
         self._steady_map = IDENTITY
-        self._is_stream = settings.setpoints is Setpoints.STREAM
+        self.is_stream = settings.setpoints is Setpoints.STREAM
+        """Whether a setpoint comes each cycle."""
         self._counts_per_unit, self._zero_counts = settings.counts_per_unit, settings.zero_counts
         self._refuses_outside = settings.outside.kind is OutsideKind.REFUSE
         self._lowest, self._highest = _bounds(settings)
@@ -201,7 +149,7 @@ class AxisCompensation:
         else:
             state = self._target(position, place, now_ns)
         self._check_covered(state, position)
-        correction_map = self._map_of(state)
+        correction_map = self.map_of(state)
         correction = correction_map.correction(position)
         if not correction_map.is_identity:
             self._check_travel(position, correction)
@@ -213,8 +161,14 @@ class AxisCompensation:
         ``is_reached``: the axis stands at the target before, whatever was read of it on the way there.
         """
         standing = self._standing_counts
+        before = self.accepted.corrected_counts if self.accepted else corrected_counts
         if standing is None or (is_reached and self.accepted is not None):
-            standing = self.accepted.corrected_counts if self.accepted else corrected_counts
+            standing = before
+        low, high = min(standing, before, corrected_counts), max(standing, before, corrected_counts)
+        is_unseen = self._standing_counts is None and self.accepted is not None and not is_reached
+        if is_unseen and self.settings.setpoints is Setpoints.TARGETS:  # it may be anywhere on the way before
+            low, high = min(low, self.way[0]), max(high, self.way[1])
+        self.way = (low, high)
         self.readback = after_target(
             self.readback, move.correction_map, move.nominal_counts, corrected_counts, standing
         )
@@ -239,7 +193,7 @@ class AxisCompensation:
             return None
         direction, extreme = state.travel
         slack = self._hysteresis
-        if not self._is_stream:
+        if not self.is_stream:
             if accepted is None or not is_reached:
                 return None
             extreme, slack = self.machine_position(accepted.nominal_counts), 0.0
@@ -258,7 +212,7 @@ class AxisCompensation:
         """Return a steady move with the state that accepting it leads to, as :meth:`plan` would."""
         nominal_counts, correction_counts, position, now_ns, before, correction_map = steady
         direction, extreme = before.travel
-        is_stream = self._is_stream
+        is_stream = self.is_stream
         is_further = position >= extreme if direction is Direction.FORWARD else position <= extreme
         state = State(
             position,
@@ -288,8 +242,22 @@ class AxisCompensation:
             and state.progress == state.travel.direction.goal
             and not state.is_unsure
             and not self._steady_map.is_identity
-            and self._steady_map is self._map_of(state)
+            and self._steady_map is self.map_of(state)
         )
+
+    def resume(
+        self, state: State, accepted: Accepted | None, anchor_counts: float, fade: Fade | None
+    ) -> None:
+        """Go on where another run of the gateway left off; what is wanted stays."""
+        self.state = state
+        self.accepted = accepted
+        settings = self.settings
+        self.readback = Readback(
+            settings.counts_per_unit, settings.zero_counts, self.map_of(state), anchor_counts, fade
+        )
+        self._standing_counts = None
+        self._measure_change()
+        self._note_steadiness()
 
     def _measure_change(self) -> None:
         if self.settings.setpoints is Setpoints.STREAM:
@@ -363,7 +331,8 @@ class AxisCompensation:
             )
         return state
 
-    def _map_of(self, state: State) -> CorrectionMap:
+    def map_of(self, state: State) -> CorrectionMap:
+        """Return the correction that a state puts into force."""
         key = (state.spec, state.previous, state.change, state.progress)
         if key != self._map_key:
             forward_share = shape(state.progress)

@@ -31,6 +31,8 @@ class CorrectionSpec:
     gain: Gain = FULL
     offset: float = 0.0
     reversal: Reversal = STEP
+    table_digest: bytes = b""
+    """Of the table that the curve was made from; empty without one, or where nobody asked for it."""
 
     def terms(self, forward_share: float, weight: float) -> tuple[Term, ...]:
         """Terms of the map at a blend between the branches (1 = forward), scaled by ``weight``."""
@@ -60,8 +62,12 @@ class CorrectionSpec:
 NOTHING: Final = CorrectionSpec()
 
 
-def spec_of_table(table: CorrectionTable, settings: AxisSettings, gain: Gain | None = None) -> CorrectionSpec:
+def spec_of_table(
+    table: CorrectionTable, settings: AxisSettings, gain: Gain | None = None, digest: bytes = b""
+) -> CorrectionSpec:
     """Return what a table, in the units of the axis, asks for under its settings.
+
+    ``digest`` is that of the table as it is given; it is only kept.
 
     Raises:
         TableError: a rotary table that does not close, a fade that is too steep.
@@ -72,7 +78,7 @@ def spec_of_table(table: CorrectionTable, settings: AxisSettings, gain: Gain | N
         table = with_backlash(table, settings.backlash)
     curve = Curve(table, settings.outside, settings.modulo)
     gain = settings.gain if gain is None else gain
-    return CorrectionSpec(curve, gain, 0.0, reversal_in_force(table, settings, gain))
+    return CorrectionSpec(curve, gain, 0.0, reversal_in_force(table, settings, gain), digest)
 
 
 def reversal_in_force(table: CorrectionTable, settings: AxisSettings, gain: Gain) -> Reversal:

@@ -20,8 +20,8 @@ class GatewaySection(StrictModel):
     )
     state: Folder = Field(
         default=DEFAULT_STATE,
-        description="folder of what the gateway keeps: the compiled configuration and tables, and its socket "
-        "while it runs; relative to the configuration file",
+        description="folder of what the gateway keeps: the compiled configuration and tables, the records of "
+        "the axes, and its socket while it runs; relative to the configuration file",
     )
 
 

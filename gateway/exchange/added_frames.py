@@ -3,9 +3,11 @@
 Reads: the actual position, where nothing else tells the direction of a move or the offset in force; the
 drive's command words, when a controller writes a part of a position whose rest is not known; the homed bit;
 a mode register whose content decides what a target means; the place from which a relative move starts, and
-whether the axis stands there. One kind of write: a staged target once more, corrected for its trigger (M2).
+whether the axis stands there; at the start, where an axis with a record of the run before stands. One kind of
+write: a staged target once more, corrected for its trigger (M2).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
@@ -139,6 +141,20 @@ def homed_read(axis: AxisExchange) -> AddedFrame | None:
     if not is_needed or not axis.may_read or bit is None:
         return None
     return read_bit(axis, Purpose.HOMED, bit)
+
+
+def reads_at_start(axes: Sequence[AxisExchange]) -> list[AddedFrame]:
+    """Return what is read when the line comes up: every homed bit, then where axes with a record stand."""
+    reads: list[AddedFrame | None] = []
+    for axis in axes:
+        if axis.memory is not None:
+            axis.memory.go_on()
+        reads.append(homed_read(axis))
+    for axis in axes:
+        is_undecided = axis.memory is not None and axis.memory.recalled is not None
+        if is_undecided and axis.may_read and axis.plan.actual:
+            reads.append(read_field(axis, Purpose.ACTUAL, axis.plan.actual[0]))
+    return [read for read in reads if read is not None]
 
 
 def restage(rendering: Rendering) -> AddedFrame | None:

@@ -72,6 +72,13 @@ def _settle(rewriting: Rewriting, reply: bytes, now_ns: int, *, is_acknowledged:
         note_done(meaning, now_ns)
         if meaning.runs_alone and not _is_run_known(rewriting, meaning):
             meaning.axis.forget_place()
+    _conclude(rewriting)
+
+
+def _conclude(rewriting: Rewriting) -> None:
+    for axis in rewriting.request.unit.axes:
+        if axis.memory is not None:
+            axis.memory.conclude()
 
 
 def _is_run_known(rewriting: Rewriting, meaning: Meaning) -> bool:
@@ -98,6 +105,7 @@ def fail(rewriting: Rewriting, code: int, now_ns: int, *, is_refusal: bool) -> N
     for meaning in rewriting.request.meanings:
         is_run_known = _is_run_known(rewriting, meaning)
         note_failed(meaning, code, now_ns, is_refusal=is_refusal, is_run_known=is_run_known)
+    _conclude(rewriting)
 
 
 def note_broadcast(rewriting: Rewriting, now_ns: int) -> None:
@@ -114,6 +122,7 @@ def note_broadcast(rewriting: Rewriting, now_ns: int) -> None:
     for meaning in rewriting.request.meanings:
         is_run_known = _is_run_known(rewriting, meaning)
         note_failed(meaning, 0, now_ns, is_refusal=False, is_run_known=is_run_known, is_broadcast=True)
+    _conclude(rewriting)
 
 
 def _foreign_reply(rewriting: Rewriting, reply: bytes) -> bytes:
@@ -161,7 +170,10 @@ def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray) -> No
     if readback is not None and rewriting.renderings:
         readback = axis.compensation.readback  # FC23 writes before it reads
     if place.role is FieldRole.ACTUAL and place.number == 0:
+        was_undecided = axis.memory is not None and axis.memory.recalled is not None
         observe_actual(axis, place.field, words, rewriting.request.arrived_ns)  # as old as its request
+        if was_undecided and readback is not None:
+            readback = axis.compensation.readback  # nothing else was in force when the request was sent
     if readback is None:
         return
     if place.role is FieldRole.COMMAND and place.shadow is not None:

@@ -7,10 +7,12 @@ blocks and cut reads, is a change of nominal words followed by rendering them wi
 
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from gateway.compensation.axis import AxisCompensation, Move
+from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
+from gateway.compensation.fingerprint import table_digest
+from gateway.compensation.moves import Move
 from gateway.compensation.readback import Readback
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Form
@@ -28,6 +30,9 @@ from gateway.exchange.reference import ReferenceState
 from gateway.exchange.shadow import Shadow
 from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_MS
+
+if TYPE_CHECKING:
+    from gateway.exchange.remembering import AxisMemory
 
 
 @dataclass(slots=True)
@@ -91,6 +96,8 @@ class AxisExchange:
     silent_until_ns: int = 0
     """The first and the last request since then that its drive left unanswered."""
     is_alarmed: bool = False
+    memory: "AxisMemory | None" = None
+    """Its record for the next run of the gateway."""
     news: list[Event] = field(default_factory=list)
     """What the line has still to report."""
 
@@ -109,7 +116,8 @@ class AxisExchange:
         self.wanted = NOTHING
         self.has_branches = False
         if self.is_enabled and not self.is_ended and self.plan.table is not None:
-            self.wanted = spec_of_table(self.plan.table, self.plan.settings)
+            table = self.plan.table
+            self.wanted = spec_of_table(table, self.plan.settings, digest=table_digest(table))
             curve = self.wanted.curve
             one_way = curve is not None and curve.table.is_unidirectional and self.wanted.gain.is_even
             self.has_branches = not one_way
@@ -118,6 +126,11 @@ class AxisExchange:
     def is_shadow(self) -> bool:
         """Compute and show, but write and read 1:1."""
         return self.plan.compensation is CompensationMode.SHADOW
+
+    @property
+    def is_recalling(self) -> bool:
+        """Whether it is not decided yet if the record of the run before counts."""
+        return self.memory is not None and self.memory.recalled is not None
 
     @property
     def passes_unchanged(self) -> bool:
@@ -281,6 +294,8 @@ class AxisExchange:
 
     def link_lost(self, now_ns: int) -> None:
         """Forget what may have changed while nobody looked."""
+        if self.memory is not None:
+            self.memory.pause()
         self.forget()
         self.actual = None
         self.doubt(now_ns)

@@ -6,7 +6,7 @@ when nobody waits for it any more.
 
 from typing import NamedTuple
 
-from gateway.compensation.axis import SteadyMove
+from gateway.compensation.moves import SteadyMove
 from gateway.exchange.access import Access
 from gateway.exchange.axis import Rendering
 from gateway.exchange.known import NOTHING_KNOWN
@@ -37,15 +37,15 @@ def rendering_of(draft: Draft) -> Rendering:
     return Rendering(axis, shadow, nominal_words, corrected_words, corrected_counts, move)
 
 
-def rewriting_of(draft: Draft, pdu: bytes, sent_ns: int, arrived_ns: int) -> Rewriting:
-    """Return the request as the long way would have prepared it."""
+def rewriting_of(draft: Draft, rendering: Rendering, request: tuple[bytes, int, int]) -> Rewriting:
+    """Return a request as the long way would have prepared it: its PDU, when it was sent and when it came."""
     unit, access, hit = draft[0]
-    rendering = rendering_of(draft)
+    pdu, sent_ns, arrived_ns = request
     start = access.data_offset + 2 * hit.word
     words = rendering.corrected_words
     sent_pdu = pdu[:start] + words + pdu[start + len(words) :]
-    request = Request(unit, pdu, access, [], NOTHING_KNOWN, sent_ns, arrived_ns)
-    rewriting = Rewriting(request, sent_pdu, (rendering,))
+    prepared = Request(unit, pdu, access, [], NOTHING_KNOWN, sent_ns, arrived_ns)
+    rewriting = Rewriting(prepared, sent_pdu, (rendering,))
     rewriting.command_hits = (hit,)
     rewriting.losses = {id(rendering.shadow): draft[4]}
     return rewriting

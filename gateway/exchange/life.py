@@ -6,8 +6,8 @@ from typing import Final, Protocol
 
 from gateway.compensation.readback import Readback
 from gateway.exchange.added_frames import AddedFrame
-from gateway.exchange.axis import AxisExchange
-from gateway.exchange.draft import Draft, rewriting_of
+from gateway.exchange.axis import AxisExchange, Rendering
+from gateway.exchange.draft import Draft, rendering_of, rewriting_of
 from gateway.exchange.known import Known
 from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
@@ -32,6 +32,10 @@ class Way(Protocol):
 
     def answered(self, exchange: "Exchange", reply: bytes, now_ns: int) -> bytes | None:
         """Return what the controller gets for a drive's reply; None: it goes the long way."""
+        ...
+
+    def left(self, exchange: "Exchange") -> None:
+        """Take note that a target is on its way."""
         ...
 
     def settle(self, exchange: "Exchange", now_ns: int) -> None:
@@ -66,6 +70,7 @@ class Exchange:
     readbacks: Sequence[Readback | None] = ()
     """Of each position that it reads, on the short way: as they were when it was sent."""
     _rewritings: tuple[Rewriting, ...] = ()
+    _rendering: Rendering | None = None
 
     def __init__(
         self, port: ControllerPort | None, transaction_id: int, unit_id: int, pdu: bytes, arrived_ns: int
@@ -87,12 +92,20 @@ class Exchange:
     def rewritings(self) -> tuple[Rewriting, ...]:
         """What it makes of each unit that it reaches; a broadcast reaches several."""
         if self.draft is not None and not self._rewritings:
-            self._rewritings = (rewriting_of(self.draft, self.pdu, self.sent_ns, self.arrived_ns),)
+            request = (self.pdu, self.sent_ns, self.arrived_ns)
+            self._rewritings = (rewriting_of(self.draft, self.drafted(), request),)
         return self._rewritings
 
     @rewritings.setter
     def rewritings(self, rewritings: tuple[Rewriting, ...]) -> None:
         self._rewritings = rewritings
+
+    def drafted(self) -> Rendering:
+        """Return the target that it carries on the short way: always the same object."""
+        if self._rendering is None:
+            assert self.draft is not None
+            self._rendering = rendering_of(self.draft)
+        return self._rendering
 
     def start(self, now_ns: int) -> None:
         """Note that it is its turn: after it waited for the line, or for a frame that goes first."""

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from gateway.exchange import control
-from gateway.exchange.added_frames import homed_read
+from gateway.exchange.added_frames import reads_at_start
 from gateway.exchange.admission import judge
 from gateway.exchange.answering import answer, note_broadcast, note_discrete
 from gateway.exchange.arbitration import Gaps
@@ -21,7 +21,6 @@ from gateway.exchange.axis import AxisExchange
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import REMEMBERED_WAYS, Units, is_acting_on
-from gateway.exchange.effects import note_unknown
 from gateway.exchange.endings import NO_RESPONSE, Endings
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.groups import join
@@ -33,6 +32,7 @@ from gateway.exchange.news import AxisNews
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.remembering import note_leaving
 from gateway.exchange.rest import Rest
 from gateway.exchange.silence import SilentUnits
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, is_exception
@@ -196,8 +196,7 @@ class LineExchange:
         """Take a reply the long way; return the axes of which something may have been learned."""
         axes = self._units.axes_of(exchange.wire_unit_id)
         for axis in axes:
-            if axis.silent_since_ns is not None:
-                axis.end_silence(is_answer=True)
+            axis.end_silence(is_answer=True)
         if exchange.added is not None:
             self._current = None
             self._learn(exchange, pdu, now_ns)
@@ -210,8 +209,7 @@ class LineExchange:
 
     def _answer(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         self.counters.exchanges += 1
-        if is_exception(pdu):
-            self.counters.exceptions += 1
+        self.counters.exceptions += is_exception(pdu)
         if not exchange.rewritings:
             self._ends.reply(exchange, pdu)
             note_discrete(self._units.get(exchange.unit_id), exchange.pdu, pdu, now_ns)
@@ -258,7 +256,8 @@ class LineExchange:
         for axis in self.axes:
             axis.silent_until_ns = now_ns
             axis.end_silence(is_answer=True)
-            self._waiting.add_own(homed_read(axis), now_ns)
+        for read in reads_at_start(self.axes):
+            self._waiting.add_own(read, now_ns)
         self._news.look(self.axes)
         self._next(now_ns)
 
@@ -338,13 +337,14 @@ class LineExchange:
         if exchange.known is None and not self._deadlines.may_be_late(exchange, now_ns):
             way = self._units.way_of(exchange.unit_id, exchange.pdu)
             sent_pdu = None if way is None else way.sent(exchange, now_ns)
-            if sent_pdu is not None:
+            if way is not None and sent_pdu is not None:
                 exchange.way = way
                 self._put_on_wire(exchange, sent_pdu, exchange.unit_id, now_ns)
+                if exchange.draft is not None:
+                    way.left(exchange)
                 return
         for axis in self._units.axes_of(exchange.unit_id):
-            if axis.silent_since_ns is not None:
-                axis.end_silence(is_answer=False)
+            axis.end_silence(is_answer=False)
         try:
             self._deadlines.check(exchange, now_ns)
             added, pdu = self._units.next_to_send(exchange, now_ns)
@@ -356,7 +356,7 @@ class LineExchange:
         if added is not None:
             self._send(exchange, added.pdu, added.axis.plan.unit_id, now_ns)
             return
-        self.counters.unknown_modes += sum(note_unknown(r.request.meanings) for r in exchange.rewritings)
+        self.counters.unknown_modes += sum(map(note_leaving, exchange.rewritings))
         self._send(exchange, pdu, exchange.unit_id, now_ns)
 
     def _send(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:

@@ -8,7 +8,7 @@ from gateway.exchange.groups import hold_back
 
 
 class AxisNews:
-    """Compares what was said last of each axis with what is so now."""
+    """Compares what was said, and written down, last of each axis with what is so now."""
 
     def __init__(self, axes: Iterable[AxisExchange], on_event: Callable[[Event], None]) -> None:
         self._on_event = on_event
@@ -26,6 +26,8 @@ class AxisNews:
             self._look(axis)
 
     def _look(self, axis: AxisExchange) -> None:
+        if axis.memory is not None:
+            axis.memory.look()
         for event in axis.news:
             self._on_event(event)
         axis.news.clear()

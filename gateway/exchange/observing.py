@@ -16,6 +16,8 @@ def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, now_
         return None
     before, now = axis.actual, Actual(counts_of(field_, raw), now_ns)
     axis.actual = now
+    if axis.memory is not None and axis.memory.recalled is not None:
+        axis.memory.decide(now)
     _prove(axis, before, now)
     axis.compensation.observe(now.counts)
     is_at_rest = axis.was_at_target or axis.is_done_seen

@@ -3,9 +3,9 @@
 from math import isfinite
 from typing import NamedTuple
 
-from gateway.compensation.axis import Move, Place, PlaceKind
 from gateway.compensation.correction_spec import NOTHING
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
+from gateway.compensation.moves import Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.axis import Actual, AxisExchange, Rendering
 from gateway.exchange.field_counts import counts_of, steps_of

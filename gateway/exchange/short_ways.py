@@ -13,7 +13,7 @@ from gateway.exchange.access import ACCESS, Access
 from gateway.exchange.aliases import ANY_TCP_DRIVE
 from gateway.exchange.answering import READS_BITS, note_bits
 from gateway.exchange.axis import AxisExchange
-from gateway.exchange.draft import Place, rendering_of
+from gateway.exchange.draft import Place
 from gateway.exchange.life import Exchange
 from gateway.exchange.observing import observe_actual
 from gateway.exchange.rendering import nominal_limit
@@ -53,6 +53,9 @@ class Way:
         """Return what the controller gets for a drive's reply; None: it goes the long way."""
         return reply
 
+    def left(self, exchange: Exchange) -> None:
+        """Take note that a target is on its way."""
+
     def settle(self, exchange: Exchange, now_ns: int) -> None:
         """Take note of what the reply proved, once it was passed on."""
 
@@ -86,7 +89,7 @@ class ReadWay(Way):
     def sent(self, exchange: Exchange, now_ns: int) -> bytes | None:
         """See ``Way``."""
         for axis in self.axes:
-            if axis.silent_since_ns is not None:
+            if axis.silent_since_ns is not None or axis.is_recalling:
                 return None
         if self._asks_for_bits:
             for read in self._reads:
@@ -181,13 +184,25 @@ class WriteWay(Way):
                 return None
             corrected_counts = raw if self._scale == 1.0 else raw * self._scale
         exchange.draft = (self._place, words, corrected_words, corrected_counts, shadow.losses, steady)
+        if not compensation.is_stream:
+            self._remember(exchange)
         return pdu[:start] + corrected_words + pdu[end:]
+
+    def left(self, exchange: Exchange) -> None:
+        """See ``Way``. A stream does not wait for its record, which is good for one setpoint either way."""
+        if self._axis.compensation.is_stream:
+            self._remember(exchange)
+
+    def _remember(self, exchange: Exchange) -> None:
+        memory = self._axis.memory
+        if memory is not None:
+            memory.sending(exchange.drafted())
 
     def _is_usual(self, now_ns: int) -> bool:
         """Whether nothing has happened that must be looked at before the next target."""
         axis = self._axis
         for each in self.axes:
-            if each.silent_since_ns is not None:
+            if each.silent_since_ns is not None or each.is_recalling:
                 return False
         if axis.unproven is not None or axis.may_have_left or self._shadow.is_torn:
             return False
@@ -199,9 +214,10 @@ class WriteWay(Way):
 
     def settle(self, exchange: Exchange, now_ns: int) -> None:
         """See ``Way``."""
-        draft = exchange.draft
-        if draft is not None:
-            self._axis.commit(rendering_of(draft), now_ns, draft[4])
+        assert exchange.draft is not None
+        self._axis.commit(exchange.drafted(), now_ns, exchange.draft[4])
+        if self._axis.memory is not None:
+            self._axis.memory.conclude()
 
 
 def find_way(unit: UnitMap | None, unit_id: int, pdu: bytes) -> Way | None:

@@ -37,6 +37,8 @@ from gateway.ipc.state_folder import (
 
 FORMAT: Final = "pitch-gateway plan"
 VERSION: Final = 1
+OTHERS_KEPT: Final = 4
+"""Tables of no axis that stay in the state folder all the same."""
 _FOR_RECORDS: Final = {"table": None, "table_name": "", "table_format": "", "table_digest": ""}
 """Fields of an axis that change with its table."""
 
@@ -216,8 +218,27 @@ def _read_table(state: Path, digest: str, remedy: str) -> CorrectionTable:
     return table
 
 
+def find_table(state: Path, fingerprint: bytes) -> CorrectionTable | None:
+    """Return a compiled table by what ``compensation.fingerprint`` calls it; None where it is not there.
+
+    One that is in force no more may still be wanted: by an axis that was killed in the middle of going over
+    to the next.
+    """
+    for path in (state / TABLES_NAME).glob(f"*{TABLE_SUFFIX}"):
+        digest = path.name.removesuffix(TABLE_SUFFIX)
+        with contextlib.suppress(ValueError, StateError):
+            if bytes.fromhex(digest)[: len(fingerprint)] == fingerprint:
+                return _read_table(state, digest, "")
+    return None
+
+
 def _remove_others(state: Path, digests: set[str]) -> None:
+    """Remove tables that belong to no axis any more, but for the newest few (see :func:`find_table`)."""
+    others: list[tuple[float, Path]] = []
     for path in (state / TABLES_NAME).glob(f"*{TABLE_SUFFIX}"):
         if path.name.removesuffix(TABLE_SUFFIX) not in digests:
             with contextlib.suppress(OSError):
-                path.unlink()
+                others.append((path.stat().st_mtime, path))
+    for _, path in sorted(others)[:-OTHERS_KEPT]:
+        with contextlib.suppress(OSError):
+            path.unlink()

@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 import gateway
 from gateway.compensation.settings import Gain
 from gateway.exchange.control import ControlError, TableChange
+from gateway.exchange.remembering import FindTable
+from gateway.ipc.compiled_plan import find_table as find_table_in
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.complaints import Complaints
 from gateway.ipc.messages import Happened
@@ -36,8 +38,10 @@ class Relay:
     """Runs a plan on the loop of whoever starts it.
 
     ``write`` gets what happened, a few times a second, off the hot path; without it the newest notes can be
-    looked at with :meth:`recent`. ``state`` is the folder of its socket; without it there is none. With a
-    ``recorder`` everything that passes is recorded. A relay lives once: make another one to start again.
+    looked at with :meth:`recent`. ``state`` is the folder of its socket and of the records of its axes;
+    without it there are none. With a ``recorder`` everything that passes is recorded. ``find_table`` finds a
+    table that was in force in an earlier run, by its ``compensation.fingerprint.table_digest``. A relay lives
+    once: make another one to start again.
     """
 
     def __init__(
@@ -47,6 +51,7 @@ class Relay:
         *,
         state: Path | None = None,
         recorder: Recorder | None = None,
+        find_table: FindTable | None = None,
     ) -> None:
         self._plan = plan
         self._journal = Journal(write)
@@ -61,6 +66,7 @@ class Relay:
         self._refused_tables = Complaints(
             lambda detail: self._journal.note(Severity.WARNING, "table-refused", detail=detail)
         )
+        self._find_table = find_table or (None if state is None else partial(find_table_in, state))
 
     @property
     def name(self) -> str:
@@ -112,6 +118,8 @@ class Relay:
         self._lines = [Line(plan, self._journal, self._activity, self._recorder) for plan in self._plan.lines]
         problems += await self._open_control()
         for line in () if problems else self._lines:
+            if self._state is not None:
+                line.keep_records(self._state, self._find_table)
             problems += await line.open()
         if problems:
             for line in self._lines:

@@ -18,7 +18,9 @@ CAPACITY: Final = 1000
 WRITE_EVERY_S: Final = 0.2
 
 
-QUIET_KINDS: Final = frozenset({EventKind.LINE_UP, EventKind.DRIVE_ANSWERS, EventKind.AXIS_REFERENCED})
+QUIET_KINDS: Final = frozenset(
+    {EventKind.LINE_UP, EventKind.DRIVE_ANSWERS, EventKind.AXIS_REFERENCED, EventKind.RESTORED}
+)
 """Good news; every other event of the exchange is a warning."""
 
 
@@ -46,6 +48,10 @@ class Journal:
         severity = Severity.INFO if event.kind in QUIET_KINDS else Severity.WARNING
         axis = {"axis": event.axis} if event.axis else {}
         self.note(severity, event.kind.value, line=line, **axis, detail=event.detail)
+
+    def record_not_used(self, line: str, axis: str, detail: str) -> None:
+        """Append that the record of an axis does not count, or is not kept."""
+        self.note(Severity.WARNING, EventKind.RECORD_NOT_USED.value, line=line, axis=axis, detail=detail)
 
     def recent(self) -> tuple[Note, ...]:
         """Return the notes that were not written yet, oldest first."""

@@ -2,16 +2,20 @@
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Final
 
 from gateway.compensation.settings import Gain
 from gateway.exchange.control import TableChange
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
+from gateway.exchange.remembering import FindTable
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc.notes import Severity
 from gateway.ipc.plan import LinePlan
 from gateway.relay.activity import Activity
+from gateway.relay.axis_record import AxisRecord, record_path
 from gateway.relay.computed import computed
 from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink
 from gateway.relay.front import Front, make_front
@@ -57,6 +61,8 @@ class Line:
         )
         self._link.attach(self._timed)
         self._drives = _make_drives(plan.drives, self._link, self._drives_failed, self._drives_slow)
+        self._records: list[AxisRecord] = []
+        self._is_recorded = recorder is not None
         self._fronts = [make_front(plan.name, link, self._timed, journal) for link in plan.controllers]
 
     @property
@@ -78,6 +84,20 @@ class Line:
     def longest_stop_s(self) -> float:
         """So long a stop waits for the exchange on the wire, at most."""
         return self._longest_exchange_s() + STOP_MARGIN_S
+
+    def keep_records(self, state: Path, find_table: FindTable | None = None) -> None:
+        """Keep a record of each axis in this folder, and let those of the run before count where they do.
+
+        In a run that is recorded they do not, so that its replay begins as it began.
+        """
+        for axis in self._exchange.axes:
+            record = AxisRecord(axis, record_path(state, axis.plan.name))
+            record.open(
+                partial(self._journal.record_not_used, self.plan.name, axis.plan.name),
+                find_table,
+                is_used=not self._is_recorded,
+            )
+            self._records.append(record)
 
     async def open(self) -> list[str]:
         """Open listeners and ports; returns one line for each that cannot be opened, with its key.
@@ -105,6 +125,8 @@ class Line:
 
     async def close(self) -> None:
         """Close everything as it stands."""
+        for record in self._records:
+            record.close()  # first: that the way to the drives is closed now is no news of the axes
         for front in self._fronts:
             await front.close()
         await self._drives.close()

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.compensation.axis import AxisCompensation, Place, PlaceKind
+from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_spec import CorrectionSpec, spec_of_table
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError, SettingsError
 from gateway.compensation.limits import motion_report
+from gateway.compensation.moves import Place, PlaceKind
 from gateway.compensation.settings import (
     AxisSettings,
     Gain,

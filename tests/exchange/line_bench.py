@@ -1,6 +1,6 @@
 """A line on the bench: a controller's port, a link that records, and a drive that is plain memory."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -135,6 +135,7 @@ class Bench:
         memory: Memory | None = None,
         groups: Iterable[Iterable[str]] = (),
         link: Link | None = None,
+        before_up: Callable[[LineExchange], None] = lambda line: None,
         **options: Any,
     ) -> None:
         self.link = link or Link(is_serial=not tcp_drive)
@@ -147,6 +148,7 @@ class Bench:
         self.seen: list[bytes] = []
         """Every PDU that the drive received."""
         self.now_ns = 1_000 * MS
+        before_up(self.line)
         self.line.link_up(self.now_ns)
         self.serve()
 

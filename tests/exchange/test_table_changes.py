@@ -49,7 +49,9 @@ def counting_table(height: float) -> tuple[CorrectionTable, tuple[Counting, ...]
     forward = [height * (number % 2) / 1000 for number in range(POINTS)]
     table = make_table(positions, forward, [c / 2 for c in forward], Units.MM)
     columns = tuple(map(Counting, (table.positions, table.forward, table.backward)))
-    return replace(table, positions=columns[0], forward=columns[1], backward=columns[2]), columns
+    digest = f"{int(height):064x}"  # a compiled table brings its own: nobody has to walk over it for one
+    counting = replace(table, positions=columns[0], forward=columns[1], backward=columns[2], digest=digest)
+    return counting, columns
 
 
 def axis_with(table: CorrectionTable | None, setpoints: Setpoints) -> AxisExchange:

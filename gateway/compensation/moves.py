@@ -1,0 +1,63 @@
+"""What moves an axis: where it is, what a target becomes, and what accepting one leaves behind."""
+
+from enum import Enum
+from typing import NamedTuple
+
+from gateway.compensation.correction_map import CorrectionMap
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
+from gateway.compensation.direction import Direction, Travel
+
+
+class PlaceKind(Enum):
+    """How well the place of an axis is known, and on which scale."""
+
+    REACHED = "reached"
+    """The last accepted target, in nominal counts, known to be reached: every count of difference counts."""
+    MEASURED = "measured"
+    """A measured position in nominal counts: compared with hysteresis."""
+    ASSUMED = "assumed"
+    """The last accepted target, in nominal counts, that nothing has proved to be reached."""
+    ON_DRIVE = "on-drive"
+    """A measured position in corrected counts, while nobody knows which branch led there."""
+
+
+class Place(NamedTuple):
+    """Where an axis is."""
+
+    counts: float
+    kind: PlaceKind
+
+
+class State(NamedTuple):
+    """Everything that a target leaves behind. ``position`` is the last nominal machine position."""
+
+    position: float | None = None
+    travel: Travel = Travel(Direction.UNKNOWN, 0.0)
+    progress: float = Direction.UNKNOWN.goal
+    spec: CorrectionSpec = NOTHING
+    previous: CorrectionSpec | None = None
+    change: float = 1.0
+    change_distance: float = 0.0
+    is_unsure: bool = False
+    at_ns: int = 0
+
+
+class Move(NamedTuple):
+    """What a target would do: a correction, and the state that accepting it leads to."""
+
+    nominal_counts: float
+    correction_counts: float
+    correction_map: CorrectionMap
+    state: State
+
+
+SteadyMove = tuple[float, float, float, int, State, CorrectionMap]
+"""A move that changes nothing but the position: nominal and correction counts, nominal machine position, time
+in ns, the state before it, the map. A plain tuple, for one is made for each setpoint; see ``move_of``."""
+
+
+class Accepted(NamedTuple):
+    """The last target that the drive accepted."""
+
+    nominal_counts: float
+    corrected_counts: float

@@ -1,0 +1,271 @@
+"""The record of one axis in bytes: two slots, written in turn, each with its generation and a check sum.
+
+A process may be killed between any two stores, and a power cut may leave half a page: the slot that is being
+written then fails its check sum, and the other one, a generation older, holds. Little-endian, no padding; the
+check sum is the CRC-32 of everything before it. Each slot has a page of its own.
+"""
+
+import struct
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+from zlib import crc32
+
+from gateway.compensation.correction_spec import CorrectionSpec
+
+VERSION: Final = 1
+PAGE: Final = 4096
+MAGIC: Final = b"PGAXREC\n"
+NAME_BYTES: Final = 32
+"""As long as the name of an axis may be."""
+HEADER: Final = struct.Struct(f"<8sH{NAME_BYTES}s")
+SLOTS_AT: Final = (PAGE, 2 * PAGE)
+RECORD_SIZE: Final = 3 * PAGE
+
+_STATE: Final = "b?5dq"
+"""Direction, unsure; position, extreme, progress, change, change distance; monotonic time."""
+_HEAD: Final = "Q16s??"
+"""Generation, scale digest; says something, has a move."""
+_BASE: Final = "?????B" + "4d" + _STATE + "d?4d"
+"""Has a target, at it, done, may have left it, words known, its field; nominal, corrected, way; state;
+anchor, fade."""
+_MOVE: Final = struct.Struct("<?B2d" + _STATE)
+"""Is a distance, its field; nominal, corrected; state. What stands here without a move is left over."""
+_SPEC: Final = struct.Struct("<B16s3d")
+_SPECS: Final = 4 * _SPEC.size
+_BODY: Final = struct.Struct(f"<{_HEAD}{_BASE}{_SPECS}s")
+_HEAD_FIELDS: Final = 4
+_CRC: Final = struct.Struct("<I")
+_MOVE_AT: Final = _BODY.size
+_CRC_AT: Final = _MOVE_AT + _MOVE.size
+SLOT_SIZE: Final = _CRC_AT + _CRC.size
+_EMPTY: Final = (
+    *(False, False, False, False, False, 0, 0.0, 0.0, 0.0, 0.0),
+    *(0, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
+    *(0.0, False, 0.0, 0.0, 0.0, 0.0),
+)
+_IS_THERE: Final = 1
+_IS_WANTED: Final = 2
+_NO_SPEC: Final = _SPEC.pack(0, b"", 0.0, 0.0, 0.0)
+
+
+Specs = tuple[
+    CorrectionSpec, CorrectionSpec | None, CorrectionSpec | None, CorrectionSpec | None, CorrectionSpec
+]
+"""What the state refers to, in force and giving way; the same of a move; and what is asked for."""
+
+
+class RememberedSpec(NamedTuple):
+    """A correction that was in force: a table by its digest, with its gains, or an offset in units."""
+
+    digest: bytes
+    """Empty: no table."""
+    forward_gain: float
+    backward_gain: float
+    offset: float
+    was_wanted: bool
+    """Nothing else was asked for then."""
+
+
+class RememberedState(NamedTuple):
+    """``compensation.axis.State`` in numbers."""
+
+    direction: int
+    is_unsure: bool
+    position: float
+    extreme: float
+    progress: float
+    change: float
+    change_distance: float
+    at_ns: int
+    spec: RememberedSpec
+    previous: RememberedSpec | None
+
+
+class RememberedMove(NamedTuple):
+    """A target that was on its way to the drive when the record was written: it may have arrived or not."""
+
+    is_distance: bool
+    number: int
+    """Of its command field."""
+    nominal_counts: float
+    corrected_counts: float
+    state: RememberedState
+
+
+class Remembered(NamedTuple):
+    """What one run of the gateway left to the next about one axis."""
+
+    generation: int
+    scale_digest: bytes
+    has_target: bool
+    """Whether the last accepted target still says where the axis goes; not after a stop."""
+    was_at_target: bool
+    was_done_seen: bool
+    may_have_left: bool
+    knows_words: bool
+    """The words of its command field are those of the target."""
+    number: int
+    nominal_counts: float
+    corrected_counts: float
+    way: tuple[float, float]
+    """Corrected counts between which the axis moves, lower one first."""
+    state: RememberedState
+    anchor_counts: float
+    fade: tuple[float, float, float, float] | None
+    """Difference in counts, start, end, way the other way; of ``compensation.readback.Fade``."""
+    unproven: RememberedMove | None
+
+
+class RecordSlots:
+    """Writes the newest record over the older slot of a buffer, and finds the newest good one.
+
+    The buffer has :data:`RECORD_SIZE` bytes; ``scale_digest`` belongs to the axis as it is configured now.
+    """
+
+    __slots__ = ("_buffer", "_digest", "_generation", "_specs", "_specs_bytes", "_views")
+
+    def __init__(self, buffer: memoryview, scale_digest: bytes) -> None:
+        self._buffer = buffer
+        self._digest = scale_digest
+        self._views = tuple(buffer[at : at + _CRC_AT] for at in SLOTS_AT)
+        found = [_generation(body) for body in self._bodies() if body is not None]
+        self._generation: int = max(found, default=0)
+        self._specs: Specs | None = None
+        self._specs_bytes = b""
+
+    @property
+    def generation(self) -> int:
+        """How often the record was written so far."""
+        return self._generation
+
+    @property
+    def is_damaged(self) -> bool:
+        """Whether something was written once and no slot is good."""
+        return not any(self._bodies()) and any(any(self._buffer[at : at + SLOT_SIZE]) for at in SLOTS_AT)
+
+    def release(self) -> None:
+        """Let go of the buffer; nothing may be written any more."""
+        for view in self._views:
+            view.release()
+        self._buffer.release()
+
+    def write(self, base: tuple[object, ...], move: tuple[object, ...] | None, specs: Specs) -> None:
+        """Write a record: its numbers in the order of the layout, and those of a target on its way."""
+        if specs != self._specs:
+            self._specs = specs
+            self._specs_bytes = b"".join(_spec_bytes(spec, specs[4]) for spec in specs[:4])
+        self._store(True, base, move, self._specs_bytes)
+
+    def clear(self) -> None:
+        """Write a record that says nothing."""
+        self._store(False, _EMPTY, None, b"")
+
+    def read(self) -> Remembered | None:
+        """Return the newest good record; None where there is none, or where it says nothing."""
+        good = [body for body in self._bodies() if body is not None]
+        return _remembered(max(good, key=_generation)) if good else None
+
+    def _store(
+        self, is_known: bool, base: tuple[object, ...], move: tuple[object, ...] | None, specs: bytes
+    ) -> None:
+        generation = self._generation = self._generation + 1
+        number = generation & 1
+        at = SLOTS_AT[number]
+        buffer = self._buffer
+        _BODY.pack_into(buffer, at, generation, self._digest, is_known, move is not None, *base, specs)
+        if move is not None:
+            _MOVE.pack_into(buffer, at + _MOVE_AT, *move)
+        _CRC.pack_into(buffer, at + _CRC_AT, crc32(self._views[number]))
+
+    def _bodies(self) -> list[bytes | None]:
+        return [_body(self._buffer, number) for number in (0, 1)]
+
+
+def header(name: str) -> bytes:
+    """Return what a record begins with."""
+    return HEADER.pack(MAGIC, VERSION, name.encode())
+
+
+def why_not_readable(data: bytes | memoryview, name: str) -> str:
+    """Return what is wrong with the beginning of a record, "" where nothing is."""
+    if len(data) != RECORD_SIZE:
+        return f"it has {len(data)} bytes and not {RECORD_SIZE}"
+    magic, version, owner = HEADER.unpack_from(data)
+    if magic != MAGIC:
+        return "it is no record of an axis"
+    if version != VERSION:
+        return f"it has version {version}, and this release reads version {VERSION}"
+    if owner != header(name)[-NAME_BYTES:]:
+        return f"it belongs to axis {owner.rstrip(bytes(1)).decode(errors='replace')}"
+    return ""
+
+
+def _spec_bytes(spec: CorrectionSpec | None, wanted: CorrectionSpec) -> bytes:
+    if spec is None:
+        return _NO_SPEC
+    flags = _IS_THERE | (_IS_WANTED if spec is wanted else 0)
+    return _SPEC.pack(flags, spec.table_digest, spec.gain.forward, spec.gain.backward, spec.offset)
+
+
+def _body(buffer: memoryview, number: int) -> bytes | None:
+    """Return a slot whose check sum holds and whose generation belongs there."""
+    at = SLOTS_AT[number]
+    data = bytes(buffer[at : at + _CRC_AT])
+    if _CRC.unpack_from(buffer, at + _CRC_AT)[0] != crc32(data):
+        return None
+    return data if _generation(data) & 1 == number else None
+
+
+def _generation(body: bytes) -> int:
+    return int.from_bytes(body[:8], "little")
+
+
+def _remembered(body: bytes) -> Remembered | None:
+    generation, digest, is_known, has_move, *base, spec_bytes = _BODY.unpack_from(body)
+    if not is_known:
+        return None
+    spec, previous, move_spec, move_previous = (_spec(each) for each in _SPEC.iter_unpack(spec_bytes))
+    assert spec is not None
+    unproven = None
+    if has_move:
+        assert move_spec is not None
+        is_distance, number, nominal, corrected, *state = _MOVE.unpack_from(body, _MOVE_AT)
+        unproven = RememberedMove(
+            is_distance, number, _counts(nominal), _counts(corrected), _state(state, move_spec, move_previous)
+        )
+    return Remembered(
+        generation,
+        digest,
+        base[0],
+        base[1],
+        base[2],
+        base[3],
+        base[4],
+        base[5],
+        _counts(base[6]),
+        _counts(base[7]),
+        (base[8], base[9]),
+        _state(base[10:18], spec, previous),
+        base[18],
+        (base[20], base[21], base[22], base[23]) if base[19] else None,
+        unproven,
+    )
+
+
+def _state(numbers: Sequence[Any], spec: RememberedSpec, previous: RememberedSpec | None) -> RememberedState:
+    direction, is_unsure, position, extreme, progress, change, change_distance, at_ns = numbers
+    return RememberedState(
+        direction, is_unsure, position, extreme, progress, change, change_distance, at_ns, spec, previous
+    )
+
+
+def _spec(fields: tuple[Any, ...]) -> RememberedSpec | None:
+    flags, digest, forward, backward, offset = fields
+    if not flags & _IS_THERE:
+        return None
+    return RememberedSpec(digest if any(digest) else b"", forward, backward, offset, bool(flags & _IS_WANTED))
+
+
+def _counts(counts: float) -> float:
+    """Whole counts as the integers that they were."""
+    return int(counts) if counts.is_integer() else counts

@@ -1,0 +1,177 @@
+"""An axis taken up from its record, where the drive stands as the record says (DESIGN 7)."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
+from gateway.compensation.direction import Direction, Travel
+from gateway.compensation.errors import SettingsError, TableError
+from gateway.compensation.moves import Accepted, Move, State
+from gateway.compensation.readback import Fade
+from gateway.compensation.settings import Gain
+from gateway.compensation.table import CorrectionTable
+from gateway.exchange.axis import Actual, AxisExchange, Rendering
+from gateway.exchange.field_counts import raw_of
+from gateway.exchange.record_layout import (
+    Remembered,
+    RememberedMove,
+    RememberedSpec,
+    RememberedState,
+)
+
+FindTable = Callable[[bytes], CorrectionTable | None]
+
+
+class _Finding(NamedTuple):
+    """Where the drive was found, told from what the record allows."""
+
+    is_at_target: bool
+    """At the last accepted target."""
+    has_arrived: bool | None
+    """Whether the unproven target reached the drive; None: there is none, or nobody can tell."""
+    is_at_unproven: bool
+
+
+class _TableNotFoundError(Exception):
+    """A table that a record names is not to be had."""
+
+
+def why_not_restored(axis: AxisExchange, record: Remembered, actual: Actual, find_table: FindTable) -> str:
+    """Take an axis up from its record; "" when that is done, else why it cannot be; then nothing changes."""
+    finding = _find(axis, record, actual.counts)
+    if finding is None:
+        low, high = record.way
+        if record.was_at_target or low == high:
+            said = f"at {record.corrected_counts:.10g}"
+        else:
+            said = f"between {low:.10g} and {high:.10g}"
+        return f"the drive stands at {actual.counts:.10g} counts, and the record says {said}"
+    try:
+        state = _state(axis, record.state, find_table, actual.seen_ns)
+        unproven = None
+        if record.unproven is not None:
+            unproven = _state(axis, record.unproven.state, find_table, actual.seen_ns)
+    except _TableNotFoundError:
+        return "the table that was in force is not the one configured now"
+    except (TableError, SettingsError) as error:
+        return f"the table that was in force cannot be used any more ({error})"
+    _restore(axis, record, state, is_at_target=finding.is_at_target)
+    if record.unproven is not None and unproven is not None:
+        _follow_unproven(axis, record.unproven, unproven, finding)
+    return ""
+
+
+def _find(axis: AxisExchange, record: Remembered, counts: float) -> _Finding | None:
+    """Compare where the drive is with where it may be; None where the record cannot be true.
+
+    Between two targets of which one is not proven, the nearer one counts.
+    """
+    settings = axis.plan.settings
+    near = settings.hysteresis * abs(settings.counts_per_unit)
+    low, high = record.way
+    from_target = abs(counts - record.corrected_counts)
+    is_at_target = record.has_target and from_target <= near
+    is_on_way = is_at_target or (not record.was_at_target and low - near <= counts <= high + near)
+    move = record.unproven
+    if move is None:
+        return _Finding(is_at_target, None, is_at_unproven=False) if is_on_way else None
+    from_move = abs(counts - move.corrected_counts)
+    if from_move <= near and not (is_at_target and from_target <= from_move):
+        return _Finding(is_at_target=False, has_arrived=True, is_at_unproven=True)
+    if is_on_way:
+        return _Finding(is_at_target, False if is_at_target else None, is_at_unproven=False)
+    low, high = min(low, move.corrected_counts), max(high, move.corrected_counts)
+    if low - near <= counts <= high + near:
+        return _Finding(is_at_target=False, has_arrived=True, is_at_unproven=False)
+    return None
+
+
+def _state(axis: AxisExchange, numbers: RememberedState, find_table: FindTable, now_ns: int) -> State:
+    return State(
+        position=numbers.position,
+        travel=Travel(Direction(numbers.direction), numbers.extreme),
+        progress=numbers.progress,
+        spec=_spec(axis, numbers.spec, find_table),
+        previous=None if numbers.previous is None else _spec(axis, numbers.previous, find_table),
+        change=numbers.change,
+        change_distance=numbers.change_distance,
+        is_unsure=numbers.is_unsure,
+        at_ns=min(numbers.at_ns, now_ns),  # the clock begins anew with the machine
+    )
+
+
+def _spec(axis: AxisExchange, numbers: RememberedSpec, find_table: FindTable) -> CorrectionSpec:
+    """Return the correction that numbers stand for: the one wanted now, where it is the same.
+
+    Raises:
+        _TableNotFoundError: its table is not to be had.
+        TableError, SettingsError: its table does not go with the settings of the axis.
+    """
+    if not numbers.digest:
+        return CorrectionSpec(offset=numbers.offset) if numbers.offset else NOTHING
+    wanted, gain = axis.wanted, Gain(numbers.forward_gain, numbers.backward_gain)
+    if numbers.was_wanted and wanted.table_digest == numbers.digest and wanted.gain == gain:
+        return wanted
+    table = find_table(numbers.digest)
+    if table is None:
+        raise _TableNotFoundError
+    return spec_of_table(table, axis.plan.settings, gain, numbers.digest)
+
+
+def _restore(axis: AxisExchange, record: Remembered, state: State, *, is_at_target: bool) -> None:
+    compensation = axis.compensation
+    accepted = None
+    if is_at_target or (record.has_target and not _may_have_stopped(axis)):
+        accepted = Accepted(record.nominal_counts, record.corrected_counts)
+    fade = None if record.fade is None else Fade(*record.fade)
+    compensation.resume(state, accepted, record.anchor_counts, fade)
+    compensation.way = record.way
+    axis.is_branch_known = True
+    axis.is_done_seen = is_at_target and record.was_done_seen
+    axis.may_have_left = is_at_target and record.may_have_left
+    shadow = axis.last_shadow = axis.shadows[record.number]
+    if accepted is not None and record.knows_words:
+        field = axis.plan.command[record.number]
+        shadow.settle(
+            field.pack(raw_of(field, accepted.nominal_counts)),
+            field.pack(raw_of(field, accepted.corrected_counts)),
+        )
+
+
+def _may_have_stopped(axis: AxisExchange) -> bool:
+    """Whether an axis that was found on its way may go no further, and its next distance begin where it is.
+
+    A drive that is only told positions gets its target once more, or another one; one that takes stops and
+    distances may have stopped for want of a master, and its target must be no base of a distance (M5).
+    """
+    return axis.plan.has_rules
+
+
+def _follow_unproven(axis: AxisExchange, move: RememberedMove, state: State, finding: _Finding) -> None:
+    """Take the target that was on its way as accepted, or as one that nobody acknowledged."""
+    field = axis.plan.command[move.number]
+    nominal_words = corrected_words = b""
+    if not move.is_distance:
+        nominal_words = field.pack(raw_of(field, move.nominal_counts))
+        corrected_words = field.pack(raw_of(field, move.corrected_counts))
+    compensation = axis.compensation
+    correction_counts = move.corrected_counts - move.nominal_counts
+    planned = Move(move.nominal_counts, correction_counts, compensation.map_of(state), state)
+    rendering = Rendering(
+        axis,
+        axis.shadows[move.number],
+        nominal_words,
+        corrected_words,
+        move.corrected_counts,
+        planned,
+        move.is_distance,
+    )
+    if not finding.has_arrived:
+        axis.fail(rendering)
+        return
+    if axis.plan.has_rules:
+        axis.accept(rendering)
+    else:
+        axis.commit(rendering)
+    if not finding.is_at_unproven and _may_have_stopped(axis):
+        axis.forget_place(keeps_branch=True)

@@ -1,0 +1,120 @@
+"""The record of an axis in a file of its own, mapped into memory: writing it is no system call.
+
+What the kernel holds survives the death of the process at any instruction; a machine that loses its power may
+lose the last half minute, and the record then does not fit where the drive stands. A file that cannot be used
+is no reason not to start: the relay says so, and the axis begins without a record.
+"""
+
+import mmap
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.plan import CompensationMode
+from gateway.exchange.record_layout import RECORD_SIZE, RecordSlots, header, why_not_readable
+from gateway.exchange.remembering import AxisMemory, FindTable, digest_of_axis
+
+SUFFIX: Final = ".record"
+Tell = Callable[[str], None]
+
+
+def record_path(state: Path, axis: str) -> Path:
+    """Return the file that holds the record of an axis."""
+    return state / f"axis-{axis}{SUFFIX}"
+
+
+def why_not_kept(axis: AxisExchange) -> str:
+    """Return why no record is kept of an axis, "" where one is."""
+    if axis.plan.compensation is CompensationMode.SHADOW:
+        return "the axis is in shadow mode"
+    if axis.plan.table is None:
+        return "the axis has no table"
+    return "" if axis.plan.actual else "no register tells where the axis stands"
+
+
+class AxisRecord:
+    """The file of one axis, from opening to closing."""
+
+    def __init__(self, axis: AxisExchange, path: Path) -> None:
+        self.path = path
+        self._axis = axis
+        self._map: mmap.mmap | None = None
+        self._slots: RecordSlots | None = None
+
+    def open(self, tell: Tell, find_table: FindTable | None = None, *, is_used: bool = True) -> None:
+        """Map the file, made where it is missing, and let the axis keep its record in it.
+
+        Args:
+            tell: gets why the record of the run before does not count, or why none is kept.
+            find_table: finds a table by its digest; without it only the configured one is found.
+            is_used: the record of the run before may count.
+        """
+        axis = self._axis
+        why_none = why_not_kept(axis)
+        if why_none and not self.path.exists():
+            return
+        try:
+            mapped, wrong = _mapped(self.path, axis.plan.name)
+        except OSError as error:
+            why = error.strerror or str(error)
+            tell(f"{self.path}: {why}; no record is kept, and a restart begins without one")
+            return
+        if wrong:
+            tell(f"{self.path}: {wrong}; it is made anew, and the axis starts without its record")
+        self._map = mapped
+        digest = digest_of_axis(axis.plan)
+        slots = self._slots = RecordSlots(memoryview(mapped), digest)
+        recalled, reason = slots.read(), ""
+        if recalled is None and slots.is_damaged and not wrong:
+            reason = "both of its copies are damaged"
+        elif recalled is not None and recalled.scale_digest != digest:
+            reason = "what a count means, or a register of the axis, was changed in the configuration"
+        elif recalled is not None and why_none:
+            reason = why_none
+        elif recalled is not None and not is_used:
+            reason = "this run is recorded, and a recording begins with nothing"
+        if reason:
+            tell(f"{self.path}: {reason}; the axis starts without its record")
+            recalled = None
+        memory = AxisMemory(axis, slots, recalled, find_table)  # empties the record where it does not count
+        if not why_none:
+            axis.memory = memory
+
+    def close(self) -> None:
+        """Keep the record as it is and let go of the file."""
+        self._axis.memory = None
+        if self._slots is not None and self._map is not None:
+            self._slots.release()
+            with suppress(OSError):
+                self._map.flush()
+            self._map.close()
+        self._slots = self._map = None
+
+
+def _mapped(path: Path, name: str) -> tuple[mmap.mmap, str]:
+    """Map a record; return what was wrong with it before, "" for nothing.
+
+    Every block of the file is there before it is mapped: a full disk is an error here, and never one later,
+    in the middle of a store.
+
+    Raises:
+        OSError: it cannot be had.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    fd = os.open(path, flags, 0o600)
+    try:
+        size = os.fstat(fd).st_size
+        head = os.pread(fd, RECORD_SIZE + 1, 0) if size else b""
+        wrong = why_not_readable(head, name) if size else ""
+        if wrong or not size:
+            os.ftruncate(fd, 0)
+        os.posix_fallocate(fd, 0, RECORD_SIZE)
+        mapped = mmap.mmap(fd, RECORD_SIZE)
+    finally:
+        os.close(fd)
+    if wrong or not size:
+        mapped[: len(header(name))] = header(name)
+    return mapped, wrong

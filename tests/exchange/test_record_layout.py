@@ -1,0 +1,135 @@
+"""The bytes of a record: whatever happens to them, what is read is the newest good record or none."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.exchange.record_layout import (
+    PAGE,
+    RECORD_SIZE,
+    SLOT_SIZE,
+    SLOTS_AT,
+    RecordSlots,
+    Remembered,
+    header,
+    why_not_readable,
+)
+from tests.exchange.line_bench import COMMAND, axis_plan, stream_plan, write
+from tests.exchange.record_bench import RecordBench
+
+
+def read(data: bytes | bytearray) -> Remembered | None:
+    return RecordSlots(memoryview(bytearray(data)), bytes(16)).read()
+
+
+def two_generations() -> tuple[bytes, bytes]:
+    """The record before and after a target went out: both say something, and not the same."""
+    bench = RecordBench(stream_plan())
+    for counts in (50_000, 50_200, 50_100):
+        bench.move(counts)
+    before = bytes(bench.records.buffers["x"])
+    bench.send(write(COMMAND, 50_050))
+    after = bytes(bench.records.buffers["x"])
+    assert read(before) != read(after)
+    return before, after
+
+
+BEFORE, AFTER = two_generations()
+AT = next(at for at in SLOTS_AT if BEFORE[at : at + SLOT_SIZE] != AFTER[at : at + SLOT_SIZE])
+"""Where the newer generation stands."""
+
+
+def test_only_one_slot_is_written_at_a_time_and_each_has_a_page_of_its_own() -> None:
+    changed = {i // PAGE for i in range(RECORD_SIZE) if BEFORE[i] != AFTER[i]}
+    assert changed == {AT // PAGE}
+    assert SLOT_SIZE < PAGE
+    assert {at // PAGE for at in SLOTS_AT} == {1, 2}
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.integers(0, SLOT_SIZE - 1), st.integers(1, 255), st.sampled_from(SLOTS_AT))
+def test_a_flipped_byte_leaves_the_other_slot(place: int, flip: int, at: int) -> None:
+    data = bytearray(AFTER)
+    data[at + place] ^= flip
+    assert read(data) == (read(BEFORE) if at == AT else read(AFTER))
+
+
+def test_with_a_flipped_byte_in_both_nothing_is_left() -> None:
+    for place in range(SLOT_SIZE):
+        data = bytearray(AFTER)
+        for at in SLOTS_AT:
+            data[at + place] ^= 0x10
+        assert read(data) is None
+        assert RecordSlots(memoryview(data), bytes(16)).is_damaged
+
+
+@pytest.mark.parametrize("rest", ["old", "zeros"])
+def test_a_store_that_was_cut_off_at_any_byte_leaves_the_generation_before(rest: str) -> None:
+    """Bytes are stored upwards, and the check sum stands last; a page is cleared before, or is not."""
+    for cut in range(SLOT_SIZE):
+        data = bytearray(BEFORE)
+        tail = bytes(SLOT_SIZE - cut) if rest == "zeros" else BEFORE[AT + cut : AT + SLOT_SIZE]
+        data[AT : AT + SLOT_SIZE] = AFTER[AT : AT + cut] + tail
+        found = read(data)
+        # The last bytes may happen to be the same in both: then all of it is there.
+        assert found == (read(AFTER) if data == AFTER else read(BEFORE))
+
+
+def test_zeros_are_no_record_and_no_damage() -> None:
+    slots = RecordSlots(memoryview(bytearray(RECORD_SIZE)), bytes(16))
+    assert slots.read() is None
+    assert not slots.is_damaged
+    assert slots.generation == 0
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(min_size=SLOT_SIZE, max_size=SLOT_SIZE), st.sampled_from(SLOTS_AT))
+def test_any_other_bytes_are_no_record(garbage: bytes, at: int) -> None:
+    data = bytearray(RECORD_SIZE)
+    data[at : at + SLOT_SIZE] = garbage
+    assert read(data) is None
+
+
+def test_a_slot_in_the_place_of_the_other_is_no_record() -> None:
+    data = bytearray(RECORD_SIZE)
+    other = next(at for at in SLOTS_AT if at != AT)
+    data[other : other + SLOT_SIZE] = AFTER[AT : AT + SLOT_SIZE]
+    assert read(data) is None
+
+
+def test_numbers_come_back_as_they_were() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000)
+    bench.move(20_000)
+    axis = bench.line.axes[0]
+    record = bench.records.read()
+    assert record is not None
+    compensation = axis.compensation
+    assert (record.nominal_counts, record.corrected_counts) == compensation.accepted
+    assert isinstance(record.nominal_counts, int)
+    assert record.fade == compensation.readback.fade
+    assert record.anchor_counts == compensation.readback.anchor_counts
+    state = compensation.state
+    numbers = (record.state.position, record.state.extreme, record.state.progress, record.state.change)
+    assert numbers == (state.position, state.travel.extreme, state.progress, state.change)
+    assert record.state.direction == state.travel.direction.value
+    assert record.state.spec.digest == axis.wanted.table_digest
+    assert record.state.spec.was_wanted
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"", "it has 0 bytes and not 12288"),
+        (bytes(RECORD_SIZE - 1), "it has 12287 bytes and not 12288"),
+        (bytes(RECORD_SIZE), "it is no record of an axis"),
+        (header("y").ljust(RECORD_SIZE, b"\0"), "it belongs to axis y"),
+        (
+            header("x").replace(b"\x01\x00", b"\x02\x00", 1).ljust(RECORD_SIZE, b"\0"),
+            "it has version 2, and this release reads version 1",
+        ),
+    ],
+)
+def test_a_file_that_is_none_of_ours_says_why(data: bytes, reason: str) -> None:
+    assert why_not_readable(data, "x") == reason
+    assert why_not_readable(header("x").ljust(RECORD_SIZE, b"\0"), "x") == ""

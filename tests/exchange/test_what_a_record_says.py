@@ -1,0 +1,287 @@
+"""What a record must not say any more: whatever moves an axis otherwise, or may have, changes it at once."""
+
+import pytest
+
+from gateway.exchange.control import switch
+from gateway.exchange.plan import AxisPlan, Reference
+from gateway.exchange.record_layout import Remembered
+from gateway.modbus.registers import PositionField, RegisterType
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Memory, axis_plan, monitor, read, write
+from tests.exchange.record_bench import RecordBench, Records
+from tests.exchange.staged_bench import (
+    COMMANDED,
+    HOME_PDU,
+    JOG_PDU,
+    RUN_PDU,
+    RUN_RELATIVE_PDU,
+    STOP_PDU,
+    STORED_PDU,
+    ZERO_PDU,
+    StagedBench,
+    staged_plan,
+)
+
+UNKNOWN_PDU = bytes.fromhex("06 050E 0BAD")
+
+
+def said(records: Records) -> Remembered:
+    record = records.read()
+    assert record is not None
+    return record
+
+
+def staged(plan: AxisPlan | None = None) -> tuple[StagedBench, Records]:
+    """An axis that went from 0 to 50 mm and stands there, as its record says."""
+    records = Records()
+    bench = StagedBench(plan or staged_plan(), before_up=records.attach)
+    bench.go_to(50_000)
+    record = said(records)
+    assert (record.nominal_counts, record.corrected_counts) == (50_000, 50_010)
+    assert (record.has_target, record.was_at_target, record.was_done_seen) == (True, True, True)
+    assert record.unproven is None
+    return bench, records
+
+
+@pytest.mark.parametrize(
+    "pdu", [HOME_PDU, ZERO_PDU, JOG_PDU, UNKNOWN_PDU], ids=["home", "zero", "jog", "odd"]
+)
+def test_what_moves_an_axis_otherwise_ends_the_record_before_the_frame_goes_out(pdu: bytes) -> None:
+    bench, records = staged()
+    bench.send(pdu)
+    while bench.link.sent[0][1] != pdu:  # words that were corrected are taken back first
+        bench.line.reply(1, bench.memory.answer(bench.link.take()), bench.now_ns)
+    assert records.read() is None
+    bench.serve()
+    assert records.read() is None
+
+
+def test_a_stored_position_ends_it_too() -> None:
+    bench, records = staged()
+    assert bench.refused(STORED_PDU) == 4  # it never reaches the drive
+    assert said(records).has_target
+    switch(bench.line.axes, "x", is_wanted=False)
+    bench.go_to(40_000)
+    bench.send(STORED_PDU)
+    assert records.read() is None
+
+
+def test_a_stop_leaves_the_way_and_no_target() -> None:
+    bench, records = staged()
+    bench.stage(20_000)
+    bench.trigger()
+    bench.send(STOP_PDU)
+    for _ in range(2):  # while it is on the wire, and after its reply
+        record = said(records)
+        assert (record.has_target, record.was_at_target) == (False, False)
+        assert record.way == (19_990.0, 50_010.0)
+        assert record.state.direction == -1
+        bench.serve()
+        bench.port.replies.clear()
+    bench.send(JOG_PDU)
+    assert records.read() is None
+
+
+def test_a_staged_target_changes_nothing_until_its_trigger() -> None:
+    bench, records = staged()
+    before = said(records)
+    bench.stage(20_000)
+    assert said(records) == before
+    bench.send(RUN_PDU)
+    record = said(records)
+    assert (record.nominal_counts, record.has_target) == (50_000, True)
+    assert record.unproven is not None
+    assert (record.unproven.nominal_counts, record.unproven.corrected_counts) == (20_000, 19_990)
+    bench.serve()
+    record = said(records)
+    assert (record.nominal_counts, record.unproven) == (20_000, None)
+
+
+def test_the_record_is_written_before_the_frame_goes_out_and_again_after_the_reply() -> None:
+    records = Records()
+    at_send: list[Remembered | None] = []
+    at_reply: list[Remembered | None] = []
+    bench = Bench(axis_plan(), before_up=records.attach)
+    bench.move(50_000)
+    send_request, send_reply = bench.link.send_request, bench.port.send_reply
+
+    def noted_request(unit_id: int, pdu: bytes) -> None:
+        at_send.append(records.read())
+        send_request(unit_id, pdu)
+
+    def noted_reply(transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        at_reply.append(records.read())
+        send_reply(transaction_id, unit_id, pdu)
+
+    bench.link.send_request = noted_request  # type: ignore[method-assign]
+    bench.port.send_reply = noted_reply  # type: ignore[method-assign]
+    bench.ask(write(COMMAND, 60_000))
+    assert [r.unproven.nominal_counts for r in at_send if r and r.unproven] == [60_000]
+    # The controller does not wait for the record: its reply is out before the target is taken as accepted.
+    assert [r.nominal_counts for r in at_reply if r] == [50_000]
+    assert said(records).nominal_counts == 60_000
+
+
+@pytest.mark.parametrize("is_alarmed", [True, False])
+def test_an_alarm_or_a_lost_reference_ends_the_record(is_alarmed: bool) -> None:
+    bench, records = staged(staged_plan(referenced=Reference.DRIVE_BIT))
+    bench.drive.set_bits(is_done=True, is_homed=is_alarmed, is_alarmed=is_alarmed)
+    bench.poll()
+    assert records.read() is None
+
+
+def test_an_axis_that_something_else_moved_away_has_no_record() -> None:
+    bench, records = staged()
+    bench.actual()
+    bench.drive.put(ACTUAL, 52_000)
+    bench.actual()
+    assert records.read() is None
+
+
+def test_a_lost_reply_leaves_both_targets_possible() -> None:
+    records = Records()
+    bench = Bench(axis_plan(), before_up=records.attach)
+    bench.move(50_000)
+    bench.send(write(COMMAND, 20_000))
+    bench.serve_reads()
+    bench.link.sent.clear()
+    for _ in range(2):
+        record = said(records)
+        assert record.nominal_counts == 50_000
+        assert record.unproven is not None
+        assert record.unproven.nominal_counts == 20_000
+        bench.wait(1_001)  # nobody answers
+    bench.wait(1_000)  # the line is silent
+    bench.port.replies.clear()
+    bench.send(write(COMMAND, 30_000))  # a third one: three places are more than a record says
+    bench.serve_reads()
+    assert records.read() is None
+    bench.serve()
+    assert said(records).nominal_counts == 30_000
+
+
+@pytest.mark.parametrize("writes_nothing", [True, False])
+def test_a_refused_target_is_as_the_register_map_says(writes_nothing: bool) -> None:
+    records = Records()
+    bench = Bench(axis_plan(exception_writes_nothing=writes_nothing), before_up=records.attach)
+    bench.move(50_000)
+    bench.actual()
+    bench.send(write(COMMAND, 60_000))
+    bench.serve_reads()
+    bench.link.sent.clear()
+    bench.line.reply(1, bytes.fromhex("90 04"), bench.now_ns)
+    record = said(records)
+    assert record.nominal_counts == 50_000
+    assert (record.unproven is None) is writes_nothing
+
+
+def test_a_half_that_was_lost_on_the_way_leaves_the_words_unknown() -> None:
+    records = Records()
+    bench = Bench(axis_plan(), before_up=records.attach, serial=False)
+    bench.move(50_000)
+    assert said(records).knows_words
+    bench.send(read(ACTUAL), monitor())
+    bench.send(bytes.fromhex("06 0606 0001"))
+    bench.line.controller_gone(bench.port, bench.now_ns)
+    record = said(records)
+    assert (record.nominal_counts, record.knows_words) == (50_000, False)
+
+
+def test_a_lost_line_leaves_the_record_and_what_comes_back_ends_it() -> None:
+    bench, records = staged()
+    before = said(records)
+    bench.send(read(ACTUAL))
+    bench.line.link_down(bench.now_ns)
+    assert said(records) == before
+    bench.link.sent.clear()
+    bench.line.link_up(bench.now_ns)
+    assert records.read() is None  # this run has forgotten the target, and so has the record
+
+
+def test_a_register_that_moves_others_about_ends_it() -> None:
+    remap = PositionField(0x0900, RegisterType.INT16)
+    records = Records()
+    bench = Bench(axis_plan(remapping=(remap,)), before_up=records.attach)
+    bench.move(50_000)
+    bench.send(write(remap, 1))
+    assert records.read() is None
+    bench.serve()
+    assert records.read() is None
+
+
+def test_switching_off_is_no_motion_and_the_record_follows_with_the_next_target() -> None:
+    records = Records()
+    bench = Bench(axis_plan(), before_up=records.attach)
+    bench.move(50_000)
+    switch(bench.line.axes, "x", is_wanted=False)
+    assert said(records).state.spec.digest
+    bench.move(60_000)
+    record = said(records)
+    assert (record.corrected_counts, record.state.spec.digest) == (60_000, b"")
+
+
+def restarted(bench: Bench, records: Records) -> RecordBench:
+    memory = Memory()
+    memory.words = dict(bench.memory.words)
+    return RecordBench(staged_plan(), records=records.copy(), memory=memory, start_ns=bench.now_ns)
+
+
+def relative_bench() -> tuple[StagedBench, Records]:
+    """A distance of -30 mm from 50 mm: on the wire, not answered."""
+    bench, records = staged()
+    bench.stage(-30_000)
+    bench.send(RUN_RELATIVE_PDU)
+    while bench.link.sent and bench.link.sent[0][1] != RUN_RELATIVE_PDU:
+        _, pdu = bench.link.sent.pop(0)
+        bench.line.reply(1, bench.memory.answer(pdu), bench.now_ns)
+    record = said(records)
+    assert record.unproven is not None
+    assert record.unproven.is_distance
+    return bench, records
+
+
+def test_m5_a_distance_on_the_wire_counts_where_its_end_is_found() -> None:
+    bench, records = relative_bench()
+    bench.memory.answer(bench.link.take())
+    assert bench.drive.moves[-1] == ("relative", 19_990.0)
+    bench.drive.arrive()
+    again = restarted(bench, records)
+    assert again.actual() == 20_000
+    accepted = again.line.axes[0].compensation.accepted
+    assert accepted == (20_000, 19_990)
+
+
+def test_m5_a_distance_that_never_arrived_leaves_no_base() -> None:
+    bench, records = relative_bench()
+    again = restarted(bench, records)
+    assert "restored" in again.kinds()
+    assert again.actual() == 50_000
+    assert again.line.axes[0].compensation.accepted is None
+
+
+def test_m5_an_axis_found_on_its_way_is_no_base_for_a_distance() -> None:
+    bench, records = staged()
+    bench.stage(20_000)
+    bench.trigger()
+    bench.drive.put(ACTUAL, 30_000)
+    bench.drive.put(COMMANDED, 30_000)
+    expected = bench.actual()
+    again = restarted(bench, records)
+    assert again.actual() == expected
+    assert again.line.axes[0].compensation.accepted is None
+
+
+@pytest.mark.parametrize("found", [50_010, 19_990, 35_000])
+def test_either_target_counts_where_it_is_found(found: int) -> None:
+    records = Records()
+    bench = Bench(axis_plan(), before_up=records.attach)
+    bench.move(50_000)
+    bench.actual()
+    bench.send(write(COMMAND, 20_000))
+    bench.link.sent.clear()
+    memory = Memory()
+    memory.put(ACTUAL, found)
+    again = RecordBench(axis_plan(), records=records.copy(), memory=memory, start_ns=bench.now_ns)
+    # On the way: half of the 20 counts between both branches has been faded out.
+    assert again.actual() == {50_010: 50_000, 19_990: 20_000, 35_000: 35_000}[found]
+    again.memory.put(ACTUAL, 19_990)
+    assert again.actual() == 20_000

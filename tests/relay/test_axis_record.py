@@ -1,0 +1,196 @@
+"""The file of a record: whatever is wrong with it, the relay starts, says so, and begins without it."""
+
+import resource
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import CompensationMode, LineTiming
+from gateway.exchange.record_layout import RECORD_SIZE, SLOT_SIZE, SLOTS_AT, RecordSlots, Remembered, header
+from gateway.ipc.plan import GatewayPlan, LinePlan
+from gateway.modbus.mbap import encode_mbap
+from gateway.relay.axis_record import AxisRecord, record_path
+from gateway.relay.gateway import Relay
+from tests.exchange.line_bench import ACTUAL, COMMAND, Link, Memory, axis_plan, read, write
+from tests.exchange.line_bench import Bench as LineBench
+
+if TYPE_CHECKING:
+    from tests.relay.conftest import Bench, Tools
+
+
+class Opened:
+    """One axis with its record in a file."""
+
+    def __init__(
+        self, path: Path, mode: CompensationMode = CompensationMode.ON, *, is_used: bool = True
+    ) -> None:
+        self.told: list[str] = []
+        line = LineExchange([axis_plan(compensation=mode)], LineTiming(), Link(), lambda event: None)
+        self.axis = line.axes[0]
+        self.record = AxisRecord(self.axis, path)
+        self.record.open(self.told.append, is_used=is_used)
+
+    @property
+    def recalled(self) -> Remembered | None:
+        return None if self.axis.memory is None else self.axis.memory.recalled
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A record of an axis that was sent to 50 mm and then to 20 mm."""
+    path = record_path(tmp_path, "x")
+    records: list[AxisRecord] = []
+
+    def attach(line: LineExchange) -> None:
+        records.append(AxisRecord(line.axes[0], path))
+        records[0].open(pytest.fail)
+
+    bench = LineBench(axis_plan(), before_up=attach)
+    bench.move(50_000)
+    bench.move(20_000)
+    records[0].close()
+    assert path.stat().st_size == RECORD_SIZE
+    assert path.stat().st_mode & 0o777 == 0o600
+    return path
+
+
+def test_a_good_file_is_recalled_and_stays_as_it_is_until_it_is_decided(path: Path) -> None:
+    before = path.read_bytes()
+    for _ in range(2):
+        opened = Opened(path)
+        assert opened.recalled is not None
+        assert (opened.recalled.nominal_counts, opened.told) == (20_000, [])
+        opened.record.close()
+        assert path.read_bytes() == before
+
+
+def _other_axis(path: Path) -> None:
+    path.write_bytes(header("y") + path.read_bytes()[len(header("y")) :])
+
+
+def _both_slots(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    for at in SLOTS_AT:
+        data[at + SLOT_SIZE // 2] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda path: path.write_bytes(b"garbage"), "it has 7 bytes and not 12288"),
+        (lambda path: path.write_bytes(b"garbage!" * (RECORD_SIZE // 8)), "it is no record of an axis"),
+        (lambda path: path.write_bytes(path.read_bytes() + b"!"), "it has 12289 bytes and not 12288"),
+        (_other_axis, "it belongs to axis y"),
+        (_both_slots, "both of its copies are damaged"),
+    ],
+    ids=["short", "garbage", "long", "other", "both"],
+)
+def test_a_spoilt_file_is_made_anew_and_the_axis_begins_without_it(
+    path: Path, spoil: object, why: str
+) -> None:
+    assert callable(spoil)
+    spoil(path)
+    opened = Opened(path)
+    assert opened.recalled is None
+    assert opened.axis.memory is not None
+    assert len(opened.told) == 1
+    assert opened.told[0].startswith(f"{path}: {why}")
+    assert opened.told[0].endswith("the axis starts without its record")
+    opened.record.close()
+    again = Opened(path)
+    assert (again.recalled, again.told) == (None, [])
+    again.record.close()
+
+
+def _a_folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def _a_link(path: Path) -> None:
+    path.rename(path.with_name("elsewhere"))
+    path.symlink_to(path.with_name("elsewhere"))
+
+
+def _no_folder(path: Path) -> None:
+    path.unlink()
+    path.parent.rmdir()
+
+
+@pytest.mark.parametrize("spoil", [_a_folder, _a_link, _no_folder])
+def test_where_no_file_can_be_had_the_axis_runs_without_one(path: Path, spoil: object) -> None:
+    assert callable(spoil)
+    spoil(path)
+    opened = Opened(path)
+    assert opened.axis.memory is None
+    [told] = opened.told
+    assert told.startswith(f"{path}: ")
+    assert told.endswith("no record is kept, and a restart begins without one")
+    opened.record.close()
+
+
+def test_a_full_disk_is_found_at_the_start_and_not_in_the_middle_of_a_store(tmp_path: Path) -> None:
+    """A limit on the size of files stands for the disk: the blocks cannot be had."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
+    try:
+        opened = Opened(record_path(tmp_path, "x"))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert opened.axis.memory is None
+    assert "no record is kept" in opened.told[0]
+
+
+def test_an_axis_in_shadow_mode_keeps_none_and_empties_what_there_is(path: Path) -> None:
+    opened = Opened(path, CompensationMode.SHADOW)
+    assert opened.axis.memory is None
+    assert opened.told == [f"{path}: the axis is in shadow mode; the axis starts without its record"]
+    opened.record.close()
+    assert RecordSlots(memoryview(bytearray(path.read_bytes())), bytes(16)).read() is None
+    fresh = record_path(path.parent, "z")
+    Opened(fresh, CompensationMode.SHADOW)
+    assert not fresh.exists()
+
+
+def test_a_run_that_is_recorded_begins_with_nothing(path: Path) -> None:
+    opened = Opened(path, is_used=False)
+    assert opened.recalled is None
+    assert opened.axis.memory is not None
+    assert "a recording begins with nothing" in opened.told[0]
+    opened.record.close()
+
+
+async def test_a_clean_stop_and_a_new_start_go_on_where_the_axis_stands(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    memory = Memory()
+
+    def script(data: bytes) -> bytes:
+        reply = memory.answer(data[7:])
+        if data[7] == 16:
+            memory.put(ACTUAL, memory.get(COMMAND))
+        return encode_mbap(int.from_bytes(data[:2], "big"), data[6], reply)
+
+    _, where = await bench.drive("tcp", script)
+    link, _ = bench.controller_link("tcp")
+    line = LinePlan("line", where, (link,), (axis_plan(),), tools.timing)
+
+    async def run(pdu: bytes, answer: bytes) -> None:
+        relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=tmp_path)
+        await relay.start()
+        await tools.until_up(relay)
+        near = await bench.connect(relay.address("line", "cnc"))
+        near.write(encode_mbap(1, 1, pdu))
+        await near.receives(encode_mbap(1, 1, answer))
+        await relay.stop()
+
+    await run(write(COMMAND, 50_000), write(COMMAND, 50_000)[:5])
+    assert memory.get(ACTUAL) == 50_010
+    await run(read(ACTUAL), b"\x03\x04" + ACTUAL.pack(50_000))
+    [note] = [note for note in bench.notes if note.event == "restored"]
+    assert note.severity.value == "info"
+    assert note.fields["axis"] == "x"
+    assert not [note for note in bench.notes if note.event == "record-not-used"]
