@@ -13,7 +13,7 @@ from typing import Any, Final, NoReturn
 import typer
 
 import gateway
-from gateway.ipc.children import HELD_BACK
+from gateway.ipc.children import HELD_BACK, READY
 from gateway.ipc.notes import LogFormat, Note, Severity
 from gateway.ipc.state_folder import StateError, state_folder
 
@@ -86,24 +86,28 @@ class _Pair:
         self._write = write
         self._supervisor_command = supervisor
         self._relay = _started(relay)
-        self._supervisor: subprocess.Popen[bytes] | None = _started(supervisor)
+        self._supervisor: subprocess.Popen[bytes] | None = None
+        self._is_relay_ready = False
         self._supervisor_since_s = time.monotonic()
         self._wait_s = FIRST_WAIT_S
         self._is_stopping = False
 
     def run(self) -> int:
         while self._relay.poll() is None:
-            if not self._is_stopping:
+            if self._is_relay_ready and not self._is_stopping:
                 self._look_after_supervisor()
             found = signal.sigtimedwait(HELD_BACK, self._longest_wait_s())
             if found is not None and found.si_signo in STOPS:
                 self._stop(found.si_signo)
+            elif found is not None and (found.si_signo, found.si_pid) == (READY, self._relay.pid):
+                self._is_relay_ready = True
+                self._start_supervisor()
         self._end_supervisor()
         return self._exit_code(self._relay.returncode)
 
     def _longest_wait_s(self) -> float:
-        if self._supervisor is not None:
-            return LONGEST_WAIT_S  # or until a child ends
+        if self._supervisor is not None or not self._is_relay_ready:
+            return LONGEST_WAIT_S  # or until a signal comes, as with the end of a child
         return max(0.0, self._supervisor_since_s + self._wait_s - time.monotonic())
 
     def _look_after_supervisor(self) -> None:
@@ -111,9 +115,8 @@ class _Pair:
         if self._supervisor is None:
             if now_s >= self._supervisor_since_s + self._wait_s:
                 self._wait_s = min(2.0 * self._wait_s, LONGEST_WAIT_S)
-                self._supervisor = _started(self._supervisor_command)
-                self._supervisor_since_s = now_s
-                self._say("supervisor-started", pid=self._supervisor.pid)
+                self._start_supervisor()
+                self._say("supervisor-started")
         elif self._supervisor.poll() is not None:
             if now_s - self._supervisor_since_s > LONG_LIFE_S:
                 self._wait_s = FIRST_WAIT_S
@@ -122,6 +125,11 @@ class _Pair:
             self._supervisor_since_s = now_s
             detail = f"the relay goes on; it is started again in {self._wait_s:g} s"
             self._say("supervisor-ended", Severity.WARNING, status=status, detail=detail)
+
+    def _start_supervisor(self) -> None:
+        if not self._is_stopping:
+            self._supervisor = _started(self._supervisor_command)
+            self._supervisor_since_s = time.monotonic()
 
     def _stop(self, number: int) -> None:
         """Stop both; the second time the relay ends at once."""

@@ -8,7 +8,9 @@ from typing import Final
 
 PR_SET_PDEATHSIG: Final = 1
 """``prctl(2)``: the signal that a process gets when its parent has ended."""
-HELD_BACK: Final = frozenset({signal.SIGTERM, signal.SIGINT, signal.SIGCHLD})
+READY: Final = signal.SIGUSR1
+"""What a child sends to its parent when it has begun its work."""
+HELD_BACK: Final = frozenset({signal.SIGTERM, signal.SIGINT, signal.SIGCHLD, READY})
 """Signals that the parent waits for instead of being interrupted by them; children inherit that."""
 
 
@@ -25,3 +27,9 @@ def follow_parent(parent_pid: int, number: signal.Signals) -> None:
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, int(number), 0, 0, 0)
     if os.getppid() != parent_pid:
         sys.exit(1)
+
+
+def tell_parent(parent_pid: int) -> None:
+    """Tell the parent that the work has begun; nobody where ``parent_pid`` is 0."""
+    if parent_pid and os.getppid() == parent_pid:
+        os.kill(parent_pid, READY)

@@ -6,9 +6,10 @@ It runs the compiled configuration. Nothing here may load what only reading a co
 import argparse
 import signal
 import sys
+from functools import partial
 from pathlib import Path
 
-from gateway.ipc.children import follow_parent
+from gateway.ipc.children import follow_parent, tell_parent
 from gateway.ipc.compiled_plan import read_plan
 from gateway.ipc.notes import LogFormat, note_writer
 from gateway.ipc.state_folder import StateError, state_folder
@@ -24,7 +25,13 @@ def main() -> int:
     try:
         state = state_folder(config)
         plan = read_plan(state, config).plan
-        run_relay(plan, note_writer(options.log_format), options.status_every, state=state)
+        run_relay(
+            plan,
+            note_writer(options.log_format),
+            options.status_every,
+            state=state,
+            on_ready=partial(tell_parent, options.parent),
+        )
     except StateError as error:
         problems: tuple[str, ...] = (str(error),)
     except StartError as error:

@@ -57,17 +57,20 @@ def run_relay(
     *,
     state: Path | None = None,
     recorder: Recorder | None = None,
+    on_ready: Callable[[], None] | None = None,
 ) -> None:
     """Run until SIGTERM or SIGINT, then stop cleanly. ``status_every_s`` 0: no status lines.
 
-    ``state`` is the folder of the gateway's socket; with a ``recorder`` all traffic is recorded.
+    ``state`` is the folder of the gateway's socket; with a ``recorder`` all traffic is recorded. ``on_ready``
+    is called when all listeners are open.
 
     Raises:
         StartError: a listener, a port, the socket or the recording cannot be opened.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
-        runner.run(_serve(Relay(plan, write, state=state, recorder=recorder), plan, write, status_every_s))
+        relay = Relay(plan, write, state=state, recorder=recorder)
+        runner.run(_serve(relay, plan, write, status_every_s, on_ready))
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
@@ -80,7 +83,11 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
 
 
 async def _serve(
-    relay: Relay, plan: GatewayPlan, write: Callable[[Note], None], status_every_s: float
+    relay: Relay,
+    plan: GatewayPlan,
+    write: Callable[[Note], None],
+    status_every_s: float,
+    on_ready: Callable[[], None] | None,
 ) -> None:
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
@@ -98,6 +105,8 @@ async def _serve(
     await relay.start()
     log.ready(relay)
     relay.take_process()
+    if on_ready is not None:
+        on_ready()
     status = asyncio.create_task(_status_lines(relay, log, status_every_s))
     await stopping.wait()
     status.cancel()
