@@ -1,0 +1,92 @@
+"""The gateway as a process: how it is started, in one place, and which of its processes is which."""
+
+import functools
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from bench.errors import BenchError
+from bench.gateway_setup import GatewaySetup, write_setup
+from bench.places import BUILD, ROOT
+from bench.processes import Process, Processes, children, command_line, environment
+
+_MAIN: Final = "from gateway.cli.main import main; main()"
+_WITHOUT_UVLOOP: Final = f"import sys; sys.modules['uvloop'] = None; {_MAIN}"
+"""An import of a module that stands as None in ``sys.modules`` fails, as if it were not installed."""
+
+
+def gateway_command(*words: str | Path, has_uvloop: bool = True) -> list[str]:
+    """Return the command line of ``pitch-gateway WORDS``."""
+    return [sys.executable, "-c", _MAIN if has_uvloop else _WITHOUT_UVLOOP, *map(str, words)]
+
+
+@dataclass(frozen=True, slots=True)
+class Gateway:
+    """A gateway that runs."""
+
+    process: Process
+    config: Path
+
+    @property
+    def relay_pid(self) -> int:
+        """Process that carries the traffic."""
+        return _named(self.process.pid, "relay") or self.process.pid
+
+    @property
+    def supervisor_pid(self) -> int | None:
+        """Process that does the rest; None where there is none."""
+        return _named(self.process.pid, "supervise")
+
+
+def _named(parent: int, word: str) -> int | None:
+    return next((pid for pid in children(parent) if word in command_line(pid)), None)
+
+
+def start_gateway(
+    processes: Processes,
+    name: str,
+    setup: GatewaySetup,
+    *,
+    has_uvloop: bool = True,
+    is_whole: bool = False,
+    cpus: Iterable[int] | None = None,
+) -> Gateway:
+    """Start a gateway: the relay alone where there is such a command, with ``is_whole`` both processes.
+
+    Raises:
+        BenchError: its configuration is refused.
+    """
+    config = write_setup(BUILD / "setups" / name, setup)
+    is_alone = not is_whole and has_command("relay")
+    _ask(gateway_command("check", *(["--compile"] if is_alone else []), config))
+    command = gateway_command("relay" if is_alone else "run", config, has_uvloop=has_uvloop)
+    return Gateway(processes.start(name, command, cpus=cpus), config)
+
+
+@functools.cache
+def has_command(name: str) -> bool:
+    """Whether this version of the gateway has a command."""
+    return _run(gateway_command(name, "--help")).returncode == 0
+
+
+def refusal(setup: GatewaySetup) -> str:
+    """Return why this version of the gateway refuses a configuration; empty where it takes it."""
+    config = write_setup(BUILD / "setups" / "asked", setup)
+    done = _run(gateway_command("check", config))
+    return (done.stderr or done.stdout).strip().replace(f"{config}:", "") if done.returncode else ""
+
+
+def _ask(command: Sequence[str]) -> None:
+    done = _run(command)
+    if done.returncode:
+        raise BenchError(f"the gateway refuses the bench's configuration:\n{done.stderr or done.stdout}")
+
+
+def _run(command: Sequence[str]) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=ROOT, env=environment(), timeout=120
+    )
+
