@@ -1,6 +1,7 @@
 """Running the load program, and what it found."""
 
 import json
+import signal
 import subprocess
 import time
 from array import array
@@ -128,6 +129,21 @@ class Drive:
     ports: tuple[int, ...]
     process: Process
     processes: Processes
+    arrivals_file: Path | None = None
+
+    def arrivals(self) -> "array[int]":
+        """Return when the writes since the last call arrived, in nanoseconds."""
+        assert self.arrivals_file is not None
+        self.arrivals_file.unlink(missing_ok=True)
+        self.process.send_signal(signal.SIGUSR1)
+        until = time.monotonic() + START_S
+        while not self.arrivals_file.exists():
+            if time.monotonic() > until or self.process.poll() is not None:
+                raise BenchError("the drive does not say when its writes arrived")
+            time.sleep(RETRY_S)
+        times = array("q")
+        times.frombytes(self.arrivals_file.read_bytes())
+        return times
 
     def stop(self) -> dict[str, int]:
         """End them; returns what they counted."""
@@ -153,4 +169,4 @@ def start_drive(
     ports: list[int] = []
     while (line := line_from(process)) != "ready":
         ports.append(int(line.removeprefix("port ")))
-    return Drive(tuple(ports), process, processes)
+    return Drive(tuple(ports), process, processes, arrivals)

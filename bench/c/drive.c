@@ -3,8 +3,8 @@
  *     drive [--arrivals FILE] [--delay-us N] [--fifo N] [--seconds N] AT...
  *
  * AT is listen:PORT, tty:PATH or fd:N; each has 256 units of REGISTERS registers. Answers function codes 3, 6
- * and 16. On SIGTERM it writes the times of arrival of the writes (int64, CLOCK_MONOTONIC, ns) into FILE, and
- * one line of JSON with what it counted on stdout. */
+ * and 16. On SIGUSR1 it writes the times of arrival of the writes since the last time (int64, CLOCK_MONOTONIC,
+ * ns) into FILE. On SIGTERM it ends, with one line of JSON about what it counted on stdout. */
 #define _GNU_SOURCE
 #include "bench.h"
 
@@ -33,12 +33,13 @@ static struct pollfd polled[MAX_ENDS];
 static int end_count;
 static long requests, writes, bad_frames, exceptions;
 static int64_t *arrivals;
+static long arrival_count;
 static long delay_us;
-static volatile sig_atomic_t is_stopping;
+static volatile sig_atomic_t is_stopping, is_asked;
 
-static void stop(int number) {
-    (void)number;
-    is_stopping = 1;
+static void heard(int number) {
+    if (number == SIGUSR1) is_asked = 1;
+    else is_stopping = 1;
 }
 
 static void add_end(int fd, int is_listener, enum framing framing, uint16_t *registers) {
@@ -93,7 +94,7 @@ static int answer_all(struct end *end, int64_t arrived_ns) {
         }
         requests++;
         if (frame.pdu[0] != 3) {
-            if (arrivals && writes < MAX_ARRIVALS) arrivals[writes] = arrived_ns;
+            if (arrivals && arrival_count < MAX_ARRIVALS) arrivals[arrival_count++] = arrived_ns;
             writes++;
         }
         uint8_t reply[MAX_PDU], adu[MAX_ADU];
@@ -130,15 +131,17 @@ static void open_all(int count, char **specs) {
     }
 }
 
-static void report(const char *path) {
-    if (path) {
-        FILE *file = fopen(path, "wb");
-        size_t count = (size_t)(writes < MAX_ARRIVALS ? writes : MAX_ARRIVALS);
-        if (!file || fwrite(arrivals, sizeof *arrivals, count, file) != count || fclose(file))
-            die("%s: %s", path, strerror(errno));
-    }
-    printf("{\"requests\": %ld, \"writes\": %ld, \"bad_frames\": %ld, \"exceptions\": %ld}\n", requests, writes,
-           bad_frames, exceptions);
+/* Under another name first: whoever sees the file sees all of it. */
+static void write_arrivals(const char *path) {
+    char unfinished[4096];
+    is_asked = 0;
+    snprintf(unfinished, sizeof unfinished, "%s.unfinished", path);
+    FILE *file = fopen(unfinished, "wb");
+    size_t number = (size_t)arrival_count;
+    if (!file || fwrite(arrivals, sizeof *arrivals, number, file) != number || fclose(file) ||
+        rename(unfinished, path))
+        die("%s: %s", path, strerror(errno));
+    arrival_count = 0;
 }
 
 int main(int count, char **words) {
@@ -154,7 +157,8 @@ int main(int count, char **words) {
     }
     if (word >= count) die("drive [--arrivals FILE] [--delay-us N] [--fifo N] [--seconds N] AT...");
     settle_in(seconds);
-    sigaction(SIGTERM, &(struct sigaction){.sa_handler = stop}, NULL);
+    sigaction(SIGTERM, &(struct sigaction){.sa_handler = heard}, NULL);
+    sigaction(SIGUSR1, &(struct sigaction){.sa_handler = heard}, NULL);
     signal(SIGINT, SIG_IGN);
     if (path) {
         arrivals = calloc(MAX_ARRIVALS, sizeof *arrivals);
@@ -165,10 +169,12 @@ int main(int count, char **words) {
     puts("ready");
     fflush(stdout);
     while (!is_stopping) {
+        if (is_asked && path) write_arrivals(path);
         if (ppoll(polled, (nfds_t)end_count, &(struct timespec){.tv_nsec = 200000000}, NULL) <= 0) continue;
         for (int i = end_count - 1; i >= 0; i--)
             if (polled[i].revents) serve(i);
     }
-    report(path);
+    printf("{\"requests\": %ld, \"writes\": %ld, \"bad_frames\": %ld, \"exceptions\": %ld}\n", requests, writes,
+           bad_frames, exceptions);
     return 0;
 }
