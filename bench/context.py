@@ -17,7 +17,6 @@ ON_ONE: Final = "all on one processor"
 ANYWHERE: Final = "wherever the system puts them"
 
 
-
 @dataclass(frozen=True, slots=True)
 class Effort:
     """How much is measured."""

@@ -42,7 +42,9 @@ async def forward(listen_port: int, drive_port: int) -> None:
             answer = await drive.write_registers(address, [int(v) for v in values or ()], device_id=UNIT_ID)
         return ExcCodes.DEVICE_FAILURE if answer.isError() else None
 
-    device = SimDevice(UNIT_ID, SimData(0, count=REGISTERS, values=0, datatype=DataType.REGISTERS), action=action)
+    device = SimDevice(
+        UNIT_ID, SimData(0, count=REGISTERS, values=0, datatype=DataType.REGISTERS), action=action
+    )
     await ModbusTcpServer(device, address=(HOST, listen_port)).serve_forever()
 
 

@@ -89,4 +89,3 @@ def _run(command: Sequence[str]) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
         command, capture_output=True, text=True, check=False, cwd=ROOT, env=environment(), timeout=120
     )
-

@@ -61,7 +61,13 @@ def table_text(points: int, scale: float = 1.0) -> str:
     The corrections are those of a worn screw, 0.05 mm at most; ``scale`` makes another one of the same kind.
     """
     step = TRAVEL_MM / (points - 1)
-    lines = ["CNC10 TAB FILE VERSION 3", "AXIS X", "UNITS MILLIMETER", f"INTERVAL {step:.9g}", f"ENTRIES {points}"]
+    lines = [
+        "CNC10 TAB FILE VERSION 3",
+        "AXIS X",
+        "UNITS MILLIMETER",
+        f"INTERVAL {step:.9g}",
+        f"ENTRIES {points}",
+    ]
     for i in range(points):
         x = i * step
         forward = scale * (0.02 * sin(x / 17) + 0.0003 * x)

@@ -163,9 +163,7 @@ def start_drive(
 ) -> Drive:
     """Start drives at endpoints as ``c/drive.c`` takes them."""
     options = ["--fifo", str(fifo), *(["--arrivals", str(arrivals)] if arrivals else [])]
-    process = processes.start(
-        "drive", [programs.drive, *options, *at], cpus=cpus, fds=fds, is_talking=True
-    )
+    process = processes.start("drive", [programs.drive, *options, *at], cpus=cpus, fds=fds, is_talking=True)
     ports: list[int] = []
     while (line := line_from(process)) != "ready":
         ports.append(int(line.removeprefix("port ")))

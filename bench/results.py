@@ -57,7 +57,9 @@ def in_us(ns: float) -> str:
     return f"{us:.0f}" if us >= 1000 else f"{us:.1f}"
 
 
-def latency_table(series: Series, extra: "Sequence[tuple[str, Sequence[str]]]" = (), caption: str = "") -> Table:
+def latency_table(
+    series: Series, extra: "Sequence[tuple[str, Sequence[str]]]" = (), caption: str = ""
+) -> Table:
     """Medians over rounds of each round's quantiles, and the worst of all, in µs.
 
     ``extra`` columns: head, and one cell a candidate.
@@ -69,4 +71,3 @@ def latency_table(series: Series, extra: "Sequence[tuple[str, Sequence[str]]]" =
         rows.append((name, *cells, worst, *(column[index] for _, column in extra)))
     heads = (head for head, _ in extra)
     return Table(("", "p50 µs", "p99 µs", "p99.9 µs", "worst µs", *heads), tuple(rows), caption)
-

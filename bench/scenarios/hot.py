@@ -78,7 +78,9 @@ def goals(series: Series) -> list[Goal]:
     measuring = next((name for name in series if name.startswith(MEASURING)), MEASURING)
     measured_ns = us(measuring)
     if measured_ns is not None:
-        measured_ns = Interval(*(1000 * value for value in (measured_ns.estimate, measured_ns.low, measured_ns.high)))
+        measured_ns = Interval(
+            *(1000 * value for value in (measured_ns.estimate, measured_ns.low, measured_ns.high))
+        )
     return [
         Goal("correction of one position, 1 000 points, µs", 1.0, us(EVEN_SMALL)),
         Goal("correction of one position, 100 000 points, µs", 1.0, us(EVEN_LARGE)),

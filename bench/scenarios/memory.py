@@ -23,7 +23,9 @@ every 4096 connections is the allocator's."""
 
 def run(bench: Bench) -> Section:
     """Measure what stays in RAM."""
-    section = Section(TITLE, ["Resident memory (RSS) of the process that carries the traffic, after some traffic."])
+    section = Section(
+        TITLE, ["Resident memory (RSS) of the process that carries the traffic, after some traffic."]
+    )
     bare, what = _resident(bench, 0)
     small, _ = _resident(bench, SMALL)
     large, _ = _resident(bench, LARGE)
@@ -54,7 +56,9 @@ def _resident(bench: Bench, points: int) -> tuple[int, str]:
         bench.meter.run(way, Load(2000))
         pid = gateway.relay_pid
         words = command_line(pid).split()
-        return resident_bytes(pid), " ".join(["pitch-gateway", *words[words.index("main()") + 1 :][:1], "CONFIG"])
+        return resident_bytes(pid), " ".join(
+            ["pitch-gateway", *words[words.index("main()") + 1 :][:1], "CONFIG"]
+        )
 
 
 def _connections(bench: Bench, section: Section) -> Goal:
@@ -69,7 +73,9 @@ def _connections(bench: Bench, section: Section) -> Goal:
             sizes.append(resident_bytes(gateway.relay_pid))
     growth = (sizes[-1] - sizes[0]) / (total - step)
     cells = tuple((f"{(i + 1) * step}", f"{size / MIB:.2f}") for i, size in enumerate(sizes))
-    caption = f"{total} connections, one after the other, one exchange each: {total / seconds:.0f} in a second."
+    caption = (
+        f"{total} connections, one after the other, one exchange each: {total / seconds:.0f} in a second."
+    )
     section.tables.append(Table(("connections", "RSS MiB"), cells, caption))
     what = f"growth over {total} connections, bytes each (from the first tenth to the last)"
     return Goal(what, GROWTH_LIMIT, _exactly(growth))

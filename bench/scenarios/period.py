@@ -69,7 +69,10 @@ def _goals(found: dict[str, _Condition], refused: str) -> list[Goal]:
         return Goal(what, 0.4, ratio(series, FIFO, SOCAT, "p999"), remark=remark)
 
     return [
-        of(lambda one: one.trips, "commands every 2 ms with `fifo`, busy machine: p99.9 of the round trip ÷ socat's"),
+        of(
+            lambda one: one.trips,
+            "commands every 2 ms with `fifo`, busy machine: p99.9 of the round trip ÷ socat's",
+        ),
         of(lambda one: one.spacings, "… p99.9 of the deviation from 2 ms at the drive ÷ socat's"),
     ]
 

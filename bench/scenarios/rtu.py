@@ -4,7 +4,17 @@ from contextlib import ExitStack, closing
 from functools import partial
 from typing import Final
 
-from bench.candidates import ASYNCIO, C_RELAY, DIRECT, PTY_CANDIDATES, SOCAT, UVLOOP, Cable, free_port, socat_program
+from bench.candidates import (
+    ASYNCIO,
+    C_RELAY,
+    DIRECT,
+    PTY_CANDIDATES,
+    SOCAT,
+    UVLOOP,
+    Cable,
+    free_port,
+    socat_program,
+)
 from bench.context import ANYWHERE, ON_ONE, Bench, Cpus
 from bench.figures import Round, Series, ratio
 from bench.gateway_process import start_gateway
@@ -49,7 +59,9 @@ def run_mixed(bench: Bench) -> Section:
     for placement, series in by_placement.items():
         column = [str(ratio(series, name, C_RELAY)) for name in series]
         section.tables.append(latency_table(series, [("p50 ÷ C's", column)], f"Writes, {placement}."))
-    section.goals.append(_goal("TCP→RTU over a pty, round trip median ÷ a relay's in C", by_placement, C_RELAY))
+    section.goals.append(
+        _goal("TCP→RTU over a pty, round trip median ÷ a relay's in C", by_placement, C_RELAY)
+    )
     return section
 
 

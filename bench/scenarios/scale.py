@@ -24,7 +24,9 @@ LIMIT: Final = 1.2
 class _Rig:
     """A gateway with its drives, and the load that all of its controllers make in turn."""
 
-    def __init__(self, bench: Bench, processes: Processes, name: str, size: tuple[int, int, int], cpus: Cpus) -> None:
+    def __init__(
+        self, bench: Bench, processes: Processes, name: str, size: tuple[int, int, int], cpus: Cpus
+    ) -> None:
         lines, axes, controllers = size
         self._bench = bench
         self._units = tuple(range(1, axes + 1))
@@ -74,10 +76,11 @@ def run(bench: Bench) -> Section:
     costs: Series = {name: [cost for _, cost in found] for name, found in pairs.items()}
     times = [in_us(median([cost.p50 for cost in rounds])) for rounds in costs.values()]
     ratios = [str(ratio(costs, name, ONE)) for name in costs]
-    section.tables.append(latency_table(trips, [("relay's processor time µs", times), ("÷ one axis", ratios)]))
+    section.tables.append(
+        latency_table(trips, [("relay's processor time µs", times), ("÷ one axis", ratios)])
+    )
     section.goals += [
         Goal(f"{MANY}: processor time per exchange ÷ one axis", LIMIT, ratio(costs, MANY, ONE)),
         Goal("… median round trip ÷ one axis", LIMIT, ratio(trips, MANY, ONE)),
     ]
     return section
-
