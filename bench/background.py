@@ -2,9 +2,9 @@
 
     python -m bench.background TABLE POINTS PAGES_PER_SECOND PAGE_URL|- [COMMAND...]
 
-Replaces TABLE once a second by another one of as many points (temporary file and rename, as editors do), loads
-the page so often, each time over a connection of its own, and starts COMMAND once a second, if there is one. Says
-``begun`` after the first second, and one line of JSON when it is stopped.
+Replaces TABLE once a second by another one of as many points (temporary file and rename, as editors do),
+loads the page so often, each time over a connection of its own, and starts COMMAND once a second, if there is
+one. Says ``begun`` after the first second, and one line of JSON when it is stopped.
 """
 
 import http.client

@@ -1,4 +1,4 @@
-"""What the bench needs before it can run: its C programs, and an environment with the programs it compares with."""
+"""What must be there before the bench can run: its C programs, and what it compares with."""
 
 import shutil
 import subprocess
@@ -15,7 +15,7 @@ FLAGS: Final = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror")
 SHARED: Final = ("endpoints.c", "frames.c")
 PROGRAMS: Final = ("load", "drive", "relay")
 COMPARED: Final = ("modbus-proxy>=0.8,<0.9", "pymodbus>=3.16.1,<3.17", "matplotlib>=3.8,<4")
-"""From the package index, into an environment of the bench's own: the gateway's stays as its users have it."""
+"""From the package index, into an environment of its own: the gateway's stays as its users have it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """What is compared: each candidate between a controller and drives on loopback TCP, or on pseudo terminals.
 
-Every candidate is started once and kept for all rounds, as it would run in service; its first exchanges are not
-counted. A fresh start each round would measure imports and cold caches.
+Every candidate is started once and kept for all rounds, as it would run in service; its first exchanges are
+not counted. A fresh start each round would measure imports and cold caches.
 """
 
 import shutil
@@ -17,7 +17,7 @@ from bench.gateway_process import start_gateway
 from bench.gateway_setup import Controller, GatewaySetup, LineSetup
 from bench.measuring import Way
 from bench.places import BENCH
-from bench.processes import Processes
+from bench.processes import Command, Processes
 from gateway.simulator.pty import Pty
 
 DIRECT: Final = "direct"
@@ -56,7 +56,7 @@ def _direct(_processes: Processes, _tools: Tools, drive: int) -> Way:
 
 def _c_relay(processes: Processes, tools: Tools, drive: int) -> Way:
     port = free_port()
-    command = [tools.programs.relay, f"listen:{port}", f"tcp:127.0.0.1:{drive}"]
+    command: Command = [tools.programs.relay, f"listen:{port}", f"tcp:127.0.0.1:{drive}"]
     processes.start("relay-in-c", command, cpus=tools.relay_cpus)
     return Way.tcp(port)
 
@@ -84,14 +84,14 @@ def _socat(processes: Processes, tools: Tools, drive: int) -> Way:
 def _modbus_proxy(processes: Processes, tools: Tools, drive: int) -> Way:
     port = free_port()
     program = tools.compared_python.with_name("modbus-proxy")
-    command = [program, "--bind", f"tcp://127.0.0.1:{port}", "--modbus", f"tcp://127.0.0.1:{drive}"]
+    command: Command = [program, "--bind", f"tcp://127.0.0.1:{port}", "--modbus", f"tcp://127.0.0.1:{drive}"]
     processes.start("modbus-proxy", command, cpus=tools.relay_cpus)
     return Way.tcp(port)
 
 
 def _pymodbus(processes: Processes, tools: Tools, drive: int) -> Way:
     port = free_port()
-    command: list[str | Path] = [tools.compared_python, BENCH / "forwarder.py", str(port), str(drive)]
+    command: Command = [tools.compared_python, BENCH / "forwarder.py", str(port), str(drive)]
     processes.start("pymodbus-forwarder", command, cpus=tools.relay_cpus)
     return Way.tcp(port)
 
@@ -133,7 +133,7 @@ StartOnPtys = Callable[[Processes, Tools, Cable], None]
 
 
 def _c_relay_on_ptys(processes: Processes, tools: Tools, cable: Cable) -> None:
-    command = [tools.programs.relay, f"tty:{cable.near.path}", f"tty:{cable.far.path}"]
+    command: Command = [tools.programs.relay, f"tty:{cable.near.path}", f"tty:{cable.far.path}"]
     processes.start("relay-in-c-ptys", command, cpus=tools.relay_cpus)
 
 

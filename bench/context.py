@@ -50,8 +50,8 @@ class Processors:
     def placements(self) -> dict[str, Cpus]:
         """How the ends and what stands between them are placed.
 
-        All on one processor, nobody waits for another processor to wake up: a round trip is the work of it, and
-        the figures hardly scatter. The other way is what a machine does by itself.
+        All on one processor, nobody waits for another processor to wake up: a round trip is the work that it
+        takes, and the figures hardly scatter. The other way is what a machine does by itself.
         """
         return {ON_ONE: self.one, ANYWHERE: None}
 

@@ -1,7 +1,7 @@
 """The statistics of the bench: quantiles of a round, ratios over rounds with their intervals, verdicts.
 
-Latencies of neighbouring exchanges depend on each other, so an interval comes from resampling whole rounds, and
-the same rounds for both sides of a ratio: they were measured next to each other.
+Latencies of neighbouring exchanges depend on each other, so an interval comes from resampling whole rounds,
+and the same rounds for both sides of a ratio: they were measured next to each other.
 """
 
 import random
@@ -44,7 +44,8 @@ class Round:
     def of(cls, latencies: Sequence[int]) -> "Round":
         """Sum a round up."""
         ascending = sorted(latencies)
-        return cls(*(quantile(ascending, share) for share in (0.5, 0.99, 0.999)), ascending[-1])
+        p50, p99, p999 = (quantile(ascending, share) for share in (0.5, 0.99, 0.999))
+        return cls(p50, p99, p999, ascending[-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +125,10 @@ class Verdict(Enum):
 
 
 def verdict(found: Interval | None, limit: float, judged: Judged = Judged.ESTIMATE) -> Verdict:
-    """Compare with a limit that must not be exceeded. Within noise: it is kept, but not by the whole interval."""
+    """Compare with a limit that must not be exceeded.
+
+    Within noise: it is kept by the number that counts, but not by the whole interval.
+    """
     if found is None:
         return Verdict.NOT_MEASURED
     if found.high <= limit:

@@ -2,8 +2,8 @@
 
     python forwarder.py LISTEN_PORT DRIVE_PORT
 
-A device whose ``action`` is called for every access asks the drive through an ``AsyncModbusTcpClient``: what was
-read goes into the device's registers, what is written is passed on before it counts.
+A device whose ``action`` is called for every access asks the drive through an ``AsyncModbusTcpClient``: what
+was read goes into the device's registers, what is written is passed on before it counts.
 """
 
 import asyncio
@@ -26,7 +26,7 @@ async def forward(listen_port: int, drive_port: int) -> None:
     drive = AsyncModbusTcpClient(HOST, port=drive_port)
     await drive.connect()
 
-    async def action(
+    async def action(  # noqa: PLR0917 - pymodbus calls it so
         function_code: int,
         start: int,
         address: int,

@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Final
+from typing import Final, Self
 
 from bench.errors import BenchError
 from bench.places import BUILD, ROOT
@@ -25,7 +25,7 @@ def environment() -> dict[str, str]:
 
 
 def pinned(command: Command, cpus: Iterable[int] | None) -> list[str]:
-    """Return a command that runs on these processors only, and dies with the bench even when that is killed."""
+    """Return a command that runs on these processors only, and dies with the bench, even a killed one."""
     words = ["setpriv", "--pdeathsig", "KILL"]
     if cpus is not None:
         words += ["taskset", "--cpu-list", ",".join(map(str, cpus))]
@@ -39,7 +39,7 @@ class Processes:
         self._running: list[Process] = []
         LOGS.mkdir(parents=True, exist_ok=True)
 
-    def __enter__(self) -> "Processes":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -57,7 +57,7 @@ class Processes:
         fds: Sequence[int] = (),
         is_talking: bool = False,
     ) -> Process:
-        """Start a program; what it says goes to a log, with ``is_talking`` its output comes through a pipe."""
+        """Start a program. What it says goes to a log; if ``is_talking``, its output through a pipe."""
         with (LOGS / f"{name}.log").open("w") as log:
             process = subprocess.Popen(
                 pinned(command, cpus),

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
+from typing import Self
 
 from bench.figures import Interval, Judged, Series, Verdict, verdict
 
@@ -49,6 +50,11 @@ class Section:
     tables: list[Table] = field(default_factory=list)
     goals: list[Goal] = field(default_factory=list)
     bars: list[Bar] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, title: str, *paragraphs: str) -> Self:
+        """Return a section that begins with these paragraphs."""
+        return cls(title, [*paragraphs])
 
 
 def in_us(ns: float) -> str:

@@ -29,8 +29,8 @@ def wire_ns(characters: int, baudrate: int, wires: int = 1) -> float:
 def round_trip_ns(baudrate: int, wires: int) -> float:
     """Return the wire time of one written position and its reply. No silence falls into it.
 
-    The 3.5 characters before a frame pass while the other wire is still busy: on each wire the last byte was at
-    least one frame of the other wire ago.
+    The 3.5 characters before a frame pass while the other wire is still busy: on each wire the last byte was
+    at least one frame of the other wire ago.
     """
     return wire_ns(WRITE_REQUEST + WRITE_REPLY, baudrate, wires)
 

@@ -2,8 +2,8 @@
 
     python -m bench.wire BAUDRATE LEFT_FD RIGHT_FD
 
-The wire is the simulator's: every byte takes the time of its ten bits (no parity, one stop bit), one after the
-other, in each direction by itself.
+The wire is the simulator's: every byte takes the time of its ten bits (no parity, one stop bit), one after
+the other, in each direction by itself.
 """
 
 import asyncio

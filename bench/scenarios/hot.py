@@ -25,10 +25,11 @@ MEASURING: Final = "measuring"
 
 def run(bench: Bench) -> Section:
     """Run it several times: medians, and intervals over the runs."""
-    section = Section(TITLE, [
+    section = Section.of(
+        TITLE,
         "What `python -m bench.hot_path` measures: each call many times, all candidates interleaved, in one "
         "process. The median over several runs of it, with the interval over runs.",
-    ])  # fmt: skip
+    )
     series: dict[str, list[Round]] = {}
     for _ in bench.rounds(TITLE, bench.effort.of(RUNS, 3)):
         for name, us in parsed(_printed()).items():
@@ -52,7 +53,7 @@ def _printed() -> str:
 def parsed(printed: str) -> dict[str, float]:
     """Return microseconds by name.
 
-    >>> parsed("                      ratio   µs\\\\nreading one   1.00    0.65\\\\n  of it 2   0.50   0.30\\\\n")
+    >>> parsed("             ratio   µs\\nreading one   1.00    0.65\\n  of it 2   0.50   0.30\\n")
     {'reading one': 0.65, 'of it 2': 0.3}
     """
     found = (LINE.match(line) for line in printed.splitlines())

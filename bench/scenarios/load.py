@@ -1,4 +1,4 @@
-"""The relay while everything beside it works hard: tables that change, a dead broker, pages that are loaded."""
+"""The relay while all beside it works hard: tables that change, a dead broker, pages that are loaded."""
 
 import json
 import os
@@ -67,7 +67,7 @@ def run(bench: Bench) -> Section:
 
 
 def move_aside(bench: Bench, gateway: Gateway) -> None:
-    """Let the relay have its processor to itself, as ``[relay] cpus`` does: the rest of the gateway goes off it."""
+    """Leave the relay its processor, as ``[relay] cpus`` does: the rest of the gateway goes off it."""
     supervisor, other = gateway.supervisor_pid, bench.processors.other
     if supervisor is not None and other is not None:
         os.sched_setaffinity(supervisor, other)
@@ -92,12 +92,13 @@ def _loaded(bench: Bench, way: Way, processes: Processes, words: list[str], work
 
 def _text(bench: Bench, work: _Work, missing: tuple[str, ...], *, stand_in: bool) -> list[str]:
     counts = work.counts
-    text = [
-        f"Rounds without and with load in turn. Controller, drive and relay are on one processor, the load is on "
+    what = (
+        "Rounds without and with load in turn. Controller, drive and relay are on one processor, the load is on "
         f"the other. Load: a table of {POINTS} points replaced every second ({counts['tables']} times in all), "
         f"a broker that is not there, {PAGES_PER_SECOND} pages a second ({counts['pages']} loaded, "
-        f"{counts['failed_pages']} failed).",
-    ]
+        f"{counts['failed_pages']} failed)."
+    )
+    text = [what]
     if missing:
         text.append(f"This version of the gateway has no {' and no '.join(missing)} yet.")
     if stand_in:

@@ -17,8 +17,8 @@ SMALL, LARGE = 10_000, 100_000
 MIB: Final = 2**20
 STEPS: Final = 10
 GROWTH_LIMIT: Final = 1.0
-"""Bytes per connection, measured over all of them, that still count as no growth: a page of 4096 bytes more for
-every 4096 connections is the allocator's."""
+"""Bytes per connection, measured over all of them, that still count as no growth: a page of 4096 bytes more
+for every 4096 connections is the allocator's."""
 
 
 def run(bench: Bench) -> Section:

@@ -33,7 +33,7 @@ ENDLESS: Final = "while True: pass"
 
 @dataclass(frozen=True)
 class _Condition:
-    """What was found on an idle or a busy machine: round trips, and deviations from the period at the drive."""
+    """What was found on an idle or a busy machine: round trips, deviations from the period at the drive."""
 
     trips: Series
     spacings: Series
@@ -43,12 +43,13 @@ def run(bench: Bench) -> Section:
     """Measure round trips and spacings at the drive, on an idle and on a busy machine."""
     refused = realtime_refused(ENDS_PRIORITY)
     own = "" if refused else f"Controller and drive run with SCHED_FIFO {ENDS_PRIORITY} themselves. "
-    section = Section(TITLE, [
+    section = Section.of(
+        TITLE,
         "A position is written every 2 ms. A round trip counts from the moment at which the request was due, "
         "so that one that had to wait is not counted as a quick one. *Spacing* is how far two writes that "
-        f"follow each other arrived at the drive from 2 ms apart. {own}Busy: as many endless loops as there are "
-        "processors run beside all this, at the usual priority.",
-    ])  # fmt: skip
+        f"follow each other arrived at the drive from 2 ms apart. {own}Busy: as many endless loops as there "
+        "are processors run beside all this, at the usual priority.",
+    )
     if refused:
         section.text.append(f"This machine refuses real-time scheduling: {refused}.")
     found = {QUIET: _measured(bench, QUIET, refused), BUSY: _measured(bench, BUSY, refused)}
@@ -97,7 +98,7 @@ def _measured(bench: Bench, condition: str, refused: str) -> _Condition:
 
 
 def _fifo_gateway(bench: Bench, processes: Processes, _tools: Tools, drive: int) -> Way:
-    """Start a gateway with ``[relay] fifo``; where this version has no such key, the bench sets it from outside."""
+    """Start a gateway with ``[relay] fifo``; without such a key the bench sets it from outside."""
     cpus = bench.processors.one or ()
     port = free_port()
     line = LineSetup((Controller(tcp_port=port),), drive_port=drive)

@@ -20,7 +20,7 @@ from bench.figures import Round, Series, ratio
 from bench.gateway_process import start_gateway
 from bench.gateway_setup import Controller, GatewaySetup, LineSetup
 from bench.measuring import Load, Way, start_drive
-from bench.processes import Processes
+from bench.processes import Command, Processes
 from bench.results import Goal, Section, latency_table
 from gateway.simulator.pty import Pty
 
@@ -30,10 +30,11 @@ MIXED_TITLE: Final = "TCP to RTU over a pseudo terminal"
 
 def run_rtu(bench: Bench) -> Section:
     """Measure writes of a position from one pseudo terminal to another."""
-    section = Section(RTU_TITLE, [
+    section = Section.of(
+        RTU_TITLE,
         "Writes of one position, RTU on both sides, on pseudo terminals without a baud rate. Direct is one "
         "pseudo terminal between controller and drive, all others stand between two.",
-    ])  # fmt: skip
+    )
     by_placement = {
         placement: _rtu_series(bench, placement, cpus)
         for placement, cpus in bench.processors.placements.items()
@@ -47,11 +48,12 @@ def run_rtu(bench: Bench) -> Section:
 
 def run_mixed(bench: Bench) -> Section:
     """Measure writes of a position from Modbus/TCP to RTU."""
-    section = Section(MIXED_TITLE, [
-        "Writes of one position, Modbus/TCP towards the controller, RTU on a pseudo terminal towards the drive. "
-        "The relay in C converts the frames and does nothing else: it stands for the limit, and for gateways "
-        "such as mbusd that are not packaged.",
-    ])  # fmt: skip
+    section = Section.of(
+        MIXED_TITLE,
+        "Writes of one position, Modbus/TCP towards the controller, RTU on a pseudo terminal towards the "
+        "drive. The relay in C converts the frames and does nothing else: it stands for the limit, and for "
+        "gateways such as mbusd that are not packaged.",
+    )
     by_placement = {
         placement: _mixed_series(bench, placement, cpus)
         for placement, cpus in bench.processors.placements.items()
@@ -97,7 +99,7 @@ def _mixed_series(bench: Bench, placement: str, cpus: Cpus) -> Series:
             fds.append(far.master_fd)
             ways[name] = Way.tcp(port)
             if name == C_RELAY:
-                command = [bench.programs.relay, "--convert", f"listen:{port}", f"tty:{far.path}"]
+                command: Command = [bench.programs.relay, "--convert", f"listen:{port}", f"tty:{far.path}"]
                 processes.start("converting-relay-in-c", command, cpus=cpus)
                 continue
             setup = GatewaySetup((LineSetup((Controller(tcp_port=port),), drive_tty=far.path),))

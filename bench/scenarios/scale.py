@@ -1,5 +1,6 @@
 """Many axes, lines and controllers: what an exchange costs there, compared with one of each."""
 
+from collections.abc import Callable
 from functools import partial
 from statistics import median
 from typing import Final
@@ -55,18 +56,19 @@ class _Rig:
 
 def run(bench: Bench) -> Section:
     """Measure one axis and the large gateway in turn."""
-    section = Section(TITLE, [
+    section = Section.of(
+        TITLE,
         f"{MANY} ({AXES_PER_LINE} axes and {CONTROLLERS_PER_LINE} controllers on each line, each controller "
-        f"behind a port of its own) beside {ONE}; writes of positions, all on one processor. One request at a "
-        "time in all, controller after controller: what an exchange costs because there is so much else. "
-        "Then every controller at once, each with a request of its own under way: its round trips contain the "
-        "wait for the others.",
-    ])  # fmt: skip
+        f"behind a port of its own) beside {ONE}; writes of positions, all on one processor. One request at "
+        "a time in all, controller after controller: what an exchange costs because there is so much else. "
+        "Then every controller at once, each with a request of its own under way: its round trips contain "
+        "the wait for the others.",
+    )
     cpus = bench.processors.one
     with Processes() as processes:
         one = _Rig(bench, processes, "gateway-one", (1, 1, 1), cpus)
         many = _Rig(bench, processes, "gateway-many", (LINES, AXES_PER_LINE, CONTROLLERS_PER_LINE), cpus)
-        measures = {
+        measures: dict[str, Callable[[], tuple[Round, Round]]] = {
             ONE: one.measure,
             MANY: many.measure,
             TOGETHER: partial(many.measure, is_concurrent=True),

@@ -90,10 +90,11 @@ class _Rig:
 
 def run(bench: Bench) -> Section:
     """Measure idle, stopped and killed in turn."""
-    section = Section(TITLE, [
-        f"The supervisor gets SIGSTOP for a whole round (about {STALL_S:.0f} s), or SIGKILL at the beginning of "
-        "one; rounds without either lie between them. Every reply is checked, and one that is missing is counted.",
-    ])  # fmt: skip
+    section = Section.of(
+        TITLE,
+        f"The supervisor gets SIGSTOP for a whole round (about {STALL_S:.0f} s), or SIGKILL at the beginning "
+        "of one; rounds without either lie between them. Every reply is checked; one that is missing counts.",
+    )
     with Processes() as processes:
         rig = _Rig(bench, processes)
         if rig.supervisor is None:

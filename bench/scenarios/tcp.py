@@ -20,11 +20,12 @@ OTHER_KINDS: Final = {
 
 def run(bench: Bench) -> Section:
     """Measure writes of a position that changes each time; and, shorter, other requests."""
-    section = Section(TITLE, [
+    section = Section.of(
+        TITLE,
         "A controller writes a 32-bit position that changes each time (function code 16), one request at a "
         "time. *Added* is the median round trip through the candidate minus the direct one of the same "
         "rounds. The gateway corrects the position from a table of 201 points, or has no table.",
-    ])  # fmt: skip
+    )
     judged = _placed(bench, ON_ONE, bench.processors.one, section)
     free = _placed(bench, ANYWHERE, None, section)
     section.goals += goals(judged, free)
