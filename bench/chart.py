@@ -59,7 +59,7 @@ def draw(figures: dict[str, Any], where: Path) -> None:
     for row, (value, more) in enumerate(zip(values, above, strict=True)):
         axes.text(value + more + 0.012 * widest, row, f"{value:.1f}", va="center", color=INK)
     axes.set_xlim(0, 1.1 * widest)
-    axes.set_xlabel("added to the median round trip, µs (bar: 95 % interval over rounds)")
+    axes.set_xlabel("added to the median round trip, µs (whiskers: 95 % interval over rounds)")
     axes.set_title(figures["title"], loc="left", fontsize=12, fontweight="bold")
     axes.tick_params(axis="y", length=0)
     axes.xaxis.grid(visible=True, color="#dddddd", linewidth=0.8)

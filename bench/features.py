@@ -23,7 +23,7 @@ def with_outputs(setup: GatewaySetup) -> Outputs:
     page = ""
     with_page = replace(setup, http_port=free_port())
     if refusal(with_page):
-        missing.append("the page")
+        missing.append("page")
     else:
         setup, page = with_page, f"http://127.0.0.1:{with_page.http_port}/"
     with_broker = replace(setup, mqtt_port=free_port())

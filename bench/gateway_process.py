@@ -14,13 +14,26 @@ from bench.places import BUILD, ROOT
 from bench.processes import Process, Processes, children, command_line, environment
 
 _MAIN: Final = "from gateway.cli.main import main; main()"
-_WITHOUT_UVLOOP: Final = f"import sys; sys.modules['uvloop'] = None; {_MAIN}"
+_WITHOUT_UVLOOP: Final = "import sys; sys.modules['uvloop'] = None; "
 """An import of a module that stands as None in ``sys.modules`` fails, as if it were not installed."""
+_RELAY_MODULE: Final = "gateway.relay"
+_SUPERVISOR_MODULE: Final = "gateway.supervisor"
+_RELAY: Final = f"import runpy; runpy.run_module('{_RELAY_MODULE}', run_name='__main__', alter_sys=True)"
 
 
-def gateway_command(*words: str | Path, has_uvloop: bool = True) -> list[str]:
+def gateway_command(*words: str | Path) -> list[str]:
     """Return the command line of ``pitch-gateway WORDS``."""
-    return [sys.executable, "-c", _MAIN if has_uvloop else _WITHOUT_UVLOOP, *map(str, words)]
+    return [sys.executable, "-c", _MAIN, *map(str, words)]
+
+
+def _serving_command(command: str, config: Path, *, has_uvloop: bool) -> list[str]:
+    """Return the command line of ``pitch-gateway COMMAND CONFIG``; ``command`` is ``relay`` or ``run``."""
+    if has_uvloop:
+        return gateway_command(command, config)
+    # The command ``relay`` becomes another program, which would find uvloop again: start that one here.
+    begin = _RELAY if command == "relay" else _MAIN
+    words = [config] if command == "relay" else [command, config]
+    return [sys.executable, "-c", _WITHOUT_UVLOOP + begin, *map(str, words)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,20 +42,22 @@ class Gateway:
 
     process: Process
     config: Path
+    command: str
+    """What it was started as, without ``pitch-gateway``: ``relay`` or ``run``."""
 
     @property
     def relay_pid(self) -> int:
         """Process that carries the traffic."""
-        return _named(self.process.pid, "relay") or self.process.pid
+        return _child(self.process.pid, _RELAY_MODULE) or self.process.pid
 
     @property
     def supervisor_pid(self) -> int | None:
         """Process that does the rest; None where there is none."""
-        return _named(self.process.pid, "supervise")
+        return _child(self.process.pid, _SUPERVISOR_MODULE)
 
 
-def _named(parent: int, word: str) -> int | None:
-    return next((pid for pid in children(parent) if word in command_line(pid)), None)
+def _child(parent: int, module: str) -> int | None:
+    return next((pid for pid in children(parent) if module in command_line(pid).split()), None)
 
 
 def start_gateway(
@@ -62,8 +77,9 @@ def start_gateway(
     config = write_setup(BUILD / "setups" / name, setup)
     is_alone = not is_whole and has_command("relay")
     _ask(gateway_command("check", *(["--compile"] if is_alone else []), config))
-    command = gateway_command("relay" if is_alone else "run", config, has_uvloop=has_uvloop)
-    return Gateway(processes.start(name, command, cpus=cpus), config)
+    command = "relay" if is_alone else "run"
+    words = _serving_command(command, config, has_uvloop=has_uvloop)
+    return Gateway(processes.start(name, words, cpus=cpus), config, command)
 
 
 @functools.cache

@@ -55,10 +55,15 @@ def write_setup(folder: Path, setup: GatewaySetup) -> Path:
     return config
 
 
+def forward_mm(x_mm: float) -> float:
+    """Return what the table adds to a position while the axis goes forward: a worn screw, 0.05 mm at most."""
+    return 0.02 * sin(x_mm / 17) + 0.0003 * x_mm
+
+
 def table_text(points: int, scale: float = 1.0) -> str:
     """Return a table over the whole travel, in the dialect ``centroid-3``.
 
-    The corrections are those of a worn screw, 0.05 mm at most; ``scale`` makes another one of the same kind.
+    ``scale`` makes another table of the same kind.
     """
     step = TRAVEL_MM / (points - 1)
     lines = [
@@ -70,7 +75,7 @@ def table_text(points: int, scale: float = 1.0) -> str:
     ]
     for i in range(points):
         x = i * step
-        forward = scale * (0.02 * sin(x / 17) + 0.0003 * x)
+        forward = scale * forward_mm(x)
         lines.append(f"\t{x:+.8f}\t{forward:+.8f}\t{forward - 0.008 * scale:+.8f}")
     return "\n".join(lines) + "\n"
 

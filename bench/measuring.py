@@ -2,6 +2,7 @@
 
 import json
 import signal
+import socket
 import subprocess
 import time
 from array import array
@@ -15,6 +16,7 @@ from bench.errors import BenchError
 from bench.figures import Round
 from bench.places import BUILD
 from bench.processes import Process, Processes, line_from, pinned
+from gateway.modbus.mbap import encode_mbap
 
 RETRY_S: Final = 0.05
 START_S: Final = 30.0
@@ -168,3 +170,11 @@ def start_drive(
     while (line := line_from(process)) != "ready":
         ports.append(int(line.removeprefix("port ")))
     return Drive(tuple(ports), process, processes, arrivals)
+
+
+def holding(port: int, address: int) -> int:
+    """Return the 32-bit number that a drive's registers hold, high word first, asked directly."""
+    with socket.create_connection(("127.0.0.1", port), START_S) as connection:
+        connection.sendall(encode_mbap(1, 1, bytes([3]) + address.to_bytes(2, "big") + bytes([0, 2])))
+        reply = connection.recv(13, socket.MSG_WAITALL)
+    return int.from_bytes(reply[9:13], "big", signed=True)

@@ -125,7 +125,9 @@ def _draw(sections: Sequence[Section], python: Path, where: Path) -> str:
         return ""
     bars = [dataclasses.asdict(bar) for bar in drawn.bars]
     figures = BUILD / "chart.json"
-    figures.write_text(json.dumps({"title": f"{drawn.title}: what stands in the cable costs", "bars": bars}))
+    figures.write_text(
+        json.dumps({"title": f"{drawn.title}: what each candidate adds to writing a position", "bars": bars})
+    )
     command = [str(python), str(BENCH / "chart.py"), str(figures), str(where)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:

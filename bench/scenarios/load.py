@@ -50,7 +50,7 @@ def run(bench: Bench) -> Section:
         bench.meter.wait_until_serving(way)
         move_aside(bench, gateway)
         stand_in = not gateway.supervisor_pid
-        command = gateway_command("check", gateway.config) if stand_in else []
+        command = gateway_command("check" if stand_in else "reload", gateway.config)
         words = [str(gateway.config.parent / "tables" / TABLE), str(POINTS), str(PAGES_PER_SECOND)]
         words += [outputs.page or "-", *command]
         measures = {
@@ -93,9 +93,9 @@ def _loaded(bench: Bench, way: Way, processes: Processes, words: list[str], work
 def _text(bench: Bench, work: _Work, missing: tuple[str, ...], *, stand_in: bool) -> list[str]:
     counts = work.counts
     what = (
-        "Rounds without and with load in turn. Controller, drive and relay are on one processor, the load is on "
-        f"the other. Load: a table of {POINTS} points replaced every second ({counts['tables']} times in all), "
-        f"a broker that is not there, {PAGES_PER_SECOND} pages a second ({counts['pages']} loaded, "
+        "Rounds without and with load in turn. Controller, drive and relay are on one processor, the load is "
+        f"on the other. Load: a table of {POINTS} points replaced every second ({counts['tables']} times in "
+        f"all), a broker that is not there, {PAGES_PER_SECOND} pages a second ({counts['pages']} loaded, "
         f"{counts['failed_pages']} failed)."
     )
     text = [what]
@@ -107,7 +107,10 @@ def _text(bench: Bench, work: _Work, missing: tuple[str, ...], *, stand_in: bool
             f"{counts['commands']} times in its place, once a second."
         )
     else:
-        text.append(f"The log tells of {table_events()} events about tables.")
+        text.append(
+            f"`pitch-gateway reload` was started {counts['commands']} times, once a second; the log tells of "
+            f"{table_events()} events about tables."
+        )
     if bench.processors.other is None:
         text.append("This machine has one processor: the load could not be kept away from the relay.")
     return text

@@ -8,7 +8,7 @@ from bench.figures import Interval
 from bench.gateway_process import Gateway, start_gateway
 from bench.gateway_setup import Controller, GatewaySetup, LineSetup
 from bench.measuring import Load, Way, start_drive
-from bench.processes import Processes, command_line, resident_bytes
+from bench.processes import Processes, resident_bytes
 from bench.results import Goal, Section, Table
 
 TITLE: Final = "Memory of the relay"
@@ -54,11 +54,7 @@ def _resident(bench: Bench, points: int) -> tuple[int, str]:
         way, gateway = _gateway(bench, processes, points)
         bench.say(f"{TITLE}: {points} points")
         bench.meter.run(way, Load(2000))
-        pid = gateway.relay_pid
-        words = command_line(pid).split()
-        return resident_bytes(pid), " ".join(
-            ["pitch-gateway", *words[words.index("main()") + 1 :][:1], "CONFIG"]
-        )
+        return resident_bytes(gateway.relay_pid), f"pitch-gateway {gateway.command} CONFIG"
 
 
 def _connections(bench: Bench, section: Section) -> Goal:

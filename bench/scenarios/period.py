@@ -84,7 +84,7 @@ def _measured(bench: Bench, condition: str, refused: str) -> _Condition:
         if not refused:
             starts[FIFO] = partial(_fifo_gateway, bench)
         priority = 0 if refused else ENDS_PRIORITY
-        rigs = {name: _Rig(bench, processes, start, priority) for name, start in starts.items()}
+        rigs = {name: _Rig(bench, processes, name, start, priority) for name, start in starts.items()}
         if condition == BUSY:
             for number in range(len(os.sched_getaffinity(0))):
                 processes.start(f"busy-{number}", [sys.executable, "-c", ENDLESS])
@@ -115,9 +115,9 @@ def _fifo_gateway(bench: Bench, processes: Processes, _tools: Tools, drive: int)
 class _Rig:
     """One candidate in front of a drive of its own, which keeps when its writes arrived."""
 
-    def __init__(self, bench: Bench, processes: Processes, start: Start, priority: int) -> None:
+    def __init__(self, bench: Bench, processes: Processes, name: str, start: Start, priority: int) -> None:
         self._bench = bench
-        arrivals = BUILD / f"arrivals-{id(self)}.bin"
+        arrivals = BUILD / f"arrivals-{name.replace(' ', '-')}.bin"
         self._drive = start_drive(processes, bench.programs, arrivals=arrivals, fifo=priority)
         self._way = start(processes, bench.tools(None), self._drive.ports[0])
         self._load = Load(bench.effort.of(5000, 1000), period_us=PERIOD_US, warmup=WARMUP, fifo=priority)

@@ -5,12 +5,16 @@ from typing import Final
 
 from bench.candidates import ASYNCIO, DIRECT, MODBUS_PROXY, PYMODBUS, SOCAT, TCP_CANDIDATES, UVLOOP
 from bench.context import ANYWHERE, ON_ONE, Bench, Cpus
+from bench.errors import BenchError
 from bench.figures import Interval, Judged, Round, Series, added, added_ratio
-from bench.measuring import Load, Way, start_drive
+from bench.gateway_setup import COMMAND, COUNTS_PER_MM, forward_mm
+from bench.measuring import Load, Way, holding, start_drive
 from bench.processes import Processes
 from bench.results import Bar, Goal, Section, Table, in_us, latency_table
 
 TITLE: Final = "TCP to TCP"
+PROOF_WRITES, PROOF_COUNTS = 1000, 50_000
+"""After so many writes ``load`` is at this position, on the way up."""
 OTHER_KINDS: Final = {
     "read": "Reads of four registers that hold no position",
     "cycle": "Write, read back (checked: it is what was written), read four registers, in turn",
@@ -43,13 +47,28 @@ def _placed(bench: Bench, placement: str, cpus: Cpus, section: Section) -> Serie
         for name, way in ways.items():
             bench.say(f"{TITLE}: waiting for {name}")
             bench.meter.wait_until_serving(way)
+            _prove(bench, name, way, drive.ports[0])
         series = _series(bench, ways, Load(bench.effort.count, cpus=cpus))
         others = {
             kind: _series(bench, ways, Load(bench.effort.count // 4, kind=kind, cpus=cpus)) for kind in kinds
         }
+        said = drive.stop()
+    if said["bad_frames"] or said["exceptions"]:
+        raise BenchError(f"the drive was sent what it refused: {said}")
     section.tables.append(_table(series, f"Writes of one position, {placement}."))
     section.tables += [_table(others[kind], f"{caption}, {placement}.") for kind, caption in kinds.items()]
     return series
+
+
+def _prove(bench: Bench, name: str, way: Way, drive: int) -> None:
+    """See that a candidate does what it is measured for: with a table the drive gets corrected positions."""
+    bench.meter.run(way, Load(PROOF_WRITES, warmup=0))
+    nominal = PROOF_COUNTS
+    has_table = name in {UVLOOP, ASYNCIO}
+    wanted = nominal + (round(COUNTS_PER_MM * forward_mm(nominal / COUNTS_PER_MM)) if has_table else 0)
+    found = holding(drive, COMMAND)
+    if abs(found - wanted) > has_table:
+        raise BenchError(f"{name}: the drive was told {found} counts where {wanted} are right")
 
 
 def goals(judged: Series, free: Series) -> list[Goal]:

@@ -30,10 +30,10 @@ def run(bench: Bench) -> Section:
         TITLE,
         "Writes of one position (13 characters) and their replies (8 characters) of ten bits, on the "
         "simulator's wire between pseudo terminals: one wire directly, two with the gateway between them, "
-        "which hands on whole frames. *Wire* is arithmetic: characters × bits ÷ baud rate × wires. *Above it* "
-        "is what was measured beyond that: the programs, and the simulated wire's own timers (a process in "
-        "Python for each wire). *Beyond two wires* is the round trip through the gateway minus twice the direct "
-        "one.",
+        "which hands on whole frames. *Wire* is arithmetic: characters × bits ÷ baud rate × wires. *Above "
+        "it* is what was measured beyond that: the programs, and the simulated wire's own timers (a process "
+        "in Python for each wire). *Beyond two wires* is the round trip through the gateway minus twice the "
+        "direct one.",
     )
     rows: list[tuple[str, ...]] = []
     for baudrate in BAUDRATES:
