@@ -67,10 +67,14 @@ def run(bench: Bench) -> Section:
 
 
 def move_aside(bench: Bench, gateway: Gateway) -> None:
-    """Leave the relay its processor, as ``[relay] cpus`` does: the rest of the gateway goes off it."""
+    """Leave the relay its processor, as ``[relay] cpus`` does: the rest of the gateway goes off it.
+
+    Also the process that starts a new supervisor when one has died: a child runs where its parent may.
+    """
     supervisor, other = gateway.supervisor_pid, bench.processors.other
     if supervisor is not None and other is not None:
-        os.sched_setaffinity(supervisor, other)
+        for pid in (gateway.process.pid, supervisor):
+            os.sched_setaffinity(pid, other)
 
 
 def _load(bench: Bench) -> Load:
