@@ -2,9 +2,11 @@
 
 import json
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from bench.errors import BenchError
 from bench.gateway_process import gateway_command, has_command
 from bench.places import ROOT
 from bench.processes import environment
@@ -35,26 +37,32 @@ def round_trip_ns(baudrate: int, wires: int) -> float:
     return wire_ns(WRITE_REQUEST + WRITE_REPLY, baudrate, wires)
 
 
-def budget_of(config: Path) -> str:
-    """Return what ``pitch-gateway budget`` computes for the line of a configuration; empty without it."""
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What ``pitch-gateway budget`` computes for a written position and its reply, in milliseconds."""
+
+    direct_ms: float
+    through_ms: float
+
+
+def budget_of(config: Path) -> Budget | None:
+    """Ask ``pitch-gateway budget`` about a configuration with one line; None where there is no such command.
+
+    Raises:
+        BenchError: it answers something else than it did when this was written.
+    """
     if not has_command("budget"):
-        return ""
+        return None
     done = subprocess.run(
         gateway_command("budget", config, "--json"),
         capture_output=True, text=True, check=False, cwd=ROOT, env=environment(), timeout=60,
     )  # fmt: skip
     try:
-        said = json.loads(done.stdout)
-    except ValueError:
-        return f"no JSON: {(done.stderr or done.stdout).strip()}"
-    return ", ".join(f"{name} {value:g}" for name, value in _numbers(said))
-
-
-def _numbers(said: object, name: str = "") -> list[tuple[str, float]]:
-    """Every number with a time in its name, wherever it stands."""
-    if isinstance(said, dict):
-        return [pair for key, value in said.items() for pair in _numbers(value, str(key))]
-    if isinstance(said, list):
-        return [pair for value in said for pair in _numbers(value, name)]
-    is_time = name.endswith(("_ms", "_us", "_ns"))
-    return [(name, float(said))] if is_time and isinstance(said, int | float) else []
+        (line,) = json.loads(done.stdout)["lines"].values()
+        (controller,) = line["controllers"].values()
+        (written,) = (each for each in controller["exchanges"] if each["what"] == "write target")
+        return Budget(written["direct_ms"], written["total_ms"])
+    except (ValueError, KeyError) as error:
+        raise BenchError(
+            f"budget --json is not understood ({error!r}): {done.stderr or done.stdout}"
+        ) from error
