@@ -34,8 +34,8 @@ def run(bench: Bench) -> Section:
         "which hands on whole frames. *Wire* is arithmetic: characters × bits ÷ baud rate × wires. *Above "
         "it* is what was measured beyond that: the programs, and the simulated wire's own timers (a process "
         "in Python for each wire). *Beyond two wires* is the round trip through the gateway minus twice the "
-        "direct one. *Budget* is what `pitch-gateway budget` computes for the same exchange, with the time that "
-        "it reckons for the gateway itself.",
+        "direct one. *Budget* is what `pitch-gateway budget` computes for the same exchange, with the time "
+        "that it reckons for the gateway itself.",
     )
     rows: list[tuple[str, ...]] = []
     for baudrate in BAUDRATES:
