@@ -128,16 +128,25 @@ def test_the_controller_writes_a_position_that_changes_each_time(programs: Progr
     assert [pdu.hex() for pdu in seen] == [f"100064000204{counts:08x}" for counts in (50, 100, 150)]
 
 
+def right(pdu: bytes) -> bytes:
+    """The reply to the first write, and to the read that follows it: 50 counts."""
+    return pdu[:5] if pdu[0] == 16 else bytes.fromhex("03 04 0000 0032")
+
+
 WRONG = {
-    "another position back": lambda t, u, p: encode_mbap(
-        t, u, p[:5] if p[0] == 16 else b"\x03\x04\0\0\0\x33"
-    ),
-    "another transaction": lambda t, u, p: encode_mbap(t + 1, u, p[:5]),
-    "another unit": lambda t, u, p: encode_mbap(t, u + 1, p[:5]),
+    "another position back": lambda t, u, p: encode_mbap(t, u, right(p)[:-1] + b"\x33"),
+    "another transaction": lambda t, u, p: encode_mbap(t + 1, u, right(p)),
+    "another unit": lambda t, u, p: encode_mbap(t, u + 1, right(p)),
     "an exception": lambda t, u, p: encode_mbap(t, u, bytes([p[0] | 0x80, 4])),
-    "two replies": lambda t, u, p: 2 * encode_mbap(t, u, p[:5]),
+    "two replies": lambda t, u, p: 2 * encode_mbap(t, u, right(p)),
     "silence": lambda t, u, p: b"",
 }
+
+
+def test_right_replies_are_taken(programs: Programs) -> None:
+    with answering(lambda transaction, unit, pdu: encode_mbap(transaction, unit, right(pdu))) as (port, _):
+        done = load(programs, "--count", "2", "--kind", "cycle", f"tcp:127.0.0.1:{port}")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("answer", WRONG.values(), ids=WRONG)
