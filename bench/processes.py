@@ -35,9 +35,10 @@ def pinned(command: Command, cpus: Iterable[int] | None) -> list[str]:
 class Processes:
     """Started programs. As a context it stops all of them, last first."""
 
-    def __init__(self) -> None:
+    def __init__(self, logs: Path = LOGS) -> None:
         self._running: list[Process] = []
-        LOGS.mkdir(parents=True, exist_ok=True)
+        self._logs = logs
+        logs.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Self:
         return self
@@ -58,7 +59,7 @@ class Processes:
         is_talking: bool = False,
     ) -> Process:
         """Start a program. What it says goes to a log; if ``is_talking``, its output through a pipe."""
-        with (LOGS / f"{name}.log").open("w") as log:
+        with (self._logs / f"{name}.log").open("w") as log:
             process = subprocess.Popen(
                 pinned(command, cpus),
                 stdin=subprocess.DEVNULL,

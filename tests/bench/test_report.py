@@ -3,6 +3,7 @@
 import pytest
 
 from bench.figures import Interval, Judged, Round
+from bench.places import BENCH
 from bench.report import markdown, terminal
 from bench.results import Goal, Section, Table, latency_table
 from bench.scenarios import hot, tcp
@@ -73,6 +74,13 @@ def test_the_goals_over_tcp_are_judged_on_one_processor() -> None:
     # added: 18, socat 20, modbus-proxy 100, pymodbus 200, asyncio 30
     assert found == pytest.approx([0.9, 0.18, 0.09, 1.5])
     assert tcp.goals(judged, free)[0].remark == "wherever the system puts them: 2.00 [2.00, 2.00]"
+
+
+@pytest.mark.parametrize(
+    "name", [hot.EVEN_SMALL, hot.EVEN_LARGE, hot.FREE_SMALL, hot.FREE_LARGE, hot.REWRITING]
+)
+def test_the_hot_path_still_prints_the_lines_that_are_judged(name: str) -> None:
+    assert f'{name}"' in (BENCH / "hot_path.py").read_text()
 
 
 def test_a_line_that_the_hot_path_no_longer_prints_is_not_measured() -> None:
