@@ -102,12 +102,15 @@ def line_from(process: Process) -> str:
 
 
 def stop_on_signals() -> None:
-    """Let SIGTERM and SIGHUP end the bench as Ctrl-C does, so that everything is stopped."""
+    """Let SIGTERM and SIGHUP end the bench as Ctrl-C does, so that everything is stopped.
+
+    Ctrl-C is asked for as well: a shell that starts the bench in the background has it ignored.
+    """
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupt)
 
 
