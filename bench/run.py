@@ -21,7 +21,7 @@ from bench.errors import BenchError
 from bench.measuring import Meter
 from bench.places import BENCH, BUILD, CHART, NOTES, RESULTS
 from bench.processes import stop_on_signals
-from bench.results import Section
+from bench.results import Goal, Section
 from bench.scenarios import hot, load, memory, period, rtu, scale, supervisor, tcp, wire
 
 SCENARIOS: Final[dict[str, Callable[[Bench], Section]]] = {
@@ -105,7 +105,12 @@ def _measured(
     sections: list[Section] = []
     for name in options.names:
         say(f"{name}: begins")
-        sections.append(SCENARIOS[name](bench))
+        try:
+            sections.append(SCENARIOS[name](bench))
+        except BenchError as error:  # the others can still be measured
+            say(f"{name}: {error}\n")
+            unmeasured = Goal(f"scenario `{name}`", 0.0, None, remark="could not be measured, see below")
+            sections.append(Section(name, [f"Could not be measured: {error}"], goals=[unmeasured]))
     facts = machine.machine() + machine.versions(python) + machine.how_and_when() + disturbance.facts()
     return sections, facts, python
 
