@@ -50,6 +50,7 @@ class Section:
     tables: list[Table] = field(default_factory=list)
     goals: list[Goal] = field(default_factory=list)
     bars: list[Bar] = field(default_factory=list)
+    is_measured: bool = True
 
     @classmethod
     def of(cls, title: str, *paragraphs: str) -> Self:

@@ -41,7 +41,7 @@ SCENARIOS: Final[dict[str, Callable[[Bench], Section]]] = {
 def main() -> int:
     """Run what the command line asks for.
 
-    Exit codes: 0 measured (whatever the verdicts), 1 it could not be, 2 wrong usage, 130 Ctrl-C.
+    Exit codes: 0 measured (whatever the verdicts), 1 something could not be, 2 wrong usage, 130 Ctrl-C.
     """
     options = _options()
     stop_on_signals()
@@ -62,11 +62,12 @@ def main() -> int:
         text = json.dumps(_plain(sections, facts), indent=1, ensure_ascii=False)
         options.json.write_text(text + "\n")
     folder: Path = options.to
+    folder.mkdir(parents=True, exist_ok=True)
     chart = _draw(sections, python, folder / CHART.name)
     notes = NOTES.read_text() if NOTES.exists() else ""
     (folder / RESULTS.name).write_text(report.markdown(sections, facts, notes, chart))
     sys.stdout.write(f"\nwritten: {folder / RESULTS.name}{f', {chart}' if chart else ''}\n")
-    return 0
+    return 0 if all(section.is_measured for section in sections) else 1
 
 
 def _options() -> argparse.Namespace:
@@ -110,7 +111,9 @@ def _measured(
         except BenchError as error:  # the others can still be measured
             say(f"{name}: {error}\n")
             unmeasured = Goal(f"scenario `{name}`", 0.0, None, remark="could not be measured, see below")
-            sections.append(Section(name, [f"Could not be measured: {error}"], goals=[unmeasured]))
+            sections.append(
+                Section(name, [f"Could not be measured: {error}"], goals=[unmeasured], is_measured=False)
+            )
     facts = machine.machine() + machine.versions(python) + machine.how_and_when() + disturbance.facts()
     return sections, facts, python
 
