@@ -77,7 +77,6 @@ class Found:
     from_sent: Round
     by_due: Round
     seconds: float
-    late: int
 
 
 class Meter:
@@ -99,7 +98,7 @@ class Meter:
         values = array("q")
         values.frombytes(self._file.read_bytes())
         said = json.loads(done.stdout)
-        return Found(Round.of(values[1::2]), Round.of(values[::2]), said["seconds"], said["late"])
+        return Found(Round.of(values[1::2]), Round.of(values[::2]), said["seconds"])
 
     def wait_until_serving(self, way: Way, units: Iterable[int] = (1,)) -> None:
         """Ask until the first good reply.
