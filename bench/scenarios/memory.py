@@ -13,7 +13,7 @@ from bench.processes import Processes, resident_bytes
 from bench.results import Goal, Section, Table
 
 TITLE: Final = "Memory of the relay"
-SMALL, LARGE = 10_000, 500_000
+SMALL, LARGE = 10_000, 300_000
 """Points of two tables; a point costs what the second needs more."""
 MIB: Final = 2**20
 STARTS: Final = 3
