@@ -2,10 +2,10 @@
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check soak bench fmt clean
+.PHONY: help setup demo test check soak bench bench-quick fmt clean
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## a virtual environment with the package and its tools
 	@tools/bootstrap.sh
@@ -26,12 +26,16 @@ check: setup ## formatting, lint, types, layers, doctests
 soak: setup ## the ledger: 2 000 000 random requests through the gateway, each write accounted for
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
 
-bench: setup ## measure the hot path, as ratios in one run
+bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes; writes bench/results.md
 	$(BIN)/python -m bench.hot_path
+	$(BIN)/python -m bench.run
+
+bench-quick: setup ## the same in a few minutes, to see that it works; writes into bench/build
+	$(BIN)/python -m bench.run --quick
 
 fmt: setup ## the only target that edits
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
 clean: ## remove what the other targets made
-	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf .venv build dist bench/build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

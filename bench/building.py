@@ -1,0 +1,71 @@
+"""What must be there before the bench can run: its C programs, and what it compares with."""
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from bench.errors import BenchError
+from bench.places import BUILD, SOURCES
+
+FLAGS: Final = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror")
+SHARED: Final = ("endpoints.c", "frames.c")
+PROGRAMS: Final = ("load", "drive", "relay")
+COMPARED: Final = ("modbus-proxy>=0.8,<0.9", "pymodbus>=3.16.1,<3.17", "matplotlib>=3.8,<4")
+"""From the package index, into an environment of its own: the gateway's stays as its users have it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Programs:
+    """The bench's own programs, built."""
+
+    load: Path
+    drive: Path
+    relay: Path
+
+
+def build_programs(folder: Path = BUILD / "bin") -> Programs:
+    """Compile what is older than its sources.
+
+    Raises:
+        BenchError: there is no gcc, or it finds something wrong.
+    """
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        raise BenchError("gcc is not installed; as root: apt-get install gcc libc6-dev")
+    folder.mkdir(parents=True, exist_ok=True)
+    newest = max(source.stat().st_mtime for source in SOURCES.iterdir())
+    for name in PROGRAMS:
+        target = folder / name
+        if target.exists() and target.stat().st_mtime > newest:
+            continue
+        sources = [str(SOURCES / source) for source in (f"{name}.c", *SHARED)]
+        done = subprocess.run(
+            [compiler, *FLAGS, "-o", str(target), *sources], capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            raise BenchError(f"gcc refuses {name}.c:\n{done.stderr}")
+    return Programs(*(folder / name for name in PROGRAMS))
+
+
+def compared_python(say: Callable[[str], None], folder: Path = BUILD / "venv") -> Path:
+    """Return the interpreter of the environment that holds ``COMPARED``; made where it is missing.
+
+    Raises:
+        BenchError: it cannot be made.
+    """
+    python, stamp = folder / "bin" / "python", folder / "installed"
+    wanted = "\n".join(COMPARED)
+    if python.exists() and stamp.exists() and stamp.read_text() == wanted:
+        return python
+    say(f"installing {', '.join(COMPARED)} into {folder}")
+    install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *COMPARED]
+    for command in ([sys.executable, "-m", "venv", str(folder)], install):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise BenchError(f"{' '.join(command)} failed:\n{done.stderr}")
+    stamp.write_text(wanted)
+    return python

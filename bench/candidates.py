@@ -1,0 +1,164 @@
+"""What is compared: each candidate between a controller and drives on loopback TCP, or on pseudo terminals.
+
+Every candidate is started once and kept for all rounds, as it would run in service; its first exchanges are
+not counted. A fresh start each round would measure imports and cold caches.
+"""
+
+import shutil
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from bench.building import Programs
+from bench.errors import BenchError
+from bench.gateway_process import start_gateway
+from bench.gateway_setup import Controller, GatewaySetup, LineSetup
+from bench.measuring import Way
+from bench.places import BENCH
+from bench.processes import Command, Processes
+from gateway.simulator.pty import Pty
+
+DIRECT: Final = "direct"
+C_RELAY: Final = "relay in C"
+SOCAT: Final = "socat"
+MODBUS_PROXY: Final = "modbus-proxy"
+PYMODBUS: Final = "pymodbus forwarder"
+UVLOOP: Final = "gateway, uvloop"
+ASYNCIO: Final = "gateway, asyncio"
+WITHOUT_TABLE: Final = ", no table"
+
+
+@dataclass(frozen=True, slots=True)
+class Tools:
+    """What candidates are started with. ``relay_cpus``: where whatever stands in the middle runs."""
+
+    programs: Programs
+    compared_python: Path
+    relay_cpus: tuple[int, ...] | None
+
+
+def free_port() -> int:
+    """Return a port of loopback that nobody uses."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port: int = server.getsockname()[1]
+        return port
+
+
+Start = Callable[[Processes, Tools, int], Way]
+"""Starts a candidate in front of a drive's TCP port; returns the way in."""
+
+
+def _direct(_processes: Processes, _tools: Tools, drive: int) -> Way:
+    return Way.tcp(drive)
+
+
+def _c_relay(processes: Processes, tools: Tools, drive: int) -> Way:
+    port = free_port()
+    command: Command = [tools.programs.relay, f"listen:{port}", f"tcp:127.0.0.1:{drive}"]
+    processes.start("relay-in-c", command, cpus=tools.relay_cpus)
+    return Way.tcp(port)
+
+
+def socat_program() -> str:
+    """Return where socat is.
+
+    Raises:
+        BenchError: it is not installed.
+    """
+    program = shutil.which("socat")
+    if program is None:
+        raise BenchError("socat is not installed; as root: apt-get install socat")
+    return program
+
+
+def _socat(processes: Processes, tools: Tools, drive: int) -> Way:
+    port = free_port()
+    listen = f"TCP-LISTEN:{port},bind=127.0.0.1,reuseaddr,fork,nodelay"
+    command = [socat_program(), listen, f"TCP:127.0.0.1:{drive},nodelay"]
+    processes.start("socat", command, cpus=tools.relay_cpus)
+    return Way.tcp(port)
+
+
+def _modbus_proxy(processes: Processes, tools: Tools, drive: int) -> Way:
+    port = free_port()
+    program = tools.compared_python.with_name("modbus-proxy")
+    command: Command = [program, "--bind", f"tcp://127.0.0.1:{port}", "--modbus", f"tcp://127.0.0.1:{drive}"]
+    processes.start("modbus-proxy", command, cpus=tools.relay_cpus)
+    return Way.tcp(port)
+
+
+def _pymodbus(processes: Processes, tools: Tools, drive: int) -> Way:
+    port = free_port()
+    command: Command = [tools.compared_python, BENCH / "forwarder.py", str(port), str(drive)]
+    processes.start("pymodbus-forwarder", command, cpus=tools.relay_cpus)
+    return Way.tcp(port)
+
+
+def _gateway(*, has_uvloop: bool, points: int = 201) -> Start:
+    def start(processes: Processes, tools: Tools, drive: int) -> Way:
+        port = free_port()
+        setup = GatewaySetup((LineSetup((Controller(tcp_port=port),), drive_port=drive),), points=points)
+        name = f"gateway-{'uvloop' if has_uvloop else 'asyncio'}-{points}"
+        start_gateway(processes, name, setup, has_uvloop=has_uvloop, cpus=tools.relay_cpus)
+        return Way.tcp(port)
+
+    return start
+
+
+TCP_CANDIDATES: Final[dict[str, Start]] = {
+    DIRECT: _direct,
+    C_RELAY: _c_relay,
+    SOCAT: _socat,
+    UVLOOP: _gateway(has_uvloop=True),
+    UVLOOP + WITHOUT_TABLE: _gateway(has_uvloop=True, points=0),
+    ASYNCIO: _gateway(has_uvloop=False),
+    ASYNCIO + WITHOUT_TABLE: _gateway(has_uvloop=False, points=0),
+    MODBUS_PROXY: _modbus_proxy,
+    PYMODBUS: _pymodbus,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Cable:
+    """Two pseudo terminals: the controller's and the drive's end of the middle's two serial ports."""
+
+    near: Pty
+    far: Pty
+
+
+StartOnPtys = Callable[[Processes, Tools, Cable], None]
+"""Starts a candidate between two serial ports."""
+
+
+def _c_relay_on_ptys(processes: Processes, tools: Tools, cable: Cable) -> None:
+    command: Command = [tools.programs.relay, f"tty:{cable.near.path}", f"tty:{cable.far.path}"]
+    processes.start("relay-in-c-ptys", command, cpus=tools.relay_cpus)
+
+
+def _socat_on_ptys(processes: Processes, tools: Tools, cable: Cable) -> None:
+    command = [socat_program(), f"{cable.near.path},raw,echo=0", f"{cable.far.path},raw,echo=0"]
+    processes.start("socat-ptys", command, cpus=tools.relay_cpus)
+
+
+def gateway_on_ptys(*, has_uvloop: bool, points: int = 201, baudrate: int = 115200) -> StartOnPtys:
+    """Return how the gateway is started between two serial ports."""
+
+    def start(processes: Processes, tools: Tools, cable: Cable) -> None:
+        near = (Controller(tty=cable.near.path),)
+        line = LineSetup(near, drive_tty=cable.far.path, baudrate=baudrate)
+        name = f"gateway-ptys-{'uvloop' if has_uvloop else 'asyncio'}-{points}-{baudrate}"
+        setup = GatewaySetup((line,), points=points)
+        start_gateway(processes, name, setup, has_uvloop=has_uvloop, cpus=tools.relay_cpus)
+
+    return start
+
+
+PTY_CANDIDATES: Final[dict[str, StartOnPtys]] = {
+    C_RELAY: _c_relay_on_ptys,
+    SOCAT: _socat_on_ptys,
+    UVLOOP: gateway_on_ptys(has_uvloop=True),
+    UVLOOP + WITHOUT_TABLE: gateway_on_ptys(has_uvloop=True, points=0),
+    ASYNCIO: gateway_on_ptys(has_uvloop=False),
+}

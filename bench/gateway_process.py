@@ -1,0 +1,107 @@
+"""The gateway as a process: how it is started, in one place, and which of its processes is which."""
+
+import functools
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from bench.errors import BenchError
+from bench.gateway_setup import GatewaySetup, write_setup
+from bench.places import BUILD, ROOT
+from bench.processes import Process, Processes, children, command_line, environment
+
+_MAIN: Final = "from gateway.cli.main import main; main()"
+_WITHOUT_UVLOOP: Final = "import sys; sys.modules['uvloop'] = None; "
+"""An import of a module that stands as None in ``sys.modules`` fails, as if it were not installed."""
+_RELAY_MODULE: Final = "gateway.relay"
+_SUPERVISOR_MODULE: Final = "gateway.supervisor"
+_RELAY: Final = f"import runpy; runpy.run_module('{_RELAY_MODULE}', run_name='__main__', alter_sys=True)"
+
+
+def gateway_command(*words: str | Path) -> list[str]:
+    """Return the command line of ``pitch-gateway WORDS``."""
+    return [sys.executable, "-c", _MAIN, *map(str, words)]
+
+
+def _serving_command(command: str, config: Path, *, has_uvloop: bool) -> list[str]:
+    """Return the command line of ``pitch-gateway COMMAND CONFIG``; ``command`` is ``relay`` or ``run``."""
+    if has_uvloop:
+        return gateway_command(command, config)
+    # The command ``relay`` becomes another program, which would find uvloop again: start that one here.
+    begin = _RELAY if command == "relay" else _MAIN
+    words = [config] if command == "relay" else [command, config]
+    return [sys.executable, "-c", _WITHOUT_UVLOOP + begin, *map(str, words)]
+
+
+@dataclass(frozen=True, slots=True)
+class Gateway:
+    """A gateway that runs."""
+
+    process: Process
+    config: Path
+    command: str
+    """What it was started as, without ``pitch-gateway``: ``relay`` or ``run``."""
+
+    @property
+    def relay_pid(self) -> int:
+        """Process that carries the traffic."""
+        return _child(self.process.pid, _RELAY_MODULE) or self.process.pid
+
+    @property
+    def supervisor_pid(self) -> int | None:
+        """Process that does the rest; None where there is none."""
+        return _child(self.process.pid, _SUPERVISOR_MODULE)
+
+
+def _child(parent: int, module: str) -> int | None:
+    return next((pid for pid in children(parent) if module in command_line(pid).split()), None)
+
+
+def start_gateway(
+    processes: Processes,
+    name: str,
+    setup: GatewaySetup,
+    *,
+    has_uvloop: bool = True,
+    is_whole: bool = False,
+    cpus: Iterable[int] | None = None,
+) -> Gateway:
+    """Start a gateway: the relay alone where there is such a command, with ``is_whole`` both processes.
+
+    Raises:
+        BenchError: its configuration is refused.
+    """
+    config = write_setup(BUILD / "setups" / name, setup)
+    is_alone = not is_whole and has_command("relay")
+    _ask(gateway_command("check", *(["--compile"] if is_alone else []), config))
+    command = "relay" if is_alone else "run"
+    words = _serving_command(command, config, has_uvloop=has_uvloop)
+    return Gateway(processes.start(name, words, cpus=cpus), config, command)
+
+
+@functools.cache
+def has_command(name: str) -> bool:
+    """Whether this version of the gateway has a command."""
+    return _run(gateway_command(name, "--help")).returncode == 0
+
+
+def refusal(setup: GatewaySetup) -> str:
+    """Return why this version of the gateway refuses a configuration; empty where it takes it."""
+    config = write_setup(BUILD / "setups" / "asked", setup)
+    done = _run(gateway_command("check", config))
+    return (done.stderr or done.stdout).strip().replace(f"{config}:", "") if done.returncode else ""
+
+
+def _ask(command: Sequence[str]) -> None:
+    done = _run(command)
+    if done.returncode:
+        raise BenchError(f"the gateway refuses the bench's configuration:\n{done.stderr or done.stdout}")
+
+
+def _run(command: Sequence[str]) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=ROOT, env=environment(), timeout=120
+    )

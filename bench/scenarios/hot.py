@@ -1,0 +1,92 @@
+"""The rows that need no sockets: what ``bench.hot_path`` prints, from several runs of it."""
+
+import re
+import subprocess
+import sys
+from typing import Final
+
+from bench.context import Bench
+from bench.errors import BenchError
+from bench.figures import Interval, Round, Series, over_rounds
+from bench.places import ROOT
+from bench.processes import environment
+from bench.results import Goal, Section, Table
+
+TITLE: Final = "Inside the process"
+RUNS: Final = 7
+LINE: Final = re.compile(r"^\s*(\S.*?)\s+([\d.]+)\s+([\d.]+)\s*$")
+"""A line of its output: name, ratio to the first, microseconds."""
+EVEN_SMALL, EVEN_LARGE = "correction, 1 000 points, even grid", "correction, 100 000 points, even grid"
+FREE_SMALL, FREE_LARGE = "correction, 1 000 points, free grid", "correction, 100 000 points, free grid"
+REWRITING: Final = "of which gateway time: bytes in to bytes out"
+MEASURING: Final = "measuring"
+"""What its name begins with, where it is measured."""
+
+
+def run(bench: Bench) -> Section:
+    """Run it several times: medians, and intervals over the runs."""
+    section = Section.of(
+        TITLE,
+        "What `python -m bench.hot_path` measures: each call many times, all candidates interleaved, in one "
+        "process. The median over several runs of it, with the interval over runs.",
+    )
+    series: dict[str, list[Round]] = {}
+    for _ in bench.rounds(TITLE, bench.effort.of(RUNS, 3)):
+        for name, us in parsed(_printed()).items():
+            series.setdefault(name, []).append(Round(us, us, us, us))
+    rows = tuple((name, str(in_us(series, name))) for name in series)
+    section.tables.append(Table(("", "µs"), rows))
+    section.goals += goals(series)
+    return section
+
+
+def _printed() -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", "bench.hot_path"],
+        capture_output=True, text=True, check=False, cwd=ROOT, env=environment(), timeout=300,
+    )  # fmt: skip
+    if done.returncode:
+        raise BenchError(f"bench.hot_path failed:\n{done.stderr}")
+    return done.stdout
+
+
+def parsed(printed: str) -> dict[str, float]:
+    """Return microseconds by name.
+
+    >>> parsed("             ratio   µs\\nreading one   1.00    0.65\\n  of it 2   0.50   0.30\\n")
+    {'reading one': 0.65, 'of it 2': 0.3}
+    """
+    found = (LINE.match(line) for line in printed.splitlines())
+    return {match[1]: float(match[3]) for match in found if match}
+
+
+def in_us(series: Series, name: str) -> Interval:
+    """Return the microseconds of one line."""
+    return over_rounds({name: series[name]}, lambda pick: pick(name, "p50"))
+
+
+def goals(series: Series) -> list[Goal]:
+    """Compare with what the design asks for."""
+
+    def times(of: str, to: str) -> Interval | None:
+        if of not in series or to not in series:
+            return None
+        return over_rounds({of: series[of], to: series[to]}, lambda pick: pick(of, "p50") / pick(to, "p50"))
+
+    def us(name: str) -> Interval | None:
+        return in_us(series, name) if name in series else None
+
+    measuring = next((name for name in series if name.startswith(MEASURING)), MEASURING)
+    measured_ns = us(measuring)
+    if measured_ns is not None:
+        measured_ns = Interval(
+            *(1000 * value for value in (measured_ns.estimate, measured_ns.low, measured_ns.high))
+        )
+    return [
+        Goal("correction of one position, 1 000 points, µs", 1.0, us(EVEN_SMALL)),
+        Goal("correction of one position, 100 000 points, µs", 1.0, us(EVEN_LARGE)),
+        Goal("even grid, 100 000 ÷ 1 000 points", 1.2, times(EVEN_LARGE, EVEN_SMALL)),
+        Goal("free grid, 100 000 ÷ 1 000 points", 2.0, times(FREE_LARGE, FREE_SMALL)),
+        Goal("rewriting one FC16, bytes in to bytes out, both ways, µs", 3.0, us(REWRITING)),
+        Goal("measuring, ns per exchange", 600.0, measured_ns, remark="" if measured_ns else "not built yet"),
+    ]

@@ -1,0 +1,88 @@
+"""Many axes, lines and controllers: what an exchange costs there, compared with one of each."""
+
+from collections.abc import Callable
+from functools import partial
+from statistics import median
+from typing import Final
+
+from bench.candidates import free_port
+from bench.context import Bench, Cpus
+from bench.figures import Round, Series, ratio
+from bench.gateway_process import Gateway, start_gateway
+from bench.gateway_setup import Controller, GatewaySetup, LineSetup
+from bench.measuring import Load, Way, start_drive
+from bench.processes import Processes, cpu_ns
+from bench.results import Goal, Section, in_us, latency_table
+
+TITLE: Final = "32 axes, 8 lines, 64 controllers"
+ONE: Final = "1 axis, 1 line, 1 controller"
+MANY: Final = TITLE
+TOGETHER: Final = "all 64 at once"
+LINES, AXES_PER_LINE, CONTROLLERS_PER_LINE = 8, 4, 8
+LIMIT: Final = 1.2
+
+
+class _Rig:
+    """A gateway with its drives, and the load that all of its controllers make in turn."""
+
+    def __init__(
+        self, bench: Bench, processes: Processes, name: str, size: tuple[int, int, int], cpus: Cpus
+    ) -> None:
+        lines, axes, controllers = size
+        self._bench = bench
+        self._units = tuple(range(1, axes + 1))
+        drive = start_drive(processes, bench.programs, ["listen:0"] * lines, cpus=cpus)
+        ports = [[free_port() for _ in range(controllers)] for _ in range(lines)]
+        setup = GatewaySetup(tuple(
+            LineSetup(tuple(Controller(tcp_port=port) for port in own), drive_port=at, axes=axes)
+            for own, at in zip(ports, drive.ports, strict=True)
+        ))  # fmt: skip
+        self._gateway: Gateway = start_gateway(processes, name, setup, cpus=cpus)
+        # Line by line within each turn, so that neighbouring requests are on different lines.
+        self._way = Way.tcp(*(own[i] for i in range(controllers) for own in ports))
+        self._cpus = cpus
+        for own in ports:
+            bench.meter.wait_until_serving(Way.tcp(own[0]), self._units)
+
+    def measure(self, *, is_concurrent: bool = False) -> tuple[Round, Round]:
+        """Return round trips, and the relay's processor time per exchange."""
+        load = Load(self._bench.effort.count, units=self._units, is_concurrent=is_concurrent, cpus=self._cpus)
+        pid = self._gateway.relay_pid
+        before = cpu_ns(pid)
+        trips = self._bench.meter.run(self._way, load).from_sent
+        used = (cpu_ns(pid) - before) / (load.count + load.warmup)
+        return trips, Round(used, used, used, used)
+
+
+def run(bench: Bench) -> Section:
+    """Measure one axis and the large gateway in turn."""
+    section = Section.of(
+        TITLE,
+        f"{MANY} ({AXES_PER_LINE} axes and {CONTROLLERS_PER_LINE} controllers on each line, each controller "
+        f"behind a port of its own) beside {ONE}; writes of positions, all on one processor. One request at "
+        "a time in all, controller after controller: what an exchange costs because there is so much else. "
+        "Then every controller at once, each with a request of its own under way: its round trips contain "
+        "the wait for the others.",
+    )
+    cpus = bench.processors.one
+    with Processes() as processes:
+        one = _Rig(bench, processes, "gateway-one", (1, 1, 1), cpus)
+        many = _Rig(bench, processes, "gateway-many", (LINES, AXES_PER_LINE, CONTROLLERS_PER_LINE), cpus)
+        measures: dict[str, Callable[[], tuple[Round, Round]]] = {
+            ONE: one.measure,
+            MANY: many.measure,
+            TOGETHER: partial(many.measure, is_concurrent=True),
+        }
+        pairs = bench.interleaved(TITLE, measures)
+    trips: Series = {name: [trip for trip, _ in found] for name, found in pairs.items()}
+    costs: Series = {name: [cost for _, cost in found] for name, found in pairs.items()}
+    times = [in_us(median([cost.p50 for cost in rounds])) for rounds in costs.values()]
+    ratios = [str(ratio(costs, name, ONE)) for name in costs]
+    section.tables.append(
+        latency_table(trips, [("relay's processor time µs", times), ("÷ one axis", ratios)])
+    )
+    section.goals += [
+        Goal(f"{MANY}: processor time per exchange ÷ one axis", LIMIT, ratio(costs, MANY, ONE)),
+        Goal("… median round trip ÷ one axis", LIMIT, ratio(trips, MANY, ONE)),
+    ]
+    return section

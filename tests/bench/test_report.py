@@ -1,0 +1,94 @@
+"""The text that the bench writes."""
+
+import pytest
+
+from bench.figures import Interval, Judged, Round
+from bench.places import BENCH
+from bench.report import markdown, terminal
+from bench.results import Goal, Section, Table, latency_table
+from bench.scenarios import hot, tcp
+
+GOALS = [
+    Goal("one thing ÷ another", 1.0, Interval(0.85, 0.8, 0.9), Judged.LOW, "a remark"),
+    Goal("memory, MiB", 40.0, Interval(50.8, 50.8, 50.8)),
+    Goal("what is not there", 1.3, None, remark="not built"),
+]
+
+
+def section() -> Section:
+    table = Table(("", "p50 µs"), (("direct", "5.8"), ("a | b", "12.0")), "A caption.")
+    return Section("A title", ["A paragraph."], [table], GOALS)
+
+
+def test_every_row_of_the_contract_says_limit_figure_and_verdict() -> None:
+    lines = markdown([section()], [("kernel", "Linux")], "", "").splitlines()
+    assert "| one thing ÷ another | ≤ 1 | 0.85 [0.80, 0.90] | lower end | reached | a remark |" in lines
+    assert "| memory, MiB | ≤ 40 | 50.80 |  | **not reached** |  |" in lines
+    assert "| what is not there | ≤ 1.3 |  |  | not measured | not built |" in lines
+    assert "1 reached, 1 not reached, 1 not measured." in lines
+
+
+def test_the_report_has_facts_notes_chart_and_tables_in_this_order() -> None:
+    text = markdown([section()], [("kernel", "Linux 6")], "Said by a person.\n", "results.svg")
+    parts = [
+        "- kernel: Linux 6",
+        "| memory, MiB",
+        "Said by a person.",
+        "(results.svg)",
+        "## A title",
+        "A caption.",
+    ]
+    places = [text.index(part) for part in parts]
+    assert places == sorted(places)
+
+
+def test_numbers_stand_to_the_right_and_a_bar_in_a_name_breaks_no_table() -> None:
+    text = markdown([section()], [], "", "")
+    assert "|  | p50 µs |\n| --- | ---: |\n| direct | 5.8 |\n| a \\| b | 12.0 |" in text
+
+
+def test_the_terminal_gets_columns() -> None:
+    assert "        p50 µs\ndirect     5.8\na | b     12.0" in terminal([section()])
+
+
+def test_latencies_are_medians_over_rounds_but_the_worst_is_the_worst() -> None:
+    series = {
+        "a": [
+            Round(1000, 2000, 3000, 9_000_000),
+            Round(3000, 4000, 5000, 8000),
+            Round(2000, 2500, 4000, 7000),
+        ]
+    }
+    table = latency_table(series, [("more", ["cell"])])
+    assert table.rows == (("a", "2.0", "2.5", "4.0", "9000", "cell"),)
+
+
+def test_the_goals_over_tcp_are_judged_on_one_processor() -> None:
+    def series(**medians: float) -> dict[str, list[Round]]:
+        return {name.replace("_", " "): [Round(us, us, us, us)] * 3 for name, us in medians.items()}
+
+    names = {"direct": 10.0, "socat": 30.0, "modbus-proxy": 110.0, "pymodbus forwarder": 210.0}
+    judged = series(**names, **{"gateway, uvloop": 28.0, "gateway, asyncio": 40.0})
+    free = series(**names, **{"gateway, uvloop": 50.0, "gateway, asyncio": 50.0})
+    found = [goal.found.estimate for goal in tcp.goals(judged, free) if goal.found is not None]
+    # added: 18, socat 20, modbus-proxy 100, pymodbus 200, asyncio 30
+    assert found == pytest.approx([0.9, 0.18, 0.09, 1.5])
+    assert tcp.goals(judged, free)[0].remark == "wherever the system puts them: 2.00 [2.00, 2.00]"
+
+
+@pytest.mark.parametrize(
+    "name", [hot.EVEN_SMALL, hot.EVEN_LARGE, hot.FREE_SMALL, hot.FREE_LARGE, hot.REWRITING]
+)
+def test_the_hot_path_still_prints_the_lines_that_are_judged(name: str) -> None:
+    assert f'{name}"' in (BENCH / "hot_path.py").read_text()
+
+
+def test_a_line_that_the_hot_path_no_longer_prints_is_not_measured() -> None:
+    printed = hot.parsed(
+        "correction, 1 000 points, even grid    1.00   0.65\nmeasuring an exchange   0.5    0.25\n"
+    )
+    series = {name: [Round(us, us, us, us)] * 3 for name, us in printed.items()}
+    found = {goal.what: goal.found.estimate if goal.found else None for goal in hot.goals(series)}
+    assert found["correction of one position, 1 000 points, µs"] == 0.65
+    assert found["measuring, ns per exchange"] == pytest.approx(250.0)
+    assert found["correction of one position, 100 000 points, µs"] is None
