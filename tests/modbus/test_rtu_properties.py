@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from hypothesis import example, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from gateway.modbus.crc import append_crc, crc16
@@ -88,6 +88,7 @@ def test_a_request_behind_garbage_comes_out_at_silence_at_the_latest(
 def test_one_truncated_request_costs_no_other(frames: list[Frame], cut: int) -> None:
     wires = [encode_rtu(*frame) for frame in frames]
     truncated = wires[0][: -min(cut, len(wires[0]) - 1)]
+    assume(not (truncated + b"".join(wires[1:])).startswith(wires[0]))  # what was cut off came all the same
     decoder = RtuRequestDecoder(silence_ns=2 * MS)
     taken = decoder.feed(truncated + b"".join(wires[1:]), 0) + decoder.on_silence(2 * MS)
     assert taken == frames[1:]
