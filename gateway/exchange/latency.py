@@ -1,19 +1,23 @@
-"""How long things take, in integers: log-linear histograms that cost a hundred nanoseconds a value.
+"""How long things take, in integers: counts in log-linear buckets, a hundred nanoseconds a value.
 
-Each power of two is divided into 64 buckets, so that a value is known within 1.6 %, from 1 ns to two minutes.
+Each power of two is divided into 64 buckets, so that a value is known within 1.6 %, from 1 ns to ten hours.
 """
 
 from bisect import bisect_left
 from collections import deque
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import Final
 
 from gateway.times import NS_PER_S
 
 SUB_BITS: Final = 6
-BUCKETS: Final = 2048
-LONGEST_NS: Final = (1 << 37) - 1
-"""Whatever takes longer counts as this: 137 s."""
+OCTAVE: Final = SUB_BITS + 1
+"""Times of so many bits have a bucket each; of longer ones the lowest bits are left out."""
+LONGEST_BITS: Final = 45
+LONGEST_NS: Final = (1 << LONGEST_BITS) - 1
+"""Whatever takes longer counts as this: ten hours, longer than any time-out."""
+BUCKETS: Final = (LONGEST_BITS - OCTAVE + 2) << SUB_BITS
 SLOT_NS: Final = 10 * NS_PER_S
 SLOTS: Final = 6
 """High marks of the last minute are kept for ten seconds each."""
@@ -25,7 +29,7 @@ def bucket_of(span_ns: int) -> int:
     >>> [bucket_of(ns) for ns in (0, 1, 127, 128, 129, 130, 255, 256)]
     [0, 1, 127, 128, 128, 129, 191, 192]
     """
-    shift = span_ns.bit_length() - SUB_BITS - 1
+    shift = span_ns.bit_length() - OCTAVE
     if shift <= 0:
         return max(0, span_ns)
     if span_ns > LONGEST_NS or span_ns < 0:
@@ -46,37 +50,20 @@ def middle_ns(bucket: int) -> int:
     return low + (1 << shift) // 2
 
 
-class Histogram:
-    """Times in ns, counted in buckets: ``counts[bucket_of(ns)] += 1``."""
+def percentiles_ns(counts: Sequence[int], shares: Sequence[float]) -> list[int]:
+    """Return the time that each share (0 to 1) of all counted ones does not exceed; 0 of none.
 
-    __slots__ = ("counts",)
-
-    def __init__(self) -> None:
-        self.counts = [0] * BUCKETS
-
-    def note(self, span_ns: int) -> None:
-        """Count one time."""
-        self.counts[bucket_of(span_ns)] += 1
-
-    def percentiles_ns(self, *shares: float) -> list[int]:
-        """Return the time that each share (0 to 1) of all counted ones does not exceed; 0 of none.
-
-        >>> histogram = Histogram()
-        >>> for ns in range(1, 101):
-        ...     histogram.note(ns)
-        >>> histogram.percentiles_ns(0.5, 0.99, 1.0)
-        [50, 99, 100]
-        """
-        below = list(accumulate(self.counts))
-        total = below[-1]
-        if not total:
-            return [0] * len(shares)
-        return [middle_ns(bisect_left(below, max(1, share * total))) for share in shares]
-
-    @property
-    def total(self) -> int:
-        """How many times were counted."""
-        return sum(self.counts)
+    >>> counts = [0] * BUCKETS
+    >>> for ns in range(1, 101):
+    ...     counts[bucket_of(ns)] += 1
+    >>> percentiles_ns(counts, (0.5, 0.99, 1.0))
+    [50, 99, 100]
+    """
+    below = list(accumulate(counts))
+    total = below[-1]
+    if not total:
+        return [0] * len(shares)
+    return [middle_ns(bisect_left(below, max(1, share * total))) for share in shares]
 
 
 class HighMark:

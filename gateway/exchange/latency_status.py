@@ -1,21 +1,32 @@
 """Measured times as the status shows them: microseconds, since the start.
 
-Percentiles take a walk through a histogram each, and the loop has other things to do: a few of them are
-worked out anew whenever somebody looks, in turn.
+Percentiles take a walk through all buckets, and the loop has other things to do: a few of them are worked out
+anew whenever somebody looks, in turn.
 """
 
 from collections import deque
+from collections.abc import Callable, Iterable
 from typing import Final
 
-from gateway.exchange.latency import HighMark, Histogram
+from gateway.exchange.latency import percentiles_ns
 from gateway.exchange.meter import LineMeter, Measured
-from gateway.times import NS_PER_US
+from gateway.times import NS_PER_S, NS_PER_US
 
 SHARES: Final = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
 ANEW: Final = 3
-"""So many histograms are walked through each time; each takes some 30 µs."""
+"""So many of the figures are worked out anew each time; each takes some 30 µs for each pair behind it."""
 
 Figures = dict[str, float]
+Pick = Callable[[Measured], list[int] | None]
+
+PARTS: Final[dict[str, Pick]] = {
+    "gateway_us": lambda measured: measured.gateway,
+    "request_us": lambda measured: measured.request,
+    "reply_us": lambda measured: measured.reply,
+    "drive_us": lambda measured: measured.drive,
+    "queue_us": lambda measured: measured.queue,
+}
+"""By the name in the status; ``queue_us`` counts only what had to wait."""
 
 
 class LatencyStatus:
@@ -23,68 +34,68 @@ class LatencyStatus:
 
     def __init__(self, meter: LineMeter) -> None:
         self._meter = meter
-        self._figures: dict[int, tuple[Histogram, Figures]] = {}
-        self._turn: deque[int] = deque()
+        self._figures: dict[tuple[str, str, str], Figures] = {}
+        self._turn: deque[tuple[str, str, str]] = deque()
 
-    def refresh(self, now_ns: int, most: int = ANEW) -> None:
+    def refresh(self, now_ns: int) -> None:
         """Work out some of the figures anew; to be called before they are shown."""
         self._meter.turn(now_ns)
-        for _ in range(min(most, len(self._turn))):
-            histogram, figures = self._figures[self._turn[0]]
-            figures.update(_figures(histogram))
+        for _ in range(min(ANEW, len(self._turn))):
+            key = self._turn[0]
+            self._figures[key] = self._work_out(*key)
             self._turn.rotate(-1)
 
     def line(self) -> dict[str, object]:
         """Return the line's part."""
         meter = self._meter
         return {
-            "gateway_us": {**self._of(meter.gateway), **_marks(meter.high)},
+            **self._shown("line", ""),
             "budget_overruns": meter.overruns,
-            "wire_s": round(meter.wire_ns / 1e9, 6),
-            "added_frames_s": round(meter.added_ns / 1e9, 6),
+            "wire_s": round(meter.wire_ns / NS_PER_S, 6),
+            "added_frames_s": round(meter.added_ns / NS_PER_S, 6),
         }
 
     def controller(self, name: str) -> dict[str, object]:
-        """Return a controller's part; nothing before its first exchange."""
-        measured = self._meter.controllers.get(name)
-        if measured is None:
-            return {}
-        more = {
-            "queue_us": self._of(measured.queue),
-            "drive_us": self._of(measured.drive),
-            "exchange_us": self._of(measured.exchange),
-        }
-        return {**self._legs(measured), **more}
+        """Return a controller's part."""
+        return self._shown("controller", name)
 
     def axis(self, name: str) -> dict[str, object]:
-        """Return an axis's part."""
+        """Return an axis's part: of all exchanges with its unit id."""
         budget = self._meter.axes[name]
         return {
-            **self._legs(budget.measured),
+            **self._shown("axis", name),
             "budget_us": budget.budget_ns / NS_PER_US,
             "budget_overruns": budget.overruns,
             "is_over_budget": budget.is_over,
         }
 
-    def _legs(self, measured: Measured) -> dict[str, object]:
-        return {
-            "gateway_us": {**self._of(measured.gateway), **_marks(measured.high)},
-            "request_us": self._of(measured.request),
-            "reply_us": self._of(measured.reply),
+    def _shown(self, kind: str, name: str) -> dict[str, object]:
+        shown: dict[str, object] = {part: self._of((kind, name, part)) for part in PARTS}
+        marks = [measured.high for measured in self._pairs(kind, name)]
+        shown["gateway_us"] = {
+            **self._of((kind, name, "gateway_us")),
+            "max": round(max((mark.ever_ns for mark in marks), default=0) / NS_PER_US, 1),
+            "max_minute": round(max((mark.minute_ns for mark in marks), default=0) / NS_PER_US, 1),
         }
+        return shown
 
-    def _of(self, histogram: Histogram) -> Figures:
-        key = id(histogram)
+    def _pairs(self, kind: str, name: str) -> Iterable[Measured]:
+        unit_id = self._meter.axes[name].unit_id if kind == "axis" else -1
+        for (controller, unit), measured in self._meter.measured.items():
+            if kind == "line" or (kind == "controller" and controller == name) or unit == unit_id:
+                yield measured
+
+    def _of(self, key: tuple[str, str, str]) -> Figures:
         if key not in self._figures:
-            self._figures[key] = (histogram, _figures(histogram))
+            self._figures[key] = self._work_out(*key)
             self._turn.append(key)
-        return self._figures[key][1]
+        return self._figures[key]
 
-
-def _figures(histogram: Histogram) -> Figures:
-    found = histogram.percentiles_ns(*SHARES.values())
-    return {name: round(ns / NS_PER_US, 1) for name, ns in zip(SHARES, found, strict=True)}
-
-
-def _marks(high: HighMark) -> Figures:
-    return {"max": round(high.ever_ns / NS_PER_US, 1), "max_minute": round(high.minute_ns / NS_PER_US, 1)}
+    def _work_out(self, kind: str, name: str, part: str) -> Figures:
+        pick = PARTS[part]
+        columns = [counts for measured in self._pairs(kind, name) if (counts := pick(measured)) is not None]
+        found = [0] * len(SHARES)
+        if columns:
+            counts = columns[0] if len(columns) == 1 else list(map(sum, zip(*columns, strict=True)))
+            found = percentiles_ns(counts, tuple(SHARES.values()))
+        return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}

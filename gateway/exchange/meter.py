@@ -16,7 +16,7 @@ from typing import Final
 
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.latency import HighMark, Histogram, bucket_of
+from gateway.exchange.latency import BUCKETS, OCTAVE, SUB_BITS, HighMark, bucket_of
 from gateway.exchange.life import Exchange
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.times import NS_PER_US
@@ -25,32 +25,40 @@ WITHIN_TO_END: Final = 100
 """So many exchanges in a row within the budget end an overrun."""
 RTU_OVERHEAD: Final = 3
 """Bytes of an RTU frame beside its PDU: unit id and check sum."""
+MOST_PAIRS: Final = 128
+"""Pairs of controller and unit id that are measured apart on one line; all others together."""
+OTHERS: Final = ("others", -1)
+NO_BUDGET: Final = 1 << 62
+
+Key = tuple[str, int]
+"""A controller's name and a unit id."""
 
 
 class Measured:
-    """Times of the exchanges of one controller, or of one axis."""
+    """Times of the exchanges of one controller with one unit id: counts by ``latency.bucket_of``."""
 
-    __slots__ = ("drive", "exchange", "gateway", "high", "queue", "reply", "request")
+    __slots__ = ("budget_ns", "drive", "gateway", "high", "queue", "reply", "request")
 
-    def __init__(self) -> None:
-        self.gateway = Histogram()
-        self.request = Histogram()
-        self.reply = Histogram()
-        self.queue = Histogram()
-        self.drive = Histogram()
-        self.exchange = Histogram()
-        """From the last byte of a request to the reply, all together."""
+    def __init__(self, budget_ns: int) -> None:
+        self.gateway = [0] * BUCKETS
+        self.request = [0] * BUCKETS
+        self.reply = [0] * BUCKETS
+        self.drive = [0] * BUCKETS
+        self.queue: list[int] | None = None
+        """Of those that had to wait for the line; made with the first one."""
         self.high = HighMark()
+        self.budget_ns = budget_ns
+        """The smallest of the axes of the unit id."""
 
 
 class AxisBudget:
     """The budget of one axis, and how it is kept."""
 
-    __slots__ = ("axis", "budget_ns", "is_over", "measured", "overruns", "within")
+    __slots__ = ("axis", "budget_ns", "is_over", "overruns", "unit_id", "within")
 
     def __init__(self, axis: AxisExchange) -> None:
         self.axis = axis.plan.name
-        self.measured = Measured()
+        self.unit_id = axis.plan.unit_id
         self.budget_ns = int(axis.plan.budget_us * NS_PER_US)
         self.overruns = 0
         self.is_over = False
@@ -71,17 +79,12 @@ class LineMeter:
         on_event: Callable[[Event], None],
         what_ran: Callable[[int, int], str],
     ) -> None:
-        self.controllers: dict[str, Measured] = {}
-        self.axes: dict[str, AxisBudget] = {}
-        self._of_unit: dict[int, list[AxisBudget]] = {}
-        for axis in axes:
-            budget = self.axes[axis.plan.name] = AxisBudget(axis)
-            self._of_unit.setdefault(axis.plan.unit_id, []).append(budget)
+        self.measured: dict[Key, Measured] = {}
+        self.axes = {axis.plan.name: AxisBudget(axis) for axis in axes}
         self._link = link
         self._on_event = on_event
         self._what_ran = what_ran
-        self.gateway = Histogram()
-        self.high = HighMark()
+        self._axes_over = 0
         self.wire_ns = 0
         """All the time that bytes of exchanges took on the drives' wire, as their number says."""
         self.added_ns = 0
@@ -94,69 +97,85 @@ class LineMeter:
 
     def turn(self, now_ns: int) -> None:
         """Let high marks of the last minute grow old; to be called every few seconds."""
-        self.high.turn(now_ns)
-        for measured in (*self.controllers.values(), *(budget.measured for budget in self.axes.values())):
+        for measured in self.measured.values():
             measured.high.turn(now_ns)
 
     def note(self, exchange: Exchange, port: ControllerPort, reply: bytes, reply_ns: int) -> None:
         """Measure an exchange whose reply has been passed on."""
         link = self._link
-        sent_ns = link.sent_ns
-        if not sent_ns or exchange.is_orphan:
-            return
-        started_ns = exchange.started_ns or exchange.arrived_ns
-        request_ns = sent_ns - started_ns - link.held_ns
-        reply_leg_ns = port.sent_ns - reply_ns - port.held_ns
-        gateway_ns = request_ns + reply_leg_ns
+        sent, replied = link.stamps, port.stamps
+        sent_ns = sent.sent_ns
+        if not sent_ns or exchange.is_orphan or replied.ready_ns < reply_ns:
+            return  # nobody keeps time, or nobody was there to answer
+        unit_id = exchange.unit_id
+        measured = self.measured.get((port.plan.name, unit_id)) or self._measured(port.plan.name, unit_id)
+        request_ns = sent_ns - (exchange.started_ns or exchange.arrived_ns) - sent.held_ns
+        leg_ns = replied.sent_ns - reply_ns - replied.held_ns
+        gateway_ns = request_ns + leg_ns
         drive_ns = reply_ns - sent_ns
         if link.wire_ns_per_byte:
             wire_ns = (len(exchange.pdu) + len(reply) + 2 * RTU_OVERHEAD) * link.wire_ns_per_byte
-            drive_ns -= wire_ns
+            drive_ns = max(0, drive_ns - wire_ns)  # an adapter that keeps less than a character's time
             self.wire_ns += wire_ns
-        self.added_ns += exchange.added_ns
-        measured = self.controllers.get(port.plan.name)
-        if measured is None:
-            measured = self.controllers[port.plan.name] = Measured()
-        gateway, request, leg = bucket_of(gateway_ns), bucket_of(request_ns), bucket_of(reply_leg_ns)
-        self.gateway.counts[gateway] += 1
-        measured.gateway.counts[gateway] += 1
-        measured.request.counts[request] += 1
-        measured.reply.counts[leg] += 1
-        measured.exchange.counts[bucket_of(port.sent_ns - exchange.arrived_ns)] += 1
-        measured.drive.counts[bucket_of(drive_ns)] += 1
-        measured.queue.counts[bucket_of(exchange.queue_ns) if exchange.queue_ns else 0] += 1
+        # bucket_of, four times in place: the calls alone would cost as much as all the rest.
+        shift = gateway_ns.bit_length() - OCTAVE
+        measured.gateway[(shift << SUB_BITS) + (gateway_ns >> shift) if shift > 0 else gateway_ns] += 1
+        shift = request_ns.bit_length() - OCTAVE
+        measured.request[(shift << SUB_BITS) + (request_ns >> shift) if shift > 0 else request_ns] += 1
+        shift = leg_ns.bit_length() - OCTAVE
+        measured.reply[(shift << SUB_BITS) + (leg_ns >> shift) if shift > 0 else leg_ns] += 1
+        shift = drive_ns.bit_length() - OCTAVE
+        measured.drive[(shift << SUB_BITS) + (drive_ns >> shift) if shift > 0 else drive_ns] += 1
         if gateway_ns > measured.high.slot_ns:
             measured.high.raise_to(gateway_ns)
-        if gateway_ns > self.high.slot_ns:
-            self.high.raise_to(gateway_ns)
-        for budget in self._of_unit.get(exchange.unit_id, ()):
-            measured = budget.measured
-            measured.gateway.counts[gateway] += 1
-            measured.request.counts[request] += 1
-            measured.reply.counts[leg] += 1
-            if gateway_ns > measured.high.slot_ns:
-                measured.high.raise_to(gateway_ns)
+        if exchange.started_ns:
+            self._note_waiting(exchange, measured)
+        if gateway_ns > measured.budget_ns or self._axes_over:
+            self._judge(exchange, port, gateway_ns, reply_ns)
+
+    def _measured(self, controller: str, unit_id: int) -> Measured:
+        """Return where a new pair is measured."""
+        key = (controller, unit_id) if len(self.measured) < MOST_PAIRS else OTHERS
+        if key not in self.measured:
+            budgets = [budget.budget_ns for budget in self.axes.values() if budget.unit_id == unit_id]
+            self.measured[key] = Measured(min(budgets, default=NO_BUDGET))
+        return self.measured[key]
+
+    def _note_waiting(self, exchange: Exchange, measured: Measured) -> None:
+        """Note what came between a request's arrival and its turn."""
+        self.added_ns += exchange.added_ns
+        if exchange.queue_ns:
+            if measured.queue is None:
+                measured.queue = [0] * BUCKETS
+            measured.queue[bucket_of(exchange.queue_ns)] += 1
+
+    def _judge(self, exchange: Exchange, port: ControllerPort, gateway_ns: int, reply_ns: int) -> None:
+        """Hold an exchange against the budgets of the axes that it was for."""
+        for budget in self.axes.values():
+            if budget.unit_id != exchange.unit_id:
+                continue
             if gateway_ns > budget.budget_ns:
-                self._exceeded(budget, exchange, port, reply_ns)
+                budget.overruns += 1
+                budget.within = 0
+                if not budget.is_over:
+                    self._exceeded(budget, exchange, port, reply_ns)
             elif budget.is_over:
                 self._kept(budget)
 
     def _exceeded(self, budget: AxisBudget, exchange: Exchange, port: ControllerPort, reply_ns: int) -> None:
-        budget.overruns += 1
-        budget.within = 0
-        if budget.is_over:
-            return
         budget.is_over = True
-        link, started_ns = self._link, exchange.started_ns or exchange.arrived_ns
+        self._axes_over += 1
+        sent, replied = self._link.stamps, port.stamps
+        started_ns = exchange.started_ns or exchange.arrived_ns
         steps = {
-            "working out what is sent": link.ready_ns - started_ns,
-            "writing it to the drive": link.sent_ns - link.ready_ns - link.held_ns,
-            "turning the reply back": port.ready_ns - reply_ns,
-            "writing it to the controller": port.sent_ns - port.ready_ns - port.held_ns,
+            "working out what is sent": sent.ready_ns - started_ns,
+            "writing it to the drive": sent.sent_ns - sent.ready_ns - sent.held_ns,
+            "turning the reply back": replied.ready_ns - reply_ns,
+            "writing it to the controller": replied.sent_ns - replied.ready_ns - replied.held_ns,
         }
         slowest = max(steps, key=lambda step: steps[step])
         all_us = sum(steps.values()) / NS_PER_US
-        ran = self._what_ran(started_ns, port.sent_ns)
+        ran = self._what_ran(started_ns, replied.sent_ns)
         detail = (
             f"{all_us:.0f} µs of gateway time, budget_us = {budget.budget_ns / NS_PER_US:g}; "
             f"slowest: {slowest}, {steps[slowest] / NS_PER_US:.0f} µs{f'; meanwhile {ran}' if ran else ''}"
@@ -167,5 +186,6 @@ class LineMeter:
         budget.within += 1
         if budget.within >= WITHIN_TO_END:
             budget.is_over = False
+            self._axes_over -= 1
             detail = f"{WITHIN_TO_END} exchanges in a row within budget_us; {budget.overruns} over it so far"
             self._on_event(Event(EventKind.BUDGET_KEPT, budget.axis, detail))

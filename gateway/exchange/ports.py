@@ -9,32 +9,25 @@ from typing import Protocol
 from gateway.exchange.plan import ControllerPlan
 
 
-class Stamps(Protocol):
-    """When the newest frame left. Monotonic, in ns; 0 where nobody measures."""
+class Stamps:
+    """When the newest frame left, over a controller's port or a drive link. Monotonic, in ns."""
 
-    @property
-    def ready_ns(self) -> int:
-        """When it was ready to be written."""
-        ...
-
-    @property
-    def sent_ns(self) -> int:
-        """When the system had taken it; ``ready_ns`` while it is held back."""
-        ...
-
-    @property
-    def held_ns(self) -> int:
-        """How long it was held back, for the silence that a wire or a drive wants before it."""
-        ...
+    ready_ns = 0
+    """When it was ready to be written."""
+    sent_ns = 0
+    """When the system had taken it; ``ready_ns`` while it is held back; 0 where nobody measures."""
+    held_ns = 0
+    """How long it was held back, for the silence that a wire or a drive wants before it."""
 
 
 class Unmeasured:
-    """Stamps of what keeps no time: traffic that is only played."""
+    """What keeps no time: traffic that is only played."""
 
-    ready_ns = sent_ns = held_ns = wire_ns_per_byte = 0
+    stamps = Stamps()
+    wire_ns_per_byte = 0
 
 
-class ControllerPort(Stamps, Protocol):
+class ControllerPort(Protocol):
     """One connection of one controller: a serial port, or one accepted TCP connection."""
 
     @property
@@ -42,13 +35,23 @@ class ControllerPort(Stamps, Protocol):
         """The controller's configuration; two connections of one controller share it."""
         ...
 
+    @property
+    def stamps(self) -> Stamps:
+        """When its newest frame left."""
+        ...
+
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """Frame and send a reply. ``transaction_id`` is the request's own (0 on serial lines)."""
         ...
 
 
-class DriveLink(Stamps, Protocol):
+class DriveLink(Protocol):
     """The way to the drives of one line."""
+
+    @property
+    def stamps(self) -> Stamps:
+        """When its newest frame left."""
+        ...
 
     @property
     def wire_ns_per_byte(self) -> int:

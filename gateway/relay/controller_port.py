@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 
 from gateway.exchange.plan import ControllerPlan
+from gateway.exchange.ports import Stamps
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
@@ -34,7 +35,7 @@ class MbapControllerPort:
         self._channel: Channel | None = None
         self._patience_ns = int(plan.timeout_ms * NS_PER_MS)
         self._received_ns = 0
-        self.ready_ns = self.sent_ns = self.held_ns = 0
+        self.stamps = Stamps()
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -63,9 +64,9 @@ class MbapControllerPort:
         """See ``ControllerPort``."""
         if self._channel is not None:
             frame = encode_mbap(transaction_id, unit_id, pdu)
-            self.ready_ns = time.monotonic_ns()
+            self.stamps.ready_ns = time.monotonic_ns()
             self._channel.write(frame)
-            self.sent_ns = time.monotonic_ns()
+            self.stamps.sent_ns = time.monotonic_ns()
 
 
 class RtuControllerPort:
@@ -84,21 +85,7 @@ class RtuControllerPort:
         self._gap_ns = gap_ns
         self._timer: Timer | None = None
         self._sender: PacedSender | None = None
-
-    @property
-    def ready_ns(self) -> int:
-        """See ``Stamps``."""
-        return 0 if self._sender is None else self._sender.ready_ns
-
-    @property
-    def sent_ns(self) -> int:
-        """See ``Stamps``."""
-        return 0 if self._sender is None else self._sender.sent_ns
-
-    @property
-    def held_ns(self) -> int:
-        """See ``Stamps``."""
-        return 0 if self._sender is None else self._sender.held_ns
+        self.stamps = Stamps()
 
     async def drained(self) -> None:
         """Wait until no reply waits for its silence any more."""
@@ -110,6 +97,7 @@ class RtuControllerPort:
         self._decoder.reset()
         self._timer = Timer(self._silent)
         self._sender = PacedSender(0, self._gap_ns)
+        self.stamps = self._sender.stamps
         self._sender.opened(channel, now_ns)
 
     def received(self, data: bytes, now_ns: int) -> None:

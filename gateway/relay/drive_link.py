@@ -67,21 +67,7 @@ class RtuDriveLink:
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
         self._exchange: TimedExchange | None = None
-
-    @property
-    def ready_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._sender.ready_ns
-
-    @property
-    def sent_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._sender.sent_ns
-
-    @property
-    def held_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._sender.held_ns
+        self.stamps = self._sender.stamps
 
     @property
     def wire_ns_per_byte(self) -> int:
@@ -182,21 +168,7 @@ class MbapDriveLink:
         self._unanswered: dict[int, None] = {}
         self._late = 0
         self._malformed = 0
-
-    @property
-    def ready_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._sender.ready_ns
-
-    @property
-    def sent_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._sender.sent_ns
-
-    @property
-    def held_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._sender.held_ns
+        self.stamps = self._sender.stamps
 
     @property
     def wire_ns_per_byte(self) -> int:

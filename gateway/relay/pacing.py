@@ -8,6 +8,7 @@ import asyncio
 import time
 from collections import deque
 
+from gateway.exchange.ports import Stamps
 from gateway.transport.channel import Channel
 from gateway.transport.timer import Timer
 
@@ -24,28 +25,19 @@ class PacedSender:
         self._wire_gap_ns = wire_gap_ns
         self._gap_ns = gap_ns
         self._channel: Channel | None = None
-        self._wire_ns_per_byte = 0
+        self.wire_ns_per_byte = 0
+        """How long a byte takes on the wire; 0 where there is none."""
         self._quiet_from_ns = 0
         self._held: deque[bytes] = deque()
         self._timer = Timer(self._send_held)
         self._drained: asyncio.Future[None] | None = None
-        self.ready_ns = 0
-        """When the newest frame was to be sent."""
-        self.sent_ns = 0
-        """When the system had taken it; ``ready_ns`` while it is held back."""
-        self.held_ns = 0
-        """How long it was held back."""
-
-    @property
-    def wire_ns_per_byte(self) -> int:
-        """How long a byte takes on the wire; 0 where there is none."""
-        return self._wire_ns_per_byte
+        self.stamps = Stamps()
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """Write to ``channel`` from now on. What went before on its wire is unknown: begin with a silence."""
         self._channel = channel
-        self._wire_ns_per_byte = channel.wire_ns_per_byte
-        self._gap_ns = max(self._wanted_gap_ns, self._wire_gap_ns if self._wire_ns_per_byte else 0)
+        self.wire_ns_per_byte = channel.wire_ns_per_byte
+        self._gap_ns = max(self._wanted_gap_ns, self._wire_gap_ns if self.wire_ns_per_byte else 0)
         self._quiet_from_ns = now_ns
 
     def closed(self) -> None:
@@ -59,8 +51,9 @@ class PacedSender:
 
     def send(self, frame: bytes) -> None:
         """Send now if the silence is over, else as soon as it is."""
-        self.ready_ns = self.sent_ns = now_ns = time.monotonic_ns()
-        self.held_ns = 0
+        stamps = self.stamps
+        stamps.ready_ns = stamps.sent_ns = now_ns = time.monotonic_ns()
+        stamps.held_ns = 0
         if self._held or now_ns < self._quiet_from_ns + self._gap_ns:
             self._held.append(frame)
             self._timer.arm(self._quiet_from_ns + self._gap_ns)
@@ -87,12 +80,12 @@ class PacedSender:
     def _write(self, frame: bytes, now_ns: int) -> None:
         if self._channel is not None:
             self._channel.write(frame)
-            self.sent_ns = time.monotonic_ns()
-            self._quiet_from_ns = now_ns + len(frame) * self._wire_ns_per_byte
+            self.stamps.sent_ns = time.monotonic_ns()
+            self._quiet_from_ns = now_ns + len(frame) * self.wire_ns_per_byte
 
     def _send_held(self, now_ns: int) -> None:
         if self._held and now_ns >= self._quiet_from_ns + self._gap_ns:
-            self.held_ns = now_ns - self.ready_ns
+            self.stamps.held_ns = now_ns - self.stamps.ready_ns
             self._write(self._held.popleft(), now_ns)
         if self._held:
             self._timer.arm(self._quiet_from_ns + self._gap_ns)

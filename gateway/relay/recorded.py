@@ -6,7 +6,7 @@ from gateway.compensation.settings import Gain
 from gateway.exchange.control import TableChange
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.ports import ControllerPort, DriveLink, Stamps
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import compiled
 from gateway.relay.recorder import Recorder
@@ -27,19 +27,9 @@ class RecordedLink:
         return self._link.is_serial
 
     @property
-    def ready_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._link.ready_ns
-
-    @property
-    def sent_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._link.sent_ns
-
-    @property
-    def held_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._link.held_ns
+    def stamps(self) -> Stamps:
+        """See ``DriveLink``."""
+        return self._link.stamps
 
     @property
     def wire_ns_per_byte(self) -> int:
@@ -68,19 +58,9 @@ class _RecordedPort:
         self._recorder = recorder
 
     @property
-    def ready_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._port.ready_ns
-
-    @property
-    def sent_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._port.sent_ns
-
-    @property
-    def held_ns(self) -> int:
-        """See ``Stamps``."""
-        return self._port.held_ns
+    def stamps(self) -> Stamps:
+        """See ``ControllerPort``."""
+        return self._port.stamps
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.exchange.latency import BUCKETS, LONGEST_NS, HighMark, Histogram, bucket_of, middle_ns
+from gateway.exchange.latency import BUCKETS, LONGEST_NS, HighMark, bucket_of, middle_ns, percentiles_ns
 
 S = 1_000_000_000
 
@@ -20,19 +20,17 @@ def test_buckets_ascend(span_ns: int) -> None:
 
 
 def test_what_is_too_long_or_negative_is_counted_at_the_ends() -> None:
-    assert bucket_of(LONGEST_NS) == bucket_of(LONGEST_NS + 1) == bucket_of(10**15) == BUCKETS - 1
-    assert bucket_of(-1) == bucket_of(-(10**15)) == 0
+    assert bucket_of(LONGEST_NS) == bucket_of(LONGEST_NS + 1) == bucket_of(10**18) == BUCKETS - 1
+    assert bucket_of(-1) == bucket_of(-(10**18)) == 0
 
 
 def test_percentiles_of_a_thousand_times() -> None:
-    histogram = Histogram()
+    counts = [0] * BUCKETS
     for us in range(1, 1001):
-        histogram.note(us * 1000)
-    p50, p99, p999, top = histogram.percentiles_ns(0.5, 0.99, 0.999, 1.0)
-    for found, us in ((p50, 500), (p99, 990), (p999, 999), (top, 1000)):
+        counts[bucket_of(us * 1000)] += 1
+    for found, us in zip(percentiles_ns(counts, (0.5, 0.99, 0.999, 1.0)), (500, 990, 999, 1000), strict=True):
         assert abs(found - us * 1000) * 60 <= us * 1000
-    assert histogram.total == 1000
-    assert Histogram().percentiles_ns(0.5, 0.999) == [0, 0]
+    assert percentiles_ns([0] * BUCKETS, (0.5, 0.999)) == [0, 0]
 
 
 def test_a_high_mark_is_kept_for_ever_and_for_a_minute() -> None:

@@ -1,10 +1,12 @@
 """What an exchange costs: legs, waiting, the drive; and the budget of its axes (DESIGN 8)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gateway.exchange.latency import middle_ns
+from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.meter import Measured
 from gateway.exchange.plan import ControllerPlan, Role
+from gateway.exchange.ports import Stamps
 from tests.exchange.line_bench import MS, Bench, Link, Port, axis_plan, stream_plan
 
 US = 1000
@@ -20,10 +22,12 @@ class TimedPort(Port):
     write_ns: int = 0
     clock_ns: int = 0
 
+    stamps: Stamps = field(default_factory=Stamps)
+
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         super().send_reply(transaction_id, unit_id, pdu)
-        self.ready_ns = self.clock_ns + self.turn_ns
-        self.sent_ns = self.ready_ns + self.write_ns
+        self.stamps.ready_ns = self.clock_ns + self.turn_ns
+        self.stamps.sent_ns = self.stamps.ready_ns + self.write_ns
 
 
 @dataclass
@@ -34,10 +38,14 @@ class TimedLink(Link):
     write_ns: int = 0
     clock_ns: int = 0
 
+    held_ns: int = 0
+    stamps: Stamps = field(default_factory=Stamps)
+
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         super().send_request(unit_id, pdu)
-        self.ready_ns = self.clock_ns + self.work_ns
-        self.sent_ns = self.ready_ns + self.held_ns + self.write_ns
+        self.stamps.held_ns = self.held_ns
+        self.stamps.ready_ns = self.clock_ns + self.work_ns
+        self.stamps.sent_ns = self.stamps.ready_ns + self.held_ns + self.write_ns
 
 
 class MeterBench(Bench):
@@ -64,7 +72,7 @@ class MeterBench(Bench):
         link.clock_ns, link.work_ns, link.write_ns = self.now_ns, work_us * US, write_us * US
         self.send(OTHER)
         link.sent.clear()
-        reply_ns = link.sent_ns + drive_us * US
+        reply_ns = link.stamps.sent_ns + drive_us * US
         port.clock_ns, port.turn_ns, port.write_ns = reply_ns, turn_us * US, answer_us * US
         self.line.reply(1, ANSWER, reply_ns)
         self.now_ns = reply_ns + MS
@@ -73,8 +81,9 @@ class MeterBench(Bench):
 def times_us(measured: Measured) -> dict[str, float]:
     """The only time of each kind, in µs."""
     found = {}
-    for name in ("gateway", "request", "reply", "queue", "drive"):
-        counts = getattr(measured, name).counts
+    assert measured.queue is None
+    for name in ("gateway", "request", "reply", "drive"):
+        counts = getattr(measured, name)
         assert sum(counts) == 1
         found[name] = middle_ns(counts.index(1)) / US
     return found
@@ -87,22 +96,19 @@ def is_about(found: float, wanted: float) -> bool:
 def test_every_part_of_an_exchange_is_measured_apart() -> None:
     bench = MeterBench()
     bench.exchange(work_us=30, write_us=5, drive_us=900, turn_us=20, answer_us=7)
-    found = times_us(bench.line.meter.controllers["cnc"])
+    found = times_us(bench.line.meter.measured["cnc", 1])
     assert is_about(found["request"], 35)
     assert is_about(found["reply"], 27)
     assert is_about(found["gateway"], 62)
     assert is_about(found["drive"], 900)
-    assert found["queue"] == 0
-    of_axis = bench.line.meter.axes["x"].measured
-    assert of_axis.gateway.counts == bench.line.meter.controllers["cnc"].gateway.counts
-    assert of_axis.high.ever_ns == 62 * US
+    assert bench.line.meter.measured["cnc", 1].high.ever_ns == 62 * US
 
 
 def test_silence_before_a_frame_and_bytes_on_the_wire_are_not_the_gateways() -> None:
     bench = MeterBench(wire_ns_per_byte=95 * US)  # about 115200 Bd
     bench.timed_link.held_ns = 1_750 * US
     bench.exchange(work_us=10, write_us=5, drive_us=3000, turn_us=10, answer_us=5)
-    found = times_us(bench.line.meter.controllers["cnc"])
+    found = times_us(bench.line.meter.measured["cnc", 1])
     assert is_about(found["gateway"], 30)
     # 5 bytes out and 4 back, with three more each for unit id and check sum: 15 bytes, 1425 µs
     assert bench.line.meter.wire_ns == 15 * 95 * US
@@ -121,10 +127,10 @@ def test_waiting_for_the_line_is_no_gateway_time() -> None:
     bench.line.reply(1, ANSWER, end_ns)
     port.clock_ns = end_ns + MS
     bench.line.reply(1, ANSWER, end_ns + MS)
-    measured = bench.line.meter.controllers["cnc"]
-    queues = [middle_ns(i) for i, count in enumerate(measured.queue.counts) for _ in range(count)]
-    assert queues[0] == 0
-    assert is_about(queues[1], 4 * MS)
+    measured = bench.line.meter.measured["cnc", 1]
+    assert measured.queue is not None
+    [queue_ns] = [middle_ns(i) for i, count in enumerate(measured.queue) for _ in range(count)]
+    assert is_about(queue_ns, 4 * MS)
     assert measured.high.ever_ns == 2 * US
 
 
@@ -136,8 +142,15 @@ def test_a_monitor_is_measured_apart() -> None:
     bench.timed_link.clock_ns = hmi.clock_ns = bench.now_ns
     bench.send(OTHER, hmi)
     bench.line.reply(1, ANSWER, bench.now_ns)
-    assert sorted(bench.line.meter.controllers) == ["cnc", "hmi"]
-    assert bench.line.meter.axes["x"].measured.gateway.total == 2
+    assert sorted(bench.line.meter.measured) == [("cnc", 1), ("hmi", 1)]
+    status = LatencyStatus(bench.line.meter)
+    # Only what the link takes: 1 µs of work, 1 µs to write.
+    two_us = {"p50": 2.0, "p99": 2.0, "p999": 2.0, "max": 2.0, "max_minute": 2.0}
+    assert status.controller("hmi")["gateway_us"] == two_us
+    of_line = status.line()["gateway_us"]
+    assert isinstance(of_line, dict)
+    assert (of_line["p50"], of_line["p99"], of_line["max"]) == (2.0, 4.0, 4.0)
+    assert status.axis("x")["gateway_us"] == of_line
 
 
 def test_an_overrun_is_told_once_when_it_begins_and_once_when_it_has_ended() -> None:
@@ -182,5 +195,5 @@ def test_an_exchange_that_needed_a_frame_of_the_gateways_own_counts_that_apart()
     port.clock_ns = read_ns + MS
     bench.line.reply(1, target[:5], read_ns + MS)
     assert bench.line.meter.added_ns == 20 * MS
-    assert bench.line.meter.controllers["cnc"].high.ever_ns == 10 * US
+    assert bench.line.meter.measured["cnc", 1].high.ever_ns == 10 * US
     assert bench.line.meter.overruns == 0
