@@ -1,6 +1,7 @@
 """The compiled plan and its tables: everything survives, and nothing old or damaged is ever run."""
 
 import hashlib
+import os
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from gateway.config.compile import compile_into_state
 from gateway.config.load import Loaded, load
 from gateway.drives import library
 from gateway.drives.profile import Transport
-from gateway.ipc.compiled_plan import in_force, read_plan, shape_of
+from gateway.ipc.compiled_plan import OTHERS_KEPT, find_table, in_force, read_plan, shape_of
 from gateway.ipc.compiled_table import HEADER_BYTES, WrongTableError, checked, compiled, digest_of, mapped
 from gateway.ipc.state_folder import PLAN_NAME, StateError, state_folder, table_path
 
@@ -199,13 +200,20 @@ def test_a_damaged_table_file_is_refused(config: Path) -> None:
         read_plan(state_folder(config), config)
 
 
-def test_tables_that_no_axis_has_any_more_are_removed(config: Path) -> None:
-    first = digest_of(compile_into_state(load(config))["x"])
-    (config.parent / "tables" / "x.tab").write_text(TABLE.replace("0.05", "0.04"))
-    second = digest_of(compile_into_state(load(config))["x"])
+def test_of_tables_that_no_axis_has_any_more_only_the_newest_stay(config: Path) -> None:
     state = state_folder(config)
-    assert first != second
-    assert [path.name for path in (state / "tables").iterdir()] == [f"{second}.doubles"]
+    digests = []
+    for number in range(OTHERS_KEPT + 3):
+        (config.parent / "tables" / "x.tab").write_text(TABLE.replace("0.05", f"0.0{number + 1}"))
+        digests.append(digest_of(compile_into_state(load(config))["x"]))
+        os.utime(state / "tables" / f"{digests[-1]}.doubles", (number, number))
+    assert len(set(digests)) == OTHERS_KEPT + 3
+    left = {path.name for path in (state / "tables").iterdir()}
+    assert left == {f"{digest}.doubles" for digest in digests[-OTHERS_KEPT - 1 :]}
+    table = find_table(state, bytes.fromhex(digests[-2])[:16])
+    assert table is not None
+    assert table.digest == digests[-2]
+    assert find_table(state, bytes.fromhex(digests[0])[:16]) is None
     assert sorted(path.name for path in state.iterdir()) == ["plan.msgpack", "tables"]
 
 

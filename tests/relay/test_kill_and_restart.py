@@ -2,6 +2,9 @@
 
 import contextlib
 import json
+import os
+import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -13,6 +16,8 @@ from typing import Any
 
 import pytest
 
+from gateway.ipc.client import ask
+from gateway.ipc.messages import Ping, Pong
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import PositionField, RegisterType
 from tests.child import started
@@ -117,6 +122,7 @@ class Machine:
         self._stack = contextlib.ExitStack()
         self._notes: list[dict[str, Any]] = []
         self._process: subprocess.Popen[str] | None = None
+        self._relay = 0
         self._connection: socket.socket | None = None
         self.configure()
 
@@ -135,13 +141,16 @@ class Machine:
         self._process = self._stack.enter_context(process)
         self._notes.clear()
         self.note("line-up")
+        pong = ask(self.folder / "state" / "relay.sock", Ping())
+        assert isinstance(pong, Pong)
+        self._relay = pong.pid
         self._connection = socket.create_connection(("127.0.0.1", self._port), timeout=SECONDS)
 
     def kill(self) -> None:
         assert self._process is not None
         assert self._connection is not None
-        self._process.kill()
-        self._process.wait(SECONDS)
+        os.kill(self._relay, signal.SIGKILL)  # not `run`, which would let it end in order
+        assert self._process.wait(SECONDS) == 1
         self._connection.close()
 
     def close(self) -> None:
@@ -282,11 +291,26 @@ def test_a_record_of_another_configuration_does_not_count(
         assert each.actual() == 40_000
         assert each.drive.told == [40_040]
         each.kill()
+        shutil.rmtree(each.folder / "state" / "tables")  # nothing is left of the table that was in force
         each.configure(**changes)
         each.run()
         each.actual()
         assert each.readings[-1] == 40_040
         assert reason in each.note("record-not-used", "restored")["detail"]
+
+
+def test_a_table_that_changed_meanwhile_comes_into_force_with_the_next_target(tmp_path: Path) -> None:
+    with machine(tmp_path / "x") as each:
+        each.run()
+        each.command(40_000)
+        assert each.actual() == 40_000
+        each.kill()
+        each.configure(middle=0.06)
+        each.run()
+        assert each.actual() == 40_000  # a standing axis does not jump: the old table is still to be had
+        each.command(45_000)
+        assert each.drive.told == [40_040, 45_054]  # 0.06 mm at 50 mm: 0.054 mm at 45 mm
+        assert each.actual() == 45_000
 
 
 def test_an_axis_of_another_name_has_a_record_of_its_own(tmp_path: Path) -> None:
