@@ -15,9 +15,12 @@ from gateway.compensation.curve import Curve
 from gateway.compensation.settings import AxisSettings, Setpoints
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.exchange.life import Exchange
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference
-from gateway.exchange.ports import Unmeasured
+from gateway.exchange.ports import Stamps, Unmeasured
+from gateway.exchange.short_ways import find_way
+from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 
@@ -62,20 +65,26 @@ class _Wire(Unmeasured):
 
     def __init__(self) -> None:
         self.arrived_ns = 0
-        self._gateway_ns = 0
+        self._request_ns = 0
+        self._reply_ns = 0
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         encode_rtu(unit_id, pdu)
-        self._gateway_ns += time.perf_counter_ns() - self.arrived_ns
+        self._reply_ns += time.perf_counter_ns() - self.arrived_ns
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         encode_rtu(unit_id, pdu)
-        self._gateway_ns += time.perf_counter_ns() - self.arrived_ns
+        self._request_ns += time.perf_counter_ns() - self.arrived_ns
+
+    def take_request_ns(self) -> int:
+        """Time from the last byte of the request in to its first byte out, since the last call."""
+        taken, self._request_ns = self._request_ns, 0
+        return taken
 
     def take_gateway_ns(self) -> int:
-        """Time from the last byte in to the first byte out, both ways, since the last call."""
-        taken, self._gateway_ns = self._gateway_ns, 0
-        return taken
+        """The same both ways, request and reply."""
+        taken, self._reply_ns = self._reply_ns, 0
+        return taken + self.take_request_ns()
 
     def abandon(self) -> None:
         """Nothing is expected here."""
@@ -92,13 +101,16 @@ def correction_at(points: int, *, is_even: bool) -> Callable[[int], object]:
     return lambda i: correction(i * 0.37)
 
 
-def rewritten_write(wire: _Wire) -> Callable[[int], object]:
+def plan_of_x() -> AxisPlan:
     table = make_table([0, 500, 1000], [0.0, 0.02, 0.0], [-0.02, 0.0, -0.02], Units.MM)
-    plan = AxisPlan(
+    return AxisPlan(
         "x", 1, AxisSettings(Units.MM, 1000.0, setpoints=Setpoints.STREAM), table, CompensationMode.ON,
         Reference.ABSOLUTE, (COMMAND,), added_frames=False,
     )  # fmt: skip
-    line = LineExchange([plan], LineTiming(), wire, lambda _: None)
+
+
+def rewritten_write(wire: _Wire) -> Callable[[int], object]:
+    line = LineExchange([plan_of_x()], LineTiming(), wire, lambda _: None)
     line.link_up(0)
     requests, replies = RtuRequestDecoder(), RtuReplyDecoder()
     frames = [
@@ -114,6 +126,49 @@ def rewritten_write(wire: _Wire) -> Callable[[int], object]:
         wire.arrived_ns = time.perf_counter_ns()
         for unit_id, pdu in replies.feed(echo, i):
             line.reply(unit_id, pdu, i)
+
+    return call
+
+
+def rewritten_request() -> Callable[[int], object]:
+    """Only what turns a frame into the corrected frame: taken apart, corrected, put together, both CRCs."""
+    wire = _Wire()
+    line = LineExchange([plan_of_x()], LineTiming(), wire, lambda _: None)
+    line.link_up(0)
+    requests = RtuRequestDecoder()
+    head = b"\x10\x62\x01\x00\x02\x04"
+    for counts in range(0, 100_000, 100):  # until the change-over at the start is over
+        line.request(wire, 0, 1, head + COMMAND.pack(counts), counts)
+        line.reply(1, head[:5], counts)
+    way = find_way(UnitMap(line.axes), 1, head + COMMAND.pack(0))
+    assert way is not None
+    frames = [encode_rtu(1, head + COMMAND.pack(counts)) for counts in range(100_000, 300_000, 100)]
+
+    def call(i: int) -> None:
+        for unit_id, pdu in requests.feed(frames[i], i):
+            corrected = way.sent(Exchange(wire, 0, unit_id, pdu, i), i)
+            assert corrected is not None
+            encode_rtu(unit_id, corrected)
+
+    return call
+
+
+def measured_exchange() -> Callable[[int], object]:
+    """What measuring adds to an exchange: two looks at the clock, and the counting."""
+    port, link = _Wire(), _Wire()
+    now_ns = time.monotonic_ns()
+    port.stamps, link.stamps = Stamps(), Stamps()
+    link.stamps.ready_ns, link.stamps.sent_ns = now_ns + 4_000, now_ns + 9_000
+    port.stamps.sent_ns = now_ns + 908_000
+    line = LineExchange([plan_of_x()], LineTiming(), link, lambda _: None)
+    exchange = Exchange(port, 0, 1, b"\x10\x62\x01\x00\x02\x04\x00\x00\x00\x00", now_ns)
+    echo = b"\x10\x62\x01\x00\x02"
+    note, clock = line.meter.note, time.monotonic_ns
+
+    def call(i: int) -> None:
+        clock()
+        clock()
+        note(exchange, port, echo, now_ns + 900_000 + i)
 
     return call
 
@@ -137,7 +192,7 @@ def passed_read() -> Callable[[int], object]:
 
 
 def main() -> None:
-    wire = _Wire()
+    wire, other = _Wire(), _Wire()
     candidates = [
         Candidate("correction, 1 000 points, even grid", correction_at(1_000, is_even=True)),
         Candidate("correction, 100 000 points, even grid", correction_at(100_000, is_even=True)),
@@ -148,6 +203,9 @@ def main() -> None:
         Candidate(
             "  of which gateway time: bytes in to bytes out", rewritten_write(wire), wire.take_gateway_ns
         ),
+        Candidate("rewriting one FC16 request: bytes in to bytes out", rewritten_request()),
+        Candidate("  the same with what the line keeps of it", rewritten_write(other), other.take_request_ns),
+        Candidate("measuring one exchange: clock, histograms, high marks", measured_exchange()),
     ]
     for _ in range(ROUNDS):
         for candidate in candidates:

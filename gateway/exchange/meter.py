@@ -104,13 +104,13 @@ class LineMeter:
         """Measure an exchange whose reply has been passed on."""
         link = self._link
         sent, replied = link.stamps, port.stamps
-        sent_ns = sent.sent_ns
-        if not sent_ns or exchange.is_orphan or replied.ready_ns < reply_ns:
+        sent_ns, started_ns = sent.sent_ns, exchange.started_ns
+        leg_ns = replied.sent_ns - reply_ns - replied.held_ns
+        if not sent_ns or leg_ns < 0:
             return  # nobody keeps time, or nobody was there to answer
         unit_id = exchange.unit_id
         measured = self.measured.get((port.plan.name, unit_id)) or self._measured(port.plan.name, unit_id)
-        request_ns = sent_ns - (exchange.started_ns or exchange.arrived_ns) - sent.held_ns
-        leg_ns = replied.sent_ns - reply_ns - replied.held_ns
+        request_ns = sent_ns - (started_ns or exchange.arrived_ns) - sent.held_ns
         gateway_ns = request_ns + leg_ns
         drive_ns = reply_ns - sent_ns
         if link.wire_ns_per_byte:
@@ -128,7 +128,7 @@ class LineMeter:
         measured.drive[(shift << SUB_BITS) + (drive_ns >> shift) if shift > 0 else drive_ns] += 1
         if gateway_ns > measured.high.slot_ns:
             measured.high.raise_to(gateway_ns)
-        if exchange.started_ns:
+        if started_ns:
             self._note_waiting(exchange, measured)
         if gateway_ns > measured.budget_ns or self._axes_over:
             self._judge(exchange, port, gateway_ns, reply_ns)
@@ -170,8 +170,7 @@ class LineMeter:
         steps = {
             "working out what is sent": sent.ready_ns - started_ns,
             "writing it to the drive": sent.sent_ns - sent.ready_ns - sent.held_ns,
-            "turning the reply back": replied.ready_ns - reply_ns,
-            "writing it to the controller": replied.sent_ns - replied.ready_ns - replied.held_ns,
+            "turning the reply back and writing it": replied.sent_ns - reply_ns - replied.held_ns,
         }
         slowest = max(steps, key=lambda step: steps[step])
         all_us = sum(steps.values()) / NS_PER_US

@@ -13,9 +13,9 @@ class Stamps:
     """When the newest frame left, over a controller's port or a drive link. Monotonic, in ns."""
 
     ready_ns = 0
-    """When it was ready to be written."""
+    """When it was ready to be written; only kept of requests."""
     sent_ns = 0
-    """When the system had taken it; ``ready_ns`` while it is held back; 0 where nobody measures."""
+    """When the system had taken it, or, while it is held back, when it was ready; 0 where nobody measures."""
     held_ns = 0
     """How long it was held back, for the silence that a wire or a drive wants before it."""
 

@@ -63,9 +63,7 @@ class MbapControllerPort:
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
         if self._channel is not None:
-            frame = encode_mbap(transaction_id, unit_id, pdu)
-            self.stamps.ready_ns = time.monotonic_ns()
-            self._channel.write(frame)
+            self._channel.write(encode_mbap(transaction_id, unit_id, pdu))
             self.stamps.sent_ns = time.monotonic_ns()
 
 
