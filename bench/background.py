@@ -22,6 +22,8 @@ from bench.gateway_setup import table_text
 
 SCALES: Final = (0.9, 1.0)
 PERIOD_S: Final = 1.0
+LAST_COMMAND_S: Final = 20.0
+"""So long a command that was started is waited for at the end."""
 
 
 class _Background:
@@ -56,8 +58,7 @@ class _Background:
 
     def finish(self) -> None:
         if self._started is not None:
-            self._started.kill()
-            self._started.wait()
+            self._started.wait(LAST_COMMAND_S)
 
 
 def _stop(_number: int, _frame: FrameType | None) -> None:

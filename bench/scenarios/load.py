@@ -78,7 +78,7 @@ def move_aside(bench: Bench, gateway: Gateway) -> None:
 
 
 def _load(bench: Bench) -> Load:
-    return Load(bench.effort.of(20_000, 10_000), cpus=bench.processors.one)
+    return Load(bench.effort.of(60_000, 30_000), cpus=bench.processors.one)  # two tables or more in each
 
 
 def _idle(bench: Bench, way: Way) -> Round:
