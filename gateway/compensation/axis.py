@@ -200,11 +200,13 @@ class AxisCompensation:
         behind = extreme - position if direction is Direction.FORWARD else position - extreme
         if behind > 0.0 and behind >= slack:
             return None
+        if self._refuses_outside and not self._is_covered(position):
+            return None
         correction_map = self._steady_map
+        if correction_map.is_identity:
+            return nominal_counts, 0.0, position, now_ns, state, correction_map
         correction = correction_map.correction(position)
         if not self._lowest <= position + correction <= self._highest:
-            return None
-        if self._refuses_outside and not self._is_covered(position):
             return None
         return nominal_counts, correction * self._counts_per_unit, position, now_ns, state, correction_map
 
@@ -241,7 +243,6 @@ class AxisCompensation:
             and state.travel.direction is not Direction.UNKNOWN
             and state.progress == state.travel.direction.goal
             and not state.is_unsure
-            and not self._steady_map.is_identity
             and self._steady_map is self.map_of(state)
         )
 

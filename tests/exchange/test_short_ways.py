@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.compensation.settings import Outside, OutsideKind
+from gateway.compensation.settings import Gain, Outside, OutsideKind
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.axis import AxisExchange
@@ -34,10 +34,16 @@ PLANS: dict[str, AxisPlan] = {
     "targets": axis_plan(table=CURVE, bits=BITS),
     "stream in a register of another step": stream_plan(table=CURVE, command=(NARROW,)),
     "stream that refuses outside": stream_plan(table=CURVE, outside=Outside(OutsideKind.REFUSE)),
+    "stream of gain 0 that refuses outside": stream_plan(
+        table=CURVE, outside=Outside(OutsideKind.REFUSE), gain=Gain(0.0, 0.0)
+    ),
     "stream in a narrow travel": stream_plan(table=CURVE, travel=(-20.0, 20.0), travel_margin=0.01),
     "targets after the homed bit": axis_plan(table=CURVE, bits=BITS, referenced=Reference.DRIVE_BIT),
     "stream after the homed bit": stream_plan(table=CURVE, bits=BITS, referenced=Reference.DRIVE_BIT),
     "shadow": stream_plan(table=CURVE, bits=BITS, compensation=CompensationMode.SHADOW),
+    "stream without a table": stream_plan(table=None, bits=BITS),
+    "targets without a table": axis_plan(table=None, bits=BITS),
+    "off": stream_plan(table=CURVE, bits=BITS, compensation=CompensationMode.OFF),
     "without reads": axis_plan(table=CURVE, bits=BITS, added_frames=False),
     "high words first": stream_plan(
         table=CURVE, command=(PositionField(0x0606, RegisterType.INT32, WordOrder.HIGH_FIRST),)
@@ -103,7 +109,8 @@ class Twins:
             self.arrive(amount)
         elif what == "switch":
             for bench in self.benches:
-                switch(bench.line.axes, "x", is_wanted=bool(amount % 2))
+                if self.plan.table is not None:
+                    switch(bench.line.axes, "x", is_wanted=bool(amount % 2))
         else:
             self.pull_the_cable()
         self.compare()
