@@ -4,7 +4,6 @@
 accepted the target. Between the two nothing has happened, and a refused target leaves no trace.
 """
 
-from math import inf
 from typing import Final
 
 from gateway.compensation.blend import shape, share_of, towards
@@ -17,6 +16,8 @@ from gateway.compensation.readback import Fade, Readback, after_target
 from gateway.compensation.settings import AxisSettings, OutsideKind, Setpoints
 from gateway.times import NS_PER_MS
 
+_new: Final = tuple.__new__
+"""Makes a named tuple of its fields in their order, for half the price of naming its class."""
 JUST_BELOW: Final = 1.0 - 1e-6
 """A distance of exactly the hysteresis must count as one, whatever floating point makes of it."""
 
@@ -48,7 +49,7 @@ class AxisCompensation:
         """Whether a setpoint comes each cycle."""
         self._counts_per_unit, self._zero_counts = settings.counts_per_unit, settings.zero_counts
         self._refuses_outside = settings.outside.kind is OutsideKind.REFUSE
-        self._lowest, self._highest = _bounds(settings)
+        self._lowest, self._highest = settings.corrected_bounds
 
     @property
     def is_passing(self) -> bool:
@@ -172,10 +173,12 @@ class AxisCompensation:
         self.readback = after_target(
             self.readback, move.correction_map, move.nominal_counts, corrected_counts, standing
         )
+        goes_on = self._goes_on(move)
         self.state = move.state
         self.accepted = Accepted(move.nominal_counts, corrected_counts)
         self._standing_counts = None
-        self._note_steadiness()
+        if not goes_on:
+            self._note_steadiness()
 
     def plan_steady(self, nominal_counts: float, now_ns: int, is_reached: bool) -> SteadyMove | None:
         """Work out, only while ``is_steady``, a target that goes on in its direction; None: ask :meth:`plan`.
@@ -216,22 +219,38 @@ class AxisCompensation:
         direction, extreme = before.travel
         is_stream = self.is_stream
         is_further = position >= extreme if direction is Direction.FORWARD else position <= extreme
-        state = State(
-            position,
-            Travel(direction, position) if is_further or not is_stream else before.travel,
-            before.progress,
-            before.spec,
-            None,
-            before.change if is_stream else 1.0,
-            before.change_distance if is_stream else 0.0,
-            False,
-            now_ns,
+        state = _new(
+            State,
+            (
+                position,
+                _new(Travel, (direction, position)) if is_further or not is_stream else before.travel,
+                before.progress,
+                before.spec,
+                None,
+                before.change if is_stream else 1.0,
+                before.change_distance if is_stream else 0.0,
+                False,
+                now_ns,
+            ),
         )
-        return Move(nominal_counts, correction_counts, correction_map, state)
+        return _new(Move, (nominal_counts, correction_counts, correction_map, state))
 
     def _is_covered(self, position: float) -> bool:
         curve = self.state.spec.curve
         return curve is None or curve.covers(position)
+
+    def _goes_on(self, move: Move) -> bool:
+        """Whether the axis was steady, and a move changes nothing about that."""
+        state = move.state
+        return (
+            self.is_steady
+            and move.correction_map is self._steady_map
+            and state.spec is self._wanted
+            and state.previous is None
+            and not state.is_unsure
+            and state.travel.direction is self.state.travel.direction
+            and state.progress == self.state.progress
+        )
 
     def _note_steadiness(self) -> None:
         state = self.state
@@ -363,15 +382,6 @@ class AxisCompensation:
                 f"corrected machine position {corrected:.6g} leaves the travel {low:g} to {high:g} "
                 f"by more than travel_margin = {self.settings.travel_margin:g} {self.settings.units.value}"
             )
-
-
-def _bounds(settings: AxisSettings) -> tuple[float, float]:
-    """Lowest and highest corrected machine position that the travel and its margin allow."""
-    if settings.travel is None:
-        return -inf, inf
-    low, high = settings.travel
-    slack = settings.travel_margin + 0.5 / abs(settings.counts_per_unit)  # half a count is rounding
-    return low - slack, high + slack
 
 
 def _is_reversing(state: State) -> bool:

@@ -102,7 +102,12 @@ def after_target(
         difference = anchor - previous.anchor_counts
     else:
         now_read = correction * counts_per_unit + anchor
-        difference = now_read - previous.correction_counts(standing_counts)
+        if correction_map is previous.correction_map and previous.fade is not None:
+            # What previous.correction_counts says, without solving the same map for the same place again.
+            was_read = correction * counts_per_unit + previous.anchor_counts - previous.fade.remaining(start)
+        else:
+            was_read = previous.correction_counts(standing_counts)
+        difference = now_read - was_read
     fade = None
     if abs(difference) >= NEGLIGIBLE_COUNTS:
         away = max(abs(end - start), AWAY_PER_DIFFERENCE * abs(difference / counts_per_unit))

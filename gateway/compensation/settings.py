@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from math import inf
 from typing import Final
 
 from gateway.compensation.units import Units
@@ -124,6 +125,15 @@ class AxisSettings:
     fresh_ms: float = DEFAULT_FRESH_MS
     home_approach: int = 0
     """+1 forward, -1 backward, 0 unknown: the branch in force after homing."""
+
+    @property
+    def corrected_bounds(self) -> tuple[float, float]:
+        """Lowest and highest corrected machine position that the travel and its margin allow."""
+        if self.travel is None:
+            return -inf, inf
+        low, high = self.travel
+        slack = self.travel_margin + 0.5 / abs(self.counts_per_unit)  # half a count is rounding
+        return low - slack, high + slack
 
 
 def default_hysteresis(units: Units, counts_per_unit: float) -> float:

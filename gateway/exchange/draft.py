@@ -34,7 +34,8 @@ def rendering_of(draft: Draft) -> Rendering:
     axis, shadow = place.hit.place.axis, place.hit.place.shadow
     assert shadow is not None
     move = None if steady is None else axis.compensation.move_of(steady)
-    return Rendering(axis, shadow, nominal_words, corrected_words, corrected_counts, move)
+    fields = (axis, shadow, nominal_words, corrected_words, corrected_counts, move, False)
+    return tuple.__new__(Rendering, fields)
 
 
 def rewriting_of(draft: Draft, rendering: Rendering, request: tuple[bytes, int, int]) -> Rewriting:
