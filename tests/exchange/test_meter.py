@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from gateway.exchange.latency import middle_ns
-from gateway.exchange.latency_status import LatencyStatus
+from gateway.exchange.latency_status import AT_FIRST, PARTS, LatencyStatus
 from gateway.exchange.meter import Measured
 from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.ports import Stamps
@@ -197,3 +197,30 @@ def test_an_exchange_that_needed_a_frame_of_the_gateways_own_counts_that_apart()
     assert bench.line.meter.added_ns == 20 * MS
     assert bench.line.meter.measured["cnc", 1].high.ever_ns == 10 * US
     assert bench.line.meter.overruns == 0
+
+
+def test_percentiles_of_many_are_worked_out_a_few_at_a_time() -> None:
+    bench = MeterBench()
+    for number in range(10):
+        bench.port = bench.timed_port = TimedPort(ControllerPlan(f"cnc-{number}"))
+        bench.exchange(work_us=100 + number, write_us=0, drive_us=900, turn_us=0, answer_us=0)
+    status = LatencyStatus(bench.line.meter)
+    names = [f"cnc-{number}" for number in range(10)]
+
+    def known() -> int:
+        shown = [status.controller(name)[part] for name in names for part in PARTS]
+        return sum(isinstance(figures, dict) and figures["p50"] is not None for figures in shown)
+
+    assert known() == AT_FIRST
+    for _ in range(4):
+        status.refresh(bench.now_ns)
+        known()
+    assert known() == 50
+    bench.port = bench.timed_port = TimedPort(ControllerPlan("cnc-0"))
+    for _ in range(9):
+        bench.exchange(work_us=500, write_us=0, drive_us=900, turn_us=0, answer_us=0)
+    for _ in range(25):  # two of fifty each time
+        status.refresh(bench.now_ns)
+    found = status.controller("cnc-0")["gateway_us"]
+    assert isinstance(found, dict)
+    assert is_about(found["p50"], 500)
