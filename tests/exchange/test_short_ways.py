@@ -253,6 +253,17 @@ def test_a_target_written_into_another_register_since_is_no_repeat(remembered_wa
     assert told == [1010, 4010, 9010, 3990]  # it comes back from 9000: the backward branch
 
 
+def test_before_a_target_that_another_register_replaced_comes_again_the_axis_is_looked_at() -> None:
+    bench = Bench(axis_plan(command=(COMMAND, SECOND), bits=BITS, max_speed=0.0))
+    for place, counts in ((COMMAND, 1000), (COMMAND, 4000), (SECOND, 9000)):
+        bench.move(counts, place)
+    bench.seen.clear()
+    bench.move(4000)
+    assert [pdu[0] for pdu in bench.seen] == [3, 16]
+    assert bench.memory.get(COMMAND) == 3990
+    assert not bench.line.axes[0].is_unsure
+
+
 def test_after_a_long_silence_an_axis_goes_the_long_way_once() -> None:
     twins = Twins(PLANS["stream"])
     for _ in range(30):
