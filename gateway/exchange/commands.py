@@ -98,7 +98,7 @@ def _run(
     action: Action,
     written: list[Written],
 ) -> list[tuple[FieldHit, bytes]]:
-    again = not axis.motion.plan.waits_for_trigger and not action.is_relative and _is_again(axis, written)
+    again = not axis.motion.plan.waits_for_trigger and not action.is_relative and is_again(axis, written)
     changed = []
     for hit, words in written:
         if words is None:
@@ -177,7 +177,7 @@ def render_relative(
     )
 
 
-def _is_again(axis: AxisExchange, written: list[Written]) -> bool:
+def is_again(axis: AxisExchange, written: list[Written]) -> bool:
     """Whether a request writes nothing into the axis's command fields but what they hold already (M4).
 
     A cyclic image with several command fields is judged as a whole; one field rewritten alone is a target.

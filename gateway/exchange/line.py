@@ -289,7 +289,7 @@ class LineExchange:
             return
         if self._current is not None:
             self._time_out(self._current, now_ns)
-        else:
+        elif self._rest.until_ns is not None:  # else it is a monitor's turn
             self._rest.end()
         self._next(now_ns)
 

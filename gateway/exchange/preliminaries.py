@@ -10,7 +10,7 @@ from gateway.exchange.added_frames import (
     restage,
 )
 from gateway.exchange.axis import AxisExchange, Rendering
-from gateway.exchange.commands import render_relative, seen
+from gateway.exchange.commands import is_again, render_relative, seen
 from gateway.exchange.effects import check_may_act
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
@@ -78,16 +78,20 @@ def _reference_read(request: Request) -> AddedFrame | None:
 def _command_read(request: Request) -> AddedFrame | None:
     access = request.access
     meanings = {id(meaning.axis): meaning for meaning in request.meanings}
-    for hit in request.unit.written(access.write_address, access.write_quantity).fields:
-        if hit.place.role is not FieldRole.COMMAND or not hit.place.axis.may_read:
-            continue
-        added = _read_for(request, hit, meanings.get(id(hit.place.axis)))
+    written = request.unit.written(access.write_address, access.write_quantity).fields
+    hits = [hit for hit in written if hit.place.role is FieldRole.COMMAND and hit.place.axis.may_read]
+    for hit in hits:
+        own = [other for other in hits if other.place.axis is hit.place.axis]
+        added = _read_for(request, hit, own, meanings.get(id(hit.place.axis)))
         if added is not None:
             return added
     return None
 
 
-def _read_for(request: Request, hit: FieldHit, meaning: Meaning | None) -> AddedFrame | None:
+def _read_for(
+    request: Request, hit: FieldHit, own: list[FieldHit], meaning: Meaning | None
+) -> AddedFrame | None:
+    """Return what must be read for one of the command fields of its axis that a request writes."""
     place, access, known = hit.place, request.access, request.known
     axis, shadow, field = place.axis, place.shadow, place.field
     assert shadow is not None
@@ -102,11 +106,12 @@ def _read_for(request: Request, hit: FieldHit, meaning: Meaning | None) -> Added
     if meaning is not None and hit not in meaning.running:
         return None
     action = Action.ABSOLUTE if meaning is None else meaning.action
-    is_again = (
-        not axis.motion.plan.waits_for_trigger and not action.is_relative and is_repeat(axis, shadow, words)
-    )
-    if is_again and not axis.may_have_left:
-        return None
+    if axis.motion.plan.waits_for_trigger or action.is_relative or axis.may_have_left:
+        return _read_for_run(request, axis, place.number, words, action)
+    if is_repeat(axis, shadow, words):
+        written = [(each, nominal_words(each, request)) for each in own]
+        if is_again(axis, written):
+            return None
     return _read_for_run(request, axis, place.number, words, action)
 
 

@@ -170,6 +170,8 @@ class WriteWay(Way):
         if words == shadow.nominal_words:
             if compensation.accepted is None or shadow.corrected_words is None:
                 return None
+            if shadow is not axis.last_shadow:
+                return None  # another register of the axis was written since: this is a target
             corrected_words, corrected_counts = shadow.corrected_words, 0.0
         else:
             raw = self._unpack(words, 0)

@@ -240,3 +240,26 @@ def test_a_monitor_that_gives_up_waiting_is_withdrawn_and_nothing_is_left_due() 
     plant.at(2000)
     assert plant.on_wire() is None
     assert plant.line.deadline_ns is None
+
+
+def test_a_monitors_turn_that_falls_due_while_the_line_is_down_does_not_end_the_silence_that_is_owed() -> (
+    None
+):
+    bench = Bench(axis_plan(), timing=LineTiming(drain_ms=50.0, quiet_ms=5.0))
+    poll = bytes.fromhex("03 1000 0002")
+    bench.send(poll, port=monitor())
+    bench.serve()
+    for _ in range(4):
+        bench.wait(3)
+        bench.ask(bytes.fromhex("03 2000 0001"))
+    bench.wait(1)
+    bench.send(poll, port=monitor())
+    assert not bench.link.sent  # it waits for its turn
+    bench.send(bytes.fromhex("03 2000 0001"))
+    assert bench.link.take()
+    bench.line.link_down(bench.now_ns)  # its reply may still come
+    bench.wait(20)
+    bench.line.link_up(bench.now_ns)
+    assert bench.line.deadline_ns == bench.now_ns + 50 * MS
+    bench.send(bytes.fromhex("03 3000 0001"))
+    assert not bench.link.sent

@@ -24,6 +24,7 @@ from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Memory, axis_p
 
 CURVE = make_table([-50, 0, 40, 90], [0.0, 0.02, -0.01, 0.05], [-0.01, 0.0, -0.03, 0.02], Units.MM)
 NARROW = PositionField(0x0700, RegisterType.INT16, scale=10.0)
+SECOND = PositionField(0x0610, RegisterType.INT32, WordOrder.LOW_FIRST)
 STATUS = 0x0522
 """Right behind the actual position: a block of three registers holds both."""
 BITS = {"done": BitField(STATUS, 0), "homed": BitField(STATUS, 1), "moving": BitField(STATUS, 2)}
@@ -244,6 +245,30 @@ def test_an_axis_that_may_have_left_is_looked_at_before_its_target_is_repeated()
     before = len(twins.short.seen)
     twins.step("again", 0, "done")
     assert [pdu[0] for pdu in twins.short.seen[before:]] == [3, 16]
+
+
+@pytest.mark.parametrize("remembered_ways", [4096, 0])
+def test_a_target_written_into_another_register_since_is_no_repeat(remembered_ways: int) -> None:
+    bench = Bench(axis_plan(command=(COMMAND, SECOND), bits=BITS), remembered_ways=remembered_ways)
+    told = []
+    for place, counts in ((COMMAND, 1000), (COMMAND, 4000), (SECOND, 9000), (COMMAND, 4000)):
+        bench.move(counts, place)
+        told.append(bench.memory.get(place))
+        bench.memory.put(ACTUAL, told[-1])
+        bench.memory.words[STATUS] = 0b011
+        bench.ask(b"\x03" + ACTUAL.address.to_bytes(2, "big") + b"\0\x03")
+    assert told == [1010, 4010, 9010, 3990]  # it comes back from 9000: the backward branch
+
+
+def test_before_a_target_that_another_register_replaced_comes_again_the_axis_is_looked_at() -> None:
+    bench = Bench(axis_plan(command=(COMMAND, SECOND), bits=BITS, max_speed=0.0))
+    for place, counts in ((COMMAND, 1000), (COMMAND, 4000), (SECOND, 9000)):
+        bench.move(counts, place)
+    bench.seen.clear()
+    bench.move(4000)
+    assert [pdu[0] for pdu in bench.seen] == [3, 16]
+    assert bench.memory.get(COMMAND) == 3990
+    assert not bench.line.axes[0].is_unsure
 
 
 def test_after_a_long_silence_an_axis_goes_the_long_way_once() -> None:
