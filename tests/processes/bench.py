@@ -182,12 +182,15 @@ def running(*arguments: str) -> Iterator[Running]:
         process.kill()
 
 
-def children(process: "subprocess.Popen[str]") -> dict[str, int]:
+def children(process: "subprocess.Popen[Any]") -> dict[str, int]:
     """Return the programs that a process has started, by module."""
     found = {}
     for pid in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
-        words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-        found[words[words.index("-m") + 1]] = int(pid)
+        words: list[str] = []
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+            words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        if "-m" in words:  # else it is about to become one of ours
+            found[words[words.index("-m") + 1]] = int(pid)
     return found
 
 

@@ -12,7 +12,9 @@ from typing import Any
 
 import pytest
 
+from gateway.ipc.client import ask
 from gateway.ipc.log_thread import CAPACITY
+from gateway.ipc.messages import GetStatus, Status
 from tests.child import started
 from tests.processes.bench import (
     COMMAND,
@@ -34,6 +36,9 @@ REFUSED = CAPACITY + 500
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[Site]:
     with site_in(tmp_path) as site:
+        # However busy the machine is: no events of the budget among those that are counted.
+        text = site.config.read_text()
+        site.config.write_text(text.replace("[axis.x]", "[axis.x]\nbudget_us = 100000"))
         yield site
 
 
@@ -68,6 +73,12 @@ def unread(command: str, site: Site, *options: str) -> Iterator[Unread]:
         with running.log:
             yield running
             process.kill()
+
+
+def is_line_up(site: Site) -> bool:
+    reply = ask(site.socket, GetStatus())
+    assert isinstance(reply, Status)
+    return bool(reply.status["lines"]["xyz"]["state"] == "up")
 
 
 def all_answered(site: Site, count: int = REFUSED) -> None:
@@ -107,18 +118,17 @@ def test_nobody_reads_all_frames_pass_and_what_was_dropped_is_counted_in_its_pla
     events = [note["event"] for note in notes]
     assert events[:4] == ["starting", "line", "axis", "ready"]
     assert events[-2:] == ["stopping", "stopped"]
-    [hole] = [number for number, event in enumerate(events) if event == "notes-dropped"]
     numbers = {detail_of(number): number for number in range(REFUSED)}
-    before, after = (
-        [numbers[note["detail"]] for note in part if note["event"] == "refused-value"]
-        for part in (notes[:hole], notes[hole:])
-    )
-    dropped = notes[hole]["count"]
-    assert dropped > 0
-    assert before == list(range(len(before)))
-    assert after == list(range(len(before) + dropped, REFUSED))
-    assert len(after) == CAPACITY
-    assert len(before) + dropped + len(after) == REFUSED
+    following, run = 0, 0
+    for note in notes[events.index("line-up") + 1 : -2]:
+        if note["event"] == "notes-dropped":
+            assert note["count"] > 0
+            following, run = following + note["count"], 0
+        else:
+            assert numbers[note["detail"]] == following
+            following, run = following + 1, run + 1
+    assert following == REFUSED
+    assert run == CAPACITY  # the newest, behind the last hole
     times = [note["timestamp"] for note in notes]
     assert times == sorted(times)
 
@@ -128,7 +138,7 @@ def test_status_lines_that_nobody_reads_keep_no_frame(site: Site) -> None:
         relay.until("line-up")
         all_answered(site, 2000)
         relay.until("notes-dropped")
-        relay.until('"late"')  # a status line of the line
+        relay.until('"exchanges": 2000')
         relay.process.send_signal(signal.SIGTERM)
         relay.lines += relay.log.readlines()
         assert relay.process.wait(SECONDS) == 0
@@ -146,8 +156,8 @@ def test_a_stop_does_not_wait_for_a_reader_that_does_not_come_back(site: Site, l
         relay.process.send_signal(signal.SIGTERM)
         assert relay.process.wait(SECONDS) == 0
         rest = relay.log.readlines()
-        assert b"refused-value" in rest[0]
-        assert b"Fatal" not in b"".join(rest)
+        assert b"refused-value" in b"".join(rest)
+        assert b"Fatal" not in b"".join(rest)  # what the interpreter says of a thread that holds a stream
         assert not site.socket.exists()
 
 
@@ -187,7 +197,7 @@ def test_a_full_disk_changes_nothing(site: Site) -> None:
             [*COMMAND, "relay", str(site.config), "--log-format", "json"], cwd=ROOT, stderr=full
         ) as relay,
     ):
-        while not site.port_is_open():
+        while not site.port_is_open() or not is_line_up(site):
             assert relay.poll() is None
         all_answered(site)
         relay.send_signal(signal.SIGTERM)
