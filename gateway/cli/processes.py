@@ -14,6 +14,7 @@ import typer
 
 import gateway
 from gateway.ipc.children import HELD_BACK, READY
+from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import LogFormat, Note, Severity
 from gateway.ipc.state_folder import StateError, state_folder
 
@@ -59,13 +60,16 @@ def _environment() -> dict[str, str]:
 def run_both(relay: list[str], supervisor: list[str], write: Callable[[Note], None]) -> int:
     """Run both until SIGTERM, SIGINT or the end of the relay; returns the exit code.
 
-    They write into the same log. A supervisor that ends is started again, later each time; the relay goes on
-    without it.
+    They write into the same log; ``write`` is for what is said here, and may block. A supervisor that ends is
+    started again, later each time; the relay goes on without it.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, HELD_BACK)
     try:
-        return _Pair(relay, supervisor, write).run()
+        with LogThread(write) as log:  # behind the mask: a signal that its thread took would end the process
+            return _Pair(relay, supervisor, log.write).run()
     finally:
+        while signal.sigtimedwait(STOPS, 0) is not None:
+            pass  # nothing is left to stop
         signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)
 
 

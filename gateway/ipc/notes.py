@@ -2,6 +2,8 @@
 
 import contextlib
 import json
+import os
+import select
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,7 +12,7 @@ from enum import Enum
 
 
 class Severity(Enum):
-    """How loud a note is; the values are the method names of a structlog logger."""
+    """How loud a note is; the values are the levels of structlog."""
 
     INFO = "info"
     WARNING = "warning"
@@ -36,45 +38,57 @@ class LogFormat(Enum):
 
 
 def note_writer(log_format: LogFormat) -> Callable[[Note], None]:
-    """Set logging up for this process; returns the function that writes a note."""
-    if log_format is LogFormat.CONSOLE or (log_format is LogFormat.AUTO and sys.stderr.isatty()):
-        return _console_writer()
-    return _write_json
+    """Set logging up for this process; returns the function that writes a note.
+
+    It blocks while the reader of standard error stalls: for ``log_thread.LogThread``.
+    """
+    if sys.stderr is None:  # closed at the start: its number may be that of a socket by now
+        return _write_nothing
+    is_console = log_format is LogFormat.CONSOLE or (log_format is LogFormat.AUTO and sys.stderr.isatty())
+    text_of = _console_text() if is_console else _json_text
+    log_fd = sys.stderr.fileno()
+
+    def write(note: Note) -> None:
+        # A full disk or a reader that has gone must not stop an axis: there is nowhere to say so.
+        with contextlib.suppress(OSError):
+            _write_all(log_fd, f"{text_of(note)}\n".encode(errors="backslashreplace"))
+
+    return write
 
 
-def _write_json(note: Note) -> None:
-    """Write one line. Without structlog, which brings 4 MB along that a service has no use for."""
-    line = {
+def _write_nothing(note: Note) -> None:
+    pass
+
+
+def _write_all(log_fd: int, line: bytes) -> None:
+    """Write a line past ``sys.stderr``, with one call: other processes write into the same log."""
+    rest = memoryview(line)
+    while rest:
+        try:
+            rest = rest[os.write(log_fd, rest) :]
+        except BlockingIOError:  # whoever shares it made it non-blocking
+            select.select((), (log_fd,), ())
+
+
+def _json_text(note: Note) -> str:
+    """Return one line. Without structlog, which brings 4 MB along that a service has no use for."""
+    return json.dumps(_line_of(note), default=repr)
+
+
+def _console_text() -> Callable[[Note], str]:
+    import structlog
+
+    render = structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), sort_keys=False)
+    return lambda note: render(None, note.severity.value, _line_of(note))
+
+
+def _line_of(note: Note) -> dict[str, object]:
+    return {
         **note.fields,
         "timestamp": _timestamp(note),
         "event": note.event,
         "level": note.severity.value,
     }
-    # A full disk or a reader that has gone must not stop an axis: there is nowhere to say so.
-    with contextlib.suppress(OSError):
-        # One write a line: other processes write into the same log.
-        sys.stderr.write(json.dumps(line, default=repr) + "\n")
-        sys.stderr.flush()
-
-
-def _console_writer() -> Callable[[Note], None]:
-    import structlog
-
-    structlog.configure(
-        processors=[
-            structlog.processors.add_log_level,
-            structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), sort_keys=False),
-        ],
-        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
-        cache_logger_on_first_use=True,
-    )
-    logger = structlog.get_logger()
-
-    def write(note: Note) -> None:
-        with contextlib.suppress(OSError):
-            getattr(logger, note.severity.value)(note.event, timestamp=_timestamp(note), **note.fields)
-
-    return write
 
 
 def _timestamp(note: Note) -> str:

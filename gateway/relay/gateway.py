@@ -37,11 +37,12 @@ _Result = TypeVar("_Result")
 class Relay:
     """Runs a plan on the loop of whoever starts it.
 
-    ``write`` gets what happened, a few times a second, off the hot path; without it the newest notes can be
-    looked at with :meth:`recent`. ``state`` is the folder of its socket and of the records of its axes;
-    without it there are none. With a ``recorder`` everything that passes is recorded. ``find_table`` finds a
-    table that was in force in an earlier run, by its ``compensation.fingerprint.table_digest``. A relay lives
-    once: make another one to start again.
+    ``write`` gets what happened, at once and on the hot path: it must not block
+    (``ipc.log_thread.LogThread.put``). Without it the newest notes can be looked at with :meth:`recent`.
+    ``state`` is the folder of its socket and of the records of its axes; without it there are none. With a
+    ``recorder`` everything that passes is recorded. ``find_table`` finds a table that was in force in an
+    earlier run, by its ``compensation.fingerprint.table_digest``. A relay lives once: make another one to
+    start again.
     """
 
     def __init__(
@@ -113,7 +114,6 @@ class Relay:
             StartError: with every listener and port that cannot be opened; nothing is left open then.
         """
         self._started_ns = time.monotonic_ns()
-        self._journal.start()
         problems = self._start_recorder()
         self._lines = [Line(plan, self._journal, self._activity, self._recorder) for plan in self._plan.lines]
         problems += await self._open_control()
@@ -214,12 +214,8 @@ class Relay:
         """Lines with an exchange on the wire, each with the seconds that a stop waits for it at most."""
         return {line.plan.name: line.longest_stop_s for line in self._lines if not line.is_idle}
 
-    def flush(self) -> None:
-        """Write the notes of all that happened until now."""
-        self._journal.flush()
-
     def recent(self) -> tuple[Note, ...]:
-        """Return the notes that nobody has written yet, oldest first."""
+        """Return the newest notes where nobody writes them, oldest first."""
         return self._journal.recent()
 
     def status(self) -> dict[str, dict[str, object]]:
@@ -311,4 +307,3 @@ class Relay:
             await self._control.close()
         if self._recorder is not None:
             await self._recorder.stop()
-        await self._journal.stop()

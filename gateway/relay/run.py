@@ -6,12 +6,14 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
+import traceback
+from collections.abc import Callable, Coroutine, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
 from gateway.exchange.plan import CompensationMode
+from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note, Severity
 from gateway.ipc.plan import GatewayPlan
 from gateway.relay.gateway import Relay
@@ -19,7 +21,10 @@ from gateway.relay.recorder import Recorder
 
 SWITCH_INTERVAL_S: Final = 1e-4
 """How long another thread may keep the interpreter from the loop. There are only those which look up host
-names and write a recording; the default of 5 ms would be fifty exchanges."""
+names, write a recording and write the log; the default of 5 ms would be fifty exchanges."""
+WRITE_EVERY_S: Final = 0.2
+AT_ONCE_S: Final = 0.5
+"""So long the end by a second signal waits for the reader of the log."""
 AXIS_FIELDS: Final = (
     "compensation",
     "direction",
@@ -61,6 +66,8 @@ def run_relay(
 ) -> None:
     """Run until SIGTERM or SIGINT, then stop cleanly. ``status_every_s`` 0: no status lines.
 
+    ``write`` writes a note into the log and may block: it is called by a thread of its own, which nothing
+    waits for, except the end for ``ipc.log_thread.CLOSE_S`` seconds at most.
     ``state`` is the folder of the gateway's socket; with a ``recorder`` all traffic is recorded. ``on_ready``
     is called when all listeners are open.
 
@@ -69,8 +76,9 @@ def run_relay(
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
-        relay = Relay(plan, write, state=state, recorder=recorder)
-        runner.run(_serve(relay, plan, write, status_every_s, on_ready))
+        log = LogThread(write)
+        relay = Relay(plan, log.put, state=state, recorder=recorder)
+        runner.run(_with_log(log, _serve(relay, plan, log, status_every_s, on_ready)))
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
@@ -85,13 +93,13 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
 async def _serve(
     relay: Relay,
     plan: GatewayPlan,
-    write: Callable[[Note], None],
+    thread: LogThread,
     status_every_s: float,
     on_ready: Callable[[], None] | None,
 ) -> None:
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
-    log = _Log(write, relay.flush)
+    log = _Log(thread)
 
     def stop() -> None:
         if stopping.is_set():
@@ -101,6 +109,7 @@ async def _serve(
 
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop)
+    loop.set_exception_handler(log.unexpected)
     log.plan(plan, loop)
     await relay.start()
     log.ready(relay)
@@ -116,6 +125,23 @@ async def _serve(
     log.say("stopped")
 
 
+async def _with_log(thread: LogThread, serving: Coroutine[None, None, None]) -> None:
+    """Serve with a log that is written meanwhile, and to its end afterwards."""
+    async with thread:
+        waking = asyncio.create_task(_wake(thread))
+        try:
+            await serving
+        finally:
+            waking.cancel()
+
+
+async def _wake(thread: LogThread) -> None:
+    """Have written what was noted on the hot path, where waking the thread costs too much."""
+    while True:
+        await asyncio.sleep(WRITE_EVERY_S)
+        thread.wake()
+
+
 async def _status_lines(relay: Relay, log: "_Log", every_s: float) -> None:
     while every_s > 0:
         await asyncio.sleep(every_s)
@@ -127,21 +153,25 @@ def _end_at_once(relay: Relay, log: "_Log") -> None:
     lines = list(relay.busy_lines)
     detail = f"a second signal; {UNFINISHED}" if lines else "a second signal"
     log.say("stopped-at-once", Severity.WARNING, lines=lines, detail=detail)
+    log.thread.close(AT_ONCE_S)
     # Leaving the loop in order would wait for tasks, and for a thread that looks up a host name.
     os._exit(1)
 
 
 class _Log:
-    """What a person sees of the process itself; ``flush`` writes what the relay noted before."""
+    """What a person sees of the process itself; behind what the relay noted before."""
 
-    def __init__(self, write: Callable[[Note], None], flush: Callable[[], None]) -> None:
-        self._write = write
-        self._flush = flush
+    def __init__(self, thread: LogThread) -> None:
+        self.thread = thread
 
     def say(self, event: str, severity: Severity = Severity.INFO, **fields: Any) -> None:
-        note = Note(severity, event, fields, time.time())
-        self._flush()
-        self._write(note)
+        self.thread.write(Note(severity, event, fields, time.time()))
+
+    def unexpected(self, _loop: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
+        """Say what the loop would print itself, and block: a bug of ours, or no more descriptors."""
+        error = context.get("exception")
+        where = "".join(traceback.format_exception(error)) if isinstance(error, BaseException) else ""
+        self.say("unexpected", Severity.ERROR, detail=context["message"], traceback=where)
 
     def stopping(self, relay: Relay) -> None:
         busy = relay.busy_lines

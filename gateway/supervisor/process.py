@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from gateway.ipc.log_thread import LogThread
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, Severity
 from gateway.ipc.place import socket_path
@@ -21,16 +22,27 @@ def run_supervisor(
 ) -> None:
     """Run until SIGTERM or SIGINT; SIGHUP reads the tables anew. ``tells_events``: log those of the relay.
 
+    ``write`` writes a note into the log and may block, as in ``relay.run.run_relay``.
+
     Raises:
         SocketError: the path of the relay's socket is too long.
     """
-    supervisor = Supervisor(config, socket_path(state), write, tells_events=tells_events)
+    log = LogThread(write)
+    supervisor = Supervisor(config, socket_path(state), log.write, tells_events=tells_events)
     with asyncio.Runner() as runner:
-        runner.run(supervisor.run())
+        runner.run(_with_log(log, supervisor))
+
+
+async def _with_log(log: LogThread, supervisor: "Supervisor") -> None:
+    async with log:
+        await supervisor.run()
 
 
 class Supervisor:
-    """Listens to the relay, and brings its tables up to date when it is reached and when it is asked to."""
+    """Listens to the relay, and brings its tables up to date when it is reached and when it is asked to.
+
+    ``write`` takes a note and does not block.
+    """
 
     def __init__(
         self, config: Path, path: Path, write: Callable[[Note], None], *, tells_events: bool = False

@@ -60,10 +60,11 @@ def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
 
 
 class Drive:
-    """Acknowledges FC16; keeps what it was told, in counts."""
+    """Acknowledges FC16 unless it is silent; keeps what it was told, in counts."""
 
     def __init__(self, listening: socket.socket) -> None:
         self.told: list[int] = []
+        self.is_silent = False
         self._listening = listening
         threading.Thread(target=self._serve, daemon=True).start()
 
@@ -76,7 +77,8 @@ class Drive:
             with connection, contextlib.suppress(OSError):
                 while data := connection.recv(300):
                     self.told.append(int.from_bytes(data[13:17], "big", signed=True))
-                    connection.sendall(data[:4] + bytes((0, 6)) + data[6:12])
+                    if not self.is_silent:
+                        connection.sendall(data[:4] + bytes((0, 6)) + data[6:12])
 
 
 class Master:
@@ -89,11 +91,20 @@ class Master:
 
     def move(self, counts: int) -> int:
         """Command a position; returns what the drive was told."""
+        self.send(counts)
+        assert self._connection.recv(300) == encode_mbap(self._number, 1, bytes.fromhex("10 0064 0002"))
+        return self._drive.told[-1]
+
+    def is_refused(self, counts: int) -> bool:
+        """Command a position; returns whether the answer is that it cannot be."""
+        self.send(counts)
+        return self._connection.recv(300) == encode_mbap(self._number, 1, bytes.fromhex("90 04"))
+
+    def send(self, counts: int) -> None:
+        """Command a position, and leave the answer where it is."""
         self._number = self._number % 60_000 + 1
         pdu = bytes.fromhex("10 0064 0002 04") + counts.to_bytes(4, "big")
         self._connection.sendall(encode_mbap(self._number, 1, pdu))
-        assert self._connection.recv(300) == encode_mbap(self._number, 1, pdu[:5])
-        return self._drive.told[-1]
 
     def close(self) -> None:
         self._connection.close()
@@ -111,6 +122,14 @@ class Site:
         self.socket = socket_path(folder / "state")
         self.port = port
         self.drive = drive
+
+    def port_is_open(self) -> bool:
+        """Whether the gateway listens."""
+        try:
+            self.master().close()
+        except ConnectionRefusedError:
+            return False
+        return True
 
     def master(self) -> Master:
         return Master(self.port, self.drive)
@@ -163,12 +182,15 @@ def running(*arguments: str) -> Iterator[Running]:
         process.kill()
 
 
-def children(process: "subprocess.Popen[str]") -> dict[str, int]:
+def children(process: "subprocess.Popen[Any]") -> dict[str, int]:
     """Return the programs that a process has started, by module."""
     found = {}
     for pid in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
-        words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-        found[words[words.index("-m") + 1]] = int(pid)
+        words: list[str] = []
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+            words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        if "-m" in words:  # else it is about to become one of ours
+            found[words[words.index("-m") + 1]] = int(pid)
     return found
 
 

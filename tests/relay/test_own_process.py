@@ -151,7 +151,6 @@ async def test_a_relay_without_wishes_says_nothing_of_scheduling(bench: "Bench",
     link, _ = bench.controller_link("tcp")
     relay = await bench.relay(where, (link,))
     relay.take_process()
-    relay.flush()
     assert not [note for note in bench.notes if note.event.startswith("scheduling")]
     gateway = relay.status()["gateway"]
     assert gateway["scheduling"] == kernel_says(os.getpid())

@@ -1,0 +1,233 @@
+"""A log that nobody reads: frames pass, signals are heard, and what is lost is counted."""
+
+import contextlib
+import fcntl
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.ipc.client import ask
+from gateway.ipc.log_thread import CAPACITY
+from gateway.ipc.messages import GetStatus, Status
+from tests.child import started
+from tests.processes.bench import (
+    COMMAND,
+    ROOT,
+    SECONDS,
+    Site,
+    children,
+    is_alive,
+    site_in,
+    typed,
+    wait_until_dead,
+)
+
+SMALLEST_PIPE = 4096
+REFUSED = CAPACITY + 500
+"""Events of some 220 bytes: the pipe holds twenty of them, the gateway a thousand; the rest is dropped."""
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    with site_in(tmp_path) as site:
+        # However busy the machine is: no events of the budget among those that are counted.
+        text = site.config.read_text()
+        site.config.write_text(text.replace("[axis.x]", "[axis.x]\nbudget_us = 100000"))
+        yield site
+
+
+class Unread:
+    """A program whose log goes into a small pipe, which is read only when the test says so."""
+
+    def __init__(self, process: "subprocess.Popen[bytes]", log_fd: int) -> None:
+        self.process = process
+        self.log = os.fdopen(log_fd, "rb", buffering=0)
+        self.lines: list[bytes] = []
+
+    def until(self, name: str) -> None:
+        for line in self.log:
+            self.lines.append(line)
+            if name.encode() in line:
+                return
+        raise AssertionError(f"the log ended without {name}: {self.lines}")
+
+    def notes(self) -> list[dict[str, Any]]:
+        return [json.loads(line) for line in self.lines]
+
+
+@contextlib.contextmanager
+def unread(command: str, site: Site, *options: str) -> Iterator[Unread]:
+    log_fd, end_fd = os.pipe()
+    fcntl.fcntl(end_fd, fcntl.F_SETPIPE_SZ, SMALLEST_PIPE)
+    assert typed("check", "--compile", str(site.config)).returncode == 0
+    program = [*COMMAND, command, str(site.config), "--log-format", "json", *options]
+    with started(program, cwd=ROOT, stderr=end_fd) as process:
+        os.close(end_fd)
+        running = Unread(process, log_fd)
+        with running.log:
+            yield running
+            process.kill()
+
+
+def is_line_up(site: Site) -> bool:
+    reply = ask(site.socket, GetStatus())
+    assert isinstance(reply, Status)
+    return bool(reply.status["lines"]["xyz"]["state"] == "up")
+
+
+def all_answered(site: Site, count: int = REFUSED) -> None:
+    """Command positions that pass, each after one that is refused, which is an event."""
+    passed_before = len(site.drive.told)
+    with contextlib.closing(site.master()) as master:
+        for number in range(count):
+            assert master.is_refused(position_refused(number))
+            # 0.1 % of the position: 50 000 becomes 50 050.
+            assert master.move(50_000 + 1000 * (number % 2)) == 50_050 + 1001 * (number % 2)
+    assert len(site.drive.told) - passed_before == count
+
+
+def position_refused(number: int) -> int:
+    """Twice as far as the axis goes, in counts of 1/1000 mm."""
+    return 200_000 + number
+
+
+def detail_of(number: int) -> str:
+    """Behind the end of the table its last correction holds: 0.1 mm."""
+    return (
+        f"corrected machine position {200.1 + number / 1000:g} leaves the travel 0 to 100 "
+        "by more than travel_margin = 0.5 mm"
+    )
+
+
+def test_nobody_reads_all_frames_pass_and_what_was_dropped_is_counted_in_its_place(site: Site) -> None:
+    with unread("relay", site) as relay:
+        relay.until("line-up")
+        all_answered(site)
+        # Only now somebody reads again.
+        relay.until(detail_of(REFUSED - 1))
+        relay.process.send_signal(signal.SIGTERM)
+        relay.lines += relay.log.readlines()
+        assert relay.process.wait(SECONDS) == 0
+    notes = relay.notes()
+    events = [note["event"] for note in notes]
+    assert events[:4] == ["starting", "line", "axis", "ready"]
+    assert events[-2:] == ["stopping", "stopped"]
+    numbers = {detail_of(number): number for number in range(REFUSED)}
+    following, run = 0, 0
+    for note in notes[events.index("line-up") + 1 : -2]:
+        if note["event"] == "notes-dropped":
+            assert note["count"] > 0
+            following, run = following + note["count"], 0
+        else:
+            assert numbers[note["detail"]] == following
+            following, run = following + 1, run + 1
+    assert following == REFUSED
+    assert run == CAPACITY  # the newest, behind the last hole
+    times = [note["timestamp"] for note in notes]
+    assert times == sorted(times)
+
+
+def test_status_lines_that_nobody_reads_keep_no_frame(site: Site) -> None:
+    with unread("relay", site, "--status-every", "0.01") as relay:
+        relay.until("line-up")
+        all_answered(site, 2000)
+        relay.until("notes-dropped")
+        relay.until('"exchanges": 2000')
+        relay.process.send_signal(signal.SIGTERM)
+        relay.lines += relay.log.readlines()
+        assert relay.process.wait(SECONDS) == 0
+    notes = relay.notes()
+    assert notes[-1]["event"] == "stopped"
+    [*_, line] = [note for note in notes if note["event"] == "status" and "line" in note]
+    assert (line["exchanges"], line["refused"]) == (2000, 2000)
+
+
+@pytest.mark.parametrize("log_format", ["json", "console"])
+def test_a_stop_does_not_wait_for_a_reader_that_does_not_come_back(site: Site, log_format: str) -> None:
+    with unread("relay", site, "--log-format", log_format) as relay:
+        relay.until("line-up")
+        all_answered(site)
+        relay.process.send_signal(signal.SIGTERM)
+        assert relay.process.wait(SECONDS) == 0
+        rest = relay.log.readlines()
+        assert b"refused-value" in b"".join(rest)
+        assert b"Fatal" not in b"".join(rest)  # what the interpreter says of a thread that holds a stream
+        assert not site.socket.exists()
+
+
+def test_a_second_signal_ends_at_once_also_when_nobody_reads(site: Site) -> None:
+    text = site.config.read_text()
+    site.config.write_text(text.replace("[line.xyz]", "[line.xyz]\nresponse_timeout_ms = 3600000"))
+    with unread("relay", site) as relay:
+        relay.until("line-up")
+        all_answered(site)
+        site.drive.is_silent = True
+        with contextlib.closing(site.master()) as master:
+            master.send(70_000)
+            while site.drive.told[-1] != 70_070:
+                assert relay.process.poll() is None
+            relay.process.send_signal(signal.SIGTERM)
+            while site.port_is_open():
+                assert relay.process.poll() is None  # the exchange is on the wire
+            relay.process.send_signal(signal.SIGTERM)
+            assert relay.process.wait(SECONDS) == 1
+
+
+@pytest.mark.parametrize("command", ["relay", "run"])
+def test_a_reader_that_has_gone_changes_nothing(site: Site, command: str) -> None:
+    with unread(command, site) as gateway:
+        gateway.until("line-up")
+        gateway.log.close()
+        all_answered(site)
+        gateway.process.send_signal(signal.SIGTERM)
+        assert gateway.process.wait(SECONDS) == 0
+
+
+def test_a_full_disk_changes_nothing(site: Site) -> None:
+    assert typed("check", "--compile", str(site.config)).returncode == 0
+    with (
+        Path("/dev/full").open("wb") as full,
+        started(
+            [*COMMAND, "relay", str(site.config), "--log-format", "json"], cwd=ROOT, stderr=full
+        ) as relay,
+    ):
+        while not site.port_is_open() or not is_line_up(site):
+            assert relay.poll() is None
+        all_answered(site)
+        relay.send_signal(signal.SIGTERM)
+        assert relay.wait(SECONDS) == 0
+
+
+def test_run_starts_its_supervisor_again_and_stops_when_nobody_reads(site: Site) -> None:
+    with unread("run", site) as gateway:
+        gateway.until("relay-reached")
+        all_answered(site)
+        before = children(gateway.process)
+        for _ in range(2):  # what is said of the first would keep the second waiting
+            supervisor = children(gateway.process)["gateway.supervisor"]
+            os.kill(supervisor, signal.SIGKILL)
+            wait_until_dead(supervisor)
+            while children(gateway.process).get("gateway.supervisor", supervisor) == supervisor:
+                assert gateway.process.poll() is None
+        all_answered(site, 100)
+        after = children(gateway.process)
+        assert after["gateway.relay"] == before["gateway.relay"]
+        gateway.process.send_signal(signal.SIGTERM)
+        assert gateway.process.wait(SECONDS) == 0
+        assert not any(map(is_alive, after.values()))
+
+
+def test_run_ends_with_its_relay_when_nobody_reads(site: Site) -> None:
+    with unread("run", site) as gateway:
+        gateway.until("relay-reached")
+        all_answered(site)
+        pids = children(gateway.process)
+        os.kill(pids["gateway.relay"], signal.SIGKILL)
+        assert gateway.process.wait(SECONDS) == 1
+        assert not any(map(is_alive, pids.values()))
