@@ -1,6 +1,7 @@
 """Relay and supervisor as programs: how each is started, and both together in the foreground."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -14,7 +15,6 @@ import typer
 
 import gateway
 from gateway.ipc.children import HELD_BACK, READY
-from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import LogFormat, Note, Severity
 from gateway.ipc.state_folder import StateError, state_folder
 
@@ -65,12 +65,25 @@ def run_both(relay: list[str], supervisor: list[str], write: Callable[[Note], No
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, HELD_BACK)
     try:
-        with LogThread(write) as log:  # behind the mask: a signal that its thread took would end the process
-            return _Pair(relay, supervisor, log.write).run()
+        return _Pair(relay, supervisor, _unless_full(write)).run()
     finally:
         while signal.sigtimedwait(STOPS, 0) is not None:
             pass  # nothing is left to stop
         signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)
+
+
+def _unless_full(write: Callable[[Note], None]) -> Callable[[Note], None]:
+    """Drop what would have to wait for the reader of the log.
+
+    Not with a thread: children get the signal of their parent's end for each of its threads (prctl(2)), and
+    two of them end the relay at once.
+    """
+
+    def write_or_drop(note: Note) -> None:
+        if select.select((), (sys.stderr,), (), 0)[1]:
+            write(note)
+
+    return write_or_drop
 
 
 def _started(command: list[str]) -> "subprocess.Popen[bytes]":

@@ -171,7 +171,7 @@ class _Log:
         """Say what the loop would print itself, and block: a bug of ours, or no more descriptors."""
         error = context.get("exception")
         where = "".join(traceback.format_exception(error)) if isinstance(error, BaseException) else ""
-        self.say("unexpected", Severity.ERROR, detail=context["message"], traceback=where)
+        self.say("unexpected", Severity.ERROR, detail=context.get("message", ""), traceback=where)
 
     def stopping(self, relay: Relay) -> None:
         busy = relay.busy_lines

@@ -1,14 +1,16 @@
 """Notes on their way to the log."""
 
+import asyncio
 import json
 import sys
 
 import pytest
 
 from gateway.exchange.events import Event, EventKind
-from gateway.ipc.log_thread import CAPACITY
+from gateway.ipc.log_thread import CAPACITY, LogThread
 from gateway.ipc.notes import LogFormat, Note, Severity, note_writer
 from gateway.relay.journal import Journal
+from gateway.relay.run import _Log
 
 
 def test_without_a_writer_the_newest_notes_are_kept() -> None:
@@ -51,3 +53,18 @@ def test_a_person_reads_plain_lines(capfd: pytest.CaptureFixture[str]) -> None:
     assert "ready" in line
     assert "127.0.0.1:1502" in line
     assert "\x1b" not in line or sys.stderr.isatty()
+
+
+def test_what_the_loop_would_print_itself_goes_into_the_log() -> None:
+    written: list[Note] = []
+    loop = asyncio.new_event_loop()
+    with LogThread(written.append) as log:
+        loop.set_exception_handler(_Log(log).unexpected)
+        loop.call_soon(int, "no number")
+        loop.call_soon(loop.stop)
+        loop.run_forever()
+    loop.close()
+    [note] = written
+    assert (note.event, note.severity) == ("unexpected", Severity.ERROR)
+    assert "Exception in callback" in str(note.fields["detail"])
+    assert "ValueError: invalid literal for int() with base 10: 'no number'" in str(note.fields["traceback"])
