@@ -136,7 +136,7 @@ def test_a_change_asked_for_while_a_setpoint_is_on_the_wire_is_as_long_as_its_di
         bench.serve()
         bench.port.take()
         told.append(bench.memory.get(COMMAND) - 50 * number)
-    # Both changes take 4 x 0.4 mm = 32 setpoints, at most 1.5 x the mean slope: 1.5 x 400 / 32 = 18.75 counts.
+    # Both changes take 4 x 0.4 mm, 32 setpoints, at most 1.5 x the mean slope: 1.5 x 400 / 32 = 18.75 counts.
     assert max(told) == 400
     assert told[-1] == 0
     assert max(abs(b - a) for a, b in pairwise(told)) <= 20
