@@ -3,6 +3,7 @@
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import overload
 
 import pytest
@@ -15,6 +16,7 @@ from gateway.exchange.axis import AxisExchange
 from gateway.exchange.control import ControlError, TableChange
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.modbus.registers import PositionField, RegisterType
+from tests.exchange.line_bench import COMMAND, Bench, stream_plan, write
 
 POINTS = 50_000
 
@@ -118,3 +120,23 @@ def test_a_table_without_the_lost_motion_that_is_configured_is_refused() -> None
     with pytest.raises(ControlError, match="is without its backlash: compile it again"):
         control.set_tables([axis], [change_of(flat)])
     assert control.set_tables([axis], [change_of(with_backlash(flat, backlash))]) == {"x": "next-target"}
+
+
+def test_a_change_asked_for_while_a_setpoint_is_on_the_wire_is_as_long_as_its_difference_needs() -> None:
+    everywhere = make_table([0, 100], [0.4, 0.4], [0.4, 0.4], Units.MM)
+    bench = Bench(stream_plan(table=everywhere, max_correction=0.5, reload_distance=0.1))
+    control.switch(bench.line.axes, "x", is_wanted=False)
+    told = []
+    for number in range(100):
+        if number == 5:
+            control.switch(bench.line.axes, "x", is_wanted=True)
+        bench.send(write(COMMAND, 50 * number))
+        if number == 5:  # the one that begins the change is on its way
+            control.switch(bench.line.axes, "x", is_wanted=False)
+        bench.serve()
+        bench.port.take()
+        told.append(bench.memory.get(COMMAND) - 50 * number)
+    # Both changes take 4 x 0.4 mm, 32 setpoints, at most 1.5 x the mean slope: 1.5 x 400 / 32 = 18.75 counts.
+    assert max(told) == 400
+    assert told[-1] == 0
+    assert max(abs(b - a) for a, b in pairwise(told)) <= 20
