@@ -173,11 +173,8 @@ class AxisCompensation:
         self.readback = after_target(
             self.readback, move.correction_map, move.nominal_counts, corrected_counts, standing
         )
-<<<<<<< HEAD
         goes_on = self._goes_on(move)
-=======
         is_other = move.state.spec is not self.state.spec
->>>>>>> wt-review
         self.state = move.state
         if is_other:  # something else may have been asked for while it was on its way
             self._measure_change()
