@@ -49,6 +49,8 @@ PLANS: dict[str, AxisPlan] = {
     "high words first": stream_plan(
         table=CURVE, command=(PositionField(0x0606, RegisterType.INT32, WordOrder.HIGH_FIRST),)
     ),
+    "targets in two registers": axis_plan(table=CURVE, bits=BITS, command=(COMMAND, SECOND)),
+    "stream in two registers": stream_plan(table=CURVE, command=(COMMAND, SECOND)),
     "stream of floats": stream_plan(table=CURVE, command=(PositionField(0x0606, RegisterType.FLOAT32),)),
 }
 
@@ -84,6 +86,8 @@ class Twins:
         self.plan = plan
         self.place = plan.command[0]
         self.counts = 0
+        self.told = 0
+        """What was written into the first register last."""
         self.ways = {WriteWay: 0, ReadWay: 0}
 
     @property
@@ -92,11 +96,14 @@ class Twins:
 
     def step(self, what: str, amount: int, reply: str) -> None:
         """Do one thing to both and compare."""
-        if what in ("move", "block"):
+        if what in ("move", "block", "move elsewhere"):
             self.counts += amount
+        if what in ("move", "block"):
+            self.told = self._raw()
         requests = {
             "move": write(self.place, self._raw()),
-            "again": write(self.place, self._raw()),
+            "again": write(self.place, self.told),
+            "move elsewhere": write(self.plan.command[-1], self._raw()),
             "block": self._block(),
             "half": b"\x06" + self.place.address.to_bytes(2, "big") + amount.to_bytes(2, "big", signed=True),
             "read": read(ACTUAL),
@@ -190,7 +197,7 @@ class Twins:
 STEPS = st.tuples(
     st.sampled_from(
         ["move"] * 6 + ["block", "again", "half", "read", "status", "status", "read back", "elsewhere"]
-        + ["arrive"] * 3 + ["switch", "cable"]
+        + ["arrive"] * 3 + ["move elsewhere", "switch", "cable"]
     ),
     st.one_of(st.integers(1, 900), st.integers(-900, 900)),
     st.sampled_from(REPLIES),
@@ -211,6 +218,8 @@ def test_both_ways_come_to_the_same(name: str, steps: list[tuple[str, int, str]]
     [
         ("stream", 200, 100),
         ("targets", 30, 100),
+        ("targets in two registers", 30, 100),
+        ("stream in two registers", 100, 100),
         ("stream after the homed bit", 100, 100),
         ("shadow", 0, 100),
     ],
@@ -221,7 +230,18 @@ def test_a_long_run_goes_the_short_way_often(name: str, writes: int, reads: int)
     for _ in range(1500):
         sense = 1 if twins.counts < -30_000 else -1 if twins.counts > 30_000 else random.choice((1, 1, 1, -1))
         what = random.choice(
-            ("move",) * 8 + ("status", "status", "read", "arrive", "arrive", "again", "block", "read back")
+            ("move",) * 8
+            + (
+                "move elsewhere",
+                "status",
+                "status",
+                "read",
+                "arrive",
+                "arrive",
+                "again",
+                "block",
+                "read back",
+            )
         )
         twins.step(
             what,
