@@ -1,6 +1,8 @@
 """RTU framing (Modbus over serial line V1.02): frames built here, and the two decoders."""
 
-from gateway.modbus.crc import append_crc
+from typing import Final
+
+from gateway.modbus.crc import crc16
 from gateway.modbus.errors import FrameError
 from gateway.modbus.pdu import MAX_PDU
 from gateway.modbus.rtu_line import Frame, RtuCounters, silence_ns
@@ -8,6 +10,8 @@ from gateway.modbus.rtu_replies import RtuReplyDecoder
 from gateway.modbus.rtu_requests import RtuRequestDecoder
 
 __all__ = ["Frame", "RtuCounters", "RtuReplyDecoder", "RtuRequestDecoder", "encode_rtu", "silence_ns"]
+
+_UNIT_IDS: Final = tuple(bytes((unit_id,)) for unit_id in range(0x100))
 
 
 def encode_rtu(unit_id: int, pdu: bytes) -> bytes:
@@ -20,4 +24,5 @@ def encode_rtu(unit_id: int, pdu: bytes) -> bytes:
         raise FrameError(f"a PDU of {len(pdu)} bytes cannot be framed: it has 1 to {MAX_PDU}")
     if not 0 <= unit_id <= 0xFF:
         raise FrameError(f"unit id {unit_id} must be in 0 … 255")
-    return append_crc(bytes((unit_id,)) + pdu)
+    frame = _UNIT_IDS[unit_id] + pdu
+    return frame + crc16(frame).to_bytes(2, "little")
