@@ -62,6 +62,7 @@ class Relay:
         self._control: ControlServer | None = None
         self._recorder = recorder
         self._activity = Activity()
+        self._looks = 0
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
         self._shape = shape_of(plan)
         self._refused_tables = Complaints(
@@ -224,6 +225,9 @@ class Relay:
             return self._status()
 
     def _status(self) -> dict[str, dict[str, object]]:
+        if self._lines:  # one line each time: the loop has other things to do
+            self._looks += 1
+            self._lines[self._looks % len(self._lines)].refresh_latency()
         axes: dict[str, object] = {}
         for line in self._lines:
             axes.update(line.axes_status())

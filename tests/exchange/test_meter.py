@@ -147,6 +147,10 @@ def test_a_monitor_is_measured_apart() -> None:
     # Only what the link takes: 1 µs of work, 1 µs to write.
     two_us = {"p50": 2.0, "p99": 2.0, "p999": 2.0, "max": 2.0, "max_minute": 2.0}
     assert status.controller("hmi")["gateway_us"] == two_us
+    status.line()
+    status.axis("x")
+    for _ in range(10):  # two pairs are added up for each of ten figures
+        status.refresh(bench.now_ns)
     of_line = status.line()["gateway_us"]
     assert isinstance(of_line, dict)
     assert (of_line["p50"], of_line["p99"], of_line["max"]) == (2.0, 4.0, 4.0)
@@ -211,16 +215,23 @@ def test_percentiles_of_many_are_worked_out_a_few_at_a_time() -> None:
         shown = [status.controller(name)[part] for name in names for part in PARTS]
         return sum(isinstance(figures, dict) and figures["p50"] is not None for figures in shown)
 
+    # Of one controller nothing has to be added up: twelve at once each time.
     assert known() == AT_FIRST
     for _ in range(4):
         status.refresh(bench.now_ns)
         known()
     assert known() == 50
+    line = status.line()["gateway_us"]
+    assert isinstance(line, dict)
+    assert (line["p50"], line["max"]) == (None, 109.0)  # ten pairs have to be added up first
     bench.port = bench.timed_port = TimedPort(ControllerPlan("cnc-0"))
     for _ in range(9):
         bench.exchange(work_us=500, write_us=0, drive_us=900, turn_us=0, answer_us=0)
-    for _ in range(25):  # two of fifty each time
+    for _ in range(40):  # 50 walks for the controllers, 45 additions for the five figures of the line
         status.refresh(bench.now_ns)
+    line = status.line()["gateway_us"]
+    assert isinstance(line, dict)
+    assert is_about(line["p50"], 109)  # 19 exchanges, the tenth of them: 100 to 109 µs, then nine of 500
     found = status.controller("cnc-0")["gateway_us"]
     assert isinstance(found, dict)
     assert is_about(found["p50"], 500)
