@@ -127,7 +127,7 @@ class Site:
         """Whether the gateway listens."""
         try:
             self.master().close()
-        except ConnectionRefusedError:
+        except ConnectionError:  # refused, or reset by a listener that closes just now
             return False
         return True
 
