@@ -14,6 +14,7 @@ from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.moves import Accepted, Move, Place, PlaceKind, State, SteadyMove
 from gateway.compensation.readback import Fade, Readback, after_target
 from gateway.compensation.settings import AxisSettings, OutsideKind, Setpoints
+from gateway.counts import Counts
 from gateway.times import NS_PER_MS
 
 _new: Final = tuple.__new__
@@ -39,7 +40,7 @@ class AxisCompensation:
         """Corrected counts between which the axis moves for the last accepted target, lower one first."""
         self._wanted = NOTHING
         self._wanted_distance = settings.reload_distance
-        self._standing_counts: float | None = None
+        self._standing_counts: Counts | None = None
         self._map_key: tuple[object, ...] = ()
         self._map = IDENTITY
         self.is_steady = False
@@ -63,11 +64,11 @@ class AxisCompensation:
         state = self.state
         return state.previous is not None or state.spec is not self._wanted or _is_reversing(state)
 
-    def machine_position(self, counts: float) -> float:
+    def machine_position(self, counts: Counts) -> float:
         """Machine position, in units, of a count of either frame."""
         return (counts - self.settings.zero_counts) / self.settings.counts_per_unit
 
-    def is_outside(self, counts: float) -> bool:
+    def is_outside(self, counts: Counts) -> bool:
         """Whether the table wanted does not reach this nominal position."""
         curve = self._wanted.curve
         return curve is not None and not curve.covers(self.machine_position(counts))
@@ -79,7 +80,7 @@ class AxisCompensation:
             self._measure_change()
             self._note_steadiness()
 
-    def assume_offset(self, actual_counts: float, nominal_counts: float) -> None:
+    def assume_offset(self, actual_counts: Counts, nominal_counts: Counts) -> None:
         """Take the offset in force when setpoints begin to stream: where the drive is, less the command.
 
         More than ``max_correction`` cannot be a correction; then nothing is in force.
@@ -114,7 +115,7 @@ class AxisCompensation:
         """Nobody knows any more which target the drive holds; the next one is never taken for a repeat."""
         self.accepted = None
 
-    def observe(self, actual_counts: float) -> None:
+    def observe(self, actual_counts: Counts) -> None:
         """Note where the drive says it is: a fade begins there, and one that has ended there is over."""
         self._standing_counts = actual_counts
         if self.readback.is_faded_out(actual_counts):
@@ -132,7 +133,7 @@ class AxisCompensation:
         """Note that the same setpoint came again: a blend by time stands still meanwhile."""
         self.state = self.state._replace(at_ns=now_ns)
 
-    def plan(self, nominal_counts: float, place: Place | None, now_ns: int) -> Move:
+    def plan(self, nominal_counts: Counts, place: Place | None, now_ns: int) -> Move:
         """Work out what a target becomes. Nothing changes until :meth:`commit`.
 
         Args:
@@ -156,7 +157,7 @@ class AxisCompensation:
             self._check_travel(position, correction)
         return Move(nominal_counts, correction * self.settings.counts_per_unit, correction_map, state)
 
-    def commit(self, move: Move, corrected_counts: float, *, is_reached: bool = False) -> None:
+    def commit(self, move: Move, corrected_counts: Counts, *, is_reached: bool = False) -> None:
         """Take a planned target as accepted by the drive, with the counts that it was sent.
 
         ``is_reached``: the axis stands at the target before, whatever was read of it on the way there.
@@ -183,7 +184,7 @@ class AxisCompensation:
         if not goes_on:
             self._note_steadiness()
 
-    def plan_steady(self, nominal_counts: float, now_ns: int, is_reached: bool) -> SteadyMove | None:
+    def plan_steady(self, nominal_counts: Counts, now_ns: int, is_reached: bool) -> SteadyMove | None:
         """Work out, only while ``is_steady``, a target that goes on in its direction; None: ask :meth:`plan`.
 
         What comes out is what :meth:`plan` would say, for a fraction of its time.

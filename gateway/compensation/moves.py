@@ -6,6 +6,7 @@ from typing import NamedTuple
 from gateway.compensation.correction_map import CorrectionMap
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
 from gateway.compensation.direction import Direction, Travel
+from gateway.counts import Counts
 
 
 class PlaceKind(Enum):
@@ -24,7 +25,7 @@ class PlaceKind(Enum):
 class Place(NamedTuple):
     """Where an axis is."""
 
-    counts: float
+    counts: Counts
     kind: PlaceKind
 
 
@@ -45,13 +46,13 @@ class State(NamedTuple):
 class Move(NamedTuple):
     """What a target would do: a correction, and the state that accepting it leads to."""
 
-    nominal_counts: float
+    nominal_counts: Counts
     correction_counts: float
     correction_map: CorrectionMap
     state: State
 
 
-SteadyMove = tuple[float, float, float, int, State, CorrectionMap]
+SteadyMove = tuple[Counts, float, float, int, State, CorrectionMap]
 """A move that changes nothing but the position: nominal and correction counts, nominal machine position, time
 in ns, the state before it, the map. A plain tuple, for one is made for each setpoint; see ``move_of``."""
 
@@ -59,5 +60,5 @@ in ns, the state before it, the map. A plain tuple, for one is made for each set
 class Accepted(NamedTuple):
     """The last target that the drive accepted."""
 
-    nominal_counts: float
-    corrected_counts: float
+    nominal_counts: Counts
+    corrected_counts: Counts

@@ -12,6 +12,7 @@ Three parts, all frozen when a target is accepted:
 from typing import Final, NamedTuple
 
 from gateway.compensation.correction_map import IDENTITY, CorrectionMap
+from gateway.counts import Counts
 
 AWAY_PER_DIFFERENCE: Final = 20.0
 """An axis that goes the other way keeps its reading monotonic by far over so many times the difference."""
@@ -50,7 +51,7 @@ class Readback(NamedTuple):
     anchor_counts: float = 0.0
     fade: Fade | None = None
 
-    def correction_counts(self, corrected_counts: float) -> float:
+    def correction_counts(self, corrected_counts: Counts) -> float:
         """Counts to take out of a reading: ``nominal = corrected - correction``, not rounded."""
         correction_map = self.correction_map
         if self.fade is None and correction_map.is_identity:
@@ -62,7 +63,7 @@ class Readback(NamedTuple):
         counts = correction * self.counts_per_unit + self.anchor_counts
         return counts if self.fade is None else counts - self.fade.remaining(nominal)
 
-    def is_faded_out(self, corrected_counts: float) -> bool:
+    def is_faded_out(self, corrected_counts: Counts) -> bool:
         """Whether there is a fade and the axis has reached its end."""
         if self.fade is None:
             return False
@@ -77,9 +78,9 @@ class Readback(NamedTuple):
 def after_target(
     previous: Readback,
     correction_map: CorrectionMap,
-    nominal_counts: float,
-    corrected_counts: float,
-    standing_counts: float,
+    nominal_counts: Counts,
+    corrected_counts: Counts,
+    standing_counts: Counts,
 ) -> Readback:
     """Return the readback that holds once a target was accepted.
 

@@ -167,9 +167,9 @@ def restage(rendering: Rendering) -> AddedFrame | None:
     if axis.plan.writes_with is not Form.FC06:
         return _restaging(rendering, place.address, wanted)
     for word in range(place.words):
-        at = slice(2 * word, 2 * word + 2)
-        if held is None or held[at] != wanted[at]:
-            return _restaging(rendering, place.address + word, wanted[at])
+        start, end = 2 * word, 2 * word + 2
+        if held is None or held[start:end] != wanted[start:end]:
+            return _restaging(rendering, place.address + word, wanted[start:end])
     return None
 
 

@@ -15,6 +15,7 @@ from gateway.compensation.fingerprint import table_digest
 from gateway.compensation.moves import Move
 from gateway.compensation.readback import Readback
 from gateway.compensation.settings import Setpoints
+from gateway.counts import Counts
 from gateway.drives.motion import Form
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 class Actual:
     """The last actual position seen, as the drive reported it."""
 
-    counts: float
+    counts: Counts
     seen_ns: int
 
 
@@ -50,7 +51,7 @@ class Rendering(NamedTuple):
     shadow: Shadow
     nominal_words: bytes
     corrected_words: bytes
-    corrected_counts: float
+    corrected_counts: Counts
     move: Move | None
     """None for a repeat: the drive is told exactly the same words again (M4)."""
     is_distance: bool = False
@@ -351,7 +352,7 @@ class AxisExchange:
             return shadow.nominal_words
         return self.nominal_words(field_, words, readback)
 
-    def nominal_of(self, corrected_counts: float) -> float:
+    def nominal_of(self, corrected_counts: Counts) -> float:
         """Nominal counts of an actual position, as the controller would read it, not rounded."""
         if self.is_shadow:
             return corrected_counts

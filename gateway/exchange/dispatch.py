@@ -9,7 +9,7 @@ from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import why_not_passed
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.known import NOTHING_KNOWN, Known
-from gateway.exchange.life import Exchange, Way
+from gateway.exchange.life import Exchange
 from gateway.exchange.meaning import NO_ACCESS, Meaning, meanings
 from gateway.exchange.preliminaries import next_frame
 from gateway.exchange.preparing import prepare
@@ -17,6 +17,7 @@ from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import Request
 from gateway.exchange.short_ways import HEAD_BYTES, find_way
 from gateway.exchange.unit import UnitMap
+from gateway.exchange.way import Way
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
 
 REMEMBERED_WAYS: Final = 4096

@@ -7,6 +7,7 @@ when nobody waits for it any more.
 from typing import NamedTuple
 
 from gateway.compensation.moves import SteadyMove
+from gateway.counts import Counts
 from gateway.exchange.access import Access
 from gateway.exchange.axis import Rendering
 from gateway.exchange.known import NOTHING_KNOWN
@@ -23,7 +24,7 @@ class Place(NamedTuple):
     hit: FieldHit
 
 
-Draft = tuple[Place, bytes, bytes, float, int, SteadyMove | None]
+Draft = tuple[Place, bytes, bytes, Counts, int, SteadyMove | None]
 """A target on the wire: its place, nominal and corrected words, corrected counts, losses of its shadow when
 it was sent, and what accepting it means (None for a repeat). A plain tuple: one is made for each setpoint."""
 

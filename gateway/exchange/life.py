@@ -2,45 +2,21 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from typing import Final, Protocol
+from typing import Final
 
 from gateway.compensation.readback import Readback
 from gateway.exchange.added_frames import AddedFrame
-from gateway.exchange.axis import AxisExchange, Rendering
+from gateway.exchange.axis import Rendering
 from gateway.exchange.draft import Draft, rendering_of, rewriting_of
 from gateway.exchange.known import Known
 from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.rewriting import Rewriting
+from gateway.exchange.way import Way
 from gateway.times import NS_PER_MS
 
 QUEUE_LIMIT: Final = 32
 """Requests of one connection that may wait; the next gets exception 6 (Messaging guide V1.0b, p. 29)."""
-
-
-class Way(Protocol):
-    """How a request goes out and its reply comes back where nothing about them needs to be judged."""
-
-    @property
-    def axes(self) -> tuple[AxisExchange, ...]:
-        """Axes of which something may have been learned."""
-        ...
-
-    def sent(self, exchange: "Exchange", now_ns: int) -> bytes | None:
-        """Return what is sent for a request; None: it goes the long way."""
-        ...
-
-    def answered(self, exchange: "Exchange", reply: bytes, now_ns: int) -> bytes | None:
-        """Return what the controller gets for a drive's reply; None: it goes the long way."""
-        ...
-
-    def left(self, exchange: "Exchange") -> None:
-        """Take note that a target is on its way."""
-        ...
-
-    def settle(self, exchange: "Exchange", now_ns: int) -> None:
-        """Take note of what the reply proved, once it was passed on."""
-        ...
 
 
 class Exchange:

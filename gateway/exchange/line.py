@@ -375,12 +375,12 @@ class LineExchange:
     def _put_on_wire(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
         exchange.sent_ns = now_ns
         self._current = exchange
-        patience_ns: float = self._response_timeout_ns
+        patience_ns = self._response_timeout_ns
         if exchange.port is not None and exchange.added is None:
-            timeout_ns = exchange.port.plan.timeout_ms * NS_PER_MS
+            timeout_ns = int(exchange.port.plan.timeout_ms * NS_PER_MS)
             if timeout_ns > patience_ns:
                 patience_ns = timeout_ns
-        exchange.deadline_ns = now_ns + int(patience_ns)
+        exchange.deadline_ns = now_ns + patience_ns
         self._link.send_request(unit_id, pdu)
 
     # --- endings ---------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from math import isfinite
 
+from gateway.counts import Counts
 from gateway.exchange.axis import Actual, AxisExchange
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT
@@ -74,7 +75,7 @@ def _observe_alarm(axis: AxisExchange) -> None:
     axis.lose()
 
 
-def _watch(axis: AxisExchange, corrected_counts: float) -> None:
+def _watch(axis: AxisExchange, corrected_counts: Counts) -> None:
     """Notice that something else moved the axis away from where it had been sent (M4)."""
     accepted = axis.compensation.accepted
     if accepted is None:

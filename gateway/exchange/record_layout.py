@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 from zlib import crc32
 
 from gateway.compensation.correction_spec import CorrectionSpec
+from gateway.counts import Counts
 
 VERSION: Final = 1
 PAGE: Final = 4096
@@ -87,8 +88,8 @@ class RememberedMove(NamedTuple):
     is_distance: bool
     number: int
     """Of its command field."""
-    nominal_counts: float
-    corrected_counts: float
+    nominal_counts: Counts
+    corrected_counts: Counts
     state: RememberedState
 
 
@@ -105,8 +106,8 @@ class Remembered(NamedTuple):
     knows_words: bool
     """The words of its command field are those of the target."""
     number: int
-    nominal_counts: float
-    corrected_counts: float
+    nominal_counts: Counts
+    corrected_counts: Counts
     way: tuple[float, float]
     """Corrected counts between which the axis moves, lower one first."""
     state: RememberedState
@@ -266,6 +267,6 @@ def _spec(fields: tuple[Any, ...]) -> RememberedSpec | None:
     return RememberedSpec(digest if any(digest) else b"", forward, backward, offset, bool(flags & _IS_WANTED))
 
 
-def _counts(counts: float) -> float:
+def _counts(counts: float) -> Counts:
     """Whole counts as the integers that they were."""
     return int(counts) if counts.is_integer() else counts

@@ -4,6 +4,7 @@ The last accepted target, where nothing else has moved the axis since and the dr
 the drive says, of an axis that stands: its own commanded position, or the actual one. Never a moving axis.
 """
 
+from gateway.counts import Counts
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
 from gateway.exchange.axis import AxisExchange
@@ -54,7 +55,9 @@ def _counts_from_commanded(axis: AxisExchange, action: Action) -> bool:
     return bool(axis.plan.commanded) and action is not Action.RELATIVE_TO_ACTUAL
 
 
-def _base_at(axis: AxisExchange, counts: float, is_standing: bool | None, *, tolerance: float) -> Base | None:
+def _base_at(
+    axis: AxisExchange, counts: Counts, is_standing: bool | None, *, tolerance: float
+) -> Base | None:
     """Return the base at a position that the drive reported."""
     accepted = axis.compensation.accepted
     if accepted is not None and abs(counts - accepted.corrected_counts) <= tolerance:

@@ -7,6 +7,7 @@ from gateway.compensation.correction_spec import NOTHING
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.moves import Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
+from gateway.counts import Counts
 from gateway.exchange.axis import Actual, AxisExchange, Rendering
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.shadow import Shadow
@@ -28,8 +29,8 @@ class Seen(NamedTuple):
 class Base(NamedTuple):
     """Where a relative move starts, in both frames (M5)."""
 
-    nominal_counts: float
-    corrected_counts: float
+    nominal_counts: Counts
+    corrected_counts: Counts
     is_standing: bool
     """The axis is known to stand there."""
 
@@ -140,7 +141,7 @@ def needs_offset(axis: AxisExchange) -> bool:
     return axis.compensation.state.position is None
 
 
-def needs_actual(axis: AxisExchange, nominal_counts: float, now_ns: int) -> bool:
+def needs_actual(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> bool:
     """Whether an actual position has to be read before this target can be rendered (M6)."""
     if not axis.may_read or not axis.plan.actual or axis.wanted is NOTHING or not axis.is_referenced:
         return False
@@ -192,7 +193,7 @@ def _is_unproven(axis: AxisExchange, shadow: Shadow, nominal_words: bytes) -> bo
     return unproven is not None and unproven.shadow is shadow and unproven.nominal_words == nominal_words
 
 
-def _plan_move(axis: AxisExchange, nominal_counts: float, seen: Seen, place: Place | None = None) -> Move:
+def _plan_move(axis: AxisExchange, nominal_counts: Counts, seen: Seen, place: Place | None = None) -> Move:
     compensation = axis.compensation
     accepted = compensation.accepted
     now_ns, fresh = seen
@@ -211,7 +212,7 @@ def _plan_move(axis: AxisExchange, nominal_counts: float, seen: Seen, place: Pla
     return compensation.plan(nominal_counts, place, now_ns)
 
 
-def _known_place(axis: AxisExchange, nominal_counts: float, now_ns: int) -> Place | None:
+def _known_place(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> Place | None:
     """Where the axis is, as far as passing traffic told it (M6)."""
     accepted = axis.compensation.accepted
     if accepted is not None and axis.is_done_seen:

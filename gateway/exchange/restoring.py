@@ -10,6 +10,7 @@ from gateway.compensation.moves import Accepted, Move, State
 from gateway.compensation.readback import Fade
 from gateway.compensation.settings import Gain
 from gateway.compensation.table import CorrectionTable
+from gateway.counts import Counts
 from gateway.exchange.axis import Actual, AxisExchange, Rendering
 from gateway.exchange.field_counts import raw_of
 from gateway.exchange.record_layout import (
@@ -61,7 +62,7 @@ def why_not_restored(axis: AxisExchange, record: Remembered, actual: Actual, fin
     return ""
 
 
-def _find(axis: AxisExchange, record: Remembered, counts: float) -> _Finding | None:
+def _find(axis: AxisExchange, record: Remembered, counts: Counts) -> _Finding | None:
     """Compare where the drive is with where it may be; None where the record cannot be true.
 
     Between two targets of which one is not proven, the nearer one counts.

@@ -9,6 +9,7 @@ other.
 
 from typing import Final, NamedTuple
 
+from gateway.counts import Counts
 from gateway.exchange.access import ACCESS, Access
 from gateway.exchange.aliases import ANY_TCP_DRIVE
 from gateway.exchange.answering import READS_BITS, note_bits
@@ -19,6 +20,7 @@ from gateway.exchange.observing import observe_actual
 from gateway.exchange.rendering import nominal_limit
 from gateway.exchange.shadow import Shadow
 from gateway.exchange.unit import FieldHit, FieldRole, Hits, UnitMap
+from gateway.exchange.way import Way
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable, PositionField
@@ -28,36 +30,6 @@ HEAD_BYTES: Final = bytes({1: 5, 2: 5, 3: 5, 4: 5, 6: 3, 16: 6}.get(function, 0)
 
 NOBODY: Final[frozenset[str]] = frozenset()
 """Names of the axes that a read sends somewhere."""
-
-
-class Way:
-    """Frames that hold nothing the gateway cares for: both directions pass as they are."""
-
-    __slots__ = ("_size", "axes")
-
-    def __init__(self, size: int, axes: tuple[AxisExchange, ...] = ()) -> None:
-        self._size = size
-        """Bytes of the PDU: of a request whose length contradicts its head nobody knows what it writes."""
-        self.axes = axes
-        """Axes of its unit, of which something may have been learned."""
-
-    def sent(self, exchange: Exchange, now_ns: int) -> bytes | None:
-        """Return what is sent for a request; None: it goes the long way."""
-        for axis in self.axes:
-            if axis.silent_since_ns is not None:
-                return None
-        pdu = exchange.pdu
-        return pdu if len(pdu) == self._size else None
-
-    def answered(self, exchange: Exchange, reply: bytes, now_ns: int) -> bytes | None:
-        """Return what the controller gets for a drive's reply; None: it goes the long way."""
-        return reply
-
-    def left(self, exchange: Exchange) -> None:
-        """Take note that a target is on its way."""
-
-    def settle(self, exchange: Exchange, now_ns: int) -> None:
-        """Take note of what the reply proved, once it was passed on."""
 
 
 class _Read(NamedTuple):
@@ -167,12 +139,13 @@ class WriteWay(Way):
         start, end = self._start, self._end
         words = pdu[start:end]
         steady = None
+        corrected_counts: Counts = 0.0
         if words == shadow.nominal_words:
             if compensation.accepted is None or shadow.corrected_words is None:
                 return None
             if shadow is not axis.last_shadow:
                 return None  # another register of the axis was written since: this is a target
-            corrected_words, corrected_counts = shadow.corrected_words, 0.0
+            corrected_words = shadow.corrected_words
         else:
             raw = self._unpack(words, 0)
             nominal_counts = raw if self._scale == 1.0 else raw * self._scale

@@ -1,6 +1,7 @@
 """The part of the status model that the exchange knows. Positions are in units, on their own scale."""
 
 from gateway.compensation.settings import Setpoints
+from gateway.counts import Counts
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.line import LineExchange
 
@@ -36,7 +37,7 @@ def axis_status(axis: AxisExchange) -> dict[str, object]:
     accepted = axis.compensation.accepted
     actual = axis.actual
 
-    def units(counts: float | None) -> float | None:
+    def units(counts: Counts | None) -> float | None:
         if counts is None:
             return None
         return axis.compensation.machine_position(counts) - settings.machine_offset

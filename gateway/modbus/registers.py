@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
+from gateway.counts import Raw
 from gateway.modbus.errors import RegisterFieldError, RegisterRangeError
 from gateway.modbus.words import Codec, codec_of
 
@@ -124,14 +125,14 @@ class PositionField:
         """The first address behind the field."""
         return self.address + self._codec.words
 
-    def unpack(self, data: bytes, offset: int = 0) -> int | float:
+    def unpack(self, data: bytes, offset: int = 0) -> Raw:
         """Return the raw value that starts at byte ``offset`` of ``data``.
 
         Raises RegisterDataError when ``data`` ends inside the field. A float32 may be NaN or infinite.
         """
         return self._codec.unpack(data, offset)
 
-    def pack(self, raw: float) -> bytes:
+    def pack(self, raw: Raw) -> bytes:
         """Return the bytes of a raw value in the order of the wire.
 
         Raises RegisterRangeError when the field cannot hold it: out of range, not finite, a fraction for an

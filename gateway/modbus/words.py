@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable
 from typing import Final, NoReturn, Protocol
 
+from gateway.counts import Raw
 from gateway.modbus.errors import RegisterDataError, RegisterRangeError
 
 FLOAT32_MAX: Final = (2.0 - 2.0**-23) * 2.0**127
@@ -23,11 +24,11 @@ class Codec(Protocol):
         """How many registers the type fills."""
         ...
 
-    def unpack(self, data: bytes, offset: int) -> int | float:
+    def unpack(self, data: bytes, offset: int) -> Raw:
         """Read the value that starts at byte ``offset``, or raise RegisterDataError."""
         ...
 
-    def pack(self, raw: float) -> bytes:
+    def pack(self, raw: Raw) -> bytes:
         """Write a value, or raise RegisterRangeError."""
         ...
 
@@ -72,11 +73,11 @@ class _Integer(_Base):
             self._too_short(data, offset)
         return value
 
-    def pack(self, raw: float) -> bytes:
+    def pack(self, raw: Raw) -> bytes:
         """See ``Codec``."""
         return self._struct.pack(self._checked(raw))
 
-    def _checked(self, raw: float) -> int:
+    def _checked(self, raw: Raw) -> int:
         if type(raw) is int and self._smallest <= raw <= self._largest:
             return raw
         limits = f"whole numbers from {self._smallest} to {self._largest}"
@@ -97,7 +98,7 @@ class _LowFirstPair(_Integer):
         value: int = high << WORD_BITS | low
         return value
 
-    def pack(self, raw: float) -> bytes:
+    def pack(self, raw: Raw) -> bytes:
         """See ``Codec``."""
         number = self._checked(raw)
         return self._struct.pack(number & WORD_MASK, number >> WORD_BITS)
@@ -119,7 +120,7 @@ class _Words(_Integer):
             value = value << WORD_BITS | word
         return value
 
-    def pack(self, raw: float) -> bytes:
+    def pack(self, raw: Raw) -> bytes:
         """See ``Codec``."""
         number = self._checked(raw)
         low_first = [number >> WORD_BITS * place & WORD_MASK for place in range(self.words - 1)]
@@ -143,7 +144,7 @@ class _Float32(_Base):
         value: float = self._struct.unpack_from(data, offset)[0]
         return value
 
-    def pack(self, raw: float) -> bytes:
+    def pack(self, raw: Raw) -> bytes:
         """See ``Codec``."""
         if isinstance(raw, bool) or not -FLOAT32_MAX <= raw <= FLOAT32_MAX:
             limits = f"finite numbers from {-FLOAT32_MAX:.8g} to {FLOAT32_MAX:.8g}"
