@@ -2,10 +2,10 @@
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check soak bench bench-quick fmt clean
+.PHONY: help setup demo test test-compiled check soak bench bench-quick fmt clean
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## a virtual environment with the package and its tools
 	@tools/bootstrap.sh
@@ -15,6 +15,12 @@ demo: setup ## see a worn machine become accurate
 
 test: setup check ## everything: checks, unit, property and end-to-end tests
 	$(BIN)/python -m pytest
+
+test-compiled: setup ## the same tests with the hot path compiled; needs a C compiler
+	rm -rf build/compiled
+	$(BIN)/python tools/compiled.py build/compiled
+	cp -r bench deploy docs tables tests tools Makefile pyproject.toml *.md build/compiled/
+	cd build/compiled && $(CURDIR)/$(BIN)/python -m pytest tests
 
 check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/ruff format --check .

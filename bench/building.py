@@ -1,5 +1,6 @@
-"""What must be there before the bench can run: its C programs, and what it compares with."""
+"""What must be there before the bench runs: its C programs, the compiled gateway, what it compares with."""
 
+import hashlib
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from bench.errors import BenchError
-from bench.places import BUILD, SOURCES
+from bench.places import BUILD, ROOT, SOURCES
 
 FLAGS: Final = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror")
 SHARED: Final = ("endpoints.c", "frames.c")
@@ -69,3 +70,26 @@ def compared_python(say: Callable[[str], None], folder: Path = BUILD / "venv") -
             raise BenchError(f"{' '.join(command)} failed:\n{done.stderr}")
     stamp.write_text(wanted)
     return python
+
+
+def compiled_package(say: Callable[[str], None], folder: Path = BUILD / "compiled") -> Path:
+    """Return a folder that holds the gateway with its hot path compiled; made anew when a source changed.
+
+    Raises:
+        BenchError: it cannot be compiled.
+    """
+    tool, stamp = ROOT / "tools" / "compiled.py", folder / "sources"
+    found = hashlib.sha256()
+    for source in (tool, *sorted((ROOT / "gateway").rglob("*.py"))):
+        found.update(str(source.relative_to(ROOT)).encode() + source.read_bytes())
+    if stamp.exists() and stamp.read_text() == found.hexdigest():
+        return folder
+    say(f"compiling the gateway into {folder}, about a minute")
+    shutil.rmtree(folder, ignore_errors=True)
+    done = subprocess.run(
+        [sys.executable, str(tool), str(folder)], capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        raise BenchError(f"the gateway cannot be compiled:\n{done.stdout}{done.stderr}")
+    stamp.write_text(found.hexdigest())
+    return folder

@@ -16,7 +16,7 @@ from bench.errors import BenchError
 from bench.gateway_process import start_gateway
 from bench.gateway_setup import Controller, GatewaySetup, LineSetup
 from bench.measuring import Way
-from bench.places import BENCH
+from bench.places import BENCH, ROOT
 from bench.processes import Command, Processes
 from gateway.simulator.pty import Pty
 
@@ -27,6 +27,8 @@ MODBUS_PROXY: Final = "modbus-proxy"
 PYMODBUS: Final = "pymodbus forwarder"
 UVLOOP: Final = "gateway, uvloop"
 ASYNCIO: Final = "gateway, asyncio"
+COMPILED: Final = "gateway compiled, uvloop"
+COMPILED_ASYNCIO: Final = "gateway compiled, asyncio"
 WITHOUT_TABLE: Final = ", no table"
 
 
@@ -36,7 +38,12 @@ class Tools:
 
     programs: Programs
     compared_python: Path
+    compiled: Path
     relay_cpus: tuple[int, ...] | None
+
+    def packages(self, *, is_compiled: bool) -> Path:
+        """Return where a gateway is imported from."""
+        return self.compiled if is_compiled else ROOT
 
 
 _given: set[int] = set()
@@ -87,6 +94,10 @@ def _socat(processes: Processes, tools: Tools, drive: int) -> Way:
     return Way.tcp(port)
 
 
+def _kind(*, has_uvloop: bool, is_compiled: bool) -> str:
+    return f"{'compiled-' if is_compiled else ''}{'uvloop' if has_uvloop else 'asyncio'}"
+
+
 def _modbus_proxy(processes: Processes, tools: Tools, drive: int) -> Way:
     port = free_port()
     program = tools.compared_python.with_name("modbus-proxy")
@@ -102,12 +113,13 @@ def _pymodbus(processes: Processes, tools: Tools, drive: int) -> Way:
     return Way.tcp(port)
 
 
-def _gateway(*, has_uvloop: bool, points: int = 201) -> Start:
+def _gateway(*, has_uvloop: bool, points: int = 201, is_compiled: bool = False) -> Start:
     def start(processes: Processes, tools: Tools, drive: int) -> Way:
         port = free_port()
         setup = GatewaySetup((LineSetup((Controller(tcp_port=port),), drive_port=drive),), points=points)
-        name = f"gateway-{'uvloop' if has_uvloop else 'asyncio'}-{points}"
-        start_gateway(processes, name, setup, has_uvloop=has_uvloop, cpus=tools.relay_cpus)
+        name = f"gateway-{_kind(has_uvloop=has_uvloop, is_compiled=is_compiled)}-{points}"
+        packages = tools.packages(is_compiled=is_compiled)
+        start_gateway(processes, name, setup, has_uvloop=has_uvloop, cpus=tools.relay_cpus, packages=packages)
         return Way.tcp(port)
 
     return start
@@ -121,6 +133,9 @@ TCP_CANDIDATES: Final[dict[str, Start]] = {
     UVLOOP + WITHOUT_TABLE: _gateway(has_uvloop=True, points=0),
     ASYNCIO: _gateway(has_uvloop=False),
     ASYNCIO + WITHOUT_TABLE: _gateway(has_uvloop=False, points=0),
+    COMPILED: _gateway(has_uvloop=True, is_compiled=True),
+    COMPILED + WITHOUT_TABLE: _gateway(has_uvloop=True, points=0, is_compiled=True),
+    COMPILED_ASYNCIO: _gateway(has_uvloop=False, is_compiled=True),
     MODBUS_PROXY: _modbus_proxy,
     PYMODBUS: _pymodbus,
 }
@@ -148,15 +163,19 @@ def _socat_on_ptys(processes: Processes, tools: Tools, cable: Cable) -> None:
     processes.start("socat-ptys", command, cpus=tools.relay_cpus)
 
 
-def gateway_on_ptys(*, has_uvloop: bool, points: int = 201, baudrate: int = 115200) -> StartOnPtys:
+def gateway_on_ptys(
+    *, has_uvloop: bool, points: int = 201, baudrate: int = 115200, is_compiled: bool = False
+) -> StartOnPtys:
     """Return how the gateway is started between two serial ports."""
 
     def start(processes: Processes, tools: Tools, cable: Cable) -> None:
         near = (Controller(tty=cable.near.path),)
         line = LineSetup(near, drive_tty=cable.far.path, baudrate=baudrate)
-        name = f"gateway-ptys-{'uvloop' if has_uvloop else 'asyncio'}-{points}-{baudrate}"
+        kind = _kind(has_uvloop=has_uvloop, is_compiled=is_compiled)
+        name = f"gateway-ptys-{kind}-{points}-{baudrate}"
         setup = GatewaySetup((line,), points=points)
-        start_gateway(processes, name, setup, has_uvloop=has_uvloop, cpus=tools.relay_cpus)
+        packages = tools.packages(is_compiled=is_compiled)
+        start_gateway(processes, name, setup, has_uvloop=has_uvloop, cpus=tools.relay_cpus, packages=packages)
 
     return start
 
@@ -167,4 +186,5 @@ PTY_CANDIDATES: Final[dict[str, StartOnPtys]] = {
     UVLOOP: gateway_on_ptys(has_uvloop=True),
     UVLOOP + WITHOUT_TABLE: gateway_on_ptys(has_uvloop=True, points=0),
     ASYNCIO: gateway_on_ptys(has_uvloop=False),
+    COMPILED: gateway_on_ptys(has_uvloop=True, is_compiled=True),
 }

@@ -70,6 +70,8 @@ class Bench:
 
     programs: Programs
     compared_python: Path
+    compiled: Path
+    """Where the gateway with its hot path compiled is imported from."""
     meter: Meter
     effort: Effort
     processors: Processors
@@ -77,7 +79,7 @@ class Bench:
 
     def tools(self, cpus: Cpus) -> Tools:
         """Return what candidates are started with, to run on these processors."""
-        return Tools(self.programs, self.compared_python, cpus)
+        return Tools(self.programs, self.compared_python, self.compiled, cpus)
 
     def rounds(self, what: str, count: int | None = None) -> Iterator[int]:
         """Count rounds, and say so."""

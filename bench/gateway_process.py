@@ -68,8 +68,11 @@ def start_gateway(
     has_uvloop: bool = True,
     is_whole: bool = False,
     cpus: Iterable[int] | None = None,
+    packages: Path = ROOT,
 ) -> Gateway:
     """Start a gateway: the relay alone where there is such a command, with ``is_whole`` both processes.
+
+    ``packages``: the folder from which it is imported.
 
     Raises:
         BenchError: its configuration is refused.
@@ -79,7 +82,7 @@ def start_gateway(
     _ask(gateway_command("check", *(["--compile"] if is_alone else []), config))
     command = "relay" if is_alone else "run"
     words = _serving_command(command, config, has_uvloop=has_uvloop)
-    return Gateway(processes.start(name, words, cpus=cpus), config, command)
+    return Gateway(processes.start(name, words, cpus=cpus, packages=packages), config, command)
 
 
 @functools.cache

@@ -19,9 +19,10 @@ Command = Sequence[str | Path]
 Process = subprocess.Popen[str]
 
 
-def environment() -> dict[str, str]:
-    """Return the environment of what is started: this checkout's packages come first."""
-    return {**os.environ, "PYTHONPATH": str(ROOT)}
+def environment(packages: Path = ROOT) -> dict[str, str]:
+    """Return the environment of what is started: a folder's packages come first, then this checkout's."""
+    folders = dict.fromkeys((str(packages), str(ROOT)))
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
 
 
 def pinned(command: Command, cpus: Iterable[int] | None) -> list[str]:
@@ -57,8 +58,12 @@ class Processes:
         cpus: Iterable[int] | None = None,
         fds: Sequence[int] = (),
         is_talking: bool = False,
+        packages: Path = ROOT,
     ) -> Process:
-        """Start a program. What it says goes to a log; if ``is_talking``, its output through a pipe."""
+        """Start a program. What it says goes to a log; if ``is_talking``, its output through a pipe.
+
+        ``packages``: the folder from which it imports, and in which it runs.
+        """
         with (self._logs / f"{name}.log").open("w") as log:
             process = subprocess.Popen(
                 pinned(command, cpus),
@@ -67,8 +72,8 @@ class Processes:
                 stderr=log,
                 pass_fds=fds,
                 text=True,
-                cwd=ROOT,
-                env=environment(),
+                cwd=packages,
+                env=environment(packages),
             )
         self._running.append(process)
         return process

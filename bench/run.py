@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from bench import machine, report
-from bench.building import build_programs, compared_python
+from bench.building import build_programs, compared_python, compiled_package
 from bench.context import Bench, Effort, Processors, Progress
 from bench.errors import BenchError
 from bench.measuring import Meter
@@ -100,9 +100,9 @@ def _measured(
     effort = replace(effort, rounds=options.rounds or effort.rounds, count=options.count or effort.count)
     BUILD.mkdir(exist_ok=True)
     say("building")
-    programs, python = build_programs(), compared_python(say)
+    programs, python, compiled = build_programs(), compared_python(say), compiled_package(say)
     disturbance = machine.Disturbance()
-    bench = Bench(programs, python, Meter(programs), effort, Processors.of_this_machine(), say)
+    bench = Bench(programs, python, compiled, Meter(programs), effort, Processors.of_this_machine(), say)
     sections: list[Section] = []
     for name in options.names:
         say(f"{name}: begins")

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 from typing import Final
 
 from bench.context import Bench
@@ -30,20 +31,22 @@ def run(bench: Bench) -> Section:
         "What `python -m bench.hot_path` measures: each call many times, all candidates interleaved, in one "
         "process. The median over several runs of it, with the interval over runs.",
     )
-    series: dict[str, list[Round]] = {}
+    plain: dict[str, list[Round]] = {}
+    compiled: dict[str, list[Round]] = {}
     for _ in bench.rounds(TITLE, bench.effort.of(RUNS, 3)):
-        for name, us in parsed(_printed()).items():
-            series.setdefault(name, []).append(Round(us, us, us, us))
-    rows = tuple((name, str(in_us(series, name))) for name in series)
-    section.tables.append(Table(("", "µs"), rows))
-    section.goals += goals(series)
+        for packages, series in ((ROOT, plain), (bench.compiled, compiled)):
+            for name, us in parsed(_printed(packages)).items():
+                series.setdefault(name, []).append(Round(us, us, us, us))
+    rows = tuple((name, str(in_us(compiled, name)), str(in_us(plain, name))) for name in plain)
+    section.tables.append(Table(("", "compiled µs", "not compiled µs"), rows))
+    section.goals += goals(compiled, "compiled") + goals(plain, "not compiled")
     return section
 
 
-def _printed() -> str:
+def _printed(packages: Path) -> str:
     done = subprocess.run(
         [sys.executable, "-m", "bench.hot_path"],
-        capture_output=True, text=True, check=False, cwd=ROOT, env=environment(), timeout=300,
+        capture_output=True, text=True, check=False, cwd=packages, env=environment(packages), timeout=300,
     )  # fmt: skip
     if done.returncode:
         raise BenchError(f"bench.hot_path failed:\n{done.stderr}")
@@ -65,8 +68,8 @@ def in_us(series: Series, name: str) -> Interval:
     return over_rounds({name: series[name]}, lambda pick: pick(name, "p50"))
 
 
-def goals(series: Series) -> list[Goal]:
-    """Compare with what the design asks for."""
+def goals(series: Series, build: str) -> list[Goal]:
+    """Compare with what the design asks for; ``build`` says of which gateway."""
 
     def times(of: str, to: str) -> Interval | None:
         if of not in series or to not in series:
@@ -83,10 +86,10 @@ def goals(series: Series) -> list[Goal]:
             *(1000 * value for value in (measured_ns.estimate, measured_ns.low, measured_ns.high))
         )
     return [
-        Goal("correction of one position, 1 000 points, µs", 1.0, us(EVEN_SMALL)),
-        Goal("correction of one position, 100 000 points, µs", 1.0, us(EVEN_LARGE)),
-        Goal("even grid, 100 000 ÷ 1 000 points", 1.2, times(EVEN_LARGE, EVEN_SMALL)),
-        Goal("free grid, 100 000 ÷ 1 000 points", 2.0, times(FREE_LARGE, FREE_SMALL)),
-        Goal("rewriting one FC16 request, bytes in to bytes out, µs", 3.0, us(REWRITING)),
-        Goal("measuring, ns per exchange", 600.0, measured_ns, remark="" if measured_ns else "not built yet"),
+        Goal(f"correction of one position, 1 000 points, µs, {build}", 1.0, us(EVEN_SMALL)),
+        Goal("… 100 000 points, µs", 1.0, us(EVEN_LARGE)),
+        Goal("… even grid, 100 000 ÷ 1 000 points", 1.2, times(EVEN_LARGE, EVEN_SMALL)),
+        Goal("… free grid, 100 000 ÷ 1 000 points", 2.0, times(FREE_LARGE, FREE_SMALL)),
+        Goal(f"rewriting one FC16 request, bytes in to bytes out, µs, {build}", 3.0, us(REWRITING)),
+        Goal(f"measuring, ns per exchange, {build}", 600.0, measured_ns),
     ]

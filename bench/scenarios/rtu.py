@@ -7,6 +7,7 @@ from typing import Final
 from bench.candidates import (
     ASYNCIO,
     C_RELAY,
+    COMPILED,
     DIRECT,
     PTY_CANDIDATES,
     SOCAT,
@@ -42,7 +43,7 @@ def run_rtu(bench: Bench) -> Section:
     for placement, series in by_placement.items():
         column = [str(ratio(series, name, SOCAT)) for name in series]
         section.tables.append(latency_table(series, [("p50 ÷ socat's", column)], f"Writes, {placement}."))
-    section.goals.append(_goal("RTU→RTU over ptys, round trip median ÷ socat's", by_placement, SOCAT))
+    section.goals += _goals("RTU→RTU over ptys, round trip median ÷ socat's", by_placement, SOCAT)
     return section
 
 
@@ -61,15 +62,16 @@ def run_mixed(bench: Bench) -> Section:
     for placement, series in by_placement.items():
         column = [str(ratio(series, name, C_RELAY)) for name in series]
         section.tables.append(latency_table(series, [("p50 ÷ C's", column)], f"Writes, {placement}."))
-    section.goals.append(
-        _goal("TCP→RTU over a pty, round trip median ÷ a relay's in C", by_placement, C_RELAY)
-    )
+    section.goals += _goals("TCP→RTU over a pty, round trip median ÷ a relay's in C", by_placement, C_RELAY)
     return section
 
 
-def _goal(what: str, by_placement: dict[str, Series], to: str) -> Goal:
-    remark = f"{ANYWHERE}: {ratio(by_placement[ANYWHERE], UVLOOP, to)}"
-    return Goal(what, 1.1, ratio(by_placement[ON_ONE], UVLOOP, to), remark=remark)
+def _goals(what: str, by_placement: dict[str, Series], to: str) -> list[Goal]:
+    def goal(name: str, of: str) -> Goal:
+        remark = f"{ANYWHERE}: {ratio(by_placement[ANYWHERE], of, to)}"
+        return Goal(name, 1.1, ratio(by_placement[ON_ONE], of, to), remark=remark)
+
+    return [goal(f"{what}, compiled", COMPILED), goal("… not compiled", UVLOOP)]
 
 
 def _rtu_series(bench: Bench, placement: str, cpus: Cpus) -> Series:
@@ -94,7 +96,7 @@ def _mixed_series(bench: Bench, placement: str, cpus: Cpus) -> Series:
         processes = stack.enter_context(Processes())
         ways: dict[str, Way] = {}
         fds: list[int] = []
-        for name in (C_RELAY, UVLOOP, ASYNCIO):
+        for name in (C_RELAY, UVLOOP, ASYNCIO, COMPILED):
             far, port = stack.enter_context(closing(Pty())), free_port()
             fds.append(far.master_fd)
             ways[name] = Way.tcp(port)
@@ -103,8 +105,9 @@ def _mixed_series(bench: Bench, placement: str, cpus: Cpus) -> Series:
                 processes.start("converting-relay-in-c", command, cpus=cpus)
                 continue
             setup = GatewaySetup((LineSetup((Controller(tcp_port=port),), drive_tty=far.path),))
-            label = f"gateway-tcp-to-rtu-{name.rpartition(' ')[2]}"
-            start_gateway(processes, label, setup, has_uvloop=name == UVLOOP, cpus=cpus)
+            label = f"gateway-tcp-to-rtu-{name.replace(', ', '-').replace(' ', '-')}"
+            packages = bench.tools(cpus).packages(is_compiled=name == COMPILED)
+            start_gateway(processes, label, setup, has_uvloop=name != ASYNCIO, cpus=cpus, packages=packages)
         start_drive(processes, bench.programs, [f"fd:{fd}" for fd in fds], fds=fds, cpus=cpus)
         return _measured(bench, f"{MIXED_TITLE}, {placement}", ways, cpus)
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from bench.candidates import free_port
 from bench.context import Bench, Cpus
-from bench.figures import Round, Series, ratio
+from bench.figures import Interval, Round, Series, over_rounds, ratio
 from bench.gateway_process import Gateway, start_gateway
 from bench.gateway_setup import Controller, GatewaySetup, LineSetup
 from bench.measuring import Load, Way, start_drive
@@ -18,6 +18,7 @@ TITLE: Final = "32 axes, 8 lines, 64 controllers"
 ONE: Final = "1 axis, 1 line, 1 controller"
 MANY: Final = TITLE
 TOGETHER: Final = "all 64 at once"
+DIRECT_ONE, DIRECT_MANY = "direct, 1 connection", "direct, 64 connections"
 LINES, AXES_PER_LINE, CONTROLLERS_PER_LINE = 8, 4, 8
 LIMIT: Final = 1.2
 
@@ -40,18 +41,27 @@ class _Rig:
         self._gateway: Gateway = start_gateway(processes, name, setup, cpus=cpus)
         # Line by line within each turn, so that neighbouring requests are on different lines.
         self._way = Way.tcp(*(own[i] for i in range(controllers) for own in ports))
+        self._direct = Way.tcp(*(drive.ports * controllers))
         self._cpus = cpus
         for own in ports:
             bench.meter.wait_until_serving(Way.tcp(own[0]), self._units)
 
     def measure(self, *, is_concurrent: bool = False) -> tuple[Round, Round]:
         """Return round trips, and the relay's processor time per exchange."""
-        load = Load(self._bench.effort.count, units=self._units, is_concurrent=is_concurrent, cpus=self._cpus)
+        load = self._load(is_concurrent=is_concurrent)
         pid = self._gateway.relay_pid
         before = cpu_ns(pid)
         trips = self._bench.meter.run(self._way, load).from_sent
         used = (cpu_ns(pid) - before) / (load.count + load.warmup)
         return trips, Round(used, used, used, used)
+
+    def measure_direct(self) -> tuple[Round, Round]:
+        """Return round trips over as many connections and nothing in between; no relay is busy."""
+        return self._bench.meter.run(self._direct, self._load()).from_sent, Round(0, 0, 0, 0)
+
+    def _load(self, *, is_concurrent: bool = False) -> Load:
+        count = self._bench.effort.count
+        return Load(count, units=self._units, is_concurrent=is_concurrent, cpus=self._cpus)
 
 
 def run(bench: Bench) -> Section:
@@ -61,6 +71,8 @@ def run(bench: Bench) -> Section:
         f"{MANY} ({AXES_PER_LINE} axes and {CONTROLLERS_PER_LINE} controllers on each line, each controller "
         f"behind a port of its own) beside {ONE}; writes of positions, all on one processor. One request at "
         "a time in all, controller after controller: what an exchange costs because there is so much else. "
+        "So many connections cost controller and drive more as well, also with nothing in between: *direct* "
+        "is that, over as many connections, and *added* is what the gateway adds to it. "
         "Then every controller at once, each with a request of its own under way: its round trips contain "
         "the wait for the others.",
     )
@@ -69,20 +81,37 @@ def run(bench: Bench) -> Section:
         one = _Rig(bench, processes, "gateway-one", (1, 1, 1), cpus)
         many = _Rig(bench, processes, "gateway-many", (LINES, AXES_PER_LINE, CONTROLLERS_PER_LINE), cpus)
         measures: dict[str, Callable[[], tuple[Round, Round]]] = {
+            DIRECT_ONE: one.measure_direct,
             ONE: one.measure,
+            DIRECT_MANY: many.measure_direct,
             MANY: many.measure,
             TOGETHER: partial(many.measure, is_concurrent=True),
         }
         pairs = bench.interleaved(TITLE, measures)
     trips: Series = {name: [trip for trip, _ in found] for name, found in pairs.items()}
     costs: Series = {name: [cost for _, cost in found] for name, found in pairs.items()}
-    times = [in_us(median([cost.p50 for cost in rounds])) for rounds in costs.values()]
-    ratios = [str(ratio(costs, name, ONE)) for name in costs]
+    is_direct = [name in {DIRECT_ONE, DIRECT_MANY} for name in costs]
+    used = [in_us(median([cost.p50 for cost in rounds])) for rounds in costs.values()]
+    times = ["" if direct else text for direct, text in zip(is_direct, used, strict=True)]
+    ratios = [
+        "" if direct else str(ratio(costs, name, ONE)) for direct, name in zip(is_direct, costs, strict=True)
+    ]
     section.tables.append(
         latency_table(trips, [("relay's processor time µs", times), ("÷ one axis", ratios)])
     )
     section.goals += [
-        Goal(f"{MANY}: processor time per exchange ÷ one axis", LIMIT, ratio(costs, MANY, ONE)),
+        Goal(f"{MANY}: added median ÷ one axis", LIMIT, _added_ratio(trips)),
+        Goal("… relay's processor time per exchange ÷ one axis", LIMIT, ratio(costs, MANY, ONE)),
         Goal("… median round trip ÷ one axis", LIMIT, ratio(trips, MANY, ONE)),
     ]
     return section
+
+
+def _added_ratio(trips: Series) -> Interval:
+    """Return what the large gateway adds to as many direct connections ÷ what the small one adds to one."""
+    return over_rounds(
+        trips,
+        lambda pick: (
+            (pick(MANY, "p50") - pick(DIRECT_MANY, "p50")) / (pick(ONE, "p50") - pick(DIRECT_ONE, "p50"))
+        ),
+    )

@@ -27,6 +27,7 @@ from gateway.cli import (
     table,
 )
 from gateway.cli.standard_streams import Output, OutputLostError
+from gateway.compiled import is_compiled
 
 app = typer.Typer(
     name="pitch-gateway",
@@ -58,7 +59,7 @@ app.add_typer(drives.app, name="drives")
 
 def _show_version(value: bool) -> None:
     if value:
-        sys.stdout.write(f"pitch-gateway {__version__}\n")
+        sys.stdout.write(f"pitch-gateway {__version__}{' (compiled)' if is_compiled() else ''}\n")
         raise typer.Exit
 
 

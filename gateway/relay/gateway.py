@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import gateway
 from gateway.compensation.settings import Gain
+from gateway.compiled import is_compiled
 from gateway.exchange.control import ControlError, TableChange
 from gateway.exchange.remembering import FindTable
 from gateway.ipc.compiled_plan import find_table as find_table_in
@@ -236,6 +237,7 @@ class Relay:
             "gateway": {
                 "name": self._plan.name,
                 "version": gateway.__version__,
+                "compiled": is_compiled(),
                 "uptime_s": round(uptime_s, 3),
                 "relay": "up",
                 "snapshot_age_s": 0.0,

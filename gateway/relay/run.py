@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.compiled import is_compiled
 from gateway.exchange.plan import CompensationMode
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note, Severity
@@ -181,7 +182,8 @@ class _Log:
         self.say("stopping", lines=list(busy), detail=f"{waits}; a second signal ends at once")
 
     def plan(self, plan: GatewayPlan, loop: asyncio.AbstractEventLoop) -> None:
-        self.say("starting", gateway=plan.name, loop=type(loop).__module__.partition(".")[0])
+        loop_name = type(loop).__module__.partition(".")[0]
+        self.say("starting", gateway=plan.name, loop=loop_name, compiled=is_compiled())
         for line in plan.lines:
             controllers = [f"{link.plan.name} ({link.plan.role.value})" for link in line.controllers]
             self.say("line", line=line.name, drives=str(line.drives), controllers=controllers)
