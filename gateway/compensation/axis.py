@@ -11,7 +11,16 @@ from gateway.compensation.correction_map import IDENTITY, CorrectionMap
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, changeover_distance
 from gateway.compensation.direction import Direction, Travel, follow
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
-from gateway.compensation.moves import Accepted, Move, Place, PlaceKind, State, SteadyMove
+from gateway.compensation.moves import (
+    Accepted,
+    Move,
+    Place,
+    PlaceKind,
+    State,
+    SteadyMove,
+    advance_change,
+    is_reversing,
+)
 from gateway.compensation.readback import Fade, Readback, after_target
 from gateway.compensation.settings import AxisSettings, OutsideKind, Setpoints
 from gateway.counts import Counts
@@ -62,7 +71,7 @@ class AxisCompensation:
     def is_blending(self) -> bool:
         """Whether a reversal or a change-over is under way."""
         state = self.state
-        return state.previous is not None or state.spec is not self._wanted or _is_reversing(state)
+        return state.previous is not None or state.spec is not self._wanted or is_reversing(state)
 
     def machine_position(self, counts: Counts) -> float:
         """Machine position, in units, of a count of either frame."""
@@ -162,24 +171,26 @@ class AxisCompensation:
 
         ``is_reached``: the axis stands at the target before, whatever was read of it on the way there.
         """
-        standing = self._standing_counts
+        seen, has_target = self._standing_counts, self.accepted is not None
         before = self.accepted.corrected_counts if self.accepted else corrected_counts
-        if standing is None or (is_reached and self.accepted is not None):
-            standing = before
-        low, high = min(standing, before, corrected_counts), max(standing, before, corrected_counts)
-        is_unseen = self._standing_counts is None and self.accepted is not None and not is_reached
-        if is_unseen and self.settings.setpoints is Setpoints.TARGETS:  # it may be anywhere on the way before
+        standing = before if seen is None or (is_reached and has_target) else seen
+        low, high = (before, corrected_counts) if before < corrected_counts else (corrected_counts, before)
+        low, high = min(low, standing), max(high, standing)
+        if seen is None and has_target and not is_reached and not self.is_stream:
+            # It may be anywhere on the way before.
             low, high = min(low, self.way[0]), max(high, self.way[1])
         self.way = (low, high)
+        target = Accepted(move.nominal_counts, corrected_counts)
+        is_there = has_target and standing == before
         self.readback = after_target(
-            self.readback, move.correction_map, move.nominal_counts, corrected_counts, standing
+            self.readback, move.correction_map, target, standing, is_at_target=is_there
         )
         goes_on = self._goes_on(move)
         is_other = move.state.spec is not self.state.spec
         self.state = move.state
         if is_other:  # something else may have been asked for while it was on its way
             self._measure_change()
-        self.accepted = Accepted(move.nominal_counts, corrected_counts)
+        self.accepted = target
         self._standing_counts = None
         if not goes_on:
             self._note_steadiness()
@@ -335,14 +346,14 @@ class AxisCompensation:
         elapsed_ms = (now_ns - state.at_ns) / NS_PER_MS
         travel = state.travel if state.position is not None else Travel(state.travel.direction, position)
         travel = follow(travel, position, self._hysteresis)
-        was_reversing = _is_reversing(state)
+        was_reversing = is_reversing(state)
         state = State(
             position, travel, state.progress, state.spec, state.previous, state.change,
             state.change_distance, False, now_ns,
         )  # fmt: skip
         if state.previous is not None:  # one blend at a time: a reversal waits for the change-over
-            return _advance_change(state, distance)
-        if _is_reversing(state):
+            return advance_change(state, distance)
+        if is_reversing(state):
             if not distance:
                 return state
             share = 1.0
@@ -386,15 +397,3 @@ class AxisCompensation:
                 f"corrected machine position {corrected:.6g} leaves the travel {low:g} to {high:g} "
                 f"by more than travel_margin = {self.settings.travel_margin:g} {self.settings.units.value}"
             )
-
-
-def _is_reversing(state: State) -> bool:
-    direction = state.travel.direction
-    return direction is not Direction.UNKNOWN and state.progress != direction.goal
-
-
-def _advance_change(state: State, distance: float) -> State:
-    change = towards(state.change, 1.0, distance / state.change_distance if state.change_distance else 1.0)
-    if change >= 1.0:
-        return state._replace(previous=None, change=1.0)
-    return state._replace(change=change)

@@ -3,6 +3,7 @@
 from enum import Enum
 from typing import NamedTuple
 
+from gateway.compensation.blend import towards
 from gateway.compensation.correction_map import CorrectionMap
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
 from gateway.compensation.direction import Direction, Travel
@@ -62,3 +63,17 @@ class Accepted(NamedTuple):
 
     nominal_counts: Counts
     corrected_counts: Counts
+
+
+def is_reversing(state: State) -> bool:
+    """Whether a blend between the branches is under way."""
+    direction = state.travel.direction
+    return direction is not Direction.UNKNOWN and state.progress != direction.goal
+
+
+def advance_change(state: State, distance: float) -> State:
+    """Return a state whose change-over has gone on by a distance, in units."""
+    change = towards(state.change, 1.0, distance / state.change_distance if state.change_distance else 1.0)
+    if change >= 1.0:
+        return state._replace(previous=None, change=1.0)
+    return state._replace(change=change)

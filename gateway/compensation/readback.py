@@ -12,6 +12,7 @@ Three parts, all frozen when a target is accepted:
 from typing import Final, NamedTuple
 
 from gateway.compensation.correction_map import IDENTITY, CorrectionMap
+from gateway.compensation.moves import Accepted
 from gateway.counts import Counts
 
 AWAY_PER_DIFFERENCE: Final = 20.0
@@ -50,6 +51,8 @@ class Readback(NamedTuple):
     correction_map: CorrectionMap = IDENTITY
     anchor_counts: float = 0.0
     fade: Fade | None = None
+    end: float | None = None
+    """Nominal machine position at the target that it is for; None where it is for none."""
 
     def correction_counts(self, corrected_counts: Counts) -> float:
         """Counts to take out of a reading: ``nominal = corrected - correction``, not rounded."""
@@ -78,39 +81,37 @@ class Readback(NamedTuple):
 def after_target(
     previous: Readback,
     correction_map: CorrectionMap,
-    nominal_counts: Counts,
-    corrected_counts: Counts,
+    target: Accepted,
     standing_counts: Counts,
+    *,
+    is_at_target: bool,
 ) -> Readback:
     """Return the readback that holds once a target was accepted.
 
     Args:
         previous: the readback in force until now.
         correction_map: the correction that the target was given.
-        nominal_counts: what the controller commanded.
-        corrected_counts: what the drive was told, in whole steps of its register.
+        target: what the controller commanded, and what the drive was told in whole steps of its register.
         standing_counts: where the axis is, as the drive reports it.
+        is_at_target: that is exactly where the target of ``previous`` was.
     """
     counts_per_unit, zero_counts = previous.counts_per_unit, previous.zero_counts
+    nominal_counts, corrected_counts = target
     corrected = (corrected_counts - zero_counts) / counts_per_unit
     end, correction = correction_map.solve(corrected, (nominal_counts - zero_counts) / counts_per_unit)
     anchor = (corrected_counts - nominal_counts) - correction * counts_per_unit
     if standing_counts == corrected_counts:
-        return Readback(counts_per_unit, zero_counts, correction_map, anchor)
-    standing = (standing_counts - zero_counts) / counts_per_unit
-    start, correction = correction_map.solve(standing, standing - correction_map.correction(standing))
-    if correction_map is previous.correction_map and previous.fade is None:
-        difference = anchor - previous.anchor_counts
+        return Readback(counts_per_unit, zero_counts, correction_map, anchor, None, end)
+    if is_at_target and previous.end is not None and correction_map is previous.correction_map:
+        # The same place through the same map, where a fade has ended: nothing needs to be solved again.
+        start, difference = previous.end, anchor - previous.anchor_counts
     else:
+        standing = (standing_counts - zero_counts) / counts_per_unit
+        start, correction = correction_map.solve(standing, standing - correction_map.correction(standing))
         now_read = correction * counts_per_unit + anchor
-        if correction_map is previous.correction_map and previous.fade is not None:
-            # What previous.correction_counts says, without solving the same map for the same place again.
-            was_read = correction * counts_per_unit + previous.anchor_counts - previous.fade.remaining(start)
-        else:
-            was_read = previous.correction_counts(standing_counts)
-        difference = now_read - was_read
+        difference = now_read - previous.correction_counts(standing_counts)
     fade = None
     if abs(difference) >= NEGLIGIBLE_COUNTS:
         away = max(abs(end - start), AWAY_PER_DIFFERENCE * abs(difference / counts_per_unit))
         fade = Fade(difference, start, end, away)
-    return Readback(counts_per_unit, zero_counts, correction_map, anchor, fade)
+    return Readback(counts_per_unit, zero_counts, correction_map, anchor, fade, end)

@@ -204,7 +204,7 @@ class AxisMemory:
             self._clear()
             return
         state, accepted, shadow = compensation.state, compensation.accepted, axis.last_shadow
-        _, _, _, anchor, fade = compensation.readback
+        _, _, _, anchor, fade, _ = compensation.readback
         move = None
         specs: Specs = (state.spec, state.previous, None, None, axis.wanted)
         if pending is not None and pending.move is not None:

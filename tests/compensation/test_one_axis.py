@@ -11,7 +11,8 @@ from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_spec import CorrectionSpec, spec_of_table
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError, SettingsError
 from gateway.compensation.limits import motion_report
-from gateway.compensation.moves import Place, PlaceKind
+from gateway.compensation.moves import Accepted, Place, PlaceKind
+from gateway.compensation.readback import after_target
 from gateway.compensation.settings import (
     AxisSettings,
     Gain,
@@ -308,3 +309,27 @@ def test_motion_report_bounds_what_the_table_adds() -> None:
 def _spec_and_settings(table: CorrectionTable, **more: Any) -> tuple[CorrectionSpec, AxisSettings]:
     chosen = plain_settings(**more)
     return spec_of_table(table, chosen), chosen
+
+
+@given(tables(), COUNTS_PER_UNIT, st.lists(st.floats(-0.2, 1.2), min_size=2, max_size=8))
+def test_the_place_of_the_target_before_need_not_be_worked_out_again(
+    table: CorrectionTable, counts_per_unit: float, places: list[float]
+) -> None:
+    axis = axis_with(table, counts_per_unit, setpoints=Setpoints.STREAM, max_correction=1e6)
+    for now_ns, place in enumerate(places):
+        before, stood_at = axis.readback, axis.accepted
+        nominal = round(counts_per_unit * (table.first + place * (table.last - table.first)))
+        corrected = send(axis, nominal, now_ns=now_ns)
+        if stood_at is None:
+            continue
+        solved = after_target(
+            before,
+            axis.readback.correction_map,
+            Accepted(nominal, corrected),
+            stood_at.corrected_counts,
+            is_at_target=False,
+        )
+        for share in (0.0, 0.3, 0.7, 1.0):
+            reading = stood_at.corrected_counts + share * (corrected - stood_at.corrected_counts)
+            remembered = axis.readback.correction_counts(reading)
+            assert remembered == pytest.approx(solved.correction_counts(reading), abs=1e-3)
