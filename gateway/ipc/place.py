@@ -48,6 +48,8 @@ class SocketPlace:
 
     def __init__(self, state: Path) -> None:
         self.path = socket_path(state)
+        self.was_killed = False
+        """Whether the gateway before ended without leaving: its socket was still there."""
         self._lock_fd: int | None = None
         self._inode = 0
 
@@ -104,6 +106,7 @@ class SocketPlace:
                 other.connect(str(self.path))
             except ConnectionRefusedError:
                 self.path.unlink()  # whoever made it has gone
+                self.was_killed = True
                 return
             except BlockingIOError:
                 pass  # somebody listens and is too busy to take us

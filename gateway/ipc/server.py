@@ -69,6 +69,11 @@ class ControlServer:
         return self._place.path
 
     @property
+    def was_killed(self) -> bool:
+        """Whether the gateway before this one ended without leaving; known once this one is open."""
+        return self._place.was_killed
+
+    @property
     def clients(self) -> int:
         """How many are connected."""
         return len(self._sessions)

@@ -122,6 +122,8 @@ class Relay:
         for line in () if problems else self._lines:
             if self._state is not None:
                 line.keep_records(self._state, self._find_table)
+            if self._control is not None and self._control.was_killed:
+                line.rest_first()
             problems += await line.open()
         if problems:
             for line in self._lines:

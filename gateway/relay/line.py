@@ -11,6 +11,7 @@ from gateway.exchange.control import TableChange
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
 from gateway.exchange.remembering import FindTable
+from gateway.exchange.rest import Rest
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc.notes import Severity
 from gateway.ipc.plan import LinePlan
@@ -98,6 +99,18 @@ class Line:
                 is_used=not self._is_recorded,
             )
             self._records.append(record)
+
+    def rest_first(self) -> None:
+        """Wait for silence before anything is sent; before :meth:`open`. See ``RtuDriveLink.rest_first``."""
+        if isinstance(self._link, RtuDriveLink):
+            self._link.rest_first(self.plan.timing)
+            self._journal.note(
+                Severity.WARNING,
+                "line-rests",
+                line=self.plan.name,
+                detail="the gateway before this one was killed and a drive may still answer it: waiting for "
+                f"{Rest(self.plan.timing).drain_ms:g} ms of silence",
+            )
 
     async def open(self) -> list[str]:
         """Open listeners and ports; returns one line for each that cannot be opened, with its key.
