@@ -113,7 +113,15 @@ def checked(data: bytes) -> CorrectionTable:
         WrongTableError: see there; or the points are not those that were written.
     """
     table = mapped(memoryview(data))
-    wanted = data[_FIELDS.size - _DIGEST_BYTES : _FIELDS.size]
-    if hashlib.sha256(memoryview(data)[HEADER_BYTES:]).digest() != wanted:
-        raise WrongTableError("the points of the compiled table are damaged: their digest is another")
+    check_points(memoryview(data))
     return table
+
+
+def check_points(data: memoryview) -> None:
+    """Compare the points of a table whose header is good with their digest; other threads go on meanwhile.
+
+    Raises:
+        WrongTableError: they are not those that were written.
+    """
+    if hashlib.sha256(data[HEADER_BYTES:]).digest() != data[_FIELDS.size - _DIGEST_BYTES : _FIELDS.size]:
+        raise WrongTableError("the points of the compiled table are damaged: their digest is another")

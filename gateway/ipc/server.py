@@ -3,7 +3,7 @@
 import asyncio
 import os
 import socket
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -22,7 +22,7 @@ IDLE_S: Final = 30.0
 ACCEPT_AGAIN_S: Final = 1.0
 
 
-def _no_tables(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
+async def _no_tables(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
     return Done(problems=("tables are not taken here",))
 
 
@@ -36,13 +36,13 @@ def _no_note(_detail: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Desk:
-    """What a server does for its clients; every function returns at once.
+    """What a server does for its clients; every function returns at once, but ``hand_over`` may wait.
 
-    ``hand_over`` gets the descriptors of a message with it, and may not keep them; they are closed after it.
+    It gets the descriptors of a message with it, and may not keep them; they are closed after it.
     """
 
     answer: Callable[[Request], Reply]
-    hand_over: Callable[[SetTable, Sequence[int]], Reply] = _no_tables
+    hand_over: Callable[[SetTable, Sequence[int]], Awaitable[Reply]] = _no_tables
     status: Callable[[], Mapping[str, Any]] = _no_status
     complain: Callable[[str], None] = _no_note
     """Gets a sentence about what was refused; not more than one a minute of each kind."""

@@ -5,6 +5,7 @@ import asyncio
 import contextlib
 import os
 import socket
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from gateway.ipc.listener import Listener
@@ -51,6 +52,8 @@ class Session:
         self._is_ending = False
         self._loop = asyncio.get_running_loop()
         self._is_reading = False
+        self._handing_over: asyncio.Task[None] | None = None
+        """Nothing else of this client is taken until its tables are."""
         self._idle = self._loop.call_later(server.idle_s, self.drop)
         self._read_on()
 
@@ -109,7 +112,7 @@ class Session:
 
     def _next(self) -> None:
         """Answer one request; more that came with it wait for a turn of the loop each, as frames do."""
-        if not self._is_open or self._is_ending:
+        if not self._is_open or self._is_ending or self._is_handing_over():
             return
         line, end, rest = self._data.partition(b"\n")
         if len(line) > MAX_REQUEST_BYTES:
@@ -121,11 +124,16 @@ class Session:
         else:
             self._data = rest
             self._take(line)
-            if rest:
+            if self._is_handing_over():
+                self._read_no_more()
+            elif rest:
                 self._read_no_more()  # nobody makes us keep more than we answer
                 self._loop.call_soon(self._next)
             else:
                 self._read_on()
+
+    def _is_handing_over(self) -> bool:
+        return self._handing_over is not None
 
     def _emptied(self) -> None:
         if self._is_ending:
@@ -164,12 +172,24 @@ class Session:
         if isinstance(request, Subscribe):
             self._subscribe(request)
         elif isinstance(request, SetTable):
-            try:
-                self._send(desk.hand_over(request, tuple(self._descriptors)))
-            finally:
-                self._close_descriptors()
+            self._idle.cancel()
+            descriptors, self._descriptors = self._descriptors, []
+            self._handing_over = self._loop.create_task(self._hand_over(request, descriptors))
         else:
             self._send(desk.answer(request))
+
+    async def _hand_over(self, request: SetTable, descriptors: list[int]) -> None:
+        try:
+            reply = await self._server.desk.hand_over(request, tuple(descriptors))
+        finally:
+            _close(descriptors)
+            self._handing_over = None
+        if not self._is_open:
+            return
+        if self.listener is None:
+            self._wait_for_it()
+        self._send(reply)
+        self._next()
 
     def _subscribe(self, request: Subscribe) -> None:
         if self.listener is not None:
@@ -208,7 +228,11 @@ class Session:
         self._server.complaints.add(kind, f"a client (user {self._uid}): {reason}")
 
     def _close_descriptors(self) -> None:
-        for descriptor in self._descriptors:
-            with contextlib.suppress(OSError):
-                os.close(descriptor)
+        _close(self._descriptors)
         self._descriptors.clear()
+
+
+def _close(descriptors: Sequence[int]) -> None:
+    for descriptor in descriptors:
+        with contextlib.suppress(OSError):
+            os.close(descriptor)

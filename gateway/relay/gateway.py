@@ -293,7 +293,7 @@ class Relay:
         try:
             desk = Desk(
                 answer=partial(self._named, "a command", partial(answer, self)),
-                hand_over=partial(self._named, "a table", partial(hand_over, self)),
+                hand_over=partial(hand_over, self, partial(self._activity.of, "a table")),
                 status=self.status,
                 complain=lambda detail: self._journal.note(Severity.WARNING, "socket-refused", detail=detail),
             )

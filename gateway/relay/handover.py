@@ -1,10 +1,19 @@
 """Tables that come over the socket: what is checked before one is mapped, and what is said of it."""
 
-from collections.abc import Sequence
+import asyncio
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from typing import Protocol
 
 from gateway.exchange.control import ControlError, TableChange
-from gateway.ipc.compiled_table import HEADER_BYTES, MAX_POINTS, POINT_BYTES, WrongTableError, mapped
+from gateway.ipc.compiled_table import (
+    HEADER_BYTES,
+    MAX_POINTS,
+    POINT_BYTES,
+    WrongTableError,
+    check_points,
+    mapped,
+)
 from gateway.ipc.messages import Done, SetTable, TableFor
 from gateway.ipc.sealed_memory import NotSealedError, map_sealed
 
@@ -28,30 +37,55 @@ class TableTaker(Protocol):
         ...
 
 
-def hand_over(relay: TableTaker, request: SetTable, descriptors: Sequence[int]) -> Done:
+async def hand_over(
+    relay: TableTaker,
+    during: Callable[[], AbstractContextManager[object]],
+    request: SetTable,
+    descriptors: Sequence[int],
+) -> Done:
     """Map the tables of a message and put them into force, all of them or none.
 
-    The descriptors stay the caller's.
+    Frames pass while the points are compared with their digest. The descriptors stay the caller's;
+    ``during`` is entered for what the loop does itself.
     """
     try:
-        changes = [
-            _change(relay, table, descriptor)
-            for table, descriptor in zip(request.tables, descriptors, strict=True)
-        ]
-        comes = relay.set_tables(changes)
+        with during():
+            pairs = zip(request.tables, descriptors, strict=True)
+            found = [_mapped(relay, table, descriptor) for table, descriptor in pairs]
+        for wanted, data in zip(request.tables, found, strict=True):
+            await _check(wanted, data)
+        with during():
+            changes = [_change(wanted, data) for wanted, data in zip(request.tables, found, strict=True)]
+            comes = relay.set_tables(changes)
     except ControlError as error:
         relay.note_refused(str(error))
         return Done(problems=(str(error),))
     return Done(changed=tuple(comes), comes=comes)
 
 
-def _change(relay: TableTaker, wanted: TableFor, descriptor: int) -> TableChange:
+def _mapped(relay: TableTaker, wanted: TableFor, descriptor: int) -> memoryview:
     if wanted.axis not in relay.axes:
         raise ControlError(
             f"axis {wanted.axis}: there is none of that name; there are {', '.join(relay.axes)}"
         )
     try:
-        table = mapped(map_sealed(descriptor, LARGEST_BYTES))
+        data = map_sealed(descriptor, LARGEST_BYTES)
+        mapped(data)
     except (NotSealedError, WrongTableError) as error:
-        raise ControlError(f"the table for axis {wanted.axis}: {error}") from None
-    return TableChange(wanted.axis, table, wanted.file, wanted.format, wanted.sha256)
+        raise _refused(wanted, error) from None
+    return data
+
+
+async def _check(wanted: TableFor, data: memoryview) -> None:
+    try:
+        await asyncio.to_thread(check_points, data)
+    except WrongTableError as error:
+        raise _refused(wanted, error) from None
+
+
+def _change(wanted: TableFor, data: memoryview) -> TableChange:
+    return TableChange(wanted.axis, mapped(data), wanted.file, wanted.format, wanted.sha256)
+
+
+def _refused(wanted: TableFor, error: Exception) -> ControlError:
+    return ControlError(f"the table for axis {wanted.axis}: {error}")

@@ -49,7 +49,7 @@ class Counter:
             return Status(status={})
         return Pong(name="", gateway_version="", pid=1) if isinstance(request, Ping) else Done()
 
-    def hand_over(self, request: SetTable, descriptors: Sequence[int]) -> Reply:
+    async def hand_over(self, request: SetTable, descriptors: Sequence[int]) -> Reply:
         self.requests.append(request)
         self.contents.append([os.pread(descriptor, 100, 0) for descriptor in descriptors])
         return Done(changed=tuple(table.axis for table in request.tables))
@@ -112,6 +112,16 @@ async def test_descriptors_arrive_in_their_order_and_are_closed_afterwards(tmp_p
         assert reply == Done(changed=("x", "y"))
         assert counter.contents == [[b"one", b"two"]]
         assert open_descriptors() == before
+
+
+async def test_requests_behind_a_table_are_answered_after_it(tmp_path: Path) -> None:
+    counter = Counter()
+    async with serving(tmp_path, counter) as server:
+        mine = [seal(b"one", "1")]
+        data = encode(SetTable(tables=(TABLE,))) + encode(Ping()) + encode(GetStatus())
+        replies = await asyncio.to_thread(say, server.path, data, mine, 3)
+        os.close(mine[0])
+        assert [type(reply) for reply in replies] == [Done, Pong, Status]
 
 
 def a_pipe() -> int:

@@ -257,6 +257,16 @@ def of(change: Callable[[bytes], bytes]) -> Callable[[], int]:
         ("x", of(lambda data: data[: HEADER_BYTES - 1] + b"\0" + data[HEADER_BYTES:]), "is damaged"),
         (
             "x",
+            of(lambda data: data[:-8] + struct.pack("=d", -50.0)),
+            "the table for axis x: the points of the compiled table are damaged",
+        ),
+        (
+            "x",
+            of(lambda data: data[:-8] + struct.pack("=d", float("nan"))),
+            "the table for axis x: the points of the compiled table are damaged",
+        ),
+        (
+            "x",
             lambda: seal(compiled(table_of(0.0, 0.001, units=Units.INCH)), "table"),
             "the table for axis x is in inch, not mm",
         ),
