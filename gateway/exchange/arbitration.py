@@ -8,7 +8,10 @@ A monitor's exchange starts at two kinds of chances, and only if it fits the gap
 
 It is taken to last as long as it did the last time; one that was never seen, as long as a motion exchange.
 One that has waited for ``monitor_max_wait_ms``, or for half of its controller's ``timeout_ms``, starts at the
-next chance all the same. Where no motion exchange was seen for a second, monitors need not wait at all.
+next chance all the same: it is forced. However many monitors there are, the next one is forced only when
+``monitor_max_wait_ms`` has passed since the last one ended, and nine times as long as that one held the line,
+the rest after a time-out included: at most a tenth of the line's time is taken from motion. Where no motion
+exchange was seen for a second, monitors need not wait at all.
 """
 
 from collections.abc import Sequence
@@ -24,6 +27,8 @@ REMEMBERED: Final = 256
 """Requests whose duration is remembered."""
 SHRINKS: Final = 8
 """A duration that was not reached again is taken to be an eighth shorter the next time."""
+PAID_BACK: Final = 9
+"""Motion gets the line for so many times as long as a forced exchange held it."""
 HEAD_BYTES: Final = 5
 """Bytes of a PDU that say what is asked for."""
 
@@ -72,6 +77,11 @@ class Gaps:
         """Of the gaps of ``quiet_ms`` and more."""
         self._durations_ns: dict[bytes, int] = {}
         self._motion_ns = 0
+        self._forced: Exchange | None = None
+        """The last one that went although it did not fit."""
+        self._forced_since_ns = 0
+        self._next_forced_ns = 0
+        """No other one is forced before."""
 
     def motion_came(self, now_ns: int) -> None:
         """Note a motion request that found no other motion exchange under way."""
@@ -82,50 +92,64 @@ class Gaps:
         if gap_ns >= self._quiet_ns:
             self._long.note(gap_ns, now_ns)
 
-    def ended(self, exchange: Exchange, now_ns: int, *, is_motion: bool) -> None:
-        """Note the end of an exchange, answered or not."""
-        took_ns = now_ns - exchange.sent_ns
-        if is_motion:
-            self._ended_ns = now_ns
-            self._motion_ns = max(took_ns, self._motion_ns - self._motion_ns // SHRINKS)
+    def ended(self, exchange: Exchange, now_ns: int, rests_until_ns: int | None = None) -> None:
+        """Note the end of an exchange, answered or not, and the rest of the line that it leaves behind it."""
+        if not self.is_watching:
             return
+        if exchange.is_motion:
+            self._ended_ns = now_ns
+            self._motion_ns = max(now_ns - exchange.sent_ns, self._motion_ns - self._motion_ns // SHRINKS)
+            return
+        free_ns = now_ns if rests_until_ns is None else rests_until_ns
         if len(self._durations_ns) >= REMEMBERED:
             self._durations_ns.clear()
         before_ns = self._durations_ns.get(_key(exchange), 0)
-        self._durations_ns[_key(exchange)] = max(took_ns, before_ns - before_ns // SHRINKS)
+        self._durations_ns[_key(exchange)] = max(free_ns - exchange.sent_ns, before_ns - before_ns // SHRINKS)
+        # One that needs a frame of the gateway's own first ends twice; it held the line for both.
+        if exchange is self._forced:
+            held_ns = free_ns - self._forced_since_ns
+            self._next_forced_ns = free_ns + max(self._max_wait_ns, PAID_BACK * held_ns)
 
     def choose(self, first: Sequence[Exchange], now_ns: int) -> tuple[Exchange | None, int | None]:
-        """Return the first exchange whose turn it is; else None, and when to ask again."""
+        """Return the first exchange whose turn it is; else None, and when to ask again.
+
+        The line is free, and no motion waits. One whose controller has given up is returned too: it is to be
+        withdrawn, and must not keep back what waits behind it.
+        """
+        idle_ns = self._idle_ns(now_ns)
+        is_chance = not 0 < idle_ns < self._quiet_ns
         for exchange in first:
-            if self.may_start(exchange, now_ns):
+            if idle_ns >= NS_PER_S or exchange.why_given_up(now_ns):
+                return exchange, None
+            if not is_chance:
+                continue
+            if self._fits(exchange, idle_ns, now_ns):
+                return exchange, None
+            if now_ns >= self._forced_from_ns(exchange):
+                self._forced, self._forced_since_ns = exchange, now_ns
                 return exchange, None
         return None, min((self.next_chance_ns(exchange, now_ns) for exchange in first), default=None)
-
-    def may_start(self, exchange: Exchange, now_ns: int) -> bool:
-        """Whether it is the turn of a monitor's exchange; the line is free, and no motion waits."""
-        idle_ns = self._idle_ns(now_ns)
-        if idle_ns >= NS_PER_S:
-            return True
-        if 0 < idle_ns < self._quiet_ns:
-            return False
-        return now_ns >= self._waits_until_ns(exchange) or self._fits(exchange, idle_ns, now_ns)
 
     def next_chance_ns(self, exchange: Exchange, now_ns: int) -> int:
         """When to ask again, if no motion exchange comes before."""
         ended_ns = now_ns - self._idle_ns(now_ns)
-        quiet_ns = ended_ns + self._quiet_ns
-        if not self._fits(exchange, self._quiet_ns, quiet_ns) or quiet_ns <= now_ns:
-            quiet_ns = max(quiet_ns, self._waits_until_ns(exchange))
-        return max(now_ns + 1, min(quiet_ns, ended_ns + NS_PER_S))
+        next_ns = ended_ns + self._quiet_ns
+        if not self._fits(exchange, self._quiet_ns, next_ns) or next_ns <= now_ns:
+            next_ns = max(next_ns, self._forced_from_ns(exchange))
+        if exchange.port is not None:  # then it is to be withdrawn
+            given_up_ns = exchange.arrived_ns + int(exchange.port.plan.timeout_ms * NS_PER_MS) + 1
+            next_ns = min(next_ns, given_up_ns)
+        return max(now_ns + 1, min(next_ns, ended_ns + NS_PER_S))
 
     def _idle_ns(self, now_ns: int) -> int:
         return NS_PER_S if self._ended_ns is None else now_ns - self._ended_ns
 
-    def _waits_until_ns(self, exchange: Exchange) -> int:
+    def _forced_from_ns(self, exchange: Exchange) -> int:
+        """When it goes at the next chance although it does not fit."""
         max_wait_ns = self._max_wait_ns
         if exchange.port is not None:
             max_wait_ns = min(max_wait_ns, int(exchange.port.plan.timeout_ms * NS_PER_MS) // 2)
-        return exchange.arrived_ns + max_wait_ns
+        return max(exchange.arrived_ns + max_wait_ns, self._next_forced_ns)
 
     def _fits(self, exchange: Exchange, idle_ns: int, now_ns: int) -> bool:
         gap_ns = (self._long if idle_ns else self._any).get(now_ns)

@@ -186,7 +186,7 @@ class LineExchange:
             assert exchange.port is not None
             self.meter.note(exchange, exchange.port, pdu, now_ns)
         if self._gaps.is_watching:
-            self._gaps.ended(exchange, now_ns, is_motion=exchange.is_motion)
+            self._gaps.ended(exchange, now_ns)
         if axes:
             self._news.look(axes)
         if self._waiting.total:
@@ -366,6 +366,7 @@ class LineExchange:
             self._link.send_request(unit_id, pdu)
             self.counters.broadcasts += 1
             self._rest.turn_around(now_ns)
+            self._gaps.ended(exchange, now_ns, self._rest.until_ns)
             for rewriting in exchange.rewritings:
                 note_broadcast(rewriting, now_ns)
             self._news.look(self.axes)
@@ -388,8 +389,6 @@ class LineExchange:
     def _time_out(self, exchange: Exchange, now_ns: int) -> None:
         self._link.abandon()
         self._current = None
-        if self._gaps.is_watching:
-            self._gaps.ended(exchange, now_ns, is_motion=exchange.is_motion)
         self.counters.timeouts += 1
         unit_id = exchange.wire_unit_id
         self._silent.timed_out(unit_id)
@@ -397,4 +396,5 @@ class LineExchange:
         self._silent.doubt(unit_id, now_ns)
         if self._link.is_serial:
             self._rest.drain(now_ns)
+        self._gaps.ended(exchange, now_ns, self._rest.until_ns)
         self._ends.fail(exchange, NO_RESPONSE)
