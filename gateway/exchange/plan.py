@@ -142,4 +142,4 @@ class LineTiming:
     quiet_ms: float = 5.0
     """Time without a motion exchange after which a monitor's may start; directly after one it may always."""
     monitor_max_wait_ms: float = 200.0
-    """A monitor's request that has waited for as long goes at the next gap, though it does not fit; one at a time."""
+    """A monitor's request that has waited for as long goes at the next gap, though it does not fit."""
