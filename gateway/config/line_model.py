@@ -166,5 +166,5 @@ class LineSection(StrictModel):
     )
     monitor_max_wait_ms: Milliseconds = Field(
         default=_TIMING.monitor_max_wait_ms,
-        description="milliseconds after which a monitor's request goes at the next gap that it does not fit",
+        description="milliseconds after which a monitor's request no longer waits for a gap that it fits",
     )
