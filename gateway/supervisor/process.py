@@ -5,16 +5,14 @@ import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
 
+from gateway.ipc.children import RELOADS
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, Severity
 from gateway.ipc.place import socket_path
 from gateway.supervisor.link import Link
 from gateway.supervisor.tables import Outcome, bring_up_to_date
-
-RELOADS: Final = signal.SIGHUP
 
 
 def run_supervisor(
