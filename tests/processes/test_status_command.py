@@ -1,8 +1,11 @@
 """``status``: one look at a gateway that runs."""
 
+import contextlib
 import json
+import socket
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -52,3 +55,24 @@ def test_without_a_gateway_the_remedy_is_said(site: Site, options: tuple[str, ..
         f"{site.config}: no gateway runs: nobody listens at {site.socket}; "
         f"start it with: pitch-gateway run {site.config}\n"
     )
+
+
+def test_a_command_gets_in_past_connections_that_do_nothing(site: Site) -> None:
+    with gateway_of(site) as (gateway, master), contextlib.ExitStack() as stack:
+        assert master.move(50_000) == 50_050
+        for _ in range(10):
+            idle = stack.enter_context(socket.socket(socket.AF_UNIX))
+            idle.connect(str(site.socket))
+        off = typed("disable", str(site.config))
+        assert (off.returncode, off.stderr) == (0, "")
+        assert master.move(60_000) == 60_000
+        assert typed("status", str(site.config)).returncode == 0
+        assert gateway.end() == 0
+    # Its listener is not among those that had to go.
+    assert "relay-not-reached" not in [
+        note["event"] for note in gateway.notes if note["timestamp"] < _stopping(gateway.notes)
+    ]
+
+
+def _stopping(notes: list[dict[str, Any]]) -> str:
+    return next(str(note["timestamp"]) for note in notes if note["event"] == "stopping")
