@@ -1,7 +1,6 @@
 """The socket of a gateway: where it is, who may have it, and what is left of one that ended badly."""
 
 import contextlib
-import fcntl
 import os
 import socket
 import stat
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.ipc.folder_problems import FolderProblem, problem_of
+from gateway.ipc.state_lock import take_lock
 
 SOCKET_NAME: Final = "relay.sock"
 LOCK_NAME: Final = "relay.lock"
@@ -95,10 +95,8 @@ class SocketPlace:
             self._lock_fd = None
 
     def _lock(self) -> None:
-        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
-        self._lock_fd = os.open(self.path.with_name(LOCK_NAME), flags, 0o600)
         try:
-            fcntl.flock(self._lock_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._lock_fd = take_lock(self.path.with_name(LOCK_NAME))
         except BlockingIOError:
             raise self._in_use() from None
 
