@@ -23,6 +23,7 @@ from gateway.cli import (
     run,
     signtest,
     simulate,
+    status,
     supervise,
     table,
 )
@@ -45,6 +46,7 @@ app.command("check")(check.check)
 app.command("budget")(budget.budget)
 app.command("probe")(probe.probe)
 app.command("signtest")(signtest.signtest)
+app.command("status")(status.status)
 app.command("enable")(enable.enable)
 app.command("disable")(disable.disable)
 app.command("reference")(reference.reference)

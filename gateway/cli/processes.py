@@ -14,7 +14,7 @@ from typing import Any, Final, NoReturn
 import typer
 
 import gateway
-from gateway.ipc.children import HELD_BACK, READY
+from gateway.ipc.children import HELD_BACK, READY, RELOADS
 from gateway.ipc.notes import LogFormat, Note, Severity
 from gateway.ipc.state_folder import StateError, state_folder
 
@@ -60,15 +60,16 @@ def _environment() -> dict[str, str]:
 def run_both(relay: list[str], supervisor: list[str], write: Callable[[Note], None]) -> int:
     """Run both until SIGTERM, SIGINT or the end of the relay; returns the exit code.
 
-    They write into the same log; ``write`` is for what is said here, and may block. A supervisor that ends is
-    started again, later each time; the relay goes on without it.
+    SIGHUP is passed on to the supervisor, which reads the tables anew. They write into the same log;
+    ``write`` is for what is said here, and may block. A supervisor that ends is started again, later each
+    time; the relay goes on without it.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, HELD_BACK)
     try:
         return _Pair(relay, supervisor, _unless_full(write)).run()
     finally:
-        while signal.sigtimedwait(STOPS, 0) is not None:
-            pass  # nothing is left to stop
+        while signal.sigtimedwait(STOPS | {RELOADS}, 0) is not None:
+            pass  # nothing is left to stop, or to reload
         signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)
 
 
@@ -116,6 +117,8 @@ class _Pair:
             found = signal.sigtimedwait(HELD_BACK, self._longest_wait_s())
             if found is not None and found.si_signo in STOPS:
                 self._stop(found.si_signo)
+            elif found is not None and found.si_signo == RELOADS:
+                self._reload()
             elif found is not None and (found.si_signo, found.si_pid) == (READY, self._relay.pid):
                 self._is_relay_ready = True
                 self._start_supervisor()
@@ -147,6 +150,10 @@ class _Pair:
         if not self._is_stopping:
             self._supervisor = _started(self._supervisor_command)
             self._supervisor_since_s = time.monotonic()
+
+    def _reload(self) -> None:
+        if self._supervisor is not None:  # one that is only started reads them by itself
+            self._supervisor.send_signal(RELOADS)
 
     def _stop(self, number: int) -> None:
         """Stop both; the second time the relay ends at once."""

@@ -22,7 +22,7 @@ def supervise(
     It waits for the relay and finds it again. Tables are read when the relay is reached, and on SIGHUP; a bad
     one changes nothing and is in the log with file, line and reason.
 
-    Exit code 0 after a stop; 1 when CONFIG cannot be read.
+    Exit code 0 after a stop; 1 when CONFIG cannot be read, or another supervisor has its state folder.
 
     Examples:
         pitch-gateway supervise gateway.toml

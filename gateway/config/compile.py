@@ -4,6 +4,7 @@ import hashlib
 
 from gateway.config.load import Loaded
 from gateway.ipc.compiled_plan import write_plan
+from gateway.ipc.folder_problems import problem_of
 from gateway.ipc.state_folder import StateError
 
 
@@ -19,9 +20,9 @@ def compile_into_state(loaded: Loaded) -> dict[str, bytes]:
             if not drive.is_shipped:
                 profile = (loaded.path.parent / drive.name).resolve()
                 sources[str(profile)] = hashlib.sha256(profile.read_bytes()).hexdigest()
+    except OSError as error:
+        raise StateError(f"{error.filename}: {error.strerror or error}; it was there a moment ago") from None
+    try:
         return write_plan(loaded.state_folder, loaded.plan, sources)
     except OSError as error:
-        raise StateError(
-            f"gateway.state: {error.filename or loaded.state_folder}: {error.strerror or error}; give this "
-            "user write permission to the folder, or choose another one with [gateway] state"
-        ) from None
+        raise StateError(f"gateway.state: {problem_of(error, loaded.state_folder)}") from None

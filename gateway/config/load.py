@@ -15,6 +15,7 @@ from gateway.config.check_lines import check_lines
 from gateway.config.check_motion import check_motion
 from gateway.config.check_references import check_references
 from gateway.config.check_roles import check_roles
+from gateway.config.check_state import check_state
 from gateway.config.check_tables import check_tables
 from gateway.config.check_ways import check_ways
 from gateway.config.document import Document, read_document
@@ -58,6 +59,7 @@ def load(path: Path, *, checks_times: bool = True) -> Loaded:
     tables_folder = path.parent / sections.gateway.tables
     tables = read_tables(findings, sections, tables_folder)
     check_tables(findings, sections.axes, tables)
+    check_state(findings, path.parent / sections.gateway.state)
     if checks_times:
         check_budget(findings, sections, tables, drives)
     findings.raise_if_any()

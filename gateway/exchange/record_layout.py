@@ -187,10 +187,15 @@ def header(name: str) -> bytes:
     return HEADER.pack(MAGIC, VERSION, name.encode())
 
 
-def why_not_readable(data: bytes | memoryview, name: str) -> str:
-    """Return what is wrong with the beginning of a record, "" where nothing is."""
-    if len(data) != RECORD_SIZE:
-        return f"it has {len(data)} bytes and not {RECORD_SIZE}"
+def why_not_readable(data: bytes | memoryview, name: str, size: int | None = None) -> str:
+    """Return what is wrong with the beginning of a record, "" where nothing is.
+
+    ``size`` is that of the whole file in bytes, where ``data`` is only a part of it.
+    """
+    if size is None:
+        size = len(data)
+    if size != RECORD_SIZE:
+        return f"it has {size} bytes and not {RECORD_SIZE}"
     magic, version, owner = HEADER.unpack_from(data)
     if magic != MAGIC:
         return "it is no record of an axis"

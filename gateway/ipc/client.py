@@ -1,5 +1,6 @@
 """Asking a gateway that runs: one request, one reply, over its socket. Blocking, for commands."""
 
+import contextlib
 import os
 import socket
 import time
@@ -46,9 +47,11 @@ def ask(
             connection.settimeout(timeout_s)
             connection.connect(str(path))
             check_owner(path, connection)
-            data = encode(request)
-            sent = socket.send_fds(connection, [data], descriptors)
-            connection.sendall(data[sent:])
+            # A gateway without a place for us says so and closes, before it has heard anything.
+            with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+                data = encode(request)
+                sent = socket.send_fds(connection, [data], descriptors)
+                connection.sendall(data[sent:])
             line = _read_line(connection, deadline_s)
     except (FileNotFoundError, ConnectionRefusedError, NotADirectoryError):
         raise NobodyListensError(f"no gateway runs: nobody listens at {path}") from None
@@ -84,7 +87,10 @@ def _read_line(connection: socket.socket, deadline_s: float) -> bytes:
         if left_s <= 0:
             raise TimeoutError
         connection.settimeout(left_s)
-        chunk = connection.recv(CHUNK_BYTES)
+        try:
+            chunk = connection.recv(CHUNK_BYTES)
+        except ConnectionResetError:
+            break
         if not chunk or len(data) > MAX_REPLY_BYTES:
             break
         data += chunk

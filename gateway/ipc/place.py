@@ -1,13 +1,15 @@
 """The socket of a gateway: where it is, who may have it, and what is left of one that ended badly."""
 
 import contextlib
-import fcntl
 import os
 import socket
 import stat
 import struct
 from pathlib import Path
 from typing import Final
+
+from gateway.ipc.folder_problems import FolderProblem, problem_of
+from gateway.ipc.state_lock import take_lock
 
 SOCKET_NAME: Final = "relay.sock"
 LOCK_NAME: Final = "relay.lock"
@@ -29,14 +31,26 @@ def socket_path(state: Path) -> Path:
     Raises:
         SocketError: it is too long for a socket.
     """
-    path = Path(os.path.abspath(state)) / SOCKET_NAME  # noqa: PTH100 - links stay links, they may be shorter
+    problem = why_too_long(state)
+    if problem is not None:
+        raise SocketError(str(problem))
+    return _socket_path(state)
+
+
+def why_too_long(state: Path) -> FolderProblem | None:
+    """Return why no socket can be in a state folder because of its length, None where one can."""
+    path = _socket_path(state)
     length = len(os.fsencode(path))
-    if length > LONGEST_PATH:
-        raise SocketError(
-            f"{path} has {length} bytes, and the path of a socket has {LONGEST_PATH} at most; "
-            "give [gateway] state a shorter folder, for example /run/pitch-gateway"
-        )
-    return path
+    if length <= LONGEST_PATH:
+        return None
+    return FolderProblem(
+        f"{path} has {length} bytes, and the path of a socket has {LONGEST_PATH} at most",
+        "give [gateway] state a shorter folder, for example /run/pitch-gateway",
+    )
+
+
+def _socket_path(state: Path) -> Path:
+    return Path(os.path.abspath(state)) / SOCKET_NAME  # noqa: PTH100 - links stay links, they may be shorter
 
 
 class SocketPlace:
@@ -66,10 +80,7 @@ class SocketPlace:
             return self._listen()
         except OSError as error:
             self.leave()
-            raise SocketError(
-                f"{error.filename or self.path}: {error.strerror or error}; give this user write permission "
-                "to the folder, or choose another one with [gateway] state"
-            ) from error
+            raise SocketError(str(problem_of(error, self.path.parent))) from error
         except SocketError:
             self.leave()
             raise
@@ -86,10 +97,8 @@ class SocketPlace:
             self._lock_fd = None
 
     def _lock(self) -> None:
-        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
-        self._lock_fd = os.open(self.path.with_name(LOCK_NAME), flags, 0o600)
         try:
-            fcntl.flock(self._lock_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._lock_fd = take_lock(self.path.with_name(LOCK_NAME))
         except BlockingIOError:
             raise self._in_use() from None
 

@@ -1,6 +1,8 @@
 """The gateway's end of its socket. Nothing here waits: a client that hangs costs a buffer, and is dropped."""
 
 import asyncio
+import contextlib
+import itertools
 import os
 import socket
 from collections.abc import Awaitable, Callable, Mapping, Sequence
@@ -9,14 +11,19 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.ipc.complaints import Complaints
-from gateway.ipc.messages import Done, Happened, Reply, Request, SetTable
+from gateway.ipc.messages import Done, Happened, Refused, Reply, Request, SetTable, encode
 from gateway.ipc.place import ROOT_UID, SocketPlace, peer_uid
 from gateway.ipc.session import Session
 
 MAX_CLIENTS: Final = 8
-"""At once. Whoever comes when they are all there is closed at once."""
-MAX_LISTENERS: Final = 4
+"""At once. When they are all there, the one that has been silent longest makes room for the next; where
+none is idle the next is refused, with the reason."""
+MAX_LISTENERS: Final = MAX_CLIENTS // 2
 """Of them; so that listeners which hang leave room for commands."""
+NO_PLACE: Final = (
+    f"all {MAX_CLIENTS} places are taken, by listeners and by requests under way; try again in a moment, or "
+    "end one of the programs that are connected"
+)
 IDLE_S: Final = 30.0
 """A client that sends nothing whole for so long, or does not take its replies, is dropped."""
 ACCEPT_AGAIN_S: Final = 1.0
@@ -60,6 +67,8 @@ class ControlServer:
         self.complaints = Complaints(self.desk.complain)
         self._listening: socket.socket | None = None
         self._sessions: set[Session] = set()
+        self.turns = itertools.count()
+        """Tells which client was heard last."""
         self._is_pump_due = False
         self._later: asyncio.TimerHandle | None = None
 
@@ -141,12 +150,22 @@ class ControlServer:
             self._listen(is_on=False)
             self._later = asyncio.get_running_loop().call_later(ACCEPT_AGAIN_S, self._listen)
             return
-        if len(self._sessions) >= MAX_CLIENTS:
-            connection.close()
-            self.complaints.add("clients", f"more than {MAX_CLIENTS} clients at once")
-            return
         connection.setblocking(False)
+        if len(self._sessions) >= MAX_CLIENTS and not self._make_room():
+            with contextlib.suppress(OSError):
+                connection.send(encode(Refused(reason=NO_PLACE)))
+            connection.close()
+            self.complaints.add("clients", f"a client was refused: {NO_PLACE}")
+            return
         self._sessions.add(Session(self, connection, peer_uid(connection)))
+
+    def _make_room(self) -> bool:
+        """Have the idle client that was heard longest ago give up its place; whether there is one."""
+        idle = [session for session in self._sessions if not session.is_busy]
+        if not idle:
+            return False
+        min(idle, key=lambda session: session.last_turn).give_way()
+        return True
 
     def _listen(self, *, is_on: bool = True) -> None:
         if self._listening is not None:

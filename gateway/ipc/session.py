@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 READ_BYTES: Final = 4096
 UNTAKEN_BYTES: Final = 65536
 """Replies that wait for a client; beyond that nothing more is read from it."""
+GAVE_WAY: Final = "all places were taken, and this client was silent longest: connect again"
 _DESCRIPTOR_BYTES: Final = array.array("i").itemsize
 _ANCILLARY_BYTES: Final = socket.CMSG_SPACE((MAX_TABLES + 1) * _DESCRIPTOR_BYTES)
 """Room for one too many; of what is beyond it the system closes the rest itself."""
@@ -50,12 +51,29 @@ class Session:
         self._outbox = Outbox(connection, self._emptied, self.drop)
         self._is_open = True
         self._is_ending = False
+        self.last_turn = next(server.turns)
+        """When it was heard last, by the count of its server."""
         self._loop = asyncio.get_running_loop()
         self._is_reading = False
         self._handing_over: asyncio.Task[None] | None = None
         """Nothing else of this client is taken until its tables are."""
         self._idle = self._loop.call_later(server.idle_s, self.drop)
         self._read_on()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether it is told what happens, or a request of it is under way: half of one, too."""
+        if self._is_ending:
+            return False
+        is_asking = self._data or self._descriptors or self._outbox.waiting_bytes
+        return self.listener is not None or bool(is_asking) or self._has_unread()
+
+    def give_way(self) -> None:
+        """Say that its place is wanted, and close."""
+        self._complain("place", "it was silent longest, and another one wanted its place")
+        if not self._is_ending:
+            self._send(Refused(reason=GAVE_WAY))
+        self.drop()
 
     def drop(self) -> None:
         """Close at once."""
@@ -83,6 +101,12 @@ class Session:
             self._is_reading = False
             self._loop.remove_reader(self._connection.fileno())
 
+    def _has_unread(self) -> bool:
+        try:
+            return bool(self._connection.recv(1, socket.MSG_PEEK))
+        except OSError:
+            return False
+
     def _readable(self) -> None:
         try:
             data, ancillary, flags, _ = self._connection.recvmsg(
@@ -102,6 +126,7 @@ class Session:
         elif flags & socket.MSG_CTRUNC or len(self._descriptors) > MAX_TABLES:
             self._refuse("descriptor", f"more than {MAX_TABLES} descriptors")
         else:
+            self.last_turn = next(self._server.turns)
             self._data += data
             self._next()
 

@@ -107,8 +107,7 @@ def _mapped(path: Path, name: str) -> tuple[mmap.mmap, str]:
     fd = os.open(path, flags, 0o600)
     try:
         size = os.fstat(fd).st_size
-        head = os.pread(fd, RECORD_SIZE + 1, 0) if size else b""
-        wrong = why_not_readable(head, name) if size else ""
+        wrong = why_not_readable(os.pread(fd, RECORD_SIZE, 0), name, size) if size else ""
         if wrong or not size:
             os.ftruncate(fd, 0)
         os.posix_fallocate(fd, 0, RECORD_SIZE)

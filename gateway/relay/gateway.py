@@ -1,6 +1,7 @@
 """The relay: every line of a checked configuration, started, watched and stopped."""
 
 import asyncio
+import os
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -15,9 +16,10 @@ from gateway.exchange.remembering import FindTable
 from gateway.ipc.compiled_plan import find_table as find_table_in
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.complaints import Complaints
+from gateway.ipc.folder_problems import why_open_to_others
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, Severity
-from gateway.ipc.place import SocketError
+from gateway.ipc.place import ROOT_UID, SocketError
 from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.ipc.server import ControlServer, Desk
 from gateway.relay.activity import Activity
@@ -300,9 +302,17 @@ class Relay:
             self._control = ControlServer(self._state, desk)
             self._journal.on_note = self._tell
             await self._control.open()
+            self._look_at_folder(self._state)
         except SocketError as error:
             return [f"gateway.state: {error}"]
         return []
+
+    def _look_at_folder(self, state: Path) -> None:
+        problem = why_open_to_others(state, frozenset((os.geteuid(), ROOT_UID)))
+        if problem is not None:
+            self._journal.note(
+                Severity.WARNING, "state-folder-open", detail=problem.found, remedy=problem.remedy
+            )
 
     def _named(self, name: str, work: Callable[..., _Result], *arguments: Any) -> _Result:
         """Do something for a client, and note how long it took."""

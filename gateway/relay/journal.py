@@ -13,7 +13,13 @@ from gateway.ipc.log_thread import CAPACITY
 from gateway.ipc.notes import Note, Severity
 
 QUIET_KINDS: Final = frozenset(
-    {EventKind.LINE_UP, EventKind.DRIVE_ANSWERS, EventKind.AXIS_REFERENCED, EventKind.RESTORED}
+    {
+        EventKind.LINE_UP,
+        EventKind.DRIVE_ANSWERS,
+        EventKind.AXIS_REFERENCED,
+        EventKind.RESTORED,
+        EventKind.BUDGET_KEPT,
+    }
 )
 """Good news; every other event of the exchange is a warning."""
 

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from gateway.compiled import is_compiled
 from gateway.exchange.plan import CompensationMode
+from gateway.ipc.children import RELOADS
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note, Severity
 from gateway.ipc.plan import GatewayPlan
@@ -53,6 +54,7 @@ LINE_FIELDS: Final = (
 )
 CONTROLLER_FIELDS: Final = ("crc_errors", "dropped_bytes", "malformed", "refused_connections")
 UNFINISHED: Final = "an exchange was not finished: whether the drive took it is not known"
+HANGUP_MEANS: Final = "SIGHUP changes nothing here: the supervisor reads the tables anew, and SIGTERM stops"
 SHADOW_MEANS: Final = "corrections are computed and shown; positions pass unchanged in both directions"
 
 
@@ -66,6 +68,8 @@ def run_relay(
     on_ready: Callable[[], None] | None = None,
 ) -> None:
     """Run until SIGTERM or SIGINT, then stop cleanly. ``status_every_s`` 0: no status lines.
+
+    SIGHUP changes nothing: a terminal that is closed must not stop an axis.
 
     ``write`` writes a note into the log and may block: it is called by a thread of its own, which nothing
     waits for, except the end for ``ipc.log_thread.CLOSE_S`` seconds at most.
@@ -110,6 +114,7 @@ async def _serve(
 
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop)
+    loop.add_signal_handler(RELOADS, log.hangup)
     loop.set_exception_handler(log.unexpected)
     log.plan(plan, loop)
     await relay.start()
@@ -173,6 +178,9 @@ class _Log:
         error = context.get("exception")
         where = "".join(traceback.format_exception(error)) if isinstance(error, BaseException) else ""
         self.say("unexpected", Severity.ERROR, detail=context.get("message", ""), traceback=where)
+
+    def hangup(self) -> None:
+        self.say("hangup-ignored", detail=HANGUP_MEANS)
 
     def stopping(self, relay: Relay) -> None:
         busy = relay.busy_lines

@@ -1,20 +1,25 @@
 """The supervisor as a process: loop, signals, log."""
 
 import asyncio
+import os
 import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from gateway.ipc.children import RELOADS
+from gateway.ipc.folder_problems import problem_of
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, Severity
 from gateway.ipc.place import socket_path
+from gateway.ipc.state_folder import StateError, make_folder
+from gateway.ipc.state_lock import take_lock
 from gateway.supervisor.link import Link
 from gateway.supervisor.tables import Outcome, bring_up_to_date
 
-RELOADS: Final = signal.SIGHUP
+LOCK_NAME: Final = "supervisor.lock"
 
 
 def run_supervisor(
@@ -26,11 +31,36 @@ def run_supervisor(
 
     Raises:
         SocketError: the path of the relay's socket is too long.
+        StateError: another supervisor has the state folder, or it cannot be had.
     """
-    log = LogThread(write)
-    supervisor = Supervisor(config, socket_path(state), log.write, tells_events=tells_events)
-    with asyncio.Runner() as runner:
-        runner.run(_with_log(log, supervisor))
+    path = socket_path(state)
+    lock_fd = _lock(state)
+    try:
+        log = LogThread(write)
+        supervisor = Supervisor(config, path, log.write, tells_events=tells_events)
+        with asyncio.Runner() as runner:
+            runner.run(_with_log(log, supervisor))
+    finally:
+        os.close(lock_fd)
+
+
+def _lock(state: Path) -> int:
+    """Be the only supervisor of a state folder; returns the descriptor of its lock.
+
+    Raises:
+        StateError: there is one already, or the folder cannot be had.
+    """
+    path = state / LOCK_NAME
+    try:
+        make_folder(state)
+        return take_lock(path)
+    except BlockingIOError:
+        raise StateError(
+            f"gateway.state: {path} belongs to a supervisor that runs: stop it first (run has one of its "
+            "own), or give this one a folder of its own with [gateway] state"
+        ) from None
+    except OSError as error:
+        raise StateError(f"gateway.state: {problem_of(error, state)}") from None
 
 
 async def _with_log(log: LogThread, supervisor: "Supervisor") -> None:

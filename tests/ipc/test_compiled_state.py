@@ -218,9 +218,10 @@ def test_of_tables_that_no_axis_has_any_more_only_the_newest_stay(config: Path) 
 
 
 def test_a_file_where_the_state_folder_should_be_is_said(config: Path) -> None:
+    loaded = load(config)
     (config.parent / "state").write_text("")
     with pytest.raises(StateError, match=r"gateway\.state: .*state.*: File exists"):
-        compile_into_state(load(config))
+        compile_into_state(loaded)
 
 
 # --- one table ---------------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ from gateway.ipc.messages import (
     encode,
 )
 from gateway.ipc.place import SocketError, socket_path
-from gateway.ipc.server import MAX_CLIENTS, ControlServer
+from gateway.ipc.server import ControlServer
 
 PATIENCE_S = 10.0
 
@@ -112,7 +112,7 @@ async def test_a_file_in_its_place_is_not_removed(tmp_path: Path) -> None:
 
 async def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(SocketError, match=r"file.*Not a directory; give this user write permission"):
+    with pytest.raises(SocketError, match=r"file.*Not a directory; a file stands where a folder should be"):
         await ControlServer(tmp_path / "file" / "state", echo).open()
 
 
@@ -148,20 +148,6 @@ async def test_a_client_that_takes_no_replies_is_dropped(tmp_path: Path) -> None
                         True
                     ):  # until what was sent and not taken fills every buffer, and then it is dropped
                         await asyncio.get_running_loop().sock_sendall(greedy, request)
-        assert isinstance(await asyncio.to_thread(ask, server.path, Ping()), Pong)
-
-
-async def test_more_clients_than_there_may_be_are_closed_at_once(tmp_path: Path) -> None:
-    async with serving(tmp_path) as server:
-        held = [await asyncio.open_unix_connection(str(server.path)) for _ in range(MAX_CLIENTS)]
-        with pytest.raises(NoGatewayError):
-            await asyncio.to_thread(ask, server.path, Ping())
-        for _, writer in held:
-            writer.close()
-            await writer.wait_closed()
-        async with asyncio.timeout(PATIENCE_S):
-            while server.clients:  # noqa: ASYNC110 - nobody is told
-                await asyncio.sleep(0)
         assert isinstance(await asyncio.to_thread(ask, server.path, Ping()), Pong)
 
 

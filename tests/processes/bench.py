@@ -100,6 +100,11 @@ class Master:
         self.send(counts)
         return self._connection.recv(300) == encode_mbap(self._number, 1, bytes.fromhex("90 04"))
 
+    def is_answered_with_an_exception(self) -> bool:
+        """Return whether what was sent last is answered with any exception."""
+        answer = self._connection.recv(300)
+        return len(answer) == 9 and answer[7] == 0x90
+
     def send(self, counts: int) -> None:
         """Command a position, and leave the answer where it is."""
         self._number = self._number % 60_000 + 1

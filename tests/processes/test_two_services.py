@@ -155,3 +155,23 @@ def test_a_supervisor_of_another_version_is_refused_and_the_relay_goes_on(site: 
         assert "a message of version 3" in refused["detail"]
         assert master.move(50_000) == 50_050
         assert gateway.end() == 0
+
+
+def test_a_second_supervisor_on_the_same_folder_is_refused(site: Site) -> None:
+    config = str(site.config)
+    refusal = (
+        f"{config}: gateway.state: {site.config.parent}/state/supervisor.lock belongs to a supervisor that "
+        "runs: stop it first (run has one of its own), or give this one a folder of its own with "
+        "[gateway] state\n"
+    )
+    with running("supervise", config) as supervisor:
+        supervisor.until("supervising")
+        second = typed("supervise", config)
+        assert (second.returncode, second.stderr) == (1, refusal)
+        supervisor.process.kill()  # the lock goes with its process, whatever way that ends
+        supervisor.rest()
+    with gateway_of(site) as (gateway, master):
+        beside_run = typed("supervise", config)
+        assert (beside_run.returncode, beside_run.stderr) == (1, refusal)
+        assert master.move(50_000) == 50_050
+        assert gateway.end() == 0

@@ -83,10 +83,11 @@ def _both_slots(path: Path) -> None:
         (lambda path: path.write_bytes(b"garbage"), "it has 7 bytes and not 12288"),
         (lambda path: path.write_bytes(b"garbage!" * (RECORD_SIZE // 8)), "it is no record of an axis"),
         (lambda path: path.write_bytes(path.read_bytes() + b"!"), "it has 12289 bytes and not 12288"),
+        (lambda path: path.write_bytes(path.read_bytes() * 3), "it has 36864 bytes and not 12288"),
         (_other_axis, "it belongs to axis y"),
         (_both_slots, "both of its copies are damaged"),
     ],
-    ids=["short", "garbage", "long", "other", "both"],
+    ids=["short", "garbage", "long", "three times as long", "other", "both"],
 )
 def test_a_spoilt_file_is_made_anew_and_the_axis_begins_without_it(
     path: Path, spoil: object, why: str

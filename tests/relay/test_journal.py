@@ -35,6 +35,17 @@ def test_an_event_of_the_exchange_is_a_note_at_once() -> None:
     assert journal.recent() == ()
 
 
+def test_good_news_is_no_warning() -> None:
+    written: list[Note] = []
+    journal = Journal(written.append)
+    journal.exchange_event("xyz", Event(EventKind.BUDGET_OVERRUN, "x", "1200 µs"))
+    journal.exchange_event("xyz", Event(EventKind.BUDGET_KEPT, "x", "100 exchanges"))
+    assert [(note.event, note.severity) for note in written] == [
+        ("budget-overrun", Severity.WARNING),
+        ("budget-kept", Severity.INFO),
+    ]
+
+
 def test_a_service_logs_json_lines(capfd: pytest.CaptureFixture[str]) -> None:
     write = note_writer(LogFormat.JSON)
     write(Note(Severity.WARNING, "line-down", {"line": "xyz"}, 0.0))

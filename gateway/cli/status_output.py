@@ -1,0 +1,177 @@
+"""What ``pitch-gateway status`` shows on a terminal: what the status model holds, and nothing else."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+NOT_KNOWN: Final = "–"
+COUNTERS: Final = {
+    "exchanges": "exchanges",
+    "timeouts": "time-outs",
+    "exceptions": "exceptions",
+    "refused": "refused",
+    "late_replies": "late replies",
+    "late_targets": "late targets",
+    "crc_errors": "CRC errors",
+    "malformed": "malformed",
+    "unknown_modes": "unknown modes",
+    "unmapped_reads": "unmapped reads",
+}
+"""Of a line: what stands beside each number. The first two are shown always, the others where they count."""
+ALWAYS: Final = frozenset({"exchanges", "timeouts"})
+COLOURS: Final = {
+    "up": "green",
+    "active": "green",
+    "blending": "green",
+    "down": "red",
+    "blocked": "red",
+    "off": "yellow",
+    "outside": "yellow",
+    "shadow": "yellow",
+    "unreferenced": "yellow",
+}
+"""Of the states of lines, controllers and axes; every other is shown as it is."""
+
+
+def show_status(console: Console, status: Mapping[str, Any]) -> None:
+    """Print a status model."""
+    _show_gateway(console, status["gateway"])
+    for name, line in status["lines"].items():
+        _show_line(console, name, line)
+    for make in (_positions, _tables, _times) if status["axes"] else ():
+        console.print()
+        console.print(make(status["axes"]))
+
+
+def _show_gateway(console: Console, gateway: Mapping[str, Any]) -> None:
+    compiled = ", compiled" if gateway.get("compiled") else ""
+    console.print(
+        f"[bold]gateway {escape(gateway['name'])}[/] {escape(gateway['version'])}{compiled}, "
+        f"runs for {_span(gateway['uptime_s'])}"
+    )
+    scheduling = gateway["scheduling"]
+    priority = f"real-time priority {scheduling['fifo']}" if scheduling["fifo"] else "ordinary priority"
+    cpus = ", ".join(map(str, scheduling["cpus"]))
+    memory = "locked" if scheduling["memory_locked"] else "not locked"
+    console.print(f"  scheduling: {priority}, CPUs {cpus}, memory {memory}")
+
+
+def _show_line(console: Console, name: str, line: Mapping[str, Any]) -> None:
+    drives = line["drives"]
+    failure = f" ({escape(drives['failure'])})" if drives["failure"] else ""
+    place = f"drives {escape(drives['address'])}{failure}"
+    console.print()
+    console.print(f"[bold]line {escape(name)}[/]: {_coloured(line['state'])}, {place}")
+    counts = [f"{words} {line[key]}" for key, words in COUNTERS.items() if line.get(key) or key in ALWAYS]
+    console.print(f"  {', '.join(counts)}")
+    table = _table("  controller", "role", "connected")
+    for heading in ("gateway µs p50", "p99", "max", "computed ms exchange", "round", "time-out"):
+        table.add_column(heading, justify="right")
+    for controller in line["controllers"]:
+        computed = line["computed"].get(controller["name"], {})
+        took_us = controller["gateway_us"]
+        table.add_row(
+            f"  {escape(controller['name'])}",
+            escape(controller["role"]),
+            _connected(controller),
+            *(_number(took_us[key], 1) for key in ("p50", "p99", "max")),
+            *(_number(computed.get(key), 2) for key in ("exchange_ms", "round_ms")),
+            f"{computed['timeout_ms']:g}" if "timeout_ms" in computed else NOT_KNOWN,
+        )
+    console.print(table)
+
+
+def _connected(controller: Mapping[str, Any]) -> str:
+    """Say how many connections there are, or whether the port is open."""
+    if "connections" in controller:
+        return str(len(controller["connections"]))
+    failure = f" ({escape(controller['failure'])})" if controller["failure"] else ""
+    return f"{_coloured(controller['state'])}{failure}"
+
+
+def _positions(axes: Mapping[str, Any]) -> Table:
+    """Return where the axes are: nominally, as the controller says it, and on the drive."""
+    table = _table("axis", "compensation", "direction")
+    for heading in ("target", "on the drive", "actual", "on the drive"):
+        table.add_column(heading, justify="right")
+    table.add_column("units")
+    for name, axis in axes.items():
+        keys = ("nominal_setpoint", "corrected_setpoint", "nominal_actual", "corrected_actual")
+        table.add_row(
+            escape(name),
+            _coloured(axis["compensation"]),
+            escape(axis["direction"]),
+            *(_number(axis[key], 4) for key in keys),
+            escape(axis["units"]),
+        )
+    return table
+
+
+def _tables(axes: Mapping[str, Any]) -> Table:
+    table = _table("axis", "table")
+    table.add_column("points", justify="right")
+    table.add_column("status", overflow="fold")
+    for name, axis in axes.items():
+        its = axis["table"]
+        error = f": [red]{escape(its['error'])}[/]" if its["error"] else ""
+        table.add_row(
+            escape(name),
+            escape(its["file"] or NOT_KNOWN),
+            str(its["points"]),
+            f"{escape(its['status'])}{error}",
+        )
+    return table
+
+
+def _times(axes: Mapping[str, Any]) -> Table:
+    """Return what the gateway took for each axis, both ways together, beside what it may take."""
+    table = _table("axis, gateway µs")
+    for heading in ("p50", "p99", "max", "of the last minute", "budget", "overruns"):
+        table.add_column(heading, justify="right")
+    for name, axis in axes.items():
+        latency = axis["latency"]
+        took_us = latency["gateway_us"]
+        overruns = str(latency["budget_overruns"])
+        table.add_row(
+            escape(name),
+            *(_number(took_us[key], 1) for key in ("p50", "p99", "max", "max_minute")),
+            _number(latency["budget_us"], 0),
+            f"[red]{overruns}[/]" if latency["is_over_budget"] else overruns,
+        )
+    return table
+
+
+def _table(*headings: str) -> Table:
+    table = Table(box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, header_style="bold")
+    for heading in headings:
+        table.add_column(heading, overflow="fold")
+    return table
+
+
+def _coloured(state: str) -> str:
+    colour = COLOURS.get(state)
+    return f"[{colour}]{state}[/]" if colour else escape(state)
+
+
+def _number(value: float | None, digits: int) -> str:
+    return NOT_KNOWN if value is None else f"{value:.{digits}f}"
+
+
+def _span(seconds: float) -> str:
+    """Return a span as a person says it.
+
+    >>> _span(12.34), _span(3_725.0), _span(90_061.0)
+    ('12 s', '1 h 2 min', '1 d 1 h')
+    """
+    whole = int(seconds)
+    for unit_s, unit, part_s, part in (
+        (86_400, "d", 3_600, "h"),
+        (3_600, "h", 60, "min"),
+        (60, "min", 1, "s"),
+    ):
+        if whole >= unit_s:
+            return f"{whole // unit_s} {unit} {whole % unit_s // part_s} {part}"
+    return f"{whole} s"

@@ -1,0 +1,96 @@
+"""What can be wrong with a state folder: the same words before it is used, and when using it fails."""
+
+import errno
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from gateway.files import kind_of
+
+ANOTHER: Final = "choose another folder with [gateway] state"
+_REMEDIES: Final = {
+    errno.ENOSPC: "free space on its disk",
+    errno.EDQUOT: "free space: this user may have no more on its disk",
+    errno.EROFS: "mount its disk read-write",
+    errno.ENOTDIR: "a file stands where a folder should be: move it away",
+    errno.EEXIST: "a file stands where a folder should be: move it away",
+    errno.ENOENT: "make the folder that the path or its link leads to",
+    errno.EACCES: "give this user write permission to the folder",
+    errno.EPERM: "give this user write permission to the folder",
+}
+"""By what the system says (errno(3)); for everything else only another folder helps."""
+
+
+@dataclass(frozen=True, slots=True)
+class FolderProblem:
+    """What was found about a folder, and what to do."""
+
+    found: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.found}; {self.remedy}"
+
+
+def problem_of(error: OSError, folder: Path) -> FolderProblem:
+    """Return what an error of the system means for a state folder.
+
+    >>> str(problem_of(OSError(errno.ENOSPC, "No space left on device"), Path("/run/x")))
+    '/run/x: No space left on device; free space on its disk, or choose another folder with [gateway] state'
+    """
+    where = error.filename or folder
+    return FolderProblem(
+        f"{where}: {error.strerror or error}", _with_another(_REMEDIES.get(error.errno or 0))
+    )
+
+
+def why_no_folder(folder: Path) -> FolderProblem | None:
+    """Return why a folder cannot be had where it should be, None where it is or can be made.
+
+    Permissions are not looked at: whoever asks may be another user than the one that will use it.
+    """
+    for path in (folder, *folder.parents):
+        try:
+            mode = path.stat().st_mode
+        except NotADirectoryError:
+            continue  # something above it is a file
+        except FileNotFoundError:
+            if not path.is_symlink():
+                continue  # it will be made
+            found = f"{path} is a link to {path.readlink()}, which does not exist"
+            return FolderProblem(found, _with_another("make the folder that it leads to"))
+        except PermissionError:
+            return None
+        except OSError as error:
+            return problem_of(error, path)
+        if stat.S_ISDIR(mode):
+            return None
+        kind = "a file" if stat.S_ISREG(mode) else kind_of(mode)
+        return FolderProblem(f"{path} is {kind}, and no folder", _with_another("move it away"))
+    return None
+
+
+def why_open_to_others(folder: Path, owners: frozenset[int] | None) -> FolderProblem | None:
+    """Return why somebody else could put files into a folder or take them away, None where nobody could.
+
+    ``owners`` are the users that it may belong to; None: anybody. A folder that is not there is no problem.
+    """
+    try:
+        status = folder.stat()
+    except OSError:
+        return None
+    if status.st_mode & stat.S_IWOTH:
+        found = f"every user may write to {folder} (mode {stat.S_IMODE(status.st_mode):04o})"
+        return FolderProblem(found, f"who can write there can command axes: chmod o-w {folder}")
+    if owners is not None and status.st_uid not in owners:
+        found = f"{folder} belongs to user {status.st_uid}, and this is user {os.geteuid()}"
+        return FolderProblem(
+            found, f"its owner can command axes: give it to this user or to root, or {ANOTHER}"
+        )
+    return None
+
+
+def _with_another(remedy: str | None) -> str:
+    return f"{remedy}, or {ANOTHER}" if remedy else ANOTHER

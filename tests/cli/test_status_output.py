@@ -1,0 +1,112 @@
+"""What ``status`` shows on a terminal, from a status model."""
+
+import copy
+import io
+from typing import Any
+
+from rich.console import Console
+
+from gateway.cli.status_output import show_status
+
+TOOK = {"p50": 101.26, "p99": 187.4, "p999": 493.6, "max": 495.1, "max_minute": 300.0}
+NOTHING_YET = {"p50": None, "p99": None, "p999": None, "max": 0.0, "max_minute": 0.0}
+X = {
+    "compensation": "active",
+    "units": "mm",
+    "direction": "forward",
+    "correction": 0.05,
+    "nominal_setpoint": 50.199,
+    "corrected_setpoint": 50.249,
+    "nominal_actual": 50.1,
+    "corrected_actual": 50.15,
+    "table": {"file": "x[1].tab", "format": "", "points": 3, "status": "active", "error": None},
+    "latency": {"gateway_us": TOOK, "budget_us": 1000.0, "budget_overruns": 2, "is_over_budget": True},
+}
+Y = {
+    "compensation": "unreferenced",
+    "units": "inch",
+    "direction": "unknown",
+    "correction": None,
+    "nominal_setpoint": None,
+    "corrected_setpoint": None,
+    "nominal_actual": None,
+    "corrected_actual": None,
+    "table": {"file": None, "format": None, "points": 0, "status": "none", "error": None},
+    "latency": {"gateway_us": NOTHING_YET, "budget_us": 500.0, "budget_overruns": 0, "is_over_budget": False},
+}
+MODEL: dict[str, Any] = {
+    "gateway": {
+        "name": "mill",
+        "version": "1.2.3",
+        "uptime_s": 3_725.4,
+        "scheduling": {"fifo": 0, "cpus": [0, 3], "memory_locked": False},
+    },
+    "lines": {
+        "xyz": {
+            "state": "down",
+            "exchanges": 1234,
+            "timeouts": 0,
+            "exceptions": 5,
+            "refused": 0,
+            "late_targets": 7,
+            "late_replies": 6,
+            "computed": {"cnc": {"exchange_ms": 34.154, "round_ms": 136.5, "timeout_ms": 1000.0}},
+            "drives": {"address": "/dev/ttyUSB0", "failure": "[Errno 2] No such file"},
+            "controllers": [
+                {"name": "cnc", "role": "motion", "connections": ["a", "b"], "gateway_us": TOOK},
+                {"name": "hmi", "role": "monitor", "state": "up", "failure": "", "gateway_us": NOTHING_YET},
+            ],
+        }
+    },
+    "axes": {"x": X, "y": Y},
+}
+
+
+def shown(model: dict[str, Any]) -> list[str]:
+    file = io.StringIO()
+    show_status(Console(file=file, width=100, highlight=False), model)
+    return [" ".join(line.split()) for line in file.getvalue().splitlines()]
+
+
+def test_everything_that_a_person_looks_for_stands_in_a_line_of_its_own() -> None:
+    lines = shown(MODEL)
+    assert lines[:2] == [
+        "gateway mill 1.2.3, runs for 1 h 2 min",
+        "scheduling: ordinary priority, CPUs 0, 3, memory not locked",
+    ]
+    # A failure is shown as it is, brackets and all.
+    assert "line xyz: down, drives /dev/ttyUSB0 ([Errno 2] No such file)" in lines
+    # Those that are 0 are left out, but for time-outs; what the line has not, is no 0 either.
+    assert "exchanges 1234, time-outs 0, exceptions 5, late replies 6, late targets 7" in lines
+    # Connections, measured microseconds, computed milliseconds.
+    assert "cnc motion 2 101.3 187.4 495.1 34.15 136.50 1000" in lines
+    assert "hmi monitor up – – 0.0 – – –" in lines
+    assert "x active forward 50.1990 50.2490 50.1000 50.1500 mm" in lines
+    assert "y unreferenced unknown – – – – inch" in lines
+    assert "x x[1].tab 3 active" in lines
+    assert "y – 0 none" in lines
+    assert "x 101.3 187.4 495.1 300.0 1000 2" in lines
+    assert "y – – 0.0 0.0 500 0" in lines
+
+
+def test_what_the_gateway_runs_with_is_named() -> None:
+    model = copy.deepcopy(MODEL)
+    model["gateway"] |= {
+        "compiled": True,
+        "scheduling": {"fifo": 50, "cpus": [3], "memory_locked": True},
+        "uptime_s": 7.9,
+    }
+    assert shown(model)[:2] == [
+        "gateway mill 1.2.3, compiled, runs for 7 s",
+        "scheduling: real-time priority 50, CPUs 3, memory locked",
+    ]
+
+
+def test_eighty_columns_are_enough_and_no_number_is_cut() -> None:
+    model = copy.deepcopy(MODEL)
+    model["axes"]["x"] |= {"nominal_setpoint": -12345.67891, "corrected_actual": -12345.67891}
+    file = io.StringIO()
+    show_status(Console(file=file, width=80, highlight=False), model)
+    assert max(map(len, file.getvalue().splitlines())) <= 80
+    assert file.getvalue().count("-12345.6789") == 2
+    assert "…" not in file.getvalue()

@@ -1,0 +1,78 @@
+"""``status``: one look at a gateway that runs."""
+
+import contextlib
+import json
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway import __version__
+from tests.processes.bench import Site, gateway_of, site_in, typed
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    with site_in(tmp_path) as site:
+        yield site
+
+
+def test_the_status_of_a_gateway_that_runs(site: Site) -> None:
+    config = str(site.config)
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_050
+        assert master.move(60_000) == 60_060
+        as_json = typed("status", config, "--json")
+        assert (as_json.returncode, as_json.stderr) == (0, "")
+        model = json.loads(as_json.stdout)
+        assert set(model) == {"gateway", "lines", "axes"}
+        assert model["gateway"]["name"] == "trial"
+        assert model["lines"]["xyz"]["exchanges"] == 2
+        assert model["axes"]["x"]["nominal_setpoint"] == 60.0
+        plain = typed("status", config)
+        assert (plain.returncode, plain.stderr) == (0, "")
+        lines = [" ".join(line.split()) for line in plain.stdout.splitlines()]
+        assert lines[0].startswith(f"gateway trial {__version__}")
+        assert f"line xyz: up, drives {model['lines']['xyz']['drives']['address']}" in lines
+        assert "exchanges 2, time-outs 0" in lines
+        # 60 mm and 0.1 % of it; nothing is mapped that says where the axis stands.
+        assert "x active forward 60.0000 60.0600 – – mm" in lines
+        assert "x x.tab 3 active" in lines
+        assert typed("disable", config).returncode == 0
+        assert "x off forward 60.0000 60.0600 – – mm" in [
+            " ".join(line.split()) for line in typed("status", config).stdout.splitlines()
+        ]
+        assert gateway.end() == 0
+
+
+@pytest.mark.parametrize("options", [(), ("--json",)])
+def test_without_a_gateway_the_remedy_is_said(site: Site, options: tuple[str, ...]) -> None:
+    none = typed("status", str(site.config), *options)
+    assert (none.returncode, none.stdout) == (1, "")
+    assert none.stderr == (
+        f"{site.config}: no gateway runs: nobody listens at {site.socket}; "
+        f"start it with: pitch-gateway run {site.config}\n"
+    )
+
+
+def test_a_command_gets_in_past_connections_that_do_nothing(site: Site) -> None:
+    with gateway_of(site) as (gateway, master), contextlib.ExitStack() as stack:
+        assert master.move(50_000) == 50_050
+        for _ in range(10):
+            idle = stack.enter_context(socket.socket(socket.AF_UNIX))
+            idle.connect(str(site.socket))
+        off = typed("disable", str(site.config))
+        assert (off.returncode, off.stderr) == (0, "")
+        assert master.move(60_000) == 60_000
+        assert typed("status", str(site.config)).returncode == 0
+        assert gateway.end() == 0
+    # Its listener is not among those that had to go.
+    assert "relay-not-reached" not in [
+        note["event"] for note in gateway.notes if note["timestamp"] < _stopping(gateway.notes)
+    ]
+
+
+def _stopping(notes: list[dict[str, Any]]) -> str:
+    return next(str(note["timestamp"]) for note in notes if note["event"] == "stopping")
