@@ -66,7 +66,8 @@ class Session:
         if self._is_ending:
             return False
         is_asking = self._data or self._descriptors or self._outbox.waiting_bytes
-        return self.listener is not None or bool(is_asking) or self._has_unread()
+        is_served = self.listener is not None or self._is_handing_over()
+        return is_served or bool(is_asking) or self._has_unread()
 
     def give_way(self) -> None:
         """Say that its place is wanted, and close."""

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -14,18 +14,22 @@ import pytest
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import (
     VERSION,
+    Done,
     Happened,
     Ping,
     Pong,
     Refused,
     Reply,
     Request,
+    SetTable,
     Snapshot,
     Subscribe,
     Subscribed,
+    TableFor,
     decode_reply,
     encode,
 )
+from gateway.ipc.sealed_memory import seal
 from gateway.ipc.server import MAX_CLIENTS, MAX_LISTENERS, NO_PLACE, ControlServer, Desk
 from gateway.ipc.session import GAVE_WAY
 
@@ -130,6 +134,31 @@ async def test_a_request_that_nobody_has_read_yet_is_under_way(tmp_path: Path) -
             site.server._accept()
             assert isinstance(await clients[0].told(), Pong)
             assert await clients[1].told() == Refused(reason=GAVE_WAY)
+
+
+async def test_a_client_whose_table_is_looked_at_keeps_its_place(tmp_path: Path) -> None:
+    is_looked_at = asyncio.Event()
+
+    async def hand_over(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
+        await is_looked_at.wait()
+        return Done(changed=("x",))
+
+    server = ControlServer(tmp_path, Desk(lambda _: Pong(name="", gateway_version="", pid=1), hand_over))
+    await server.open()
+    request = SetTable(tables=(TableFor("x", "x.tab", "", ""),))
+    mine = seal(b"points", "x")
+    giving = asyncio.create_task(asyncio.to_thread(ask, server.path, request, descriptors=[mine]))
+    async with asyncio.timeout(PATIENCE_S):
+        while not any(session.is_busy for session in server._sessions):  # noqa: ASYNC110 - nobody is told
+            await asyncio.sleep(0)
+    others = [await asyncio.open_unix_connection(str(server.path)) for _ in range(MAX_CLIENTS)]
+    assert await others[0][0].readline() == encode(Refused(reason=GAVE_WAY))
+    is_looked_at.set()
+    assert await giving == Done(changed=("x",))
+    os.close(mine)
+    for _, writer in others:
+        writer.close()
+    await server.close()
 
 
 async def test_without_an_idle_client_the_next_is_refused_with_the_reason(tmp_path: Path) -> None:
