@@ -78,6 +78,7 @@ def _exchange_data(controller: ControllerBudget, exchange: ExchangeBudget) -> di
             "controller_to_gateway": _ms(legs.request_in_ns),
             "silence_after_request": _ms(legs.request_tail_ns),
             "gateway": _ms(legs.gateway_ns),
+            "gap": _ms(legs.gap_ns),
             "gateway_to_drive": _ms(legs.request_out_ns),
             "drive": _ms(legs.drive_ns),
             "drive_to_gateway": _ms(legs.reply_in_ns),

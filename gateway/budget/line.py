@@ -1,6 +1,6 @@
 """The budget of one line: each exchange of each controller, a round of them, and both without the gateway."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from gateway.budget.frames import Frame
@@ -12,6 +12,7 @@ from gateway.budget.timing import (
     direct_of,
     direct_round_ns,
     drive_side_ns,
+    in_round,
     legs_of,
     round_ns,
 )
@@ -33,9 +34,17 @@ class ExchangeBudget:
     """On the controller's side."""
     reply_bytes: int
     legs: Legs
+    """Behind the exchange before it in a round."""
+    least_ns: int
+    """What it waits on a quiet line with a gateway that takes no time: what nothing saves but the wires."""
     direct: Direct
     added_ns: int
     """What frames of the gateway's own can hold it up by (W8); not in ``legs``."""
+
+    @property
+    def with_added_ns(self) -> int:
+        """What the controller waits when frames of the gateway's own go first."""
+        return self.legs.waited_ns + self.added_ns
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +73,10 @@ class ControllerBudget:
         """The exchange that the controller waits for longest; None where none is known."""
         return max(self.exchanges, key=lambda each: each.legs.waited_ns, default=None)
 
+    def longest_ns(self, counted: Callable[[ExchangeBudget], int]) -> int:
+        """Return the most of what is counted of an exchange; 0 where none is known."""
+        return max(map(counted, self.exchanges), default=0)
+
 
 @dataclass(frozen=True, slots=True)
 class AddedBudget:
@@ -91,11 +104,12 @@ class LineBudget:
     added: tuple[AddedBudget, ...]
 
     def longest_other_ns(self, index: int) -> int:
-        """Return the longest that a controller can find the drives' side taken by one exchange of another."""
+        """Return the longest that one exchange of another controller, with its silence, can hold one up."""
         others = (each for each in self.controllers if each.index != index)
         return max(
             (
-                legs.request_out_ns + legs.drive_ns + legs.reply_in_ns + legs.reply_tail_ns
+                # Both silences begin with the last byte of the reply.
+                legs.request_out_ns + legs.drive_ns + legs.reply_in_ns + max(legs.reply_tail_ns, self.gap_ns)
                 for controller in others
                 for legs in (exchange.legs for exchange in controller.exchanges)
             ),
@@ -144,7 +158,7 @@ def _controller_budget(
     link: ControllerLink = plan.controllers[index]
     steps = round_of(plan.axes, blocks, may_move=link.plan.role is Role.MOTION)
     axes = {axis.name: axis for axis in plan.axes}
-    exchanges = tuple(_exchange_budget(route, step, axes.get(step.axis), added) for step in steps)
+    exchanges = _exchange_budgets(route, steps, axes, added)
     return ControllerBudget(
         index=index,
         name=link.plan.name,
@@ -153,29 +167,46 @@ def _controller_budget(
         timeout_ns=round(link.plan.timeout_ms * NS_PER_MS),
         exchanges=exchanges,
         round=RoundBudget(
-            total_ns=round_ns(route, [(each.step.frame, each.legs) for each in exchanges]),
+            total_ns=round_ns(route, [each.legs for each in exchanges]),
             direct_ns=direct_round_ns(route, [each.direct for each in exchanges]),
             added_ns=sum(each.added_ns for each in exchanges),
         ),
     )
 
 
-def _exchange_budget(
-    route: Route, step: Step, axis: AxisPlan | None, added: tuple[AddedBudget, ...]
-) -> ExchangeBudget:
-    frame = step.frame
-    budget_us = DEFAULT_BUDGET_US if axis is None else axis.budget_us
-    drive_ns = 0 if axis is None else round((axis.response_ms or 0.0) * NS_PER_MS)
-    return ExchangeBudget(
-        step=step,
-        request_bytes=route.controller.frame_bytes(frame.request_bytes),
-        reply_bytes=route.controller.frame_bytes(frame.reply_bytes),
-        legs=legs_of(route, frame, round(budget_us * NS_PER_MS / US_PER_MS), drive_ns),
-        direct=direct_of(route, frame, drive_ns),
-        added_ns=_held_up_ns(
-            [each for each in added if (each.added.axis, each.added.before) == (step.axis, step.what)]
-        ),
+def _exchange_budgets(
+    route: Route, steps: Sequence[Step], axes: Mapping[str, AxisPlan], added: tuple[AddedBudget, ...]
+) -> tuple[ExchangeBudget, ...]:
+    quiet = [
+        legs_of(route, step.frame, _gateway_ns(axes.get(step.axis)), _drive_ns(axes.get(step.axis)))
+        for step in steps
+    ]
+    at_once = [
+        legs_of(route, step.frame, gateway_ns=0, drive_ns=_drive_ns(axes.get(step.axis))) for step in steps
+    ]
+    return tuple(
+        ExchangeBudget(
+            step=step,
+            request_bytes=route.controller.frame_bytes(step.frame.request_bytes),
+            reply_bytes=route.controller.frame_bytes(step.frame.reply_bytes),
+            legs=legs,
+            least_ns=fastest.waited_ns,
+            direct=direct_of(route, step.frame, legs.drive_ns),
+            added_ns=_held_up_ns(
+                [each for each in added if (each.added.axis, each.added.before) == (step.axis, step.what)]
+            ),
+        )
+        for step, legs, fastest in zip(steps, in_round(route, quiet), at_once, strict=True)
     )
+
+
+def _gateway_ns(axis: AxisPlan | None) -> int:
+    budget_us = DEFAULT_BUDGET_US if axis is None else axis.budget_us
+    return round(budget_us * NS_PER_MS / US_PER_MS)
+
+
+def _drive_ns(axis: AxisPlan | None) -> int:
+    return 0 if axis is None else round((axis.response_ms or 0.0) * NS_PER_MS)
 
 
 def _held_up_ns(added: Sequence[AddedBudget]) -> int:

@@ -1,10 +1,10 @@
 """What makes a line faster, and by how much: the same arithmetic with one thing changed. Drive side first."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
-from gateway.budget.line import ControllerBudget, line_budget
+from gateway.budget.line import ControllerBudget, ExchangeBudget, line_budget
 from gateway.budget.sequence import AS_MAPPED, Blocks
 from gateway.ipc.plan import LinePlan
 from gateway.transport.endpoints import SerialEndpoint
@@ -20,37 +20,56 @@ class Remedy:
     """One change, and what it does to the slowest exchange and to a round."""
 
     what: str
-    waited_before_ns: int
-    waited_ns: int
-    round_before_ns: int
-    round_ns: int
+    now: ControllerBudget
+    then: ControllerBudget
+
+    @property
+    def waited_before_ns(self) -> int:
+        """What the controller waits for the slowest exchange as it is."""
+        return self.now.longest_ns(waited)
+
+    @property
+    def waited_ns(self) -> int:
+        """What it waits for it with the change."""
+        return self.then.longest_ns(waited)
+
+    @property
+    def round_before_ns(self) -> int:
+        """A round as it is."""
+        return self.now.round.total_ns
+
+    @property
+    def round_ns(self) -> int:
+        """A round with the change."""
+        return self.then.round.total_ns
+
+    def is_worth_it(self, counted: Callable[[ExchangeBudget], int]) -> bool:
+        """Whether it is enough for the words, by what is counted of an exchange or by a round."""
+        gains = (
+            (self.now.longest_ns(counted), self.then.longest_ns(counted)),
+            (self.round_before_ns, self.round_ns),
+        )
+        return any(before - after > LEAST_GAIN * before for before, after in gains)
 
 
-def remedies(plan: LinePlan, index: int, blocks: Blocks = AS_MAPPED) -> tuple[Remedy, ...]:
+def waited(exchange: ExchangeBudget) -> int:
+    """Count what the controller waits for an exchange, in ns."""
+    return exchange.legs.waited_ns
+
+
+def remedies(
+    plan: LinePlan,
+    index: int,
+    blocks: Blocks = AS_MAPPED,
+    counted: Callable[[ExchangeBudget], int] = waited,
+) -> tuple[Remedy, ...]:
     """Return what would help controller ``index`` of a line, each change by itself and then all together."""
     now = line_budget(plan, blocks).controllers[index]
     found = [
-        _remedy(what, now, line_budget(changed, changed_blocks).controllers[index])
+        Remedy(what, now, line_budget(changed, changed_blocks).controllers[index])
         for what, changed, changed_blocks in _changes(plan, index, blocks)
     ]
-    return tuple(each for each in found if each is not None)
-
-
-def _remedy(what: str, now: ControllerBudget, then: ControllerBudget) -> Remedy | None:
-    if now.slowest is None or then.slowest is None:
-        return None
-    remedy = Remedy(
-        what,
-        now.slowest.legs.waited_ns,
-        then.slowest.legs.waited_ns,
-        now.round.total_ns,
-        then.round.total_ns,
-    )
-    gains = (
-        (remedy.waited_before_ns, remedy.waited_ns),
-        (remedy.round_before_ns, remedy.round_ns),
-    )
-    return remedy if any(before - after > LEAST_GAIN * before for before, after in gains) else None
+    return tuple(each for each in found if each.is_worth_it(counted))
 
 
 def _changes(plan: LinePlan, index: int, blocks: Blocks) -> Iterator[tuple[str, LinePlan, Blocks]]:

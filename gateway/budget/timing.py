@@ -7,13 +7,16 @@ at once where nobody knows better.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Final
 
 from gateway.budget.frames import Frame
 from gateway.budget.wire import Wire
 from gateway.times import NS_PER_MS, US_PER_MS
 
 NS_PER_US = NS_PER_MS // US_PER_MS
+FOR_EVER_NS: Final = 1 << 62
+"""A line that was quiet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +44,7 @@ class Route:
 
 @dataclass(frozen=True, slots=True)
 class Legs:
-    """One exchange on a line that was quiet, in the order of its legs."""
+    """One exchange, in the order of its legs."""
 
     request_in_ns: int
     """Controller to gateway."""
@@ -49,6 +52,8 @@ class Legs:
     """Silence that ends a request of unknown length."""
     gateway_ns: int
     """The gateway's share, both ways together: its budget."""
+    gap_ns: int
+    """What is left of the silence on the drives' side since the exchange before; 0 on a quiet line."""
     request_out_ns: int
     """Gateway to drive."""
     drive_ns: int
@@ -72,14 +77,9 @@ class Legs:
         """From the last byte that the controller sends to the last that it gets: what its time-out sees."""
         return self.total_ns - self.request_in_ns
 
-    @property
-    def least_ns(self) -> int:
-        """As :attr:`waited_ns` with a gateway that takes no time: what no software can save."""
-        return self.waited_ns - self.gateway_ns
-
 
 def legs_of(route: Route, frame: Frame, gateway_ns: int, drive_ns: int = 0) -> Legs:
-    """Return the legs of one exchange."""
+    """Return the legs of one exchange on a line that was quiet."""
     controller, drives = route.controller, route.drives
     request_tail_ns = controller.tail_ns if frame.ends_by_silence else 0
     reply_tail_ns = drives.tail_ns if frame.ends_by_silence else 0
@@ -90,6 +90,7 @@ def legs_of(route: Route, frame: Frame, gateway_ns: int, drive_ns: int = 0) -> L
         request_in_ns=controller.frame_ns(frame.request_bytes),
         request_tail_ns=request_tail_ns,
         gateway_ns=gateway_ns,
+        gap_ns=0,
         request_out_ns=request_out_ns,
         drive_ns=drive_ns,
         reply_in_ns=reply_in_ns,
@@ -105,36 +106,56 @@ def drive_side_ns(route: Route, frames: Iterable[Frame], drive_ns: int = 0) -> i
         route.drives.frame_ns(frame.request_bytes)
         + drive_ns
         + route.drives.frame_ns(frame.reply_bytes)
-        + (route.drives.tail_ns if frame.ends_by_silence else 0)
-        + route.gap_ns
+        # Both silences begin with the last byte of the reply.
+        + max(route.drives.tail_ns if frame.ends_by_silence else 0, route.gap_ns)
         for frame in frames
     )
 
 
-def round_ns(route: Route, exchanges: Sequence[tuple[Frame, Legs]]) -> int:
-    """Return how long one round takes when one follows the other without end.
+def in_round(route: Route, quiet: Sequence[Legs]) -> tuple[Legs, ...]:
+    """Return the legs of exchanges that follow one another without end, from their legs on a quiet line.
 
-    A silence on the drive side costs only what is not hidden behind the controller's own wire.
+    A silence on the drive side costs only what is not hidden behind the controller's own wire. What one round
+    leaves to the next is how long the drives' wire has been quiet when the controller may send again. That
+    never falls when it was longer before, by no more than it was longer, and it has a least and a highest
+    value. So rounds that begin with the last exchange just over either repeat themselves from the second on,
+    or come to those that begin on a quiet line.
     """
-    free_ns = quiet_ns = started_ns = 0
-    for _ in range(2):  # in the first round the line was quiet; from the second on every round is the same
-        started_ns = free_ns
-        for frame, legs in exchanges:
-            free_ns, quiet_ns = _after(route, frame, legs, free_ns, quiet_ns)
-    return free_ns - started_ns
+    _, idle_ns = _one_round(route, quiet, 0)
+    legs, left_ns = _one_round(route, quiet, idle_ns)
+    if left_ns == idle_ns:
+        return legs
+    _, idle_ns = _one_round(route, quiet, FOR_EVER_NS)
+    return _one_round(route, quiet, idle_ns)[0]
 
 
-def _after(route: Route, frame: Frame, legs: Legs, free_ns: int, quiet_ns: int) -> tuple[int, int]:
-    """Return when the controller may send again, and when the last byte was on the drives' wire."""
-    heard_ns = free_ns + legs.request_in_ns
-    there_ns = legs.gateway_ns // 2  # both ways together; the share of each is not known
-    ready_ns = heard_ns + legs.request_tail_ns + there_ns
-    sent_ns = max(ready_ns, quiet_ns + route.gap_ns) if quiet_ns else ready_ns
-    answered_ns = sent_ns + legs.request_out_ns + legs.drive_ns + legs.reply_in_ns
-    passed_ns = answered_ns + legs.reply_tail_ns + legs.gateway_ns - there_ns
-    back_ns = max(passed_ns, heard_ns + route.controller.silence_ns)
-    done_ns = back_ns + route.controller.frame_ns(frame.reply_bytes)
-    return done_ns + route.controller.silence_ns, answered_ns
+def round_ns(route: Route, legs: Sequence[Legs]) -> int:
+    """Return how long one round takes: its exchanges, each with the silence that the controller keeps."""
+    return sum(each.total_ns + route.controller.silence_ns for each in legs)
+
+
+def _one_round(route: Route, quiet: Sequence[Legs], idle_ns: int) -> tuple[tuple[Legs, ...], int]:
+    """Return the legs, and for how long the drives' wire is quiet at the end; ``idle_ns``: at the start."""
+    found = []
+    for each in quiet:
+        legs = _after(route, each, idle_ns)
+        found.append(legs)
+        back_ns = legs.gateway_ns - _there_ns(legs)
+        idle_ns = legs.reply_tail_ns + back_ns + legs.silence_ns + legs.reply_out_ns
+        idle_ns += route.controller.silence_ns
+    return tuple(found), idle_ns
+
+
+def _after(route: Route, quiet: Legs, idle_ns: int) -> Legs:
+    """Return the legs of an exchange that begins when the drives' wire has been quiet for so long."""
+    ready_ns = idle_ns + quiet.request_in_ns + quiet.request_tail_ns + _there_ns(quiet)
+    held_ns = max(route.gap_ns - ready_ns, 0)
+    return replace(quiet, gap_ns=held_ns, silence_ns=max(quiet.silence_ns - held_ns, 0))
+
+
+def _there_ns(legs: Legs) -> int:
+    """Return the gateway's share before the request goes out: half; how much it really is is not known."""
+    return legs.gateway_ns // 2
 
 
 @dataclass(frozen=True, slots=True)

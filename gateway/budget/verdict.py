@@ -1,12 +1,12 @@
 """What the arithmetic says about a configuration: what cannot be met, and what is close."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
 from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget, line_budget
-from gateway.budget.remedies import remedies
+from gateway.budget.remedies import remedies, waited
 from gateway.budget.sequence import AS_MAPPED, Blocks, What, Why
 from gateway.budget.words import ms, sum_text
 from gateway.exchange.plan import AxisPlan, Role
@@ -63,24 +63,24 @@ def _timeouts(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> I
     key = ("line", plan.name, "controllers", controller.index, "timeout_ms")
     limit = controller.timeout_ns
     said = f"timeout_ms = {limit / NS_PER_MS:g}"
-    slowest = max(controller.exchanges, key=lambda each: each.legs.least_ns)
-    if slowest.legs.least_ns > limit:
+    slowest = max(controller.exchanges, key=lambda each: each.least_ns)
+    if slowest.least_ns > limit:
         found = f"{said}, but {_reply_to(slowest)} comes {_waited(slowest)}"
         yield Judgement(Grade.IMPOSSIBLE, key, found, _faster(plan, controller, blocks))
         return
-    slowest = max(controller.exchanges, key=lambda each: each.legs.waited_ns + each.added_ns)
-    longest = max(controller.exchanges, key=lambda each: each.legs.total_ns)
-    if slowest.legs.waited_ns + slowest.added_ns > limit:
+    slowest = max(controller.exchanges, key=_with_added)
+    longest = max(controller.exchanges, key=_with_request)
+    if slowest.with_added_ns > limit:
         with_own = f", with frames of the gateway's own {ms(slowest.added_ns)} ms later"
         found = f"{said}, and {_reply_to(slowest)} comes {_waited(slowest)}"
         found += with_own if slowest.added_ns else ""
-        yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks))
+        yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks, _with_added))
     elif longest.legs.total_ns > limit:
         found = (
             f"{said}, and {_exchange(longest)} takes {ms(longest.legs.total_ns)} ms with its request: too "
             "long for a controller that counts from the first byte it sends"
         )
-        yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks))
+        yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks, _with_request))
     else:
         yield from _known_masters(plan, controller, blocks)
 
@@ -101,6 +101,14 @@ def _known_masters(plan: LinePlan, controller: ControllerBudget, blocks: Blocks)
             )
 
 
+def _with_added(exchange: ExchangeBudget) -> int:
+    return exchange.with_added_ns
+
+
+def _with_request(exchange: ExchangeBudget) -> int:
+    return exchange.legs.total_ns
+
+
 def _exchange(exchange: ExchangeBudget) -> str:
     step = exchange.step
     return f"{step.what.value} of axis {step.axis}" if step.axis else step.what.value
@@ -116,6 +124,7 @@ def _waited(exchange: ExchangeBudget) -> str:
     terms = (
         (legs.request_tail_ns, "silence after the request"),
         (legs.gateway_ns, "gateway"),
+        (legs.gap_ns, "silence since the exchange before"),
         (legs.request_out_ns, "to the drive"),
         (legs.drive_ns, "drive"),
         (legs.reply_in_ns, "from the drive"),
@@ -126,17 +135,25 @@ def _waited(exchange: ExchangeBudget) -> str:
     return f"{ms(legs.waited_ns)} ms after its request ({sum_text(terms)})"
 
 
-def _faster(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> str:
-    """Say what to change, with what it brings."""
-    slowest = controller.slowest
-    assert slowest is not None
-    ways = [
-        f"{each.what}: from {ms(each.waited_before_ns)} to {ms(each.waited_ns)} ms"
-        for each in remedies(plan, controller.index, blocks)
-        if each.waited_ns < each.waited_before_ns
-    ]
-    need_ms = (slowest.legs.waited_ns + slowest.added_ns) // NS_PER_MS + 1
-    return "; ".join((*ways, f"or let the controller wait longer than {need_ms} ms, if it can"))
+def _faster(
+    plan: LinePlan,
+    controller: ControllerBudget,
+    blocks: Blocks,
+    counted: Callable[[ExchangeBudget], int] = waited,
+) -> str:
+    """Say what to change, with what it brings to what is ``counted``, and what it takes as it is."""
+    ways = []
+    for each in remedies(plan, controller.index, blocks, counted):
+        before_ns, after_ns = each.now.longest_ns(counted), each.then.longest_ns(counted)
+        if after_ns < before_ns:
+            ways.append(f"{each.what}: from {ms(before_ns)} to {ms(after_ns)} ms")
+    if plan.timing.gap_ms and any(each.legs.gap_ns for each in controller.exchanges):
+        ways.append("gap_ms no longer than the drives need, or a controller that pauses as long")
+    counted_ns, worst_ns = controller.longest_ns(counted), controller.longest_ns(_with_added)
+    need_ms = max(counted_ns, worst_ns) // NS_PER_MS + 1
+    whose = ", with frames of the gateway's own," if worst_ns > counted_ns else ""
+    ways.append(f"let the controller wait longer than {need_ms} ms{whose or ','} if it can")
+    return "; ".join((*ways[:-1], f"or {ways[-1]}"))
 
 
 # --- deadlines of axes -------------------------------------------------------------------------------------
@@ -172,16 +189,18 @@ def _deadlines(line: LineBudget, axis: AxisPlan) -> Iterator[Judgement]:
 
 def _there(line: LineBudget, axis: AxisPlan, gateway_ns: int) -> tuple[int, str]:
     """Return when the last byte of a target is at the drive, counted from its last byte at the gateway."""
-    out_ns = max(
+    gap_ns, out_ns = max(
         (
-            exchange.legs.request_out_ns
+            (exchange.legs.gap_ns, exchange.legs.request_out_ns)
             for controller in line.controllers
             for exchange in controller.exchanges
             if (exchange.step.axis, exchange.step.what) == (axis.name, What.TARGET)
         ),
-        default=0,
+        key=sum,
+        default=(0, 0),
     )
-    return gateway_ns + out_ns, sum_text(((gateway_ns, "gateway"), (out_ns, "to the drive")))
+    terms = ((gateway_ns, "gateway"), (gap_ns, "silence since the exchange before"), (out_ns, "to the drive"))
+    return gateway_ns + gap_ns + out_ns, sum_text(terms)
 
 
 # --- a silent drive ----------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from gateway.times import NS_PER_MS
+from gateway.times import NS_PER_MS, NS_PER_S
 
 
 def ms(span_ns: int) -> str:
@@ -25,3 +25,16 @@ def sum_text(terms: Iterable[tuple[int, str]]) -> str:
     '47.0 to the drive + 9.17 back'
     """
     return " + ".join(f"{ms(span_ns)} {what}" for span_ns, what in terms if span_ns)
+
+
+def rate_text(round_ns: int) -> str:
+    """Say how often a round comes: a round of more than a second by its seconds.
+
+    >>> rate_text(242_000_000), rate_text(1_000_000_000), rate_text(1_250_000_000), rate_text(30_000_000_000)
+    ('4.1 a second', '1.0 a second', 'one in 1.25 s', 'one in 30 s')
+    """
+    if round_ns <= NS_PER_S:
+        return f"{NS_PER_S / round_ns:.1f} a second"
+    round_s = round_ns / NS_PER_S
+    digits = 0 if round_s >= 9.95 else 1 if round_s >= 1.995 else 2
+    return f"one in {round_s:.{digits}f} s"

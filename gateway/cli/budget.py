@@ -44,8 +44,9 @@ def budget(
     """Work out what cycle time each line can hold, before anything is wired.
 
     From baud rates, frames, silences and the gateway's own share (budget_us): each exchange leg by leg in
-    milliseconds, a round over all axes, and the same without the gateway. What drives and programs take
-    themselves is not known and reckoned with 0. docs/latency.md explains the columns.
+    milliseconds, a round over all axes, and the same without the gateway. What a drive takes itself is its
+    response_ms; where that is not known, and for programs, 0 is reckoned with. docs/latency.md explains the
+    columns.
 
     Exit code 1 when a timeout_ms or deadline_ms cannot be met.
 

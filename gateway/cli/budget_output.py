@@ -9,12 +9,12 @@ from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget, li
 from gateway.budget.remedies import remedies
 from gateway.budget.sequence import Blocks
 from gateway.budget.wire import Wire
-from gateway.budget.words import ms
+from gateway.budget.words import ms, rate_text
 from gateway.ipc.plan import LinePlan
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
-NUMBERS: Final = ("in", "gateway", "drives", "out", "sum", "direct", "time-out")
+NUMBERS: Final = ("in", "gateway", "gap", "drives", "out", "sum", "direct", "time-out")
 CLOSE: Final = 0.5
 """Share of a time-out from which a figure is shown in another colour."""
 
@@ -73,9 +73,10 @@ def _show_controller(
         return
     console.print(_exchange_table(controller))
     cycle = controller.round
+    often = f", that is {rate_text(cycle.total_ns)}" if cycle.total_ns else ""
     console.print(
-        f"  a round of these {len(controller.exchanges)}: {ms(cycle.total_ns)}, "
-        f"that is {NS_PER_S / cycle.total_ns:.1f} a second; without the gateway {ms(cycle.direct_ns)}"
+        f"  a round of these {len(controller.exchanges)}: {ms(cycle.total_ns)}{often}; "
+        f"without the gateway {ms(cycle.direct_ns)}"
     )
     if cycle.added_ns:
         console.print(f"  frames of the gateway's own can add {ms(cycle.added_ns)} to a round, see below")
@@ -90,10 +91,12 @@ def _exchange_table(controller: ControllerBudget) -> Table:
     table.add_column("  axis", overflow="fold")
     table.add_column("exchange", no_wrap=True)
     table.add_column("bytes", no_wrap=True)
+    has_gap = any(exchange.legs.gap_ns for exchange in controller.exchanges)
     for name in NUMBERS:
-        table.add_column(name, justify="right", no_wrap=True)
+        if name != "gap" or has_gap:
+            table.add_column(name, justify="right", no_wrap=True)
     for exchange in controller.exchanges:
-        table.add_row(*_row(exchange, controller.timeout_ns))
+        table.add_row(*_row(exchange, controller.timeout_ns, has_gap=has_gap))
     return table
 
 
@@ -101,7 +104,7 @@ def _table() -> Table:
     return Table(box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, header_style="bold")
 
 
-def _row(exchange: ExchangeBudget, timeout_ns: int) -> list[str]:
+def _row(exchange: ExchangeBudget, timeout_ns: int, *, has_gap: bool) -> list[str]:
     legs, step = exchange.legs, exchange.step
     drive_ns = legs.request_out_ns + legs.drive_ns + legs.reply_in_ns + legs.reply_tail_ns
     share = legs.waited_ns / timeout_ns
@@ -112,6 +115,7 @@ def _row(exchange: ExchangeBudget, timeout_ns: int) -> list[str]:
         f"{exchange.request_bytes}+{exchange.reply_bytes}",
         ms(legs.request_in_ns + legs.request_tail_ns),
         ms(legs.gateway_ns),
+        *([ms(legs.gap_ns)] if has_gap else ()),
         ms(drive_ns),
         ms(legs.silence_ns + legs.reply_out_ns),
         ms(legs.total_ns),

@@ -54,6 +54,9 @@ def test_a_time_out_that_cannot_be_met_shows_the_sum_and_what_to_do() -> None:
 def test_a_controller_that_counts_from_its_first_byte_is_warned_of() -> None:
     judgement = one(slow(40.0))
     assert "write target of axis x takes 49.1 ms with its request" in judgement.found
+    # Drives at 115200: 14.896 in, 4.010 of silence, 9.167 back.
+    assert judgement.remedy.startswith("drives at 115200 Bd: from 49.1 to 28.1 ms; ")
+    assert judgement.remedy.endswith("; or let the controller wait longer than 50 ms, if it can")
 
 
 def test_frames_of_the_gateways_own_can_make_a_reply_late() -> None:
@@ -64,6 +67,12 @@ def test_frames_of_the_gateways_own_can_make_a_reply_late() -> None:
     assert judgement.grade is CLOSE
     assert "the reply to trigger of axis x comes 28.5 ms" in judgement.found
     assert "with frames of the gateway's own 51.6 ms later" in judgement.found
+    # Drives at 115200: 4.010 of silence, 9.167 back; 17 and 21 bytes of 95.486 µs, 1.75 ms after each.
+    # The controller at 115200: 1 + 2 × 9.167 + 0.764 + 51.563. Both: 1 + 3 × 0.764 + 7.128.
+    assert judgement.remedy == (
+        "drives at 115200 Bd: from 80.1 to 20.3 ms; cnc at 115200 Bd: from 80.1 to 71.7 ms; "
+        "both at 115200 Bd: from 80.1 to 10.4 ms; or let the controller wait longer than 81 ms, if it can"
+    )
     assert judge(slow(80.1, axes=(known_axis("delta-asda"),))) == ()
 
 

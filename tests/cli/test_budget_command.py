@@ -53,6 +53,38 @@ def test_the_table(tmp_path: Path) -> None:
     assert "\x1b" not in result.stdout
 
 
+def test_the_gap_of_the_drives_has_a_column_and_a_slow_round_its_seconds(tmp_path: Path) -> None:
+    """Three exchanges of a controller on TCP, each held for 10 s less the gateway's 1 ms: 30 s."""
+    text = edited(
+        (
+            'drives = { rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }',
+            'drives = { tcp = "10.0.0.2:502" }\ngap_ms = 10000',
+        ),
+        ('rtu = "/dev/serial/by-id/usb-A"\nbaudrate = 38400', 'tcp = "127.0.0.1:1503"\ntimeout_ms = 25000'),
+        ('name = "hmi"', 'name = "hmi"\ntimeout_ms = 20000'),
+    )
+    result = run(written(tmp_path, text))
+    assert result.exit_code == 0
+    lines = [line.rstrip() for line in result.stdout.splitlines()]
+    rows = [" ".join(line.split()) for line in lines]
+    assert "  silence before each request to them: 10000 (gap_ms)" in lines
+    assert "axis exchange bytes in gateway gap drives out sum direct time-out" in rows
+    # 17 and 12 bytes of TCP; 10 000 of 25 000 ms.
+    assert "x write target 17+12 0 1.00 9999 0 0 10000 0 40.0 %" in rows
+    assert "  a round of these 3: 30000, that is one in 30 s; without the gateway 30000" in lines
+    assert all(len(line) <= 80 for line in lines)
+    legs = json.loads(run(written(tmp_path, text), "--json").stdout)["lines"]["xyz"]["controllers"]["cnc"]
+    assert legs["exchanges"][0]["legs_ms"]["gap"] == 9999.0
+    assert legs["exchanges"][0]["timeout_share"] == 0.4
+
+
+def test_the_help_says_what_is_known_of_the_drives_own_time() -> None:
+    said = " ".join(CliRunner().invoke(app, ["budget", "--help"]).stdout.replace("│", " ").split())
+    assert (
+        "What a drive takes itself is its response_ms; where that is not known, and for programs, 0" in said
+    )
+
+
 def test_colours_only_on_a_terminal(tmp_path: Path) -> None:
     path = written(tmp_path, SLOW)
     ours, theirs = pty.openpty()
@@ -101,6 +133,7 @@ def test_the_data(tmp_path: Path) -> None:
             "controller_to_gateway": 14.896,
             "silence_after_request": 0.0,
             "gateway": 1.0,
+            "gap": 0.0,
             "gateway_to_drive": 14.896,
             "drive": 0.0,
             "drive_to_gateway": 9.167,

@@ -74,3 +74,28 @@ def test_a_good_line_is_reckoned_with_beside_a_bad_one(tmp_path: Path) -> None:
     keys = [problem.key for problem in refused(tmp_path, text)]
     assert "line.xyz.controllers[1].timeout_ms" in keys
     assert "line.b.drives.tcp" in keys
+
+
+def test_a_gap_that_only_a_pause_makes_room_for_is_warned_of_with_the_sum(tmp_path: Path) -> None:
+    """Drives on TCP that want 60 ms: each exchange behind another waits for them."""
+    text = edited(
+        (
+            'drives = { rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }',
+            'drives = { tcp = "10.0.0.2:502" }\ngap_ms = 60',
+        ),
+        ('name = "hmi"', 'name = "hmi"\ntimeout_ms = 50'),
+    )
+    key = "line.xyz.controllers[2].timeout_ms"
+    # The display may also have to wait for motion: that is another warning of the same key.
+    [problem] = [
+        each for each in loaded(tmp_path, text).warnings if each.key == key and "reply" in each.found
+    ]
+    assert problem.line == line_of(text, "timeout_ms = 50")
+    # The display on TCP: half of the gateway's 1 ms hides on the way back, half on the way there.
+    assert problem.found == (
+        "timeout_ms = 50, and the reply to read position of axis x comes 60.0 ms after its request "
+        "(1.00 gateway + 59.0 silence since the exchange before)"
+    )
+    assert problem.remedy.endswith("let the controller wait longer than 61 ms, if it can")
+    good = loaded(tmp_path, text.replace("timeout_ms = 50", "timeout_ms = 60"))
+    assert not [each for each in good.warnings if each.key == key and "reply" in each.found]
