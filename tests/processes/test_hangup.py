@@ -4,10 +4,6 @@ import os
 import pty
 import signal
 import time
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
 
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
@@ -21,15 +17,8 @@ from tests.processes.bench import (
     children,
     gateway_of,
     running,
-    site_in,
     typed,
 )
-
-
-@pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with site_in(tmp_path) as site:
-        yield site
 
 
 def test_a_relay_goes_on_with_its_exchange_after_a_hangup_and_says_so_once(site: Site) -> None:

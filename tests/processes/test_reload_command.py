@@ -1,25 +1,14 @@
 """``reload``: what changed is handed over, and what is wrong is said."""
 
 import json
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
 
 from tests.processes.bench import (
     STEEPER,
     TABLE,
     Site,
     gateway_of,
-    site_in,
     typed,
 )
-
-
-@pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with site_in(tmp_path) as site:
-        yield site
 
 
 def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> None:

@@ -2,8 +2,6 @@
 
 import os
 import signal
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -13,16 +11,9 @@ from tests.processes.bench import (
     children,
     gateway_of,
     is_alive,
-    site_in,
     typed,
     wait_until_dead,
 )
-
-
-@pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with site_in(tmp_path) as site:
-        yield site
 
 
 def test_a_supervisor_that_is_killed_costs_no_exchange_and_is_started_again(site: Site) -> None:

@@ -3,20 +3,12 @@
 import contextlib
 import json
 import socket
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gateway import __version__
-from tests.processes.bench import Site, gateway_of, site_in, typed
-
-
-@pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with site_in(tmp_path) as site:
-        yield site
+from tests.processes.bench import Site, gateway_of, typed
 
 
 def test_the_status_of_a_gateway_that_runs(site: Site) -> None:

@@ -2,10 +2,6 @@
 
 import signal
 import socket
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
 
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
@@ -17,15 +13,8 @@ from tests.processes.bench import (
     children,
     gateway_of,
     running,
-    site_in,
     typed,
 )
-
-
-@pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with site_in(tmp_path) as site:
-        yield site
 
 
 def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
