@@ -62,8 +62,7 @@ def signtest(
         raise typer.BadParameter(MISSING)
     plan = _axis(config, axis)
     if uncertainty is None:
-        settings = plan.settings
-        uncertainty = max(settings.units.from_mm(UNCERTAINTY_MM), COUNTS / abs(settings.counts_per_unit))
+        uncertainty = _usual_uncertainty(plan)
     if at is None or forward_reading is None or backward_reading is None:
         try:
             at, forward_reading, backward_reading = _asked_for(plan)
@@ -76,13 +75,15 @@ def signtest(
     except ReadingsError as error:
         typer.echo(f"{config}: axis {axis}: {error}", err=True)
         raise typer.Exit(1) from None
-    if as_json:
-        typer.echo(json.dumps(report.as_json()))
-    else:
-        for line in report.text():
-            typer.echo(line)
+    typer.echo(json.dumps(report.as_json()) if as_json else "\n".join(report.text()))
     if not report.test.is_right:
         raise typer.Exit(1)
+
+
+def _usual_uncertainty(plan: "AxisPlan") -> float:
+    """Return what a reading is taken to be uncertain by, in units of the axis."""
+    settings = plan.settings
+    return max(settings.units.from_mm(UNCERTAINTY_MM), COUNTS / abs(settings.counts_per_unit))
 
 
 def _axis(config: Path, name: str) -> "AxisPlan":
