@@ -51,41 +51,37 @@ async def hand_over(
     try:
         with during():
             pairs = zip(request.tables, descriptors, strict=True)
-            found = [_mapped(relay, table, descriptor) for table, descriptor in pairs]
-        for wanted, data in zip(request.tables, found, strict=True):
-            await _check(wanted, data)
+            mapped_pairs = [_mapped(relay, table, descriptor) for table, descriptor in pairs]
+        for change, data in mapped_pairs:
+            await _check(change.axis, data)
         with during():
-            changes = [_change(wanted, data) for wanted, data in zip(request.tables, found, strict=True)]
-            comes = relay.set_tables(changes)
+            comes = relay.set_tables([change for change, _ in mapped_pairs])
     except ControlError as error:
         relay.note_refused(str(error))
         return Done(problems=(str(error),))
     return Done(changed=tuple(comes), comes=comes)
 
 
-def _mapped(relay: TableTaker, wanted: TableFor, descriptor: int) -> memoryview:
+def _mapped(relay: TableTaker, wanted: TableFor, descriptor: int) -> tuple[TableChange, memoryview]:
+    """Return a table by its header, and its bytes: the points have still to be looked at."""
     if wanted.axis not in relay.axes:
         raise ControlError(
             f"axis {wanted.axis}: there is none of that name; there are {', '.join(relay.axes)}"
         )
     try:
         data = map_sealed(descriptor, LARGEST_BYTES)
-        mapped(data)
+        table = mapped(data)
     except (NotSealedError, WrongTableError) as error:
-        raise _refused(wanted, error) from None
-    return data
+        raise _refused(wanted.axis, error) from None
+    return TableChange(wanted.axis, table, wanted.file, wanted.format, wanted.sha256), data
 
 
-async def _check(wanted: TableFor, data: memoryview) -> None:
+async def _check(axis: str, data: memoryview) -> None:
     try:
         await asyncio.to_thread(check_points, data)
     except WrongTableError as error:
-        raise _refused(wanted, error) from None
+        raise _refused(axis, error) from None
 
 
-def _change(wanted: TableFor, data: memoryview) -> TableChange:
-    return TableChange(wanted.axis, mapped(data), wanted.file, wanted.format, wanted.sha256)
-
-
-def _refused(wanted: TableFor, error: Exception) -> ControlError:
-    return ControlError(f"the table for axis {wanted.axis}: {error}")
+def _refused(axis: str, error: Exception) -> ControlError:
+    return ControlError(f"the table for axis {axis}: {error}")
