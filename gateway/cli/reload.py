@@ -33,14 +33,15 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 
         pitch-gateway reload gateway.toml --json
     """
-    from gateway.supervisor.tables import bring_up_to_date
+    from gateway.supervisor.tables import Keeper
 
-    outcome = bring_up_to_date(config)
+    outcome = Keeper(config).reload()
+    problems = outcome.all_problems
     if as_json:
         result = {
             "changed": list(outcome.comes),
             "comes": dict(outcome.comes),
-            "problems": list(outcome.problems),
+            "problems": list(problems),
             "running": outcome.is_running,
         }
         typer.echo(json.dumps(result))
@@ -52,9 +53,9 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
                 typer.echo(f"{axis}: its new table {WORDS[comes]}")
         if not outcome.is_running:
             typer.echo("no gateway runs: the tables are compiled for its start")
-        elif not outcome.comes and not outcome.problems:
+        elif not outcome.comes and not problems:
             typer.echo("nothing to change: all tables are in force already")
-    for problem in outcome.problems:
+    for problem in problems:
         typer.echo(problem, err=True)
-    if outcome.problems:
+    if problems:
         raise typer.Exit(1)

@@ -46,6 +46,9 @@ class Sections:
 
     gateway: GatewaySection = field(default_factory=GatewaySection)
     relay: RelaySection = field(default_factory=RelaySection)
+    http: HttpSection = field(default_factory=HttpSection)
+    mqtt: MqttSection | None = None
+    """None: nothing is published."""
     lines: dict[str, LineSection] = field(default_factory=dict)
     axes: dict[str, AxisSection] = field(default_factory=dict)
     partial_axes: dict[str, AxisSection] = field(default_factory=dict)
@@ -67,6 +70,10 @@ def read_sections(findings: Findings) -> Sections:
                 sections.gateway = section
             elif isinstance(section, RelaySection):
                 sections.relay = section
+            elif isinstance(section, HttpSection):
+                sections.http = section
+            elif isinstance(section, MqttSection):
+                sections.mqtt = section
     if "line" not in tables:
         findings.refuse(("line",), "missing", "needed: at least one [line.NAME], a bus of drives")
     sections.lines = read_named(findings, "line", LineSection)

@@ -95,6 +95,12 @@ class LineMeter:
         """Exchanges that took longer than the budget of their axis."""
         return sum(budget.overruns for budget in self.axes.values())
 
+    def set_budget(self, axis: str, budget_us: float) -> None:
+        """Hold an axis against another budget from now on."""
+        self.axes[axis].budget_ns = int(budget_us * NS_PER_US)
+        for key, measured in self.measured.items():
+            measured.budget_ns = self._smallest_ns(key)
+
     def turn(self, now_ns: int) -> None:
         """Let high marks of the last minute grow old; to be called every few seconds."""
         for measured in self.measured.values():
@@ -137,9 +143,14 @@ class LineMeter:
         """Return where a new pair is measured."""
         key = (controller, unit_id) if len(self.measured) < MOST_PAIRS else OTHERS
         if key not in self.measured:
-            budgets = [budget.budget_ns for budget in self.axes.values() if budget.unit_id == unit_id]
-            self.measured[key] = Measured(min(budgets, default=NO_BUDGET))
+            self.measured[key] = Measured(self._smallest_ns(key))
         return self.measured[key]
+
+    def _smallest_ns(self, key: Key) -> int:
+        """Return the smallest budget of the axes of a pair's unit id."""
+        is_any, unit_id = key == OTHERS, key[1]
+        budgets = [budget.budget_ns for budget in self.axes.values() if is_any or budget.unit_id == unit_id]
+        return min(budgets, default=NO_BUDGET)
 
     def _note_waiting(self, exchange: Exchange, measured: Measured) -> None:
         """Note what came between a request's arrival and its turn."""

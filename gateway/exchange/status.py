@@ -1,5 +1,7 @@
 """The part of the status model that the exchange knows. Positions are in units, on their own scale."""
 
+from typing import Any
+
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.exchange.axis import AxisExchange
@@ -26,12 +28,12 @@ def line_status(line: LineExchange) -> dict[str, object]:
     }
 
 
-def axes_status(line: LineExchange) -> dict[str, dict[str, object]]:
+def axes_status(line: LineExchange) -> dict[str, dict[str, Any]]:
     """Return each axis's part of the status model, by name."""
     return {axis.plan.name: axis_status(axis) for axis in line.axes}
 
 
-def axis_status(axis: AxisExchange) -> dict[str, object]:
+def axis_status(axis: AxisExchange) -> dict[str, Any]:
     """Return one axis's part of the status model."""
     settings = axis.plan.settings
     accepted = axis.compensation.accepted
@@ -49,6 +51,8 @@ def axis_status(axis: AxisExchange) -> dict[str, object]:
         "compensation": compensation_state(axis),
         "units": settings.units.value,
         "direction": direction_state(axis),
+        "gain": {"forward": settings.gain.forward, "backward": settings.gain.backward},
+        "travel": settings.travel,
         "correction": correction,
         "nominal_setpoint": units(None if accepted is None else accepted.nominal_counts),
         "corrected_setpoint": units(None if accepted is None else accepted.corrected_counts),

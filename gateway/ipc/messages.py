@@ -101,7 +101,31 @@ class SetGain(_Message, frozen=True, tag="set-gain", tag_field="kind"):
     axes: tuple[str, ...] = ()
 
 
-Request = Ping | GetStatus | Enable | Disable | SetReference | Subscribe | SetTable | ClearTable | SetGain
+Limit = Annotated[float, msgspec.Meta(ge=0.0)]
+
+
+class SetLimits(_Message, frozen=True, tag="set-limits", tag_field="kind"):
+    """Give an axis other limits, in its units; those of its configuration, as long as the gateway runs."""
+
+    axis: str
+    max_correction: Limit
+    max_slope: Limit
+    travel_margin: Limit
+    budget_us: Limit
+
+
+Request = (
+    Ping
+    | GetStatus
+    | Enable
+    | Disable
+    | SetReference
+    | Subscribe
+    | SetTable
+    | ClearTable
+    | SetGain
+    | SetLimits
+)
 
 
 class Pong(_Message, frozen=True, tag="pong", tag_field="kind"):

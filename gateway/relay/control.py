@@ -6,7 +6,7 @@ from typing import Protocol
 
 import gateway
 from gateway.compensation.settings import Gain
-from gateway.exchange.control import ControlError
+from gateway.exchange.control import ControlError, Limits
 from gateway.ipc.messages import (
     ClearTable,
     Disable,
@@ -19,6 +19,7 @@ from gateway.ipc.messages import (
     Reply,
     Request,
     SetGain,
+    SetLimits,
     SetReference,
     SetTable,
     Status,
@@ -68,6 +69,10 @@ class Controllable(Protocol):
         """Apply another share of the table of an axis; as :meth:`clear_table`."""
         ...
 
+    def set_limits(self, axis: str, limits: Limits) -> tuple[str, ...]:
+        """Give an axis other limits. Raises ControlError."""
+        ...
+
 
 def answer(relay: Controllable, request: Request) -> Reply:
     """Do what a request asks for and return the reply."""
@@ -89,6 +94,11 @@ def answer(relay: Controllable, request: Request) -> Reply:
         case SetGain(axes=axes):
             gain = Gain(request.forward, request.backward)
             return _on_axes(relay, axes, lambda axis: relay.set_gain(axis, gain))
+        case SetLimits(axis=axis):
+            limits = Limits(
+                request.max_correction, request.max_slope, request.travel_margin, request.budget_us
+            )
+            return _on_axes(relay, (axis,), lambda name: relay.set_limits(name, limits))
         case Subscribe() | SetTable():
             return Refused(reason="this is answered where the connection is")  # and never comes here
 

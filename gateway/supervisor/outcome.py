@@ -1,0 +1,37 @@
+"""What came of bringing tables up to date."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from gateway.config.problems import Problem
+from gateway.supervisor.stillness import Sight
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What has changed, what stays as it was, and why."""
+
+    comes: Mapping[str, str] = field(default_factory=dict)
+    """How the new correction of an axis comes into force, or the old one goes; the others are not there."""
+    gone: tuple[str, ...] = ()
+    """Axes whose table was taken away: its file is gone, or the configuration names none."""
+    changed: tuple[str, ...] = ()
+    """Keys of the configuration whose new values are in force."""
+    problems: tuple[str, ...] = ()
+    """Why nothing was changed, or not all; each with what to do."""
+    rejected: Mapping[str, tuple[Problem, ...]] = field(default_factory=dict)
+    """What is wrong with the table files of axes; what was in force stays."""
+    absent: frozenset[str] = frozenset()
+    """Axes whose table file is not there, and which are not corrected."""
+    waiting: frozenset[str] = frozenset()
+    """Axes whose table file is being written, and counts for nothing yet."""
+    sights: Mapping[str, Sight] = field(default_factory=dict)
+    """Of each file that was read, by its name: as it was seen before and after."""
+    is_running: bool = True
+    """Whether a relay was there; without one what is new waits in the state folder for its start."""
+
+    @property
+    def all_problems(self) -> tuple[str, ...]:
+        """Everything that is wrong, a line each."""
+        of_tables = (str(problem) for problems in self.rejected.values() for problem in problems)
+        return (*self.problems, *dict.fromkeys(of_tables))

@@ -1,0 +1,209 @@
+"""What the supervisor does: it follows relay and table files, and keeps one model for all who show it."""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.ipc.messages import Happened
+from gateway.ipc.notes import Note, Severity
+from gateway.supervisor.book import Book
+from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.link import Link
+from gateway.supervisor.model import whole_model
+from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.tables import Keeper
+from gateway.supervisor.watching import SLOW_S, Watch, wake_on_change
+
+TICK_S: Final = 1.0
+"""A model comes at least so often, also when the relay says nothing."""
+
+
+class Supervisor:
+    """Follows the relay behind ``path`` and the tables of a configuration.
+
+    ``write`` takes a note for the log and does not block.
+    """
+
+    def __init__(
+        self, config: Path, path: Path, write: Callable[[Note], None], *, tells_events: bool = False
+    ) -> None:
+        self.feeds = Feeds()
+        """The status model and the events, for whoever shows them."""
+        self._config = config
+        self._write = write
+        self._tells_events = tells_events
+        self._link = Link(path, self._reached, self._lost, self._happened, self._publish)
+        self._keeper = Keeper(config)
+        self._watch = Watch()
+        self._book = Book()
+        self._work_wanted = asyncio.Event()
+        self._reloads: list[asyncio.Future[Outcome]] = []
+        self._is_reload_wanted = True
+        self._is_asked = False
+        self._problems: tuple[str, ...] = ()
+        self._rejected: dict[str, str] = {}
+        self._waker: asyncio.Task[None] | None = None
+
+    async def run(self) -> None:
+        """Run until cancelled."""
+        self._say("supervising", config=str(self._config))
+        await self._all(self._link.run(), self._keep_up(), self._keep_watching(), self._keep_publishing())
+
+    async def reload(self) -> Outcome:
+        """Read configuration and tables anew; returns what came of it."""
+        done: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
+        self._reloads.append(done)
+        self._work_wanted.set()
+        return await done
+
+    def reload_soon(self) -> None:
+        """Read configuration and tables anew; what comes of it is told as events."""
+        self._is_reload_wanted = self._is_asked = True
+        self._work_wanted.set()
+
+    async def _all(self, *works: Awaitable[None]) -> None:
+        """Run all of them until one ends, which none should; then the others end too."""
+        tasks = [asyncio.ensure_future(work) for work in works]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in tasks:
+                if task.done():
+                    task.result()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _keep_watching(self) -> None:
+        try:
+            while True:
+                if await self._watch.look():
+                    self._work_wanted.set()
+                await self._watch.rest()
+        finally:
+            if self._waker is not None:
+                self._waker.cancel()
+
+    async def _keep_publishing(self) -> None:
+        while True:
+            self._publish()
+            await asyncio.sleep(TICK_S)
+
+    async def _keep_up(self) -> None:
+        while True:
+            await self._work_wanted.wait()
+            self._work_wanted.clear()
+            asked, self._reloads = self._reloads, []
+            is_reload, self._is_reload_wanted = self._is_reload_wanted or bool(asked), False
+            is_asked, self._is_asked = self._is_asked or bool(asked), False
+            outcome = await self._bring_up_to_date(is_reload=is_reload, is_asked=is_asked)
+            for done in asked:
+                if not done.done():
+                    done.set_result(outcome)
+
+    async def _bring_up_to_date(self, *, is_reload: bool, is_asked: bool) -> Outcome:
+        """Read what is to be read, and tell what came of it."""
+        if is_reload:
+            outcome = await asyncio.to_thread(self._keeper.reload)
+        else:
+            outcome = await asyncio.to_thread(self._keeper.refresh, self._watch.moving)
+        if (loaded := self._keeper.loaded) is not None:
+            self._follow(loaded.tables_folder)
+        self._watch.take(outcome.sights)
+        self._book.enter(self._keeper.names, outcome)
+        self._report(outcome, is_asked=is_asked)
+        self._publish()
+        return outcome
+
+    def _follow(self, folder: Path) -> None:
+        if self._waker is None or folder != self._watch.folder:
+            if self._waker is not None:
+                self._waker.cancel()
+            self._waker = asyncio.create_task(wake_on_change(folder, self._watch.wake, self._cannot_watch))
+        self._watch.follow(folder, self._keeper.names)
+
+    def _cannot_watch(self, why: str) -> None:
+        detail = f"{why}; the folder is looked at every second all the same"
+        self._say("watching-by-looks", Severity.WARNING, folder=str(self._watch.folder), detail=detail)
+
+    def _report(self, outcome: Outcome, *, is_asked: bool) -> None:
+        for axis, comes in outcome.comes.items():
+            what = "table-taken-away" if axis in outcome.gone else "table-handed-over"
+            self._say(what, axis=axis, comes=comes)
+        if outcome.changed:
+            self._say("configuration-changed", keys=list(outcome.changed))
+        if outcome.problems and (is_asked or outcome.problems != self._problems):
+            detail = "what was in force stays"
+            self._say("reload-refused", Severity.ERROR, problems=list(outcome.problems), detail=detail)
+        elif is_asked and not outcome.comes and not outcome.changed and not outcome.all_problems:
+            there = "nothing has changed" if outcome.is_running else "no gateway runs: kept for its start"
+            self._say("nothing-to-reload", detail=there)
+        self._problems = outcome.problems
+        self._report_files(outcome)
+
+    def _report_files(self, outcome: Outcome) -> None:
+        """Tell of each bad file once, and when it is good again."""
+        for axis, problems in outcome.rejected.items():
+            said = "\n".join(map(str, problems))
+            if self._rejected.get(axis) != said:
+                self._rejected[axis] = said
+                first = problems[0]
+                self._say(
+                    "table-rejected",
+                    Severity.ERROR,
+                    axis=axis,
+                    file=first.file,
+                    line=first.line,
+                    problems=[str(problem) for problem in problems],
+                    detail="the last good table stays",
+                )
+        for axis in self._rejected.keys() - outcome.rejected.keys() - outcome.waiting:
+            del self._rejected[axis]
+            if axis not in outcome.absent:
+                self._say("table-mended", axis=axis)
+
+    def _publish(self) -> None:
+        loaded = self._keeper.loaded
+        self.feeds.publish(
+            whole_model(
+                self._config.stem if loaded is None else loaded.plan.name,
+                self._link.snapshot,
+                is_relay_up=self._link.is_up,
+                snapshot_age_s=self._link.snapshot_age_s,
+                tables=self._book.entries(self._watch.moving),
+                supervisor=self._own_status(),
+            )
+        )
+
+    def _own_status(self) -> dict[str, Any]:
+        silent_s = self._watch.silent_s
+        folder = f"{self._watch.folder} has not answered for {silent_s:.0f} s" if silent_s > SLOW_S else None
+        return {
+            "configuration": {"file": str(self._config), "problem": "; ".join(self._problems) or None},
+            "tables_folder": {"folder": str(self._watch.folder), "problem": folder},
+            "http": {"problem": None},
+            "mqtt": {"problem": None},
+        }
+
+    def _reached(self) -> None:
+        self._say("relay-reached")
+        self._is_reload_wanted = self._keeper.loaded is None
+        self._work_wanted.set()
+
+    def _lost(self, why: str) -> None:
+        self._say("relay-not-reached", Severity.WARNING, detail=why)
+        self._publish()
+
+    def _happened(self, happened: Happened) -> None:
+        fields = {**happened.fields, "process": "relay"}
+        note = Note(Severity(happened.severity), happened.event, fields, happened.wall_s)
+        self.feeds.tell(note)
+        if self._tells_events:
+            self._write(note)
+
+    def _say(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
+        note = Note(severity, event, {**fields, "process": "supervisor"}, time.time())
+        self.feeds.tell(note)
+        self._write(note)
