@@ -10,17 +10,20 @@ from tests.processes.bench import (
     typed,
 )
 
+NOTHING = "nothing to change: all tables are in force already\n"
+"""Also where the supervisor, which watches the files, has been quicker than the command."""
+
 
 def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> None:
     config = str(site.config)
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_050
         same = typed("reload", config)
-        assert (same.returncode, same.stdout) == (0, "nothing to change: all tables are in force already\n")
+        assert (same.returncode, same.stdout) == (0, NOTHING)
         site.table.write_text(STEEPER)
         new = typed("reload", config)
         assert (new.returncode, new.stderr) == (0, "")
-        assert new.stdout == "x: its new table comes into force with the next different target\n"
+        assert new.stdout in {"x: its new table comes into force with the next different target\n", NOTHING}
         assert master.move(50_001) == 50_101
         text = site.config.read_text()
         site.config.write_text(text.replace('table = "x.tab"', ""))
@@ -46,8 +49,8 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
         other = typed("reload", config)
         assert other.returncode == 1
         assert other.stderr == (
-            f"{config}: it has changed in more than its tables since the gateway was started, and only "
-            "tables are taken while it runs; restart the gateway\n"
+            f"{config}: changed since the gateway was started: axis.x.counts_per_unit; restart the gateway "
+            "to take it over\n"
         )
         assert master.move(50_001) == 50_101
         assert gateway.end() == 0

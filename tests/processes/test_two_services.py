@@ -89,7 +89,7 @@ def test_a_table_that_changed_is_handed_over_on_a_hangup_signal(site: Site) -> N
         master = site.master()
         assert master.move(50_000) == 50_050
         supervisor.process.send_signal(signal.SIGHUP)
-        assert supervisor.until("nothing-to-reload")["detail"] == "all tables are in force already"
+        assert supervisor.until("nothing-to-reload")["detail"] == "nothing has changed"
         site.table.write_text(TABLE.replace("50.0 0.05 0.05", "50.0 0.9 0.9"))
         supervisor.process.send_signal(signal.SIGHUP)
         refused = supervisor.until("reload-refused")
