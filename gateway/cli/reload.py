@@ -20,11 +20,13 @@ GONE = {
 
 
 def reload(config: Config, *, as_json: AsJson = False) -> None:
-    """Read the tables of CONFIG anew, and give the gateway that runs it those that changed.
+    """Read CONFIG and its tables anew, at once, and give the gateway that runs it what changed.
 
-    All or nothing: with one bad table everything stays as it was. Nothing moves by itself. Only tables are
-    taken while a gateway runs; after any other change of CONFIG it has to be restarted. Without a gateway the
-    tables are kept for its start.
+    A gateway that runs watches its table files by itself; this does not wait until they stand still. Each
+    axis is for itself (a group as one): a bad table leaves what its axis had. Nothing moves by itself. Of CONFIG
+    it takes tables, gains, limits (max_correction, max_slope, travel_margin, budget_us), [http] and [mqtt];
+    with anything else changed nothing is taken, and what needs a restart is named. Without a gateway
+    everything is kept for its start.
 
     Exit code 1 when anything is wrong; each problem is one line on stderr.
 
@@ -41,6 +43,7 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
         result = {
             "changed": list(outcome.comes),
             "comes": dict(outcome.comes),
+            "keys": list(outcome.changed),
             "problems": list(problems),
             "running": outcome.is_running,
         }
@@ -50,11 +53,13 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
             if axis in outcome.gone:
                 typer.echo(f"{axis}: it has no table any more; the old correction {GONE[comes]}")
             else:
-                typer.echo(f"{axis}: its new table {WORDS[comes]}")
+                typer.echo(f"{axis}: its new correction {WORDS[comes]}")
+        if outcome.changed:
+            typer.echo(f"in force now: {', '.join(outcome.changed)}")
         if not outcome.is_running:
-            typer.echo("no gateway runs: the tables are compiled for its start")
-        elif not outcome.comes and not problems:
-            typer.echo("nothing to change: all tables are in force already")
+            typer.echo("no gateway runs: everything is compiled for its start")
+        elif not outcome.comes and not outcome.changed and not problems:
+            typer.echo("nothing has changed")
     for problem in problems:
         typer.echo(problem, err=True)
     if problems:

@@ -24,7 +24,7 @@ def compile_into_state(loaded: Loaded, plan: GatewayPlan | None = None) -> dict[
     """
     sources = sources_of(loaded)
     try:
-        return write_plan(loaded.state_folder, plan or loaded.plan, sources, keys_of(loaded.document.tables))
+        return write_plan(loaded.state_folder, plan or loaded.plan, sources, loaded.document.text)
     except OSError as error:
         raise StateError(f"gateway.state: {problem_of(error, loaded.state_folder)}") from None
 

@@ -50,6 +50,16 @@ class Loaded:
 
 
 def load(path: Path, *, checks_times: bool = True, forgives_tables: bool = False) -> Loaded:
+    """Do what :func:`load_document` does with a file.
+
+    Raises:
+        ConfigErrors: everything that is wrong with it, at once.
+    """
+    document = read_document(path)
+    return load_document(document, checks_times=checks_times, forgives_tables=forgives_tables)
+
+
+def load_document(document: Document, *, checks_times: bool = True, forgives_tables: bool = False) -> Loaded:
     """Read, check and build a configuration with all its tables.
 
     Without ``checks_times`` nothing is said about limits that the arithmetic of time proves wrong. With
@@ -58,7 +68,7 @@ def load(path: Path, *, checks_times: bool = True, forgives_tables: bool = False
     Raises:
         ConfigErrors: everything that is wrong with it, at once.
     """
-    findings = Findings(read_document(path))
+    findings = Findings(document)
     sections, drives = _check_but_tables(findings)
     return _with_tables(
         findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables

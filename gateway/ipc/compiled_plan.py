@@ -48,9 +48,9 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     version: int
     gateway_version: str
     sources: dict[str, str]
-    keys: dict[str, str]
+    configuration: str
     sha256: str
-    """Of the plan and the keys; a wrong source shows by itself."""
+    """Of the plan and the configuration; a wrong source shows by itself."""
     plan: bytes
 
 
@@ -71,8 +71,8 @@ class CompiledPlan:
     """Digest of what a gateway that runs cannot be given: all but tables, gains and limits."""
     sources: Mapping[str, str]
     """The files that it was made from, by absolute path, with the SHA-256 of each."""
-    keys: Mapping[str, str]
-    """What the configuration said, key by key."""
+    configuration: str
+    """The text of the configuration file."""
 
 
 def in_force(plan: GatewayPlan) -> GatewayPlan:
@@ -87,12 +87,12 @@ def shape_of(plan: GatewayPlan) -> str:
 
 
 def write_plan(
-    state: Path, plan: GatewayPlan, sources: Mapping[str, str], keys: Mapping[str, str]
+    state: Path, plan: GatewayPlan, sources: Mapping[str, str], configuration: str
 ) -> dict[str, bytes]:
     """Write a plan and its tables; returns the compiled tables by axis.
 
-    ``sources`` and ``keys`` are as in :class:`CompiledPlan`. Files of tables that belong to no axis any more
-    are removed, but for the newest few.
+    ``sources`` and ``configuration`` are as in :class:`CompiledPlan`. Files of tables that belong to no axis any
+    more are removed, but for the newest few.
 
     Raises:
         OSError: the folder or a file cannot be written; what was there can still be run.
@@ -102,8 +102,8 @@ def write_plan(
     tables = {axis.name: compiled(axis.table) for axis in axes if axis.table is not None}
     digest_by_id = {id(axis.table): digest_of(tables[axis.name]) for axis in axes}
     content = _encode(to_plain(plan, lambda value: digest_by_id.get(id(value))))
-    digest = _digest(content, keys)
-    file = _File(FORMAT, VERSION, gateway.__version__, dict(sources), dict(keys), digest, content)
+    digest = _digest(content, configuration)
+    file = _File(FORMAT, VERSION, gateway.__version__, dict(sources), configuration, digest, content)
     make_folder(state)
     make_folder(state / TABLES_NAME)
     with _alone_in(state / TABLES_NAME):
@@ -140,7 +140,7 @@ def last_plan(state: Path) -> CompiledPlan | None:
 
 def _compiled_plan(state: Path, file: _File, remedy: str) -> CompiledPlan:
     path = state / PLAN_NAME
-    if _digest(file.plan, file.keys) != file.sha256:
+    if _digest(file.plan, file.configuration) != file.sha256:
         raise StateError(f"{path} is damaged: its digest is another; {remedy}")
     reader = PlainReader(GatewayPlan, lambda digest: _read_table(state, str(digest), remedy))
     try:
@@ -149,7 +149,7 @@ def _compiled_plan(state: Path, file: _File, remedy: str) -> CompiledPlan:
         raise StateError(f"{path} is not understood: {error}; {remedy}") from None
     if not isinstance(plan, GatewayPlan):
         raise StateError(f"{path} holds no plan; {remedy}")
-    return CompiledPlan(plan, shape_of(plan), file.sources, file.keys)
+    return CompiledPlan(plan, shape_of(plan), file.sources, file.configuration)
 
 
 @contextlib.contextmanager
@@ -183,8 +183,8 @@ def _no_special(_value: object) -> object | None:
     return None
 
 
-def _digest(plan: bytes, keys: Mapping[str, str]) -> str:
-    return hashlib.sha256(plan + _encode(sorted(keys.items()))).hexdigest()
+def _digest(plan: bytes, configuration: str) -> str:
+    return hashlib.sha256(plan + configuration.encode()).hexdigest()
 
 
 def _encode(data: object) -> bytes:

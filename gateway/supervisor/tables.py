@@ -2,14 +2,16 @@
 
 import os
 import re
+import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from gateway.config.compile import compile_into_state, keys_of, sources_of
+from gateway.config.document import parse_document
 from gateway.config.last_good import Settled, Source, settle
-from gateway.config.load import Loaded, load, reread_tables
+from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors
 from gateway.exchange.control import limits_of
 from gateway.exchange.plan import AxisPlan
@@ -33,7 +35,7 @@ from gateway.ipc.messages import (
 from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.plan import LinePlan
 from gateway.ipc.sealed_memory import seal
-from gateway.ipc.state_folder import StateError
+from gateway.ipc.state_folder import StateError, state_folder
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look
 
@@ -66,9 +68,12 @@ class Keeper:
         A table file that is being written counts for nothing yet.
         """
         try:
-            return self._take(load(self._config, forgives_tables=True), ())
+            outcome = self._take(load(self._config, forgives_tables=True), ())
         except ConfigErrors as errors:
-            return Outcome(problems=tuple(map(str, errors.problems)))
+            outcome = Outcome(problems=tuple(map(str, errors.problems)))
+        if self.loaded is None:
+            self.loaded = self._as_compiled()
+        return outcome
 
     def refresh(self, waiting: Collection[str] = ()) -> Outcome:
         """Read the tables of the configuration that was taken; as :meth:`reload`.
@@ -81,6 +86,17 @@ class Keeper:
             return self._take(self.loaded, waiting)
         except ConfigErrors as errors:
             return Outcome(problems=tuple(map(str, errors.problems)))
+
+    def _as_compiled(self) -> Loaded | None:
+        """Return the configuration that was compiled last, where the one in the file cannot be taken now."""
+        try:
+            before = last_plan(state_folder(self._config))
+            if before is None:
+                return None
+            document = parse_document(self._config, before.configuration, _digest_of(self._config, before))
+            return load_document(document, checks_times=False, forgives_tables=True)
+        except (StateError, ConfigErrors):
+            return None
 
     def _take(self, configured: Loaded, waiting: Collection[str]) -> Outcome:
         names = _names(configured)
@@ -122,6 +138,10 @@ class Keeper:
             return Outcome(problems=(f"{self._config}: {error}",))
 
 
+def _digest_of(config: Path, before: CompiledPlan) -> str:
+    return before.sources.get(str(config.resolve()), "")
+
+
 def _names(loaded: Loaded) -> dict[str, str]:
     return {axis: reading.name for axis, reading in loaded.readings.items()}
 
@@ -157,8 +177,8 @@ def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
 
 
 def _changed_keys(loaded: Loaded, before: CompiledPlan) -> list[str]:
-    now = keys_of(loaded.document.tables)
-    return [key for key in dict.fromkeys((*now, *before.keys)) if now.get(key) != before.keys.get(key)]
+    now, then = keys_of(loaded.document.tables), keys_of(tomllib.loads(before.configuration))
+    return [key for key in dict.fromkeys((*now, *then)) if now.get(key) != then.get(key)]
 
 
 def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_running: bool) -> Outcome:

@@ -166,6 +166,14 @@ class Running:
                 return note
         raise AssertionError(f"the log ended without {name}: {self.notes}")
 
+    def next(self) -> dict[str, Any]:
+        """Read the next event of the log."""
+        assert self.process.stderr is not None
+        line = self.process.stderr.readline()
+        assert line, f"the log ended: {self.notes}"
+        self.notes.append(json.loads(line))
+        return self.notes[-1]
+
     def end(self, number: signal.Signals = signal.SIGTERM) -> int:
         self.process.send_signal(number)
         self.rest()
@@ -225,17 +233,9 @@ def gateway_of(site: Site) -> Iterator[tuple[Running, Master]]:
     with running("run", str(site.config)) as gateway:
         seen: set[str] = set()
         while not {"line-up", "relay-reached"} <= seen:
-            seen.add(_next(gateway))
+            seen.add(gateway.next()["event"])
         master = site.master()
         try:
             yield gateway, master
         finally:
             master.close()
-
-
-def _next(gateway: Running) -> str:
-    assert gateway.process.stderr is not None
-    line = gateway.process.stderr.readline()
-    assert line, f"the log ended: {gateway.notes}"
-    gateway.notes.append(json.loads(line))
-    return str(gateway.notes[-1]["event"])

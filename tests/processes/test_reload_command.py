@@ -10,7 +10,7 @@ from tests.processes.bench import (
     typed,
 )
 
-NOTHING = "nothing to change: all tables are in force already\n"
+NOTHING = "nothing has changed\n"
 """Also where the supervisor, which watches the files, has been quicker than the command."""
 
 
@@ -23,15 +23,19 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
         site.table.write_text(STEEPER)
         new = typed("reload", config)
         assert (new.returncode, new.stderr) == (0, "")
-        assert new.stdout in {"x: its new table comes into force with the next different target\n", NOTHING}
+        assert new.stdout in {
+            "x: its new correction comes into force with the next different target\n",
+            NOTHING,
+        }
         assert master.move(50_001) == 50_101
         text = site.config.read_text()
         site.config.write_text(text.replace('table = "x.tab"', ""))
         gone = typed("reload", config)
         assert (gone.returncode, gone.stderr) == (0, "")
-        assert gone.stdout == (
-            "x: it has no table any more; the old correction goes with the next different target\n"
-        )
+        assert gone.stdout.splitlines() == [
+            "x: it has no table any more; the old correction goes with the next different target",
+            "in force now: axis.x.table",
+        ]
         assert master.move(50_000) == 50_000
         site.config.write_text(text)
         assert typed("reload", config).returncode == 0
@@ -58,5 +62,5 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
 
 def test_without_a_gateway_reload_compiles_for_its_start(site: Site) -> None:
     done = typed("reload", str(site.config))
-    assert (done.returncode, done.stdout) == (0, "no gateway runs: the tables are compiled for its start\n")
+    assert (done.returncode, done.stdout) == (0, "no gateway runs: everything is compiled for its start\n")
     assert (site.config.parent / "state" / "plan.msgpack").exists()

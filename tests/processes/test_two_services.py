@@ -92,10 +92,10 @@ def test_a_table_that_changed_is_handed_over_on_a_hangup_signal(site: Site) -> N
         assert supervisor.until("nothing-to-reload")["detail"] == "nothing has changed"
         site.table.write_text(TABLE.replace("50.0 0.05 0.05", "50.0 0.9 0.9"))
         supervisor.process.send_signal(signal.SIGHUP)
-        refused = supervisor.until("reload-refused")
-        assert refused["detail"] == "the tables in force stay"
-        # File and line: the second of the three points.
-        assert refused["problems"][0].startswith(f"{site.table}:7: ")
+        rejected = supervisor.until("table-rejected")
+        assert rejected["detail"] == "the last good table stays"
+        # The second of the three points.
+        assert (rejected["axis"], rejected["file"], rejected["line"]) == ("x", str(site.table), 7)
         assert master.move(50_001) == 50_051
         site.table.write_text(STEEPER)
         supervisor.process.send_signal(signal.SIGHUP)
