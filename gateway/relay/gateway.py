@@ -124,7 +124,7 @@ class Relay:
         for line in () if problems else self._lines:
             if self._state is not None:
                 line.keep_records(self._state, self._find_table)
-            if self._control is not None and self._control.was_killed:
+            if self._control is not None and self._control.is_after_a_cut:
                 line.rest_first()
             problems += await line.open()
         if problems:
@@ -132,7 +132,8 @@ class Relay:
                 await line.close()
             if self._recorder is not None:
                 await self._recorder.discard()
-            await self._close_rest()
+            owes_silence = self._control is not None and self._control.is_after_a_cut
+            await self._close_rest(owes_silence=owes_silence)
             raise StartError(problems)
 
     def take_process(self) -> None:
@@ -156,9 +157,9 @@ class Relay:
     async def stop(self) -> None:
         """Take no new requests, let the exchanges on the wires end, close everything."""
         if self._control is not None:
-            await self._control.close()
+            self._control.hang_up()  # its place stays ours as long as its lines are
         await asyncio.gather(*(line.stop() for line in self._lines))
-        await self._close_rest()
+        await self._close_rest(owes_silence=any(line.owes_silence for line in self._lines))
 
     def enable(self, axis: str) -> tuple[str, ...]:
         """Switch the compensation of an axis on; returns the names of the axes that changed with it.
@@ -319,9 +320,9 @@ class Relay:
         with self._activity.of(name):
             return work(*arguments)
 
-    async def _close_rest(self) -> None:
+    async def _close_rest(self, *, owes_silence: bool) -> None:
         self._collecting.stop()
         if self._control is not None:
-            await self._control.close()
+            await self._control.close(is_finished=not owes_silence)
         if self._recorder is not None:
             await self._recorder.stop()
