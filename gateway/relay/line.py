@@ -169,6 +169,10 @@ class Line:
             ],
         }
 
+    def turn(self) -> None:
+        """Let high marks of the last minute grow old; to be called at least once in ten seconds."""
+        self._exchange.meter.turn(time.monotonic_ns())
+
     def refresh_latency(self) -> None:
         """Work some of the measured times out anew."""
         self._latency.refresh(time.monotonic_ns())
