@@ -62,7 +62,7 @@ class LineExchange:
         self._news = AxisNews(self.axes, on_event)
         self._ends = Endings(self._units, self.counters, self._news, on_event)
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
-        self._rest = Rest(timing)
+        self.rest = Rest(timing)
         self._waiting = WaitingExchanges()
         self._current: Exchange | None = None
         self.is_up = False
@@ -80,7 +80,7 @@ class LineExchange:
         """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
         if self._current is not None:
             return self._current.deadline_ns
-        return self._monitor_due_ns if self._rest.until_ns is None else self._rest.until_ns
+        return self._monitor_due_ns if self.rest.until_ns is None else self.rest.until_ns
 
     @property
     def is_idle(self) -> bool:
@@ -106,7 +106,7 @@ class LineExchange:
         # Losses are told apart by it (M3): no two requests come at one instant.
         self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         exchange = Exchange(port, transaction_id, unit_id, pdu, self._arrived_ns)
-        is_free = self._current is None and self._rest.until_ns is None
+        is_free = self._current is None and self.rest.until_ns is None
         if is_free and is_motion and self.is_up:
             self._start_request(exchange, now_ns)
         else:
@@ -239,11 +239,11 @@ class LineExchange:
         may be that of another request: a serial line is left alone until it is silent.
         """
         self.counters.late += 1
-        if self._rest.is_draining:
-            self._rest.disturb(now_ns)
+        if self.rest.is_draining:
+            self.rest.disturb(now_ns)
         elif is_frame and self._link.is_serial and self._current is None:
-            self._rest.drain(now_ns)
-            detail = f"a frame that answers nothing: waiting for {self._rest.drain_ms:g} ms of silence"
+            self.rest.drain(now_ns)
+            detail = f"a frame that answers nothing: waiting for {self.rest.drain_ms:g} ms of silence"
             self._on_event(Event(EventKind.LATE_REPLY, None, detail))
 
     def link_up(self, now_ns: int) -> None:
@@ -252,7 +252,7 @@ class LineExchange:
             return
         self.is_up = True
         self._on_event(Event(EventKind.LINE_UP))
-        self._rest.resume(now_ns)
+        self.rest.resume(now_ns)
         for axis in self.axes:
             axis.silent_until_ns = now_ns
             axis.end_silence(is_answer=True)
@@ -269,8 +269,8 @@ class LineExchange:
         if not self._is_stopping:  # closing it ourselves is no news
             self._on_event(Event(EventKind.LINE_DOWN))
         current, self._current = self._current, None
-        is_busy = current is not None or self._rest.is_draining
-        self._rest.break_off(owes_silence=self._link.is_serial and is_busy)
+        is_busy = current is not None or self.rest.is_draining
+        self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
         for axis in self.axes:
             axis.link_lost(now_ns)
         if current is not None:
@@ -289,8 +289,8 @@ class LineExchange:
             return
         if self._current is not None:
             self._time_out(self._current, now_ns)
-        elif self._rest.until_ns is not None:  # else it is a monitor's turn
-            self._rest.end()
+        elif self.rest.until_ns is not None:  # else it is a monitor's turn
+            self.rest.end()
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
@@ -310,7 +310,7 @@ class LineExchange:
     def _next(self, now_ns: int) -> None:
         """Start what waits, as long as the line is free."""
         self._monitor_due_ns = None
-        while self._waiting.total and self._current is None and self._rest.until_ns is None:
+        while self._waiting.total and self._current is None and self.rest.until_ns is None:
             if not self._waiting.only_others:
                 self._start(self._waiting.pop(), now_ns)
                 continue
@@ -365,8 +365,8 @@ class LineExchange:
             exchange.sent_ns = now_ns
             self._link.send_request(unit_id, pdu)
             self.counters.broadcasts += 1
-            self._rest.turn_around(now_ns)
-            self._gaps.ended(exchange, now_ns, self._rest.until_ns)
+            self.rest.turn_around(now_ns)
+            self._gaps.ended(exchange, now_ns, self.rest.until_ns)
             for rewriting in exchange.rewritings:
                 note_broadcast(rewriting, now_ns)
             self._news.look(self.axes)
@@ -395,6 +395,6 @@ class LineExchange:
         self._ends.lost(exchange, now_ns)
         self._silent.doubt(unit_id, now_ns)
         if self._link.is_serial:
-            self._rest.drain(now_ns)
-        self._gaps.ended(exchange, now_ns, self._rest.until_ns)
+            self.rest.drain(now_ns)
+        self._gaps.ended(exchange, now_ns, self.rest.until_ns)
         self._ends.fail(exchange, NO_RESPONSE)

@@ -21,7 +21,7 @@ class Rest:
         """None: the line does not rest."""
         self.is_draining = False
         self._owes_silence = False
-        """Something was outstanding when a serial link went down: its reply may still come."""
+        """A serial link, or its gateway, went down with something outstanding: its reply may still come."""
 
     def turn_around(self, now_ns: int) -> None:
         """Give the drives time to obey a broadcast."""
@@ -41,6 +41,15 @@ class Rest:
         """The line has rested."""
         self.until_ns = None
         self.is_draining = self._owes_silence = False
+
+    def owe(self) -> None:
+        """A reply may come that nobody here has asked for: the line rests first when its link comes up."""
+        self._owes_silence = True
+
+    @property
+    def owes_silence(self) -> bool:
+        """Whether a reply may still come that is not for whoever uses the line next."""
+        return self._owes_silence or self.is_draining
 
     def break_off(self, *, owes_silence: bool) -> None:
         """The link went down; a reply may be on its way still."""

@@ -62,8 +62,8 @@ class SocketPlace:
 
     def __init__(self, state: Path) -> None:
         self.path = socket_path(state)
-        self.was_killed = False
-        """Whether the gateway before ended without leaving: its socket was still there."""
+        self.is_after_a_cut = False
+        """Whether the gateway before did not finish: its socket was still there."""
         self._lock_fd: int | None = None
         self._inode = 0
 
@@ -85,13 +85,16 @@ class SocketPlace:
             self.leave()
             raise
 
-    def leave(self) -> None:
-        """Remove the socket, if it is still ours, and let others have the place."""
-        if self._inode:
+    def leave(self, *, is_finished: bool = True) -> None:
+        """Let others have the place, and remove the socket, if it is still ours.
+
+        It stays where something is unfinished: the next gateway then knows, as after a kill.
+        """
+        if self._inode and is_finished:
             with contextlib.suppress(OSError):
                 if self.path.lstat().st_ino == self._inode:
                     self.path.unlink()
-            self._inode = 0
+        self._inode = 0
         if self._lock_fd is not None:
             os.close(self._lock_fd)
             self._lock_fd = None
@@ -115,7 +118,7 @@ class SocketPlace:
                 other.connect(str(self.path))
             except ConnectionRefusedError:
                 self.path.unlink()  # whoever made it has gone
-                self.was_killed = True
+                self.is_after_a_cut = True
                 return
             except BlockingIOError:
                 pass  # somebody listens and is too busy to take us

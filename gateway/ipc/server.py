@@ -78,9 +78,9 @@ class ControlServer:
         return self._place.path
 
     @property
-    def was_killed(self) -> bool:
-        """Whether the gateway before this one ended without leaving; known once this one is open."""
-        return self._place.was_killed
+    def is_after_a_cut(self) -> bool:
+        """Whether the gateway before this one did not finish; known once this one is open."""
+        return self._place.is_after_a_cut
 
     @property
     def clients(self) -> int:
@@ -106,8 +106,8 @@ class ControlServer:
         self._listening = self._place.take()
         self._listen()
 
-    async def close(self) -> None:
-        """Drop every client and remove the socket."""
+    def hang_up(self) -> None:
+        """Drop every client and take no other; the place stays taken until :meth:`close`."""
         if self._listening is None:
             return
         self._listen(is_on=False)
@@ -115,9 +115,13 @@ class ControlServer:
             self._later.cancel()
         for session in tuple(self._sessions):
             session.drop()
-        self._place.leave()
         self._listening.close()
         self._listening = None
+
+    async def close(self, *, is_finished: bool = True) -> None:
+        """Drop every client and leave; see ``SocketPlace.leave``."""
+        self.hang_up()
+        self._place.leave(is_finished=is_finished)
 
     def tell(self, happened: Happened) -> None:
         """Tell all listeners that something happened; costs an append for each, and is sent a turn later."""

@@ -205,11 +205,14 @@ class Session:
             self._send(desk.answer(request))
 
     async def _hand_over(self, request: SetTable, descriptors: list[int]) -> None:
+        reply: Reply | None = None
         try:
             reply = await self._server.desk.hand_over(request, tuple(descriptors))
         finally:
             _close(descriptors)
             self._handing_over = None
+            if reply is None:  # a bug, or no thread to be had: nobody waits for an answer that never comes
+                self.drop()
         if not self._is_open:
             return
         if self.listener is None:

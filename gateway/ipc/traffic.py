@@ -70,6 +70,10 @@ class Stray(_Input, frozen=True, tag="stray"):
     is_frame: bool
 
 
+class RestFirst(_Input, frozen=True, tag="rest-first"):
+    """The gateway before left something unanswered: the line falls silent when it comes up."""
+
+
 class Up(_Input, frozen=True, tag="up"):
     """The drives can be reached."""
 
@@ -147,7 +151,7 @@ class End(_Entry, frozen=True, tag="end"):
     entries: int
 
 
-Input = Request | Gone | Reply | Stray | Up | Down | Tick | Stop | Control | Tables | Share
+Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Control | Tables | Share
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | End
 

@@ -7,9 +7,7 @@ bytes. Modbus/TCP: the gateway numbers its own requests; a reply with another nu
 
 from typing import Final, Protocol
 
-from gateway.exchange.plan import LineTiming
 from gateway.exchange.ports import DriveLink
-from gateway.exchange.rest import Rest
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
@@ -70,14 +68,6 @@ class RtuDriveLink:
         self._timer = Timer(self._silent)
         self._exchange: TimedExchange | None = None
         self.stamps = self._sender.stamps
-        self._first_rest: Rest | None = None
-
-    def rest_first(self, timing: LineTiming) -> None:
-        """Let the line fall silent before anything is sent: the gateway before this one was killed (W6).
-
-        A drive may still be about to answer what that one asked, and replies carry no number.
-        """
-        self._first_rest = Rest(timing)
 
     @property
     def wire_ns_per_byte(self) -> int:
@@ -107,20 +97,11 @@ class RtuDriveLink:
         """See ``Receiver``."""
         self._decoder.reset()
         self._sender.opened(channel, now_ns)
-        if self._first_rest is None:
-            self._to_exchange().link_up(now_ns)
-        else:
-            self._first_rest.drain(now_ns)
-            self._timer.arm(self._first_rest.until_ns)
+        self._to_exchange().link_up(now_ns)
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
         self._sender.heard(now_ns)
-        if self._first_rest is not None:
-            self._decoder.feed(data, now_ns)  # expected by nobody: counted
-            self._first_rest.disturb(now_ns)
-            self._timer.arm(self._first_rest.until_ns)
-            return
         counters = self._decoder.counters
         stray_bytes, stray_frames = counters.stray_bytes, counters.stray_frames
         replies = self._decoder.feed(data, now_ns)
@@ -157,11 +138,6 @@ class RtuDriveLink:
         self._sender.close()
 
     def _silent(self, now_ns: int) -> None:
-        if self._first_rest is not None:
-            self._first_rest = None
-            self._decoder.reset()
-            self._to_exchange().link_up(now_ns)
-            return
         self._pass_on(self._decoder.on_silence(now_ns), now_ns)
 
     def _pass_on(self, replies: list[tuple[int, bytes]], now_ns: int) -> None:

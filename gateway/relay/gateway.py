@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import gateway
 from gateway.compensation.settings import Gain
@@ -36,6 +36,8 @@ from gateway.relay.scheduling import in_force, schedule
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
+TURN_EVERY_S: Final = 5.0
+"""Each line lets its marks of the last minute grow old, whether somebody looks at them or not."""
 _Result = TypeVar("_Result")
 
 
@@ -67,7 +69,8 @@ class Relay:
         self._control: ControlServer | None = None
         self._recorder = recorder
         self._activity = Activity()
-        self._looks = 0
+        self._looks = self._turns = 0
+        self._turning: asyncio.TimerHandle | None = None
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
         self._shape = shape_of(plan)
         self._refused_tables = Complaints(
@@ -126,7 +129,7 @@ class Relay:
         for line in () if problems else self._lines:
             if self._state is not None:
                 line.keep_records(self._state, self._find_table)
-            if self._control is not None and self._control.was_killed:
+            if self._control is not None and self._control.is_after_a_cut:
                 line.rest_first()
             problems += await line.open()
         if problems:
@@ -134,8 +137,10 @@ class Relay:
                 await line.close()
             if self._recorder is not None:
                 await self._recorder.discard()
-            await self._close_rest()
+            owes_silence = self._control is not None and self._control.is_after_a_cut
+            await self._close_rest(owes_silence=owes_silence)
             raise StartError(problems)
+        self._turn()
 
     def take_process(self) -> None:
         """Make the process the relay's own, once everything is open: its scheduling, its garbage.
@@ -158,9 +163,9 @@ class Relay:
     async def stop(self) -> None:
         """Take no new requests, let the exchanges on the wires end, close everything."""
         if self._control is not None:
-            await self._control.close()
+            self._control.hang_up()  # its place stays ours as long as its lines are
         await asyncio.gather(*(line.stop() for line in self._lines))
-        await self._close_rest()
+        await self._close_rest(owes_silence=any(line.owes_silence for line in self._lines))
 
     def enable(self, axis: str) -> tuple[str, ...]:
         """Switch the compensation of an axis on; returns the names of the axes that changed with it.
@@ -265,6 +270,14 @@ class Relay:
             "axes": axes,
         }
 
+    def _turn(self) -> None:
+        """Turn one line each time, as with looks."""
+        if self._lines:
+            self._turns += 1
+            self._lines[self._turns % len(self._lines)].turn()
+            pause_s = TURN_EVERY_S / len(self._lines)
+            self._turning = asyncio.get_running_loop().call_later(pause_s, self._turn)
+
     def _scheduling_withdrawn(self, why: str) -> None:
         self._journal.note(Severity.WARNING, "scheduling-withdrawn", key="relay.fifo", detail=why)
 
@@ -331,9 +344,11 @@ class Relay:
         with self._activity.of(name):
             return work(*arguments)
 
-    async def _close_rest(self) -> None:
+    async def _close_rest(self, *, owes_silence: bool) -> None:
+        if self._turning is not None:
+            self._turning.cancel()
         self._collecting.stop()
         if self._control is not None:
-            await self._control.close()
+            await self._control.close(is_finished=not owes_silence)
         if self._recorder is not None:
             await self._recorder.stop()

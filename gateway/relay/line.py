@@ -12,7 +12,6 @@ from gateway.exchange.control import Limits, TableChange
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
 from gateway.exchange.remembering import FindTable
-from gateway.exchange.rest import Rest
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc.notes import Severity
 from gateway.ipc.plan import LinePlan
@@ -103,16 +102,21 @@ class Line:
             )
             self._records.append(record)
 
+    @property
+    def owes_silence(self) -> bool:
+        """Whether a drive may still answer what the next gateway never asked; ask when the line is closed."""
+        return self._exchange.rest.owes_silence
+
     def rest_first(self) -> None:
-        """Wait for silence before anything is sent; before :meth:`open`. See ``RtuDriveLink.rest_first``."""
-        if isinstance(self._link, RtuDriveLink):
-            self._link.rest_first(self.plan.timing)
+        """Wait for silence before anything is sent; before :meth:`open`. Modbus/TCP needs none (W6)."""
+        if self._link.is_serial:
+            self._timed.rest_first(time.monotonic_ns())
             self._journal.note(
                 Severity.WARNING,
                 "line-rests",
                 line=self.plan.name,
-                detail="the gateway before this one was killed and a drive may still answer it: waiting for "
-                f"{Rest(self.plan.timing).drain_ms:g} ms of silence",
+                detail="the gateway before this one left something unanswered, and a drive may still answer "
+                f"it: waiting for {self._exchange.rest.drain_ms:g} ms of silence",
             )
 
     async def open(self) -> list[str]:
@@ -167,6 +171,10 @@ class Line:
                 {**front.status(), **self._latency.controller(front.plan.name)} for front in self._fronts
             ],
         }
+
+    def turn(self) -> None:
+        """Let high marks of the last minute grow old; to be called at least once in ten seconds."""
+        self._exchange.meter.turn(time.monotonic_ns())
 
     def refresh_latency(self) -> None:
         """Work some of the measured times out anew."""

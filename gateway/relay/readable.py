@@ -22,6 +22,7 @@ ARROWS: Final = {
 
 PLAIN: Final[Mapping[type, str]] = {
     traffic.Abandoned: "          × the reply is not waited for any longer",
+    traffic.RestFirst: "the gateway before left something unanswered: the line rests first",
     traffic.Up: "the drives can be reached",
     traffic.Down: "the drives cannot be reached",
     traffic.Tick: "a deadline passed",

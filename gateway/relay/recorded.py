@@ -107,6 +107,11 @@ class RecordedExchange(TimedExchange):
             self._recorder.put(traffic.Gone(self._line, now_ns, recorded.number))
             super().controller_gone(recorded, now_ns)
 
+    def rest_first(self, now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.RestFirst(self._line, now_ns))
+        super().rest_first(now_ns)
+
     def link_up(self, now_ns: int) -> None:
         """See ``TimedExchange``."""
         self._recorder.put(traffic.Up(self._line, now_ns))

@@ -102,10 +102,8 @@ class _Line(Unmeasured):
             case traffic.Gone():
                 if entry.port in self._ports:
                     exchange.controller_gone(self._ports.pop(entry.port), entry.t)
-            case traffic.Up():
-                exchange.link_up(entry.t)
-            case traffic.Down():
-                exchange.link_down(entry.t)
+            case traffic.RestFirst() | traffic.Up() | traffic.Down():
+                self._reach(entry)
             case traffic.Tick():
                 exchange.tick(entry.t)
             case traffic.Stop():
@@ -114,6 +112,14 @@ class _Line(Unmeasured):
                 self._control(entry)
             case traffic.Tables() | traffic.Share():
                 self._change(entry)
+
+    def _reach(self, entry: traffic.RestFirst | traffic.Up | traffic.Down) -> None:
+        if isinstance(entry, traffic.RestFirst):
+            self._exchange.rest.owe()
+        elif isinstance(entry, traffic.Up):
+            self._exchange.link_up(entry.t)
+        else:
+            self._exchange.link_down(entry.t)
 
     def _change(self, entry: traffic.Tables | traffic.Share) -> None:
         axes = self._exchange.axes

@@ -49,6 +49,10 @@ class TimedExchange:
         self._exchange.controller_gone(port, now_ns)
         self._settle()
 
+    def rest_first(self, now_ns: int) -> None:
+        """Note, before the drives can be reached, that they may still answer somebody else (W6)."""
+        self._exchange.rest.owe()
+
     def link_up(self, now_ns: int) -> None:
         """Note that the drives can be reached."""
         self._exchange.link_up(now_ns)

@@ -97,6 +97,10 @@ class Site:
         return client
 
 
+def descriptors() -> int:
+    return sum(1 for _ in Path("/proc/self/fd").iterdir())
+
+
 @contextlib.asynccontextmanager
 async def site_in(state: Path) -> AsyncIterator[Site]:
     complaints: list[str] = []
@@ -204,3 +208,23 @@ async def test_listeners_have_half_of_the_places_and_keep_them(tmp_path: Path) -
         site.server.tell(Happened(event="e", severity="info", fields={}, wall_s=1.0))
         for listener in listeners:
             assert isinstance(await listener.told(), Happened)
+
+
+async def test_a_client_whose_tables_meet_a_bug_of_ours_is_dropped(tmp_path: Path) -> None:
+    async def hand_over(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
+        raise RuntimeError("can't start new thread")
+
+    caught: list[BaseException | None] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: caught.append(context["exception"]))
+    server = ControlServer(tmp_path, Desk(lambda _: Pong(name="", gateway_version="", pid=1), hand_over))
+    await server.open()
+    request = SetTable(tables=(TableFor("x", "x.tab", "", ""),))
+    mine = seal(b"points", "x")
+    before = descriptors()
+    with pytest.raises(NoGatewayError, match="closed the connection"):
+        await asyncio.to_thread(ask, server.path, request, timeout_s=PATIENCE_S, descriptors=[mine])
+    assert server.clients == 0
+    assert descriptors() == before
+    assert [str(error) for error in caught] == ["can't start new thread"]
+    os.close(mine)
+    await server.close()

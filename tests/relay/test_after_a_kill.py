@@ -1,5 +1,6 @@
 """W6 over the death of a gateway: what its drives have still to say answers nothing of the next one."""
 
+import asyncio
 import socket
 from dataclasses import replace
 from pathlib import Path
@@ -7,12 +8,20 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from gateway.exchange.life import QUEUE_LIMIT
 from gateway.exchange.plan import LineTiming
+from gateway.ipc import traffic
+from gateway.ipc.client import NoGatewayError, ask
+from gateway.ipc.messages import Ping
 from gateway.ipc.place import socket_path
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
+from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
+from gateway.relay.recorder import Recorder
+from gateway.relay.replay import Replay
+from gateway.transport.endpoints import SerialEndpoint
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, RawEnd, Tools
@@ -20,7 +29,7 @@ if TYPE_CHECKING:
 READ = bytes.fromhex("03 0010 0001")
 LATE = bytes.fromhex("03 02 1111")
 REPLY = bytes.fromhex("03 02 2222")
-NO_PATH = bytes.fromhex("83 0A")
+BUSY = bytes.fromhex("83 06")
 FOR_EVER_MS = 3_600_000.0
 
 
@@ -45,20 +54,22 @@ async def pair(
 
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
-async def test_the_line_rests_first_and_nothing_is_sent_meanwhile(
+async def test_the_line_rests_first_and_what_comes_meanwhile_waits(
     bench: "Bench", tools: "Tools", tmp_path: Path, drives: str
 ) -> None:
     leave_a_dead_socket(tmp_path)
     near, far, _ = await pair(bench, tmp_path, replace(tools.timing, drain_ms=FOR_EVER_MS), drives)
-    near.write(encode_mbap(1, 1, READ))
-    await near.receives(encode_mbap(1, 1, NO_PATH))
+    for number in range(QUEUE_LIMIT):
+        near.write(encode_mbap(number, 1, READ))
+    near.write(encode_mbap(QUEUE_LIMIT, 1, READ))  # as many as may wait do wait
+    await near.receives(encode_mbap(QUEUE_LIMIT, 1, BUSY))
     assert far.data == b""
     [note] = [note for note in bench.notes if note.event == "line-rests"]
     assert str(note.fields["detail"]).endswith("waiting for 3.6e+06 ms of silence")
 
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
-async def test_what_comes_meanwhile_is_counted_and_answers_nothing(
+async def test_what_drives_say_meanwhile_is_counted_and_answers_nothing(
     bench: "Bench", tools: "Tools", tmp_path: Path, drives: str
 ) -> None:
     leave_a_dead_socket(tmp_path)
@@ -66,7 +77,6 @@ async def test_what_comes_meanwhile_is_counted_and_answers_nothing(
     far.write(encode_rtu(1, LATE))
     late_bytes = len(encode_rtu(1, LATE))
     await tools.eventually(lambda: tools.line_status(relay)["stray_bytes"] == late_bytes)
-    await tools.until_up(relay)
     near.write(encode_mbap(2, 1, READ))
     await far.receives(encode_rtu(1, READ))
     far.write(encode_rtu(1, REPLY))
@@ -96,3 +106,80 @@ async def test_replies_over_modbus_tcp_carry_a_number_and_need_no_silence(
     await tools.until_up(relay)
     near.write(encode_mbap(1, 1, READ))
     await far.until(lambda end: end.data[7:] == READ)
+
+
+def rests(bench: "Bench") -> int:
+    """How often a line began with a rest."""
+    return sum(note.event == "line-rests" for note in bench.notes)
+
+
+@pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
+async def test_a_gateway_that_is_killed_while_it_stops_was_killed_too(
+    bench: "Bench", tools: "Tools", tmp_path: Path, drives: str
+) -> None:
+    near, far, relay = await pair(bench, tmp_path, tools.timing, drives)
+    await tools.until_up(relay)
+    near.write(encode_mbap(1, 1, READ))
+    await far.receives(encode_rtu(1, READ))
+    stopping = asyncio.create_task(relay.stop())
+    await asyncio.sleep(0)
+    # It waits for the drive. A kill now, or a second signal, leaves what stands here.
+    assert socket_path(tmp_path).is_socket()
+    with pytest.raises(StartError, match="belongs to a gateway that runs"):
+        await Relay(relay._plan, state=tmp_path).start()
+    with pytest.raises(NoGatewayError, match="nobody listens"):
+        await asyncio.to_thread(ask, socket_path(tmp_path), Ping())
+    far.write(encode_rtu(1, REPLY))
+    await stopping
+    assert not socket_path(tmp_path).exists()
+
+
+@pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
+async def test_after_a_stop_that_nobody_answered_the_line_rests_first(
+    bench: "Bench", tools: "Tools", tmp_path: Path, drives: str
+) -> None:
+    near, far, relay = await pair(bench, tmp_path, tools.timing, drives)
+    await tools.until_up(relay)
+    near.write(encode_mbap(1, 1, READ))
+    await far.receives(encode_rtu(1, READ))
+    await relay.stop()  # the drive has not answered within its time, and may still
+    assert rests(bench) == 0
+    _, _, relay = await pair(bench, tmp_path, replace(tools.timing, drain_ms=FOR_EVER_MS), drives)
+    assert rests(bench) == 1
+    await relay.stop()  # in the middle of its rest
+    await pair(bench, tmp_path, tools.timing, drives)
+    assert rests(bench) == 2
+
+
+async def test_a_start_that_fails_after_a_kill_leaves_the_rest_to_the_next(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    leave_a_dead_socket(tmp_path)
+    bad = LinePlan("line", SerialEndpoint("/dev/null"), (), (), tools.timing)
+    for _ in range(2):
+        with pytest.raises(StartError, match="is not a serial port"):
+            await Relay(GatewayPlan("bench", (bad,)), bench.notes.append, state=tmp_path).start()
+    await pair(bench, tmp_path, tools.timing)
+    assert rests(bench) == 3
+
+
+async def test_a_rest_is_recorded_and_replayed(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
+    leave_a_dead_socket(tmp_path)
+    far, where = await bench.drive("rtu")
+    link, _ = bench.controller_link("tcp")
+    plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (), tools.timing),))
+    header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
+    recorder = Recorder(tmp_path / "record.jsonl", header)
+    relay = Relay(plan, bench.notes.append, state=tmp_path, recorder=recorder)
+    await relay.start()
+    bench.stack.push_async_callback(relay.stop)
+    near = await bench.connect(relay.address("line", "cnc"))
+    near.write(encode_mbap(1, 1, READ))
+    await far.receives(encode_rtu(1, READ))
+    far.write(encode_rtu(1, REPLY))
+    await near.receives(encode_mbap(1, 1, REPLY))
+    await relay.stop()
+    replay = Replay(plan)
+    for number, line in enumerate(recorder.path.read_bytes().splitlines(keepends=True), start=1):
+        replay.feed(number, traffic.decode(line))
+    assert (replay.result.different, replay.result.is_cut_off) == (0, False)
