@@ -91,8 +91,8 @@ def write_plan(
 ) -> dict[str, bytes]:
     """Write a plan and its tables; returns the compiled tables by axis.
 
-    ``sources`` and ``configuration`` are as in :class:`CompiledPlan`. Files of tables that belong to no axis any
-    more are removed, but for the newest few.
+    ``sources`` and ``configuration`` are as in :class:`CompiledPlan`. Files of tables that belong to no
+    axis any more are removed, but for the newest few.
 
     Raises:
         OSError: the folder or a file cannot be written; what was there can still be run.

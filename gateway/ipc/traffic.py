@@ -121,6 +121,16 @@ class Share(_Input, frozen=True, tag="gain"):
     backward: float
 
 
+class Limits(_Input, frozen=True, tag="limits"):
+    """Other limits for an axis, in its units."""
+
+    axis: str
+    max_correction: float
+    max_slope: float
+    travel_margin: float
+    budget_us: float
+
+
 class Sent(_Entry, frozen=True, tag="sent"):
     """What went to the drives."""
 
@@ -151,7 +161,9 @@ class End(_Entry, frozen=True, tag="end"):
     entries: int
 
 
-Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Control | Tables | Share
+Input = (
+    Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Control | Tables | Share | Limits
+)
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | End
 

@@ -27,6 +27,7 @@ from gateway.ipc.messages import (
     Enable,
     GetStatus,
     SetGain,
+    SetLimits,
     SetTable,
     Status,
     TableFor,
@@ -101,7 +102,7 @@ class Machine:
         assert isinstance(reply, Done)
         return reply
 
-    async def say(self, request: ClearTable | SetGain | Disable | Enable) -> Done:
+    async def say(self, request: ClearTable | SetGain | SetLimits | Disable | Enable) -> Done:
         reply = await asyncio.to_thread(ask, self.socket, request)
         assert isinstance(reply, Done)
         return reply
@@ -211,6 +212,17 @@ async def test_another_gain_is_in_force_with_the_next_target(
     assert await mill.move(50_000) == 50_025  # forward: half of 50 counts
     assert await mill.move(40_000) == 40_040  # backward: all of 40
     assert await mill.say(SetGain(forward=0.5, backward=1.0)) == Done()
+
+
+async def test_other_limits_hold_from_now_on(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
+    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+    too_much = ("x", table_of(0.0, 0.6))
+    assert "more than max_correction = 0.5" in (await mill.give(too_much)).problems[0]
+    wider = SetLimits(axis="x", max_correction=0.7, max_slope=0.02, travel_margin=0.7, budget_us=300.0)
+    assert await mill.say(wider) == Done(changed=("x",))
+    assert (await mill.give(too_much)).changed == ("x",)
+    assert await mill.say(wider) == Done()  # nothing changes
+    assert mill.relay.status()["axes"]["x"]["latency"]["budget_us"] == 300.0  # type: ignore[index]
 
 
 async def test_a_table_for_an_axis_that_is_off_waits(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
@@ -350,6 +362,10 @@ async def test_what_was_handed_over_is_in_a_recording_and_replayed(
     assert await mill.move(50_001) == 50_101
     await mill.say(SetGain(forward=0.5, backward=0.5))
     assert await mill.move(50_002) == 50_052
+    limits = SetLimits(axis="x", max_correction=0.7, max_slope=0.02, travel_margin=0.7, budget_us=300.0)
+    await mill.say(limits)
+    await mill.give(("x", table_of(0.0, 0.6)))  # accepted now, and in the replay
+    assert await mill.move(50_004) == 50_154
     await mill.say(ClearTable(axes=("x",)))
     assert await mill.move(50_003) == 50_003
     plan = mill.relay._plan
