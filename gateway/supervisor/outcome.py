@@ -27,6 +27,8 @@ class Outcome:
     """Axes whose table file is being written, and counts for nothing yet."""
     sights: Mapping[str, Sight] = field(default_factory=dict)
     """Of each file that was read, by its name: as it was seen before and after."""
+    is_refused: bool = False
+    """Whether the configuration in its file was not taken: the one before stays."""
     is_running: bool = True
     """Whether a relay was there; without one what is new waits in the state folder for its start."""
 

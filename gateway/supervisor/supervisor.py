@@ -1,6 +1,7 @@
 """What the supervisor does: it follows relay and table files, and keeps one model for all who show it."""
 
 import asyncio
+import contextlib
 import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -18,6 +19,8 @@ from gateway.supervisor.watching import SLOW_S, Watch, wake_on_change
 
 TICK_S: Final = 1.0
 """A model comes at least so often, also when the relay says nothing."""
+RETRY_S: Final = 5.0
+"""After this is tried again what could not be done, as with a full disk; no file has to change for it."""
 
 
 class Supervisor:
@@ -42,7 +45,10 @@ class Supervisor:
         self._reloads: list[asyncio.Future[Outcome]] = []
         self._is_reload_wanted = True
         self._is_asked = False
+        self._refused: tuple[str, ...] = ()
+        """Why the configuration in its file is not the one that was taken."""
         self._problems: tuple[str, ...] = ()
+        """Why not all tables are where they belong."""
         self._rejected: dict[str, str] = {}
         self._waker: asyncio.Task[None] | None = None
 
@@ -93,7 +99,9 @@ class Supervisor:
 
     async def _keep_up(self) -> None:
         while True:
-            await self._work_wanted.wait()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(RETRY_S if self._problems else None):
+                    await self._work_wanted.wait()
             self._work_wanted.clear()
             asked, self._reloads = self._reloads, []
             is_reload, self._is_reload_wanted = self._is_reload_wanted or bool(asked), False
@@ -114,6 +122,9 @@ class Supervisor:
         self._watch.take(outcome.sights)
         self._book.enter(self._keeper.names, outcome)
         self._report(outcome, is_asked=is_asked)
+        if is_reload:
+            self._refused = outcome.problems if outcome.is_refused else ()
+        self._problems = () if outcome.is_refused else outcome.problems
         self._publish()
         return outcome
 
@@ -134,13 +145,13 @@ class Supervisor:
             self._say(what, axis=axis, comes=comes)
         if outcome.changed:
             self._say("configuration-changed", keys=list(outcome.changed))
-        if outcome.problems and (is_asked or outcome.problems != self._problems):
+        said = self._refused if outcome.is_refused else self._problems
+        if outcome.problems and (is_asked or outcome.problems != said):
             detail = "what was in force stays"
             self._say("reload-refused", Severity.ERROR, problems=list(outcome.problems), detail=detail)
         elif is_asked and not outcome.comes and not outcome.changed and not outcome.all_problems:
             there = "nothing has changed" if outcome.is_running else "no gateway runs: kept for its start"
             self._say("nothing-to-reload", detail=there)
-        self._problems = outcome.problems
         self._report_files(outcome)
 
     def _report_files(self, outcome: Outcome) -> None:
@@ -179,17 +190,19 @@ class Supervisor:
 
     def _own_status(self) -> dict[str, Any]:
         silent_s = self._watch.silent_s
-        folder = f"{self._watch.folder} has not answered for {silent_s:.0f} s" if silent_s > SLOW_S else None
+        problems = list(self._problems)
+        if silent_s > SLOW_S:
+            problems.insert(0, f"{self._watch.folder} has not answered for {silent_s:.0f} s")
         return {
-            "configuration": {"file": str(self._config), "problem": "; ".join(self._problems) or None},
-            "tables_folder": {"folder": str(self._watch.folder), "problem": folder},
+            "configuration": {"file": str(self._config), "problem": "; ".join(self._refused) or None},
+            "tables_folder": {"folder": str(self._watch.folder), "problem": "; ".join(problems) or None},
             "http": {"problem": None},
             "mqtt": {"problem": None},
         }
 
     def _reached(self) -> None:
         self._say("relay-reached")
-        self._is_reload_wanted = self._keeper.loaded is None
+        self._is_reload_wanted = True  # it may have been started from another configuration
         self._work_wanted.set()
 
     def _lost(self, why: str) -> None:

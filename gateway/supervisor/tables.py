@@ -67,10 +67,13 @@ class Keeper:
 
         A table file that is being written counts for nothing yet.
         """
+        before = self.loaded
         try:
             outcome = self._take(load(self._config, forgives_tables=True), ())
         except ConfigErrors as errors:
             outcome = Outcome(problems=tuple(map(str, errors.problems)))
+        if self.loaded is before:
+            outcome = replace(outcome, is_refused=True)
         if self.loaded is None:
             self.loaded = self._as_compiled()
         return outcome

@@ -127,7 +127,7 @@ def _of_axis(name: str, axis: Mapping[str, Any]) -> Iterator[Trouble]:
 def _of_supervisor(supervisor: Mapping[str, Any]) -> Iterator[Trouble]:
     for where, remedy in (
         ("configuration", "pitch-gateway check says what to do"),
-        ("tables_folder", "bring the folder back: what was in force stays"),
+        ("tables_folder", "what was in force stays; it is tried again every few seconds"),
         ("http", "change [http] listen, then pitch-gateway reload"),
         ("mqtt", "check the broker and [mqtt]; the gateway tries again by itself"),
     ):
