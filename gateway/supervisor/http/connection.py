@@ -17,6 +17,8 @@ from gateway.supervisor.http.limits import HEAD_BYTES, SEND_BUFFER_BYTES, WRITE_
 if TYPE_CHECKING:
     from gateway.supervisor.http.door import Door
 
+LEAVING_S: Final = 2.0
+"""For somebody to notice that nobody listens any more."""
 _ASKING: Final = frozenset((h11.IDLE, h11.SEND_BODY))
 """States of the other side in which a request is not whole yet."""
 
@@ -43,6 +45,8 @@ class Connection(H11Protocol):
         self._asking_since_s: float | None = now_s
         self._stalled_since_s: float | None = None
         self._closing_since_s: float | None = None
+        self._leaving_since_s: float | None = None
+        """It has had its last words, and what it still sends is not looked at."""
 
     @property
     def is_idle(self) -> bool:
@@ -66,7 +70,7 @@ class Connection(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """See ``asyncio.Protocol``."""
-        if self.transport.is_closing():
+        if self.transport.is_closing() or self._leaving_since_s is not None:
             return
         super().data_received(data)
         if self.conn.their_state not in _ASKING:
@@ -76,17 +80,18 @@ class Connection(H11Protocol):
 
     def send_400_response(self, msg: str) -> None:
         """Answer what is no request of HTTP, or one that is too large, and close."""
-        if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE} and self.is_idle:
-            waiting, _ = self.conn.trailing_data
-            if len(waiting) > HEAD_BYTES:
-                what = f"the head of a request may have {HEAD_BYTES} bytes"
-                self.transport.write(last_words("431 Request Header Fields Too Large", what))
-            else:
-                self.transport.write(last_words("400 Bad Request", "that is no request of HTTP/1.1"))
-        elif self.cycle is not None:
-            self.cycle.disconnected = True  # it would go on talking to somebody who talks nonsense
-            self.cycle.message_event.set()
-        self.transport.close()
+        if not self.is_idle:
+            self.transport.abort()  # nothing sensible can be said in the middle of an answer
+            return
+        waiting, _ = self.conn.trailing_data
+        if len(waiting) > HEAD_BYTES:
+            what = f"the head of a request may have {HEAD_BYTES} bytes"
+            self.transport.write(last_words("431 Request Header Fields Too Large", what))
+        else:
+            self.transport.write(last_words("400 Bad Request", "that is no request of HTTP/1.1"))
+        # Not closed at once: bytes that nobody read would have the system throw the answer away.
+        self.transport.write_eof()
+        self._leaving_since_s = time.monotonic()
 
     def on_response_complete(self) -> None:
         """See ``H11Protocol``."""
@@ -110,6 +115,7 @@ class Connection(H11Protocol):
             self._closing_since_s = now_s
         return (
             _is_past(self._asking_since_s, limits.whole_request_s, now_s)
+            or _is_past(self._leaving_since_s, LEAVING_S, now_s)
             or _is_past(self._stalled_since_s, limits.stalled_s, now_s)
             or _is_past(self._closing_since_s, limits.stalled_s, now_s)
         )

@@ -13,6 +13,7 @@ from gateway.supervisor.http.answers import CONTENT_SECURITY_POLICY, problem, sh
 from gateway.supervisor.http.limits import BODY_BYTES, HEAD_BYTES, TARGET_BYTES
 
 READS: Final = frozenset(("GET", "HEAD"))
+VERSIONS: Final = frozenset(("1.0", "1.1"))
 _CLOSE: Final = {"Connection": "close"}
 _ALWAYS: Final = (
     (b"content-security-policy", CONTENT_SECURITY_POLICY.encode("ascii")),
@@ -61,6 +62,8 @@ class Guard:
 
     def _refusal(self, scope: Scope) -> Response | None:
         """Return why a request is not looked at; None where it may pass."""
+        if scope["http_version"] not in VERSIONS:
+            return problem(505, f"HTTP/{scope['http_version']} is not spoken here, only HTTP/1.1", _CLOSE)
         headers: list[tuple[bytes, bytes]] = scope["headers"]
         target_bytes = len(scope["raw_path"]) + len(scope["query_string"])
         if target_bytes > TARGET_BYTES:

@@ -189,6 +189,12 @@ class Served:
     reloads: int = 0
     lines: list[Line] = field(default_factory=list)
 
+    def connections(self) -> int:
+        """How many connections the system has that lead to the port: their other ends, of this process."""
+        rows = Path("/proc/net/tcp").read_text().splitlines()[1:]
+        ends = [row.split()[1:4] for row in rows]
+        return sum(here == f"0100007F:{self.port:04X}" and state == "01" for here, _, state in ends)
+
     @property
     def local(self) -> Path:
         return self.state / SUPERVISOR_SOCKET_NAME
