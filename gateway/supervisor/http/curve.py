@@ -53,7 +53,7 @@ def read_curve(state: Path, digest: str, axis: Mapping[str, Any], settings: Axis
         table = checked(read_state(table_path(state, digest)))
         in_force = spec_of_table(table, settings).curve
     except (FileRefusedError, WrongTableError, TableError, SettingsError) as error:
-        raise NoCurveError(str(error)) from error
+        raise NoCurveError(f"compiled table {digest}: {error}") from error
     assert in_force is not None, "a table makes a curve"
     return _curve(in_force.table, axis["gain"], settings.machine_offset, most)
 
