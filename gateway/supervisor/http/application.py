@@ -18,7 +18,6 @@ from gateway.supervisor.http.metrics import Metrics
 from gateway.supervisor.http.page_files import PageFile, read_page
 from gateway.supervisor.http.tables import Tables
 from gateway.supervisor.http.window import Window
-from gateway.supervisor.outcome import Outcome
 
 UNHEALTHY: Final = frozenset(("relay-down", "relay-silent", "line-down"))
 """Kinds of trouble with which no command reaches some drive."""
@@ -100,7 +99,7 @@ class Served:
         return Response(body, headers={**NO_STORE, "Content-Type": media_type})
 
     async def _reload(self, request: Request) -> Response:
-        return json_answer(outcome_as_data(await self._window.reload()))
+        return json_answer((await self._window.reload()).as_data())
 
     async def _failed(self, request: Request, error: Exception) -> Response:
         """Answer where we made a mistake, and put it into the log."""
@@ -145,18 +144,3 @@ def why_unhealthy(model: Mapping[str, Any] | None) -> list[str]:
     if model is None or (model["gateway"]["relay"] == "up" and model["gateway"]["snapshot_age_s"] is None):
         return [NOTHING_YET]
     return [f"{t['where']}: {t['what']}" for t in model["troubles"] if t["kind"] in UNHEALTHY]
-
-
-def outcome_as_data(outcome: Outcome) -> dict[str, Any]:
-    """Return what came of a reload as ``POST /reload`` answers it."""
-    return {
-        "comes": dict(outcome.comes),
-        "gone": list(outcome.gone),
-        "changed": list(outcome.changed),
-        "problems": list(outcome.problems),
-        "rejected": {
-            axis: [problem.as_dict() for problem in problems] for axis, problems in outcome.rejected.items()
-        },
-        "all_problems": list(outcome.all_problems),
-        "is_running": outcome.is_running,
-    }

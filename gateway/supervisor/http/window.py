@@ -7,6 +7,7 @@ from typing import Protocol
 
 from gateway.compensation.settings import AxisSettings
 from gateway.ipc.notes import Severity
+from gateway.ipc.plan import GatewayPlan
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.outcome import Outcome
 
@@ -29,3 +30,9 @@ class Window:
     """The settings of an axis in the configuration that was taken; None where there is none yet."""
     reload: Callable[[], Awaitable[Outcome]]
     say: Say
+
+
+def settings_in(plan: GatewayPlan | None, axis: str) -> AxisSettings | None:
+    """Return the settings of an axis in the plan of a configuration, for :attr:`Window.settings_of`."""
+    axes = () if plan is None else (one for line in plan.lines for one in line.axes)
+    return next((one.settings for one in axes if one.name == axis), None)
