@@ -1,12 +1,16 @@
 """``pitch-gateway reload CONFIG``."""
 
 import json
+from pathlib import Path
+from typing import Any, Final
 
 import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.commanding import AsJson
 
+PATIENCE_S: Final = 60.0
+"""For the supervisor: tables of a million points take seconds each."""
 WORDS = {
     "next-target": "comes into force with the next different target",
     "blended": "is blended in over the next stretch of setpoints",
@@ -35,32 +39,49 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 
         pitch-gateway reload gateway.toml --json
     """
-    from gateway.supervisor.tables import Keeper
-
-    outcome = Keeper(config).reload()
-    problems = outcome.all_problems
+    outcome = _outcome(config)
+    problems: list[str] = outcome["all_problems"]
     if as_json:
         result = {
-            "changed": list(outcome.comes),
-            "comes": dict(outcome.comes),
-            "keys": list(outcome.changed),
-            "problems": list(problems),
-            "running": outcome.is_running,
+            "changed": list(outcome["comes"]),
+            "comes": outcome["comes"],
+            "gone": outcome["gone"],
+            "keys": outcome["changed"],
+            "problems": problems,
+            "running": outcome["is_running"],
         }
         typer.echo(json.dumps(result))
     else:
-        for axis, comes in outcome.comes.items():
-            if axis in outcome.gone:
-                typer.echo(f"{axis}: it has no table any more; the old correction {GONE[comes]}")
-            else:
-                typer.echo(f"{axis}: its new correction {WORDS[comes]}")
-        if outcome.changed:
-            typer.echo(f"in force now: {', '.join(outcome.changed)}")
-        if not outcome.is_running:
-            typer.echo("no gateway runs: everything is compiled for its start")
-        elif not outcome.comes and not outcome.changed and not problems:
-            typer.echo("nothing has changed")
+        _say(outcome)
     for problem in problems:
         typer.echo(problem, err=True)
     if problems:
         raise typer.Exit(1)
+
+
+def _outcome(config: Path) -> dict[str, Any]:
+    """Have the supervisor reload, or do it here where none answers."""
+    from gateway.ipc.state_folder import StateError, state_folder
+    from gateway.ipc.supervisor_client import NoSupervisorError, ask_supervisor
+
+    try:
+        outcome: dict[str, Any] = ask_supervisor(state_folder(config), "/reload", "POST", PATIENCE_S)
+    except (StateError, NoSupervisorError):
+        from gateway.supervisor.tables import Keeper
+
+        return Keeper(config).reload().as_data()
+    return outcome
+
+
+def _say(outcome: dict[str, Any]) -> None:
+    for axis, comes in outcome["comes"].items():
+        if axis in outcome["gone"]:
+            typer.echo(f"{axis}: it has no table any more; the old correction {GONE[comes]}")
+        else:
+            typer.echo(f"{axis}: its new correction {WORDS[comes]}")
+    if outcome["changed"]:
+        typer.echo(f"in force now: {', '.join(outcome['changed'])}")
+    if not outcome["is_running"]:
+        typer.echo("no gateway runs: everything is compiled for its start")
+    elif not outcome["comes"] and not outcome["changed"] and not outcome["all_problems"]:
+        typer.echo("nothing has changed")

@@ -2,11 +2,12 @@
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from gateway.config.values import Name
+from gateway.config.values import ADDRESS_RULE, Name, parse_address
 from gateway.drives.strict import StrictModel
 from gateway.ipc.state_folder import DEFAULT_STATE
+from gateway.transport.endpoints import TcpEndpoint
 
 Folder = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
 
@@ -25,10 +26,32 @@ class GatewaySection(StrictModel):
     )
 
 
+def check_listen(text: str) -> str:
+    """Check the address of the status page; empty for none.
+
+    Raises:
+        ValueError: it is neither an address nor empty.
+    """
+    if text:
+        try:
+            parse_address(text)
+        except ValueError as error:
+            rule = f'{ADDRESS_RULE}; or "" for none'
+            raise ValueError(rule if str(error) == ADDRESS_RULE else f'{error}; or "" for none') from None
+    return text
+
+
 class HttpSection(StrictModel):
     """The status page."""
 
-    listen: str = Field(default="127.0.0.1:8480", description='address of the page, "" for none')
+    listen: Annotated[str, AfterValidator(check_listen)] = Field(
+        default="127.0.0.1:8480", description='address of the page, "" for none'
+    )
+
+    @property
+    def endpoint(self) -> TcpEndpoint | None:
+        """Where the page is; None where it is off."""
+        return TcpEndpoint(*parse_address(self.listen)) if self.listen else None
 
 
 class MqttSection(StrictModel):

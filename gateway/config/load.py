@@ -10,6 +10,7 @@ from gateway.config.check_axes import check_axes
 from gateway.config.check_budget import check_budget
 from gateway.config.check_drives import check_drives
 from gateway.config.check_groups import check_groups
+from gateway.config.check_http import check_http
 from gateway.config.check_late import check_late
 from gateway.config.check_lines import check_lines
 from gateway.config.check_motion import check_motion
@@ -135,6 +136,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     refuse_what_is_not_built(findings)
     check_ways(findings)
     check_lines(findings, sections.lines)
+    check_http(findings, sections.http, sections.lines)
     check_axes(findings, sections)
     check_references(findings, sections)
     check_motion(findings, sections)

@@ -15,10 +15,6 @@ def _always(_found: Any) -> bool:
     return True
 
 
-def _is_listening(found: Any) -> bool:
-    return not (isinstance(found, Mapping) and found.get("listen") == "")
-
-
 @dataclass(frozen=True, slots=True)
 class NotBuilt:
     """One thing that is refused: where it stands (``*`` for any name), what it is, what to do instead.
@@ -34,7 +30,6 @@ class NotBuilt:
 
 
 NOT_BUILT: Final = (
-    NotBuilt("http", "the status page is", 'leave [http] out or set listen = ""', _is_listening, "listen"),
     NotBuilt("mqtt", "publishing over MQTT is", "leave [mqtt] out"),
     NotBuilt(
         "axis.*.table_options.fagor_sense",

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from gateway.config.problems import Problem
 from gateway.supervisor.stillness import Sight
@@ -37,3 +38,17 @@ class Outcome:
         """Everything that is wrong, a line each."""
         of_tables = (str(problem) for problems in self.rejected.values() for problem in problems)
         return (*self.problems, *dict.fromkeys(of_tables))
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data, with :attr:`all_problems`."""
+        return {
+            "comes": dict(self.comes),
+            "gone": list(self.gone),
+            "changed": list(self.changed),
+            "problems": list(self.problems),
+            "rejected": {
+                axis: [problem.as_dict() for problem in problems] for axis, problems in self.rejected.items()
+            },
+            "all_problems": list(self.all_problems),
+            "is_running": self.is_running,
+        }
