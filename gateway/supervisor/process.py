@@ -33,12 +33,12 @@ def run_supervisor(
         SocketError: the path of the relay's socket is too long.
         StateError: another supervisor has the state folder, or it cannot be had.
     """
-    path = socket_path(state)
+    socket_path(state)  # too long a one is said before anything is locked
     ignore_broken_leases()
     lock_fd = _lock(state)
     try:
         log = LogThread(write)
-        supervisor = Supervisor(config, path, log.write, tells_events=tells_events)
+        supervisor = Supervisor(config, state, log.write, tells_events=tells_events)
         with asyncio.Runner() as runner:
             runner.run(_with_log(log, supervisor))
     finally:

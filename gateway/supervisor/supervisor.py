@@ -7,10 +7,14 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.compensation.settings import AxisSettings
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, Severity
+from gateway.ipc.place import socket_path
 from gateway.supervisor.book import Book
 from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.http.service import HttpService
+from gateway.supervisor.http.window import Window, settings_in
 from gateway.supervisor.link import Link
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.outcome import Outcome
@@ -24,20 +28,20 @@ RETRY_S: Final = 5.0
 
 
 class Supervisor:
-    """Follows the relay behind ``path`` and the tables of a configuration.
+    """Follows the relay of a state folder and the tables of a configuration.
 
     ``write`` takes a note for the log and does not block.
     """
 
     def __init__(
-        self, config: Path, path: Path, write: Callable[[Note], None], *, tells_events: bool = False
+        self, config: Path, state: Path, write: Callable[[Note], None], *, tells_events: bool = False
     ) -> None:
         self.feeds = Feeds()
         """The status model and the events, for whoever shows them."""
         self._config = config
         self._write = write
         self._tells_events = tells_events
-        self._link = Link(path, self._reached, self._lost, self._happened, self._publish)
+        self._link = Link(socket_path(state), self._reached, self._lost, self._happened, self._publish)
         self._keeper = Keeper(config)
         self._watch = Watch()
         self._book = Book()
@@ -51,11 +55,18 @@ class Supervisor:
         """Why not all tables are where they belong."""
         self._rejected: dict[str, str] = {}
         self._waker: asyncio.Task[None] | None = None
+        self._http = HttpService(Window(self.feeds, state, self._settings_of, self.reload, self._say))
 
     async def run(self) -> None:
         """Run until cancelled."""
         self._say("supervising", config=str(self._config))
-        await self._all(self._link.run(), self._keep_up(), self._keep_watching(), self._keep_publishing())
+        await self._all(
+            self._link.run(),
+            self._keep_up(),
+            self._keep_watching(),
+            self._keep_publishing(),
+            self._http.run(),
+        )
 
     async def reload(self) -> Outcome:
         """Read configuration and tables anew; returns what came of it."""
@@ -119,6 +130,7 @@ class Supervisor:
             outcome = await asyncio.to_thread(self._keeper.refresh, self._watch.moving)
         if (loaded := self._keeper.loaded) is not None:
             self._follow(loaded.tables_folder)
+            self._http.configure(loaded.sections.http)
         self._watch.take(outcome.sights)
         self._book.enter(self._keeper.names, outcome)
         self._report(outcome, is_asked=is_asked)
@@ -188,6 +200,10 @@ class Supervisor:
             )
         )
 
+    def _settings_of(self, axis: str) -> AxisSettings | None:
+        loaded = self._keeper.loaded
+        return settings_in(None if loaded is None else loaded.plan, axis)
+
     def _own_status(self) -> dict[str, Any]:
         silent_s = self._watch.silent_s
         problems = list(self._problems)
@@ -196,7 +212,7 @@ class Supervisor:
         return {
             "configuration": {"file": str(self._config), "problem": "; ".join(self._refused) or None},
             "tables_folder": {"folder": str(self._watch.folder), "problem": "; ".join(problems) or None},
-            "http": {"problem": None},
+            "http": self._http.status,
             "mqtt": {"problem": None},
         }
 
