@@ -16,7 +16,7 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_050
         same = typed("reload", config)
-        assert (same.returncode, same.stdout) == (0, "nothing to change: all tables are in force already\n")
+        assert (same.returncode, same.stdout) == (0, "nothing to change: everything is in force already\n")
         site.table.write_text(STEEPER)
         new = typed("reload", config)
         assert (new.returncode, new.stderr) == (0, "")
@@ -28,6 +28,7 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
         assert (gone.returncode, gone.stderr) == (0, "")
         assert gone.stdout == (
             "x: it has no table any more; the old correction goes with the next different target\n"
+            "in force from the configuration: axis.x.table\n"
         )
         assert master.move(50_000) == 50_000
         site.config.write_text(text)
@@ -46,8 +47,8 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
         other = typed("reload", config)
         assert other.returncode == 1
         assert other.stderr == (
-            f"{config}: it has changed in more than its tables since the gateway was started, and only "
-            "tables are taken while it runs; restart the gateway\n"
+            f"{config}: changed since the gateway was started: axis.x.counts_per_unit; "
+            "restart the gateway to take it over\n"
         )
         assert master.move(50_001) == 50_101
         assert gateway.end() == 0
