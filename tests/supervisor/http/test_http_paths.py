@@ -25,6 +25,7 @@ async def test_the_status_is_the_newest_model(tmp_path: Path) -> None:
             {"problem": "nothing is known yet: the supervisor has just been started"},
         )
         served.feeds.publish(model(snapshot(axis={"correction": float("nan")})))
+        assert (await served.ask("/status")).data["axes"]["x"]["correction"] is None  # JSON has no NaN
         served.feeds.publish(newest := model(snapshot(axis={"correction": 0.25})))
         for is_local in (False, True):
             some = await served.ask("/status", is_local=is_local)
