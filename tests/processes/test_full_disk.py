@@ -78,7 +78,7 @@ def test_a_full_disk_costs_no_move_is_told_and_is_overcome(site: Site) -> None:
         assert "No space left on device" in refused["problems"][0]
         model = status.until("No space left on device")
         assert model["axes"]["x"]["table"]["points"] == 3
-        assert [trouble["where"] for trouble in model["troubles"]] == ["tables folder"]
+        assert "tables folder" in [trouble["where"] for trouble in model["troubles"]]
         assert master.move(50_001) == 50_051
         site.table.write_text(TABLE.replace("0.05 0.05", "0.06 0.06"))
         gateway.until("table-handed-over")

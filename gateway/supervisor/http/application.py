@@ -10,8 +10,9 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from gateway.ipc.complaints import Complaints
 from gateway.ipc.notes import Severity
-from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json
+from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
 from gateway.supervisor.http.door import Door
 from gateway.supervisor.http.event_stream import MEDIA_TYPE, EventStream, Models, Wish
 from gateway.supervisor.http.metrics import Metrics
@@ -36,7 +37,12 @@ class Served:
         self._models = Models()
         self._metrics = Metrics(window.feeds)
         self._tables = Tables(window)
+        self._complaints = Complaints(lambda what: window.say("http-failed", Severity.ERROR, detail=what))
         self._page: Mapping[str, PageFile] = read_page()
+
+    def close(self) -> None:
+        """Begin nothing that takes long any more."""
+        self._tables.close()
 
     def application(self, door: Door, *, may_reload: bool) -> Starlette:
         """Return the application of one listener; ``door`` counts those who stay."""
@@ -103,8 +109,8 @@ class Served:
 
     async def _failed(self, request: Request, error: Exception) -> Response:
         """Answer where we made a mistake, and put it into the log."""
-        what = f"{type(error).__name__}: {error}"
-        self._window.say("http-failed", Severity.ERROR, path=request.url.path[:80], detail=what)
+        what = f"{shortened(request.url.path)}: {type(error).__name__}: {error}"
+        self._complaints.add("failed", what)
         return problem(500, "the supervisor made a mistake; its log says which")
 
 

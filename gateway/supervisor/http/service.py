@@ -55,9 +55,12 @@ class HttpService:
     async def run(self) -> None:
         """Serve until cancelled."""
         served = Served(self._window)
-        async with asyncio.TaskGroup() as group:
-            group.create_task(self._keep_local(served))
-            group.create_task(self._keep_tcp(served))
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._keep_local(served))
+                group.create_task(self._keep_tcp(served))
+        finally:
+            served.close()
 
     async def _keep_tcp(self, served: Served) -> None:
         wait_s = FIRST_WAIT_S

@@ -30,6 +30,10 @@ class Tables:
         self._kept: OrderedDict[tuple[object, ...], bytes] = OrderedDict()
         self._threads = ThreadPoolExecutor(AT_ONCE, "curves")
 
+    def close(self) -> None:
+        """Work no more curves out."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
     async def answer(self, request: Request) -> Response:
         """Answer ``/tables/NAME``."""
         name: str = request.path_params["name"]

@@ -25,6 +25,7 @@ async def test_the_status_is_the_newest_model(tmp_path: Path) -> None:
             {"problem": "nothing is known yet: the supervisor has just been started"},
         )
         served.feeds.publish(model(snapshot(axis={"correction": float("nan")})))
+        assert (await served.ask("/status")).data["axes"]["x"]["correction"] is None  # JSON has no NaN
         served.feeds.publish(newest := model(snapshot(axis={"correction": 0.25})))
         for is_local in (False, True):
             some = await served.ask("/status", is_local=is_local)
@@ -88,11 +89,8 @@ async def test_whoever_asks_for_something_else_is_told_what_there_is(tmp_path: P
         local = await served.ask("/nothing", is_local=True)
         assert local.data["there_is"] == [*PATHS, "/reload"]
         post = await served.ask("/status", "POST", is_local=True)
-        assert (post.status, post.headers["allow"], post.data["there_is"]) == (
-            405,
-            "GET, HEAD",
-            [*PATHS, "/reload"],
-        )
+        assert (post.status, post.data["there_is"]) == (405, [*PATHS, "/reload"])
+        assert set(post.headers["allow"].split(", ")) == {"GET", "HEAD"}
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "CONNECT", "TRACE", "BREW"])

@@ -9,17 +9,15 @@ import signal
 import socket
 import subprocess
 import time
+import tomllib
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from gateway.config.gateway_model import HttpSection
 from gateway.ipc.notes import Note
-from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, socket_path
-from gateway.supervisor.http.service import HttpService
-from gateway.supervisor.http.window import Window, settings_in
+from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
 from gateway.supervisor.supervisor import Supervisor
 from tests.child import started
 from tests.processes.bench import COMMAND, ROOT, STEEPER, TABLE, Site, running, site_in, typed
@@ -38,32 +36,25 @@ async def supervised(site: Site) -> AsyncIterator[Served]:
     """The supervisor of a site with its HTTP service, in this process."""
     state = site.config.parent / "state"
     notes: list[Note] = []
-    supervisor = Supervisor(site.config, socket_path(state), notes.append)
-
-    def settings_of(axis: str) -> Any:
-        loaded = supervisor._keeper.loaded
-        return settings_in(None if loaded is None else loaded.plan, axis)
-
-    window = Window(supervisor.feeds, state, settings_of, supervisor.reload, supervisor._say)
-    service = HttpService(window)
-    port = free_port()
-    service.configure(HttpSection(listen=f"127.0.0.1:{port}"))
+    supervisor = Supervisor(site.config, state, notes.append)
+    service = supervisor._http
+    port = int(tomllib.loads(site.config.read_text())["http"]["listen"].rpartition(":")[2])
     served = Served(service, supervisor.feeds, port, state)
-    tasks = [asyncio.create_task(supervisor.run()), asyncio.create_task(service.run())]
+    task = asyncio.create_task(supervisor.run())
     try:
         await until(lambda: service.status["address"] is not None and served.local.exists())
         yield served
     finally:
         for line in served.lines:
             line.close()
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
 
 
 @contextlib.asynccontextmanager
 async def gateway(site: Site) -> AsyncIterator[Served]:
     """A relay of its own beside the supervisor; both have found each other, and the table is in force."""
+    site.config.write_text(f'[http]\nlisten = "127.0.0.1:{free_port()}"\n{site.config.read_text()}')
     assert typed("check", "--compile", str(site.config)).returncode == 0
     with running("relay", str(site.config)) as relay:
         await asyncio.to_thread(relay.until, "line-up")
@@ -141,7 +132,7 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
         site.table.write_text(STEEPER)
         mended = await said("reload", config)
         assert (mended.returncode, mended.stderr) == (0, "")
-        assert mended.stdout == "x: its new table comes into force with the next different target\n"
+        assert mended.stdout == "x: its new correction comes into force with the next different target\n"
         await reader.until(b"table-mended")
         await until(lambda: _table(served)["status"] == "active")
         assert (await served.ask("/tables/x")).data["forward"] == [0.0, 0.1, 0.2]
@@ -161,6 +152,7 @@ async def test_the_status_of_a_supervisor_without_a_relay(site: Site) -> None:
 
 
 def test_the_status_comes_from_the_relay_where_the_supervisor_is_hung(site: Site) -> None:
+    site.config.write_text(f'[http]\nlisten = "127.0.0.1:{free_port()}"\n{site.config.read_text()}')
     assert typed("check", "--compile", str(site.config)).returncode == 0
     with running("relay", str(site.config)) as relay, socket.socket(socket.AF_UNIX) as deaf:
         relay.until("line-up")
