@@ -60,6 +60,7 @@ class Supervisor:
     async def run(self) -> None:
         """Run until cancelled."""
         self._say("supervising", config=str(self._config))
+        self._work_wanted.set()
         await self._all(
             self._link.run(),
             self._keep_up(),

@@ -28,6 +28,7 @@ from tests.supervisor.http.http_bench import Served, free_port, until
 @pytest.fixture
 def site(tmp_path: Path) -> Any:
     with site_in(tmp_path) as site:
+        site.config.write_text(f'[http]\nlisten = "127.0.0.1:{free_port()}"\n{site.config.read_text()}')
         yield site
 
 
@@ -54,7 +55,6 @@ async def supervised(site: Site) -> AsyncIterator[Served]:
 @contextlib.asynccontextmanager
 async def gateway(site: Site) -> AsyncIterator[Served]:
     """A relay of its own beside the supervisor; both have found each other, and the table is in force."""
-    site.config.write_text(f'[http]\nlisten = "127.0.0.1:{free_port()}"\n{site.config.read_text()}')
     assert typed("check", "--compile", str(site.config)).returncode == 0
     with running("relay", str(site.config)) as relay:
         await asyncio.to_thread(relay.until, "line-up")
@@ -68,6 +68,12 @@ def _table(served: Served) -> dict[str, Any]:
     model = served.feeds.model
     table: dict[str, Any] = {} if model is None or "x" not in model["axes"] else model["axes"]["x"]["table"]
     return table
+
+
+def _latency(served: Served) -> dict[str, Any]:
+    assert served.feeds.model is not None
+    took_us: dict[str, Any] = served.feeds.model["axes"]["x"]["latency"]["gateway_us"]
+    return took_us
 
 
 def _line(served: Served) -> str:
@@ -84,6 +90,8 @@ async def test_what_a_real_relay_does_is_served(site: Site) -> None:
         master = site.master()
         assert master.move(50_000) == 50_050
         await until(lambda: bool(served.feeds.model) and _exchanges(served) == 1)
+        # Histograms are worked out a few at each look.
+        await until(lambda: "below" in _latency(served))
         status = (await served.ask("/status")).data
         assert status["axes"]["x"]["nominal_setpoint"] == 50.0
         assert status["axes"]["x"]["table"]["status"] == "active"
@@ -132,7 +140,9 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
         site.table.write_text(STEEPER)
         mended = await said("reload", config)
         assert (mended.returncode, mended.stderr) == (0, "")
-        assert mended.stdout == "x: its new correction comes into force with the next different target\n"
+        # The supervisor watches the file too, and may have been quicker.
+        comes = "x: its new correction comes into force with the next different target\n"
+        assert mended.stdout in {comes, "nothing has changed\n"}
         await reader.until(b"table-mended")
         await until(lambda: _table(served)["status"] == "active")
         assert (await served.ask("/tables/x")).data["forward"] == [0.0, 0.1, 0.2]
@@ -152,7 +162,6 @@ async def test_the_status_of_a_supervisor_without_a_relay(site: Site) -> None:
 
 
 def test_the_status_comes_from_the_relay_where_the_supervisor_is_hung(site: Site) -> None:
-    site.config.write_text(f'[http]\nlisten = "127.0.0.1:{free_port()}"\n{site.config.read_text()}')
     assert typed("check", "--compile", str(site.config)).returncode == 0
     with running("relay", str(site.config)) as relay, socket.socket(socket.AF_UNIX) as deaf:
         relay.until("line-up")
