@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import hashlib
 import json
 import os
 import pty
@@ -144,7 +145,8 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
         comes = "x: its new correction comes into force with the next different target\n"
         assert mended.stdout in {comes, "nothing has changed\n"}
         await reader.until(b"table-mended")
-        await until(lambda: _table(served)["status"] == "active")
+        steeper = hashlib.sha256(STEEPER.encode()).hexdigest()
+        await until(lambda: (_table(served)["status"], _table(served)["sha256"]) == ("active", steeper))
         assert (await served.ask("/tables/x")).data["forward"] == [0.0, 0.1, 0.2]
         site.table.write_text(TABLE)
         as_json = await said("status", config, "--json")
