@@ -35,7 +35,6 @@ class NotBuilt:
 
 NOT_BUILT: Final = (
     NotBuilt("http", "the status page is", 'leave [http] out or set listen = ""', _is_listening, "listen"),
-    NotBuilt("mqtt", "publishing over MQTT is", "leave [mqtt] out"),
     NotBuilt(
         "axis.*.table_options.fagor_sense",
         "reading Fagor tables is",

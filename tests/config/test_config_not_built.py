@@ -28,7 +28,6 @@ def test_a_key_of_an_axis_that_is_not_built_is_refused(
     [
         ('[http]\nlisten = "127.0.0.1:8480"\n', "http.listen"),
         ("[http]\n", "http.listen"),
-        ("[mqtt]\n", "mqtt"),
     ],
 )
 def test_a_section_that_is_not_built_is_refused(tmp_path: Path, text: str, key: str) -> None:
