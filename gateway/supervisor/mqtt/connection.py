@@ -19,6 +19,7 @@ ANSWER_S: Final = 10.0
 """A broker that has not answered by then is as good as gone."""
 GOODBYE_S: Final = 2.0
 """Whoever stops the gateway waits no longer for the broker."""
+AT_ONCE_S: Final = 0.1
 COMMANDS_QUEUED: Final = 64
 LARGEST_PACKET: Final = 65536
 """Bytes that a broker of version 5 may send at once; commands have a hundred."""
@@ -40,7 +41,11 @@ async def connected(settings: Settings) -> AsyncIterator[aiomqtt.Client]:
     password = await asyncio.to_thread(settings.password)
     context = await asyncio.to_thread(settings.tls_context)
     client = _client(settings, password, context)
-    await _enter(client)
+    try:
+        await _enter(client)
+    except aiomqtt.MqttError:
+        await _leave(client, AT_ONCE_S)  # else its socket stays open, if it came so far
+        raise
     try:
         yield client
     except asyncio.CancelledError:
@@ -52,7 +57,21 @@ async def connected(settings: Settings) -> AsyncIterator[aiomqtt.Client]:
     await _leave(client)
 
 
+class _Socket(ssl.SSLSocket):
+    """Closes itself where the two sides do not agree: the library leaves that to the garbage collector."""
+
+    def do_handshake(self, block: bool = False) -> None:
+        """Agree on a key. Raises OSError."""
+        try:
+            super().do_handshake(block)
+        except OSError:
+            self.close()
+            raise
+
+
 def _client(settings: Settings, password: str | None, context: ssl.SSLContext | None) -> aiomqtt.Client:
+    if context is not None:
+        context.sslsocket_class = _Socket
     is_v5 = settings.version is MqttVersion.V5
     properties = None
     if is_v5:
@@ -98,7 +117,7 @@ async def _say_goodbye(client: aiomqtt.Client, settings: Settings) -> None:
     await _leave(client)
 
 
-async def _leave(client: aiomqtt.Client) -> None:
-    client.timeout = GOODBYE_S
+async def _leave(client: aiomqtt.Client, timeout_s: float = GOODBYE_S) -> None:
+    client.timeout = timeout_s
     with contextlib.suppress(aiomqtt.MqttError):
         await client.__aexit__(None, None, None)

@@ -12,6 +12,9 @@ from gateway.config.mqtt_files import MqttFileError
 from gateway.config.mqtt_model import MqttVersion
 from gateway.supervisor.mqtt.settings import Settings
 
+TIMED_OUT: Final = "Operation timed out"
+"""What the library says of a broker that was reached and does not answer."""
+
 _REFUSED: Final[Mapping[str, str]] = {
     "Not authorized": "the broker refuses {who}: check [mqtt] username and password_file, and what the "
     "broker allows",
@@ -33,18 +36,18 @@ def why(error: BaseException, settings: Settings) -> str:
     """Return a sentence on what ended a connection, or kept it from being made."""
     if isinstance(error, MqttFileError):
         return str(error)
-    cause = error.__context__ if isinstance(error.__context__, OSError) else error
-    if isinstance(cause, OSError):
-        return _of_network(cause, settings)
-    if isinstance(error, aiomqtt.exceptions.MqttCodeError) and isinstance(error.rc, ReasonCode):
-        return _of_reason(str(error.rc), settings)
-    if isinstance(error, aiomqtt.MqttError) and "timed out" in str(error):
+    if isinstance(error, aiomqtt.MqttError) and str(error) == TIMED_OUT:
         need = (
             "is it a broker's port, and is it one without TLS?"
             if settings.tls is None
             else ("is it a broker's port, and does the broker want a certificate ([mqtt.tls] cert and key)?")
         )
         return f"{settings.broker} does not answer: {need}"
+    cause = error.__context__ if isinstance(error.__context__, OSError) else error
+    if isinstance(cause, OSError):
+        return _of_network(cause, settings)
+    if isinstance(error, aiomqtt.exceptions.MqttCodeError) and isinstance(error.rc, ReasonCode):
+        return _of_reason(str(error.rc), settings)
     if isinstance(error, aiomqtt.MqttError):
         return f"the connection to {settings.broker} was lost ({error}): is the broker still running?"
     return f"unexpected {type(error).__name__}: {error}; please report it"
@@ -52,16 +55,17 @@ def why(error: BaseException, settings: Settings) -> str:
 
 def _of_network(error: OSError, settings: Settings) -> str:
     broker = settings.broker
+    if isinstance(error, ConnectionRefusedError):
+        return f"nobody listens at {broker}: start the broker, or correct [mqtt] host and port"
     if isinstance(error, ssl.SSLCertVerificationError):
         return (
             f"{broker} could not prove who it is ({error.verify_message}): [mqtt.tls] ca must name the "
             "authority that signed its certificate, and [mqtt] host a name that stands in it"
         )
-    if isinstance(error, ssl.SSLError):
-        reason = (error.reason or "").lower().replace("_", " ")
-        return f"no TLS with {broker} ({reason or error}): is this the broker's port for TLS?"
-    if isinstance(error, ConnectionRefusedError):
-        return f"nobody listens at {broker}: start the broker, or correct [mqtt] host and port"
+    if isinstance(error, ssl.SSLError) or (settings.tls is not None and isinstance(error, ConnectionError)):
+        reason = getattr(error, "reason", None) or error.strerror or str(error)
+        words = reason.lower().replace("_", " ")
+        return f"no TLS with {broker} ({words}): is this the broker's port for TLS?"
     if isinstance(error, socket.gaierror):
         return f"{settings.host} is not known to the name service: correct [mqtt] host, or check the network"
     if isinstance(error, TimeoutError):
