@@ -12,6 +12,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
 from gateway.config.mqtt_model import MqttVersion
+from gateway.supervisor.mqtt.ending import apart
 from gateway.supervisor.mqtt.messages import OFFLINE
 from gateway.supervisor.mqtt.settings import Settings
 
@@ -113,11 +114,12 @@ async def _enter(client: aiomqtt.Client) -> None:
 async def _say_goodbye(client: aiomqtt.Client, settings: Settings) -> None:
     """Publish what the will would say: the broker does not, where a client leaves properly."""
     with contextlib.suppress(aiomqtt.MqttError):
-        await client.publish(settings.topics.availability, OFFLINE, qos=1, retain=True, timeout=GOODBYE_S)
+        topic = settings.topics.availability
+        await apart(client.publish(topic, OFFLINE, qos=1, retain=True, timeout=GOODBYE_S))
     await _leave(client)
 
 
 async def _leave(client: aiomqtt.Client, timeout_s: float = GOODBYE_S) -> None:
     client.timeout = timeout_s
     with contextlib.suppress(aiomqtt.MqttError):
-        await client.__aexit__(None, None, None)
+        await apart(client.__aexit__(None, None, None))

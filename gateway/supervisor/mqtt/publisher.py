@@ -14,6 +14,7 @@ from gateway.supervisor.feeds import Feed, Feeds
 from gateway.supervisor.mqtt.commander import Commander
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.connection import connected
+from gateway.supervisor.mqtt.ending import apart, end
 from gateway.supervisor.mqtt.outbox import Outbox
 from gateway.supervisor.mqtt.reasons import why
 from gateway.supervisor.mqtt.retained import RETAINED_NAME, Ledger
@@ -108,21 +109,22 @@ class Publisher:
     async def _connection(self, ledger: Ledger) -> None:
         """Connect and publish; it ends with an exception, because connections do."""
         async with connected(self._settings) as client:
-            refused = await self._commander.subscribe(client) if self._settings.allows_commands else None
+            refused = None
+            if self._settings.allows_commands:
+                refused = await apart(self._commander.subscribe(client))
             self._reach(refused)
             sender = Sender(
                 client, self._settings, outbox=self._outbox, ledger=ledger, tally=self._tally, say=self._say
             )
-            tasks = [asyncio.create_task(sender.run()), asyncio.create_task(self._listen(client))]
+            tasks = [asyncio.create_task(self._listen(client)), asyncio.create_task(sender.run())]
             try:
                 await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             finally:
-                for task in tasks:
-                    task.cancel()
-                ends = await asyncio.gather(*tasks, return_exceptions=True)
-            for end in ends:
-                if isinstance(end, Exception):
-                    raise end
+                await end(tasks)
+            # The listener knows best why it is over.
+            for error in [task.exception() for task in tasks if not task.cancelled()]:
+                if error is not None:
+                    raise error
 
     async def _listen(self, client: aiomqtt.Client) -> None:
         """Take commands; without any it is the one who notices that the connection is gone."""

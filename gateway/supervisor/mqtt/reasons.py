@@ -15,6 +15,10 @@ from gateway.supervisor.mqtt.settings import Settings
 TIMED_OUT: Final = "Operation timed out"
 """What the library says of a broker that was reached and does not answer."""
 
+_LOST: Final = (
+    "the connection to {broker} was lost: is the broker still running? Where it is, another client may have "
+    "connected as {client_id}"
+)
 _REFUSED: Final[Mapping[str, str]] = {
     "Not authorized": "the broker refuses {who}: check [mqtt] username and password_file, and what the "
     "broker allows",
@@ -26,6 +30,7 @@ _REFUSED: Final[Mapping[str, str]] = {
     "Bad authentication method": "the broker wants another way to log in than username and password",
     "Session taken over": "another client has connected as {client_id}: give each gateway a name of its own, "
     "or a [mqtt] client_id",
+    "Unspecified error": _LOST,
     "Packet too large": "the broker refuses messages of this size: raise its limit",
     "Retain not supported": "the broker keeps no retained messages, which the gateway needs: switch them on",
     "QoS not supported": "the broker does not take QoS 1, which the gateway needs: switch it on",
@@ -40,16 +45,16 @@ def why(error: BaseException, settings: Settings) -> str:
         need = (
             "is it a broker's port, and is it one without TLS?"
             if settings.tls is None
-            else ("is it a broker's port, and does the broker want a certificate ([mqtt.tls] cert and key)?")
+            else "is it a broker's port, and does the broker want a certificate ([mqtt.tls] cert and key)?"
         )
         return f"{settings.broker} does not answer: {need}"
-    cause = error.__context__ if isinstance(error.__context__, OSError) else error
-    if isinstance(cause, OSError):
-        return _of_network(cause, settings)
-    if isinstance(error, aiomqtt.exceptions.MqttCodeError) and isinstance(error.rc, ReasonCode):
-        return _of_reason(str(error.rc), settings)
+    for each in (error.__cause__, error.__context__, error):
+        if isinstance(each, OSError):
+            return _of_network(each, settings)
+        if isinstance(each, aiomqtt.exceptions.MqttCodeError) and isinstance(each.rc, ReasonCode):
+            return _of_reason(str(each.rc), settings)
     if isinstance(error, aiomqtt.MqttError):
-        return f"the connection to {settings.broker} was lost ({error}): is the broker still running?"
+        return _LOST.format(broker=settings.broker, client_id=settings.client_id)
     return f"unexpected {type(error).__name__}: {error}; please report it"
 
 
@@ -78,9 +83,10 @@ def _of_reason(reason: str, settings: Settings) -> str:
     other = MqttVersion.V5 if settings.version is MqttVersion.V311 else MqttVersion.V311
     words = _REFUSED.get(reason)
     if words is None:
-        return f"the connection to {settings.broker} ended ({reason.lower()}): is the broker still running?"
+        return f"the connection to {settings.broker} ended ({reason.lower()}): look at the broker's log"
     return words.format(
         who=f'the user "{settings.username}"' if settings.username else "clients without a username",
+        broker=settings.broker,
         version=settings.version.value,
         other=f'"{other.value}"',
         client_id=settings.client_id,

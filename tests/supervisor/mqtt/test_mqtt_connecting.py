@@ -123,6 +123,28 @@ async def test_a_broker_that_stalls_costs_nothing_but_its_connection(
                 await watcher.until(f"{ROOT}/axis/x")
 
 
+@pytest.mark.parametrize(
+    ("version", "said"),
+    [
+        (
+            "3.1.1",
+            "was lost: is the broker still running? Where it is, another client may have connected as mine",
+        ),
+        (
+            "5",
+            "another client has connected as mine: give each gateway a name of its own, or a [mqtt] client_id",
+        ),
+    ],
+)
+async def test_two_that_call_themselves_the_same(tmp_path: Path, version: str, said: str) -> None:
+    with broker_in(tmp_path) as broker:
+        given = settings(broker.port, tmp_path, version=version, client_id="mine")
+        async with publishing(given, tmp_path) as site:
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port, identifier="mine"):
+                assert (await site.until_said("mqtt-lost"))["detail"].endswith(said)
+
+
 async def test_cancelled_while_the_broker_does_not_answer_it_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
