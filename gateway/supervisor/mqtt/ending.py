@@ -1,8 +1,8 @@
 """Tasks that end when they are told to.
 
-``asyncio.wait_for`` of Python 3.11, with which the MQTT library waits for everything, returns its result where
-a cancellation comes at the same moment, and the cancellation is lost. So whoever has to hear one does not wait
-for the library himself: a task does, and is told again until it has ended.
+``asyncio.wait_for`` of Python 3.11, with which the MQTT library waits for everything, returns its result
+where a cancellation comes at the same moment, and the cancellation is lost. So whoever has to hear one does
+not wait for the library himself: a task does, and is told again until it has ended.
 """
 
 import asyncio

@@ -204,8 +204,7 @@ async def test_with_version_5_the_answer_goes_where_the_asker_wants_it(tmp_path:
             properties.CorrelationData = b"\x00\x01"
             await command(watcher, "enable", {"axes": "all"}, properties=properties)
             message = await watcher.until("me/answers")
-            assert message.properties is not None
-            assert message.properties.CorrelationData == b"\x00\x01"
+            assert getattr(message.properties, "CorrelationData", None) == b"\x00\x01"
             assert data_of(payload_of(message))["result"] == "done"
             # An answer that would be a command again goes nowhere but into the event.
             properties.ResponseTopic = f"{ROOT}/command/enable"

@@ -7,9 +7,13 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import aiomqtt
 import pytest
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.reasoncodes import ReasonCode
 
 from gateway.supervisor.mqtt.publisher import FIRST_WAIT_S, LONGEST_WAIT_S, wait_s
+from gateway.supervisor.mqtt.reasons import why
 from tests.certificates import authority, signed_by
 from tests.mosquitto import Broker, broker_in, free_port, mosquitto_passwd, watching
 from tests.supervisor.mqtt.mqtt_bench import ROOT, model, publishing, settings
@@ -123,26 +127,38 @@ async def test_a_broker_that_stalls_costs_nothing_but_its_connection(
                 await watcher.until(f"{ROOT}/axis/x")
 
 
-@pytest.mark.parametrize(
-    ("version", "said"),
-    [
-        (
-            "3.1.1",
-            "was lost: is the broker still running? Where it is, another client may have connected as mine",
-        ),
-        (
-            "5",
-            "another client has connected as mine: give each gateway a name of its own, or a [mqtt] client_id",
-        ),
-    ],
-)
-async def test_two_that_call_themselves_the_same(tmp_path: Path, version: str, said: str) -> None:
+async def test_two_that_call_themselves_the_same(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
-        given = settings(broker.port, tmp_path, version=version, client_id="mine")
-        async with publishing(given, tmp_path) as site:
+        async with publishing(settings(broker.port, tmp_path, client_id="mine"), tmp_path) as site:
             await site.until_said("mqtt-connected")
             async with watching(broker.port, identifier="mine"):
-                assert (await site.until_said("mqtt-lost"))["detail"].endswith(said)
+                said = (await site.until_said("mqtt-lost"))["detail"]
+    assert said.endswith(
+        "is the broker still running? Where it is, another client may have connected as mine"
+    )
+
+
+@pytest.mark.parametrize(
+    ("packet", "code", "said"),
+    [
+        (
+            PacketTypes.DISCONNECT,
+            0x8E,
+            "another client has connected as mine: give each gateway a name of its own",
+        ),
+        (PacketTypes.CONNACK, 0x84, 'the broker does not speak MQTT 3.1.1: set [mqtt] version to "5"'),
+        (PacketTypes.CONNACK, 0x85, "the broker refuses the name mine: set another [mqtt] client_id"),
+        (PacketTypes.CONNACK, 0x8C, "the broker wants another way to log in than username and password"),
+        (PacketTypes.DISCONNECT, 0x96, "the connection to 127.0.0.1:1883 ended (message rate too high)"),
+    ],
+)
+def test_what_a_code_of_mqtt_means_for_whoever_has_to_do_something(
+    tmp_path: Path, packet: int, code: int, said: str
+) -> None:
+    reason = ReasonCode(packet, identifier=code)
+    error = aiomqtt.MqttError("Disconnected during message iteration")
+    error.__cause__ = aiomqtt.exceptions.MqttCodeError(reason)
+    assert why(error, settings(1883, tmp_path, client_id="mine")).startswith(said)
 
 
 async def test_cancelled_while_the_broker_does_not_answer_it_ends(
