@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import aiomqtt
 
-from gateway.config.mqtt_files import MqttFileError
 from gateway.ipc.notes import Severity
 from gateway.supervisor.feeds import Feed, Feeds
 from gateway.supervisor.mqtt.commander import Commander
@@ -97,8 +96,6 @@ class Publisher:
             began_s = time.monotonic()
             try:
                 await self._connection(ledger)
-            except (aiomqtt.MqttError, MqttFileError) as error:
-                self._lose(why(error, self._settings))
             except Exception as error:  # noqa: BLE001 - tables and page go on, whatever a library comes up with
                 self._lose(why(error, self._settings))
             if time.monotonic() - began_s > STEADY_S:
