@@ -8,6 +8,8 @@ from collections.abc import AsyncIterator
 from typing import Final
 
 import aiomqtt
+import paho.mqtt.client
+from aiomqtt.types import PahoSocket
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
@@ -70,6 +72,30 @@ class _Socket(ssl.SSLSocket):
             raise
 
 
+class _Client(aiomqtt.Client):
+    """Closes a gap of the library, which asks for a socket by its number, and in the next round of the loop.
+
+    By then it may have been closed: an error that nobody can catch, or, where the number has been given away
+    again, somebody else's socket. Should a later release name the method differently, its own holds again.
+    """
+
+    def _on_socket_register_write(
+        self, client: paho.mqtt.client.Client, userdata: object, sock: PahoSocket
+    ) -> None:
+        def write() -> None:
+            try:
+                client.loop_write()
+            except Exception as error:  # noqa: BLE001 - as the library has it: whatever it is ends the connection
+                if not self._disconnected.done():
+                    self._disconnected.set_exception(error)
+
+        def register() -> None:
+            if sock.fileno() >= 0:
+                self._loop.add_writer(sock.fileno(), write)
+
+        self._loop.call_soon_threadsafe(register)
+
+
 def _client(settings: Settings, password: str | None, context: ssl.SSLContext | None) -> aiomqtt.Client:
     if context is not None:
         context.sslsocket_class = _Socket
@@ -78,7 +104,7 @@ def _client(settings: Settings, password: str | None, context: ssl.SSLContext | 
     if is_v5:
         properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
         properties.MaximumPacketSize = LARGEST_PACKET
-    return aiomqtt.Client(
+    return _Client(
         settings.host,
         settings.port,
         username=settings.username,

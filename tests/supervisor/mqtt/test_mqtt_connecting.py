@@ -1,6 +1,8 @@
 """Brokers that are away, refuse, stall or cannot prove who they are: what is said, and that it goes on."""
 
 import asyncio
+import gc
+import os
 import signal
 import socket
 import subprocess
@@ -12,11 +14,12 @@ import pytest
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.reasoncodes import ReasonCode
 
+from gateway.supervisor.mqtt.connection import _Client
 from gateway.supervisor.mqtt.publisher import FIRST_WAIT_S, LONGEST_WAIT_S, wait_s
 from gateway.supervisor.mqtt.reasons import why
 from tests.certificates import authority, signed_by
 from tests.mosquitto import Broker, broker_in, free_port, mosquitto_passwd, watching
-from tests.supervisor.mqtt.mqtt_bench import ROOT, model, publishing, settings
+from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, model, publishing, settings
 
 VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])
 WITH_PASSWORD = "listener {port} 127.0.0.1\nallow_anonymous false\npassword_file FOLDER/passwd\n"
@@ -171,6 +174,46 @@ async def test_cancelled_while_the_broker_does_not_answer_it_ends(
             connection, _ = await asyncio.get_running_loop().sock_accept(mute)
         connection.close()
     assert capfd.readouterr() == ("", "")
+
+
+async def test_a_broker_that_comes_and_goes_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("gateway.supervisor.mqtt.publisher.wait_s", lambda tries, share: 0.01)
+    open_files: list[int] = []
+    with broker_in(tmp_path) as broker:
+        async with publishing(settings(broker.port, tmp_path, version="5"), tmp_path) as site:
+            for number in range(6):
+                await site.until_said("mqtt-connected", times=number + 1)
+                site.feeds.publish(model({f"a{index}": axis(number) for index in range(8)}))
+                async with watching(broker.port, f"{ROOT}/#") as watcher:
+                    await watcher.until(f"{ROOT}/axis/a7")
+                open_files.append(len(list(Path("/proc/self/fd").iterdir())))
+                broker.stop(signal.SIGKILL if number % 2 else signal.SIGTERM)
+                broker.start()
+            await site.until_said("mqtt-connected", times=7)
+            assert site.status["connects"] == 7
+    gc.collect()
+    assert capfd.readouterr() == ("", "")
+    assert max(open_files) <= open_files[0] + 1
+
+
+async def test_a_socket_that_was_closed_meanwhile_is_not_waited_for() -> None:
+    loop = asyncio.get_running_loop()
+    errors: list[object] = []
+    loop.set_exception_handler(lambda _, context: errors.append(context))
+    client = _Client("127.0.0.1")
+    ours, peer = socket.socketpair()
+    number = ours.fileno()
+    client._on_socket_register_write(client._client, None, ours)
+    ours.close()
+    somebody_elses = os.dup(peer.fileno())  # gets the number that has become free
+    assert somebody_elses == number
+    await asyncio.sleep(0)
+    assert not loop.remove_writer(number)
+    assert errors == []
+    os.close(somebody_elses)
+    peer.close()
 
 
 def test_the_waits_grow_to_a_minute_and_are_spread() -> None:
