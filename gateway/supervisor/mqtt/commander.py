@@ -22,6 +22,9 @@ class Commander:
     """Listens for commands; outlives connections."""
 
     def __init__(self, topics: Topics, orders: Orders, say: Say) -> None:
+        self.is_idle = asyncio.Event()
+        """Set unless a command is being carried out."""
+        self.is_idle.set()
         self._topics = topics
         self._orders = orders
         self._say = say
@@ -37,6 +40,13 @@ class Commander:
 
     async def take(self, client: aiomqtt.Client, message: aiomqtt.Message) -> None:
         """Carry out what a message asks for, and answer it."""
+        self.is_idle.clear()
+        try:
+            await self._take(client, message)
+        finally:
+            self.is_idle.set()
+
+    async def _take(self, client: aiomqtt.Client, message: aiomqtt.Message) -> None:
         command = self._topics.command_in(message.topic.value)
         if message.retain:
             self._ignore_retained(command, message.topic.value)

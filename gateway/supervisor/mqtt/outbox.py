@@ -3,7 +3,7 @@
 import asyncio
 from collections import deque
 
-from gateway.supervisor.feeds import EVENTS_KEPT, News, Told
+from gateway.supervisor.feeds import EVENTS_KEPT, Feed, News, Told
 from gateway.supervisor.mqtt.messages import Payload
 
 
@@ -28,6 +28,11 @@ class Outbox:
             self._events.popleft()
             self.dropped += 1
         self._is_there.set()
+
+    async def collect(self, feed: Feed) -> None:
+        """Take over whatever comes, until cancelled."""
+        while True:
+            self.take(await feed.next())
 
     @property
     def event(self) -> Told | None:

@@ -9,7 +9,6 @@ from typing import Any, Final
 import aiomqtt
 
 from gateway.ipc.notes import Severity
-from gateway.supervisor.feeds import Feed, Feeds
 from gateway.supervisor.mqtt.commander import Commander
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.connection import connected
@@ -26,16 +25,6 @@ LONGEST_WAIT_S: Final = 60.0
 STEADY_S: Final = 10.0
 """A connection that held for as long was a good one: the next attempt comes soon again."""
 
-STATUS_WITHOUT: Final[dict[str, Any]] = {
-    "problem": None,
-    "state": "off",
-    "broker": None,
-    "connects": 0,
-    "published": 0,
-    "dropped_events": 0,
-}
-"""``supervisor.mqtt`` of the status model where the configuration has no ``[mqtt]``."""
-
 
 def wait_s(tries: int, share: float) -> float:
     """Return how long to wait after so many attempts in vain; ``share``, from 0 to 1, spreads the gateways.
@@ -48,18 +37,14 @@ def wait_s(tries: int, share: float) -> float:
 
 
 class Publisher:
-    """Publishes what ``feeds`` has, as ``settings`` say.
+    """Publishes what is in ``outbox``, as ``settings`` say; for :class:`MqttService`."""
 
-    ``orders`` carry out what is commanded, where that is allowed; ``state`` is the folder to note topics in.
-    """
-
-    def __init__(self, settings: Settings, feeds: Feeds, say: Say, orders: Orders, state: Path) -> None:
+    def __init__(self, settings: Settings, outbox: Outbox, say: Say, orders: Orders, state: Path) -> None:
         self._settings = settings
-        self._feeds = feeds
+        self._outbox = outbox
         self._say = say
         self._state = state
         self._commander = Commander(settings.topics, orders, say)
-        self._outbox = Outbox()
         self._tally = Tally()
         self._connects = 0
         self._is_connected = False
@@ -79,16 +64,11 @@ class Publisher:
     async def run(self) -> None:
         """Publish until cancelled; the broker is told that this is the end, if it listens."""
         ledger = await asyncio.to_thread(Ledger, self._state / RETAINED_NAME)
-        with self._feeds.open() as feed:
-            collecting = asyncio.create_task(self._collect(feed))
-            try:
-                await self._keep_connected(ledger)
-            finally:
-                collecting.cancel()
+        await self._keep_connected(ledger)
 
-    async def _collect(self, feed: Feed) -> None:
-        while True:
-            self._outbox.take(await feed.next())
+    async def finish_commands(self) -> None:
+        """Wait until the command that is being carried out has been answered."""
+        await self._commander.is_idle.wait()
 
     async def _keep_connected(self, ledger: Ledger) -> None:
         tries = 0

@@ -14,7 +14,8 @@ from gateway.ipc.notes import Note, Severity
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.mqtt.commands import Orders
-from gateway.supervisor.mqtt.publisher import STATUS_WITHOUT, Publisher
+from gateway.supervisor.mqtt.publisher import Publisher
+from gateway.supervisor.mqtt.service import STATUS_WITHOUT, MqttService
 from gateway.supervisor.mqtt.settings import Settings, settings_of
 from gateway.supervisor.outcome import Outcome
 from tests.mosquitto import PATIENCE_S
@@ -86,13 +87,15 @@ def settings(port: int, folder: Path, **keys: Any) -> Settings:
 class Site:
     """A publisher that runs, its feeds, and what was asked of the relay."""
 
-    def __init__(self, given: Settings, state: Path) -> None:
+    def __init__(self, given: Settings | None, state: Path) -> None:
         self.feeds = Feeds()
         self.asked: list[Request] = []
         self.reply: Reply = Done(changed=("x",), comes={"x": "next-target"})
         self.outcome = Outcome(comes={"x": "blended"}, changed=("axis.x.gain",))
         self.reloads = 0
-        self.publisher = Publisher(given, self.feeds, self.say, Orders(self._reload, self._ask), state)
+        self.service = MqttService(self.feeds, self.say, Orders(self._reload, self._ask), state)
+        self.service.follow(given)
+        self.after_reload: Settings | None = given
         self._told = asyncio.Event()
 
     def say(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
@@ -101,6 +104,7 @@ class Site:
 
     async def _reload(self) -> Outcome:
         self.reloads += 1
+        self.service.follow(self.after_reload)
         return self.outcome
 
     def _ask(self, request: Request) -> Reply:
@@ -119,16 +123,21 @@ class Site:
 
     @property
     def status(self) -> dict[str, Any]:
-        return self.publisher.status()
+        return self.service.status()
+
+    @property
+    def publisher(self) -> Publisher:
+        assert self.service.publisher is not None
+        return self.service.publisher
 
 
 @contextlib.asynccontextmanager
-async def publishing(given: Settings, state: Path) -> AsyncIterator[Site]:
+async def publishing(given: Settings | None, state: Path) -> AsyncIterator[Site]:
     site = Site(given, state)
-    task = asyncio.create_task(site.publisher.run())
+    task = asyncio.create_task(site.service.run())
     try:
         yield site
-        assert not task.done(), "the publisher ended by itself"
+        assert not task.done(), "the service ended by itself"
     finally:
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):

@@ -176,6 +176,10 @@ async def test_cancelled_while_the_broker_does_not_answer_it_ends(
     assert capfd.readouterr() == ("", "")
 
 
+def files_open() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
 async def test_a_broker_that_comes_and_goes_leaves_nothing_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -188,7 +192,7 @@ async def test_a_broker_that_comes_and_goes_leaves_nothing_behind(
                 site.feeds.publish(model({f"a{index}": axis(number) for index in range(8)}))
                 async with watching(broker.port, f"{ROOT}/#") as watcher:
                     await watcher.until(f"{ROOT}/axis/a7")
-                open_files.append(len(list(Path("/proc/self/fd").iterdir())))
+                open_files.append(files_open())
                 broker.stop(signal.SIGKILL if number % 2 else signal.SIGTERM)
                 broker.start()
             await site.until_said("mqtt-connected", times=7)
