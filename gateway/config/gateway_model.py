@@ -1,4 +1,4 @@
-"""``[gateway]``, ``[http]`` and ``[mqtt]``."""
+"""``[gateway]`` and ``[http]``."""
 
 from typing import Annotated
 
@@ -52,16 +52,3 @@ class HttpSection(StrictModel):
     def endpoint(self) -> TcpEndpoint | None:
         """Where the page is; None where it is off."""
         return TcpEndpoint(*parse_address(self.listen)) if self.listen else None
-
-
-class MqttSection(StrictModel):
-    """The broker that status is published to."""
-
-    host: Annotated[str, Field(min_length=1)] = Field(default="127.0.0.1", description="the broker")
-    port: Annotated[int, Field(ge=1, le=65535)] = Field(default=1883, description="the broker's port")
-    base_topic: Annotated[str, Field(min_length=1)] = Field(
-        default="pitch-gateway", description="what every topic begins with"
-    )
-    interval_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(
-        default=0.5, description="seconds between two messages of an axis"
-    )

@@ -14,6 +14,7 @@ from gateway.config.check_http import check_http
 from gateway.config.check_late import check_late
 from gateway.config.check_lines import check_lines
 from gateway.config.check_motion import check_motion
+from gateway.config.check_mqtt import check_mqtt
 from gateway.config.check_references import check_references
 from gateway.config.check_roles import check_roles
 from gateway.config.check_state import check_state
@@ -71,6 +72,7 @@ def load_document(document: Document, *, checks_times: bool = True, forgives_tab
     """
     findings = Findings(document)
     sections, drives = _check_but_tables(findings)
+    check_mqtt(findings, sections.mqtt, document.path.parent)
     return _with_tables(
         findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables
     )

@@ -10,8 +10,9 @@ from pydantic import ValidationError
 from gateway.config.axis_model import AxisSection, GroupSection
 from gateway.config.explain import existing, explain, suggest
 from gateway.config.findings import Findings
-from gateway.config.gateway_model import GatewaySection, HttpSection, MqttSection
+from gateway.config.gateway_model import GatewaySection, HttpSection
 from gateway.config.line_model import LineSection
+from gateway.config.mqtt_model import MqttSection
 from gateway.config.problems import shown
 from gateway.config.relay_model import RelaySection
 from gateway.config.toml_lines import KeyPath

@@ -4,10 +4,13 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Awaitable, Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from gateway.compensation.settings import AxisSettings
+from gateway.config.load import Loaded
+from gateway.ipc.client import ask
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, Severity
 from gateway.ipc.place import socket_path
@@ -17,6 +20,9 @@ from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.http.window import Window, settings_in
 from gateway.supervisor.link import Link
 from gateway.supervisor.model import whole_model
+from gateway.supervisor.mqtt.commands import Orders
+from gateway.supervisor.mqtt.service import MqttService
+from gateway.supervisor.mqtt.settings import settings_of
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.tables import Keeper
 from gateway.supervisor.watching import SLOW_S, Watch, wake_on_change
@@ -56,6 +62,8 @@ class Supervisor:
         self._rejected: dict[str, str] = {}
         self._waker: asyncio.Task[None] | None = None
         self._http = HttpService(Window(self.feeds, state, self._settings_of, self.reload, self._say))
+        orders = Orders(self.reload, partial(ask, socket_path(state)))
+        self._mqtt = MqttService(self.feeds, self._say, orders, state)
 
     async def run(self) -> None:
         """Run until cancelled."""
@@ -67,6 +75,7 @@ class Supervisor:
             self._keep_watching(),
             self._keep_publishing(),
             self._http.run(),
+            self._mqtt.run(),
         )
 
     async def reload(self) -> Outcome:
@@ -130,8 +139,7 @@ class Supervisor:
         else:
             outcome = await asyncio.to_thread(self._keeper.refresh, self._watch.moving)
         if (loaded := self._keeper.loaded) is not None:
-            self._follow(loaded.tables_folder)
-            self._http.configure(loaded.sections.http)
+            self._configure(loaded)
         self._watch.take(outcome.sights)
         self._book.enter(self._keeper.names, outcome)
         self._report(outcome, is_asked=is_asked)
@@ -140,6 +148,14 @@ class Supervisor:
         self._problems = () if outcome.is_refused else outcome.problems
         self._publish()
         return outcome
+
+    def _configure(self, loaded: Loaded) -> None:
+        """Follow what a configuration says: the same as before changes nothing."""
+        self._follow(loaded.tables_folder)
+        self._http.configure(loaded.sections.http)
+        mqtt = loaded.sections.mqtt
+        folder = loaded.path.parent
+        self._mqtt.follow(None if mqtt is None else settings_of(mqtt, loaded.plan.name, folder))
 
     def _follow(self, folder: Path) -> None:
         if self._waker is None or folder != self._watch.folder:
@@ -214,7 +230,7 @@ class Supervisor:
             "configuration": {"file": str(self._config), "problem": "; ".join(self._refused) or None},
             "tables_folder": {"folder": str(self._watch.folder), "problem": "; ".join(problems) or None},
             "http": self._http.status,
-            "mqtt": {"problem": None},
+            "mqtt": self._mqtt.status(),
         }
 
     def _reached(self) -> None:
