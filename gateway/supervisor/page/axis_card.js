@@ -171,8 +171,7 @@ export class AxisCard {
   }
 
   /**
-   * Where the machine is on the scale of the table: a controller may command from a zero of its own, and a
-   * turning axis comes round.
+   * Where the machine is on its table: a turning axis comes round.
    * @param {number | null} nominal
    * @param {number | null} correction
    */
@@ -180,12 +179,9 @@ export class AxisCard {
     if (nominal === null || this.table === null) {
       return null;
     }
-    let position = nominal + (this.table.machine_offset ?? this.axis?.machine_offset ?? 0);
-    const turn = this.table.modulo ?? this.axis?.modulo ?? 0;
-    if (turn > 0) {
-      const start = this.table.positions[0];
-      position = start + ((((position - start) % turn) + turn) % turn);
-    }
+    const turn = this.table.modulo ?? 0;
+    const start = this.table.positions[0];
+    const position = turn > 0 ? start + ((((nominal - start) % turn) + turn) % turn) : nominal;
     return { position, correction: correction ?? 0 };
   }
 
@@ -232,7 +228,7 @@ export class AxisCard {
     const has = this.table !== null && this.table.positions.length > 1;
     show(this.noCurve, !has);
     setAttribute(this.element, "data-curve", has ? "yes" : "no");
-    const key = has ? JSON.stringify([axis.gain, axis.travel, axis.units]) : "none";
+    const key = has ? `${axis.units} ${axis.travel}` : "none";
     if (key === this.shownCurve) {
       return;
     }
@@ -245,17 +241,18 @@ export class AxisCard {
     show(this.values, true);
     const { table } = this;
     const scale = scaleOf(axis.units);
-    this.curve.show({ table, travel: axis.travel, gain: axis.gain, scale });
+    const travel = table.travel === undefined ? axis.travel : table.travel;
+    this.curve.show({ table, travel, scale });
     this.fillValues();
     setText(this.curve.title, `Correction of axis ${this.name} over its travel`);
     const last = table.positions[table.positions.length - 1];
-    const isShort = axis.travel !== null && (axis.travel[0] < table.positions[0] || axis.travel[1] > last);
+    const isShort = travel !== null && (travel[0] < table.positions[0] || travel[1] > last);
     setAttribute(this.element, "data-outside", isShort ? "yes" : "no");
     setText(
       this.curve.description,
       `${axis.table.points} points from ${fixed(table.positions[0], scale.decimals)} to ` +
-        `${fixed(last, scale.decimals)} ${scale.units}. Forward ${range(table.forward, axis.gain.forward, scale)}, ` +
-        `backward ${range(table.backward, axis.gain.backward, scale)}. ` +
+        `${fixed(last, scale.decimals)} ${scale.units}. Forward ${range(table.forward, scale)}, ` +
+        `backward ${range(table.backward, scale)}. ` +
         "The values stand below, under Values of the table.",
     );
   }
@@ -270,15 +267,14 @@ export class AxisCard {
     const { positions, forward, backward } = this.table;
     const heads = [`Position ${scale.units}`, `Forward ${scale.small}`, `Backward ${scale.small}`];
     this.valuesHead.replaceChildren(...heads.map((text) => make("th", { scope: "col", text })));
-    const { gain } = this.axis;
     this.valuesBody.replaceChildren(
       ...positions.map((position, index) =>
         make(
           "tr",
           {},
           make("th", { scope: "row", text: fixed(position, scale.decimals) }),
-          make("td", { text: fixed(forward[index] * gain.forward * scale.perUnit, scale.smallDecimals, true) }),
-          make("td", { text: fixed(backward[index] * gain.backward * scale.perUnit, scale.smallDecimals, true) }),
+          make("td", { text: fixed(forward[index] * scale.perUnit, scale.smallDecimals, true) }),
+          make("td", { text: fixed(backward[index] * scale.perUnit, scale.smallDecimals, true) }),
         ),
       ),
     );
@@ -312,11 +308,10 @@ function sentence(problem) {
 
 /**
  * @param {number[]} values
- * @param {number} gain
  * @param {import("./figures.js").Scale} scale
  */
-function range(values, gain, scale) {
-  const scaled = values.map((value) => value * gain * scale.perUnit);
+function range(values, scale) {
+  const scaled = values.map((value) => value * scale.perUnit);
   const low = scaled.reduce((one, other) => Math.min(one, other), Infinity);
   const high = scaled.reduce((one, other) => Math.max(one, other), -Infinity);
   return `from ${fixed(low, scale.smallDecimals, true)} to ${fixed(high, scale.smallDecimals, true)} ${scale.small}`;

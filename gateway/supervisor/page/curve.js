@@ -8,9 +8,8 @@ import { fixed, ticks } from "./figures.js";
 /**
  * @typedef {import("./model.js").Table} Table
  * @typedef {import("./figures.js").Scale} Scale
- * @typedef {{ table: Table, travel: [number, number] | null, gain: { forward: number, backward: number },
- *             scale: Scale }} Shown
- * @typedef {{ position: number, correction: number }} Place in the units of the table, on its scale
+ * @typedef {{ table: Table, travel: [number, number] | null, scale: Scale }} Shown
+ * @typedef {{ position: number, correction: number }} Place in the units of the table
  */
 
 const GLIDE_MS = 240; // a little longer than from one status to the next
@@ -141,10 +140,10 @@ export class Curve {
       return;
     }
     const font = fontSize(this.element);
-    const { table, travel, gain, scale } = this.shown;
+    const { table, travel, scale } = this.shown;
     this.element.setAttribute("viewBox", `0 0 ${round(this.width)} ${round(this.height)}`);
-    const forward = table.forward.map((correction) => correction * gain.forward * scale.perUnit);
-    const backward = table.backward.map((correction) => correction * gain.backward * scale.perUnit);
+    const forward = table.forward.map((correction) => correction * scale.perUnit);
+    const backward = table.backward.map((correction) => correction * scale.perUnit);
     const first = table.positions[0];
     const last = table.positions[table.positions.length - 1];
     const low = Math.min(first, travel ? travel[0] : first);

@@ -13,7 +13,6 @@
  *
  * @typedef {{ compensation: string, units: string, direction: string, correction: number | null,
  *             gain: { forward: number, backward: number }, travel: [number, number] | null,
- *             machine_offset?: number, modulo?: number,
  *             nominal_setpoint: number | null, corrected_setpoint: number | null,
  *             nominal_actual: number | null, corrected_actual: number | null, table: TableState,
  *             latency: { gateway_us: Times, budget_us: number, budget_overruns: number,
@@ -36,7 +35,8 @@
  *             detail?: string } & Record<string, unknown>} Happening
  *
  * @typedef {{ units: string, digest: string, positions: number[], forward: number[], backward: number[],
- *             machine_offset?: number, modulo?: number }} Table corrections as in the file, before the gain
+ *             travel?: [number, number] | null, modulo?: number | null }} Table with the gain in it, on the
+ *             controller's scale as all positions here; `modulo` is one turn of a rotary axis
  */
 
 /** After so long without word the gateway counts as lost: it says something each second at least. */

@@ -107,7 +107,8 @@ class Page {
     show(byId("no-axes"), names.length === 0 && Object.keys(model.lines).length > 0);
     for (const [name, axis] of Object.entries(model.axes)) {
       this.axes.get(name)?.show(axis, now);
-      this.tables.want(name, axis.table.points ? (axis.table.compiled ?? "unnamed") : null);
+      const { points, compiled } = axis.table;
+      this.tables.want(name, points ? `${compiled} ${axis.gain.forward} ${axis.gain.backward}` : null);
     }
   }
 

@@ -11,7 +11,7 @@ export class Tables {
   /** @param {(axis: string, table: Table | null) => void} take called with each curve as it comes */
   constructor(take) {
     this.take = take;
-    /** @type {Map<string, string | null>} digest of what is shown or on its way, by axis */
+    /** @type {Map<string, string | null>} name of what is shown or on its way, by axis */
     this.wanted = new Map();
     /** @type {string[]} */
     this.queue = [];
@@ -21,7 +21,7 @@ export class Tables {
   /**
    * Have the curve of an axis; nothing is done where it is the same as last time.
    * @param {string} axis
-   * @param {string | null} digest
+   * @param {string | null} digest any text that changes with the curve; null: there is none
    */
   want(axis, digest) {
     if (this.wanted.get(axis) === digest) {

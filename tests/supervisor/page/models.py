@@ -110,7 +110,7 @@ def trouble(**changes: str) -> dict[str, str]:
 
 
 def curve(**changes: Any) -> dict[str, Any]:
-    """Return a table from -300 to 0 mm: forward up to 30 µm, backward 25 µm above it."""
+    """Return a table from -300 to 0 mm: forward up to 30 µm, backward 25 µm above it; gain included."""
     positions = [-300.0 + 10.0 * index for index in range(31)]
     forward = [0.0001 * -position for position in positions]
     return {
@@ -120,6 +120,7 @@ def curve(**changes: Any) -> dict[str, Any]:
         "positions": positions,
         "forward": forward,
         "backward": [correction + 0.025 for correction in forward],
+        "travel": [-300.0, 0.0],
         "gain": {"forward": 1.0, "backward": 1.0},
         **changes,
     }

@@ -65,7 +65,9 @@ def count_moves(visit: Visit) -> None:
 
 
 def test_travel_outside_the_table_is_hatched_and_the_machine_stays_at_the_edge(visit: Visit) -> None:
-    outside = standing_at(70.0, travel=[-350.0, 50.0], compensation="outside")
+    changed = table(compiled="17" * 32)
+    visit.stage.tables["x"] = curve(travel=[-350.0, 50.0])
+    outside = standing_at(70.0, compensation="outside", table=changed)
     visit.stage.show(model({"x": outside}))
     visit.until("document.querySelectorAll('article.axis .outside').length", 2)
     widths = visit.page.evaluate(
@@ -77,20 +79,23 @@ def test_travel_outside_the_table_is_hatched_and_the_machine_stays_at_the_edge(v
     visit.until_text("article.axis .state", "Outside the table")
 
 
-def test_a_zero_of_the_controllers_own_and_whole_turns_are_taken_into_account(visit: Visit) -> None:
-    visit.stage.tables["x"] = curve(machine_offset=-200.0, modulo=300.0)
+def test_a_turning_axis_comes_round(visit: Visit) -> None:
+    visit.stage.tables["x"] = curve(modulo=300.0)
     changed = table(compiled="17" * 32)
-    visit.stage.show(model({"x": standing_at(-250.0, table=changed)}))
-    # −250 − 200 is −450, and one turn of 300 further −150: half way
+    visit.stage.show(model({"x": standing_at(-1050.0, table=changed)}))
+    # three turns of 300 further −150: half way
     visit.until_along(0.5)
 
 
-def test_a_gain_scales_the_curve(visit: Visit) -> None:
+def test_another_gain_brings_another_curve(visit: Visit) -> None:
     row = "article.axis tbody tr:first-child > *"
     first = f"[...document.querySelectorAll({row!r})].map((one) => one.textContent)"
     visit.page.locator("summary").focus()
     visit.page.keyboard.press("Enter")
     visit.until(first, ["−300.000", "+30.0", "+55.0"])
+    scaled = curve()
+    doubled, halved = [2 * one for one in scaled["forward"]], [one / 2 for one in scaled["backward"]]
+    visit.stage.tables["x"] = {**scaled, "forward": doubled, "backward": halved}
     visit.stage.show(model({"x": axis(gain={"forward": 2.0, "backward": 0.5})}))
     visit.until(first, ["−300.000", "+60.0", "+27.5"])
     visit.until_text("article.axis .facts > div:last-child dd", "× 2 forward, × 0.5 backward")
