@@ -132,7 +132,8 @@ export class Histogram {
       const text = time(bound);
       const half = textWidth(text, font) / 2;
       if ((isPower || !isNarrow) && x - half > free) {
-        this.back.append(label(text, x, bottom + font * 1.5, "middle"));
+        const isAtEdge = x + half > this.width;
+        this.back.append(label(text, isAtEdge ? this.width - 1 : x, bottom + font * 1.5, isAtEdge ? "end" : "middle"));
         free = x + half + font * 0.4;
       }
     });

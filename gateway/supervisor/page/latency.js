@@ -75,6 +75,7 @@ export class Latency {
     const isThere = measured !== undefined && below !== undefined && below.length === bounds.length + 1;
     const all = isThere ? below[below.length - 1] : 0;
     show(this.none, all === 0);
+    show(this.drawing, all > 0);
     if (!isThere || all === 0) {
       this.histogram.show(null);
       return;

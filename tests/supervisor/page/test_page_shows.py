@@ -230,6 +230,18 @@ def test_times_are_drawn_beside_their_budget(visit: Visit) -> None:
     visit.until("document.querySelectorAll('#latency .bar.over').length", 0)
 
 
+def test_nothing_is_drawn_as_long_as_nothing_was_measured(visit: Visit) -> None:
+    none = {"p50": 0.0, "p99": 0.0, "p999": 0.0, "max": 0.0, "max_minute": 0.0}
+    fresh = axis()
+    fresh["latency"] = {**fresh["latency"], "gateway_us": none}
+    visit.stage.show(model({"x": fresh}, {"xyz": line(gateway_us={**none, "below": [0] * 15})}))
+    visit.page.locator("#latency .no-curve").wait_for()
+    assert visit.page.locator("#latency svg.drawing").is_hidden()
+    visit.stage.show(model())
+    visit.until("document.querySelectorAll('#latency .bar').length", 7)
+    assert visit.page.locator("#latency svg.drawing").is_visible()
+
+
 def test_axes_come_and_go(visit: Visit) -> None:
     visit.stage.show(model({"x": axis(), "y": axis(), "z": axis()}))
     visit.until(
