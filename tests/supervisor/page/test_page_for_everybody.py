@@ -54,6 +54,17 @@ def lay_out(visit: Visit, axes: int) -> None:
     visit.stage.show(model(dict.fromkeys(names, long)))
     visit.until("document.querySelectorAll('article.axis').length", axes)
     visit.until_text("article.axis .digits", "−1234.567")
+    for number in range(60):
+        visit.stage.tell(
+            {
+                "number": number,
+                "time": "2026-05-01T12:00:00Z",
+                "event": "x",
+                "severity": "error",
+                "detail": "d",
+            }
+        )
+    visit.until("document.querySelectorAll('#events li').length", 60)
 
 
 @pytest.mark.parametrize("axes", [1, 3, 4, 32])
@@ -74,6 +85,8 @@ def test_it_fits_phones_and_walls(visit: Visit, columns: dict[int, int], axes: i
     )
     assert len(set(places)) == columns[axes]
     assert visit.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    below = "document.documentElement.scrollHeight - Math.ceil(document.body.getBoundingClientRect().bottom)"
+    assert visit.page.evaluate(below) <= 1
     cut = """[...document.querySelectorAll("article.axis .position, dd, .controllers p, .event p")]
       .filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.textContent)"""
     assert visit.page.evaluate(cut) == []
