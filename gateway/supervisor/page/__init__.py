@@ -1,7 +1,7 @@
 """The page that a person leaves open beside the machine: files that are served as they are.
 
 Nothing is built, and nothing is fetched but from the gateway itself: ``index.html`` at ``/``, the others at
-``page/NAME``, and of the gateway's own answers ``events`` and ``tables/AXIS``.
+``page/NAME``, and of the gateway's own answers ``events``, ``status`` and ``tables/AXIS``.
 """
 
 from typing import Final

@@ -38,7 +38,7 @@ class Page {
     this.linkWords = make("span", { text: "Connecting" });
     byId("link").append(this.linkSign, this.linkWords);
     document.addEventListener("visibilitychange", () => this.drawSoon());
-    this.stream = new Stream("events", {
+    this.stream = new Stream("events", "status", {
       status: (model) => {
         this.model = model;
         this.showMark();

@@ -3,7 +3,7 @@
 
 import { SILENT_MS } from "./model.js";
 
-const RETRY_MS = [500, 1000, 2000, 4000];
+const RETRY_MS = [500, 1000, 2000];
 const LOOK_MS = 500;
 const DEAD_MS = 12_000; // a connection that says nothing for so long is given up
 
@@ -18,10 +18,12 @@ const DEAD_MS = 12_000; // a connection that says nothing for so long is given u
 export class Stream {
   /**
    * @param {string} address
+   * @param {string} fallback where the status alone can be had
    * @param {Listener} listener
    */
-  constructor(address, listener) {
+  constructor(address, fallback, listener) {
     this.address = address;
+    this.fallback = fallback;
     this.listener = listener;
     this.heard = performance.now();
     this.opened = this.heard;
@@ -42,7 +44,7 @@ export class Stream {
     source.addEventListener("status", (message) => {
       const model = parsed(message);
       if (model !== null) {
-        this.hear();
+        this.hear(true);
         this.listener.status(model);
       }
     });
@@ -57,11 +59,30 @@ export class Stream {
     });
     source.addEventListener("error", () => {
       if (source === this.source) {
-        this.isSilent = true; // known at once: nobody waits for the silence
-        this.look();
         this.openLater(source);
+        void this.ask();
       }
     });
+  }
+
+  /**
+   * Ask for the status where the stream cannot be had: all its places may be taken, or something between does
+   * not let it through. What does not answer at all is known at once, and nobody waits for the silence.
+   */
+  async ask() {
+    try {
+      const answer = await fetch(this.fallback, { cache: "no-store" });
+      if (answer.ok) {
+        const model = await answer.json();
+        this.hear(false);
+        this.listener.status(model);
+        return;
+      }
+    } catch {
+      // Nobody is there.
+    }
+    this.isSilent = true;
+    this.look();
   }
 
   /**
@@ -85,9 +106,10 @@ export class Stream {
     this.open();
   }
 
-  hear() {
+  /** @param {boolean} isStream whether it was the stream that said something */
+  hear(isStream) {
     this.heard = performance.now();
-    this.failures = 0;
+    this.failures = isStream ? 0 : this.failures;
     if (this.isSilent) {
       this.isSilent = false;
       this.listener.silent(null);

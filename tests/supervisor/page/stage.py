@@ -32,6 +32,8 @@ class Stage:
         """Paths of all requests."""
         self.is_mute = False
         """Streams stay open and say nothing."""
+        self.is_full = False
+        """No stream is to be had."""
         self._model: Mapping[str, Any] | None = None
         self._version = 0
         self._events: list[Mapping[str, Any]] = []
@@ -110,8 +112,12 @@ class Stage:
     def _answer(self, request: BaseHTTPRequestHandler) -> None:
         path = unquote(urlsplit(request.path).path)
         self.asked.append(path)
-        if path == "/events":
+        if path == "/events" and self.is_full:
+            self._send(request, b"{}", "application/json", HTTPStatus.SERVICE_UNAVAILABLE)
+        elif path == "/events":
             self._stream(request)
+        elif path == "/status":
+            self._send(request, json.dumps(self._model).encode(), "application/json")
         elif path.startswith("/tables/") and path[8:] in self.tables:
             self._send(request, json.dumps(self.tables[path[8:]]).encode(), "application/json")
         elif path == "/" or (path.startswith("/page/") and path[6:] in page.FILES):

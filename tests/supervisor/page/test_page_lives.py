@@ -49,6 +49,22 @@ def test_a_stream_that_stays_open_and_says_nothing_is_a_gateway_that_is_gone(vis
     visit.until_text("#link", "Live")
 
 
+def test_where_no_stream_is_to_be_had_the_status_is_asked_for(visit: Visit) -> None:
+    visit.until_text("article.axis .digits", "−120.000")
+    visit.stage.is_full = True
+    visit.page.reload()
+    visit.until_text("article.axis .digits", "−120.000")
+    visit.stage.show(model({"x": axis(nominal_actual=-44.0)}))
+    visit.until_text("article.axis .digits", "−44.000")
+    assert visit.page.locator("#link").text_content() == "Live"
+    assert "/status" in visit.stage.asked
+    visit.stage.is_full = False
+    visit.stage.tell(happening(1))
+    visit.until_text("#events li:first-child .words", "number 1")
+    assert all("503" in said for said in visit.complaints)
+    visit.complaints.clear()
+
+
 def test_what_the_gateway_says_is_text_and_nothing_else(visit: Visit) -> None:
     problem = {"file": HARM, "line": 1, "column": 1, "key": HARM, "found": HARM, "remedy": HARM}
     bad = table(file=HARM, status="rejected", error=HARM, problems=[problem])
