@@ -211,10 +211,10 @@ export class Curve {
       this.back.append(stroke(x, top, x, bottom, "grid"));
       if (isLast) {
         this.back.append(label(words, to, bottom + font * 1.35, "end"));
-        free = to - width - font * 0.3;
+        free = to - width - font * 0.8;
       } else if (x + width / 2 < free) {
         this.back.append(label(words, x, bottom + font * 1.35, "middle"));
-        free = x - width / 2 - font * 0.3;
+        free = x - width / 2 - font * 0.5;
       }
     }
   }
