@@ -2,7 +2,7 @@
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled check soak bench bench-quick fmt clean
+.PHONY: help setup test-programs demo test test-compiled check soak bench bench-quick pictures fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -41,6 +41,9 @@ bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes
 
 bench-quick: setup ## the same in a few minutes, to see that it works; writes into bench/build
 	$(BIN)/python -m bench.run --quick
+
+pictures: setup test-programs ## take the pictures of the page that the documents show
+	$(BIN)/python -m tests.pictures
 
 fmt: setup ## the only target that edits
 	$(BIN)/ruff format .
