@@ -54,7 +54,7 @@ async def connected(settings: Settings) -> AsyncIterator[aiomqtt.Client]:
     except asyncio.CancelledError:
         await _say_goodbye(client, settings)
         raise
-    except aiomqtt.MqttError:
+    except Exception:
         await _leave(client)
         raise
     await _leave(client)

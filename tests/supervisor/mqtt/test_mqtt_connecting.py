@@ -322,7 +322,7 @@ asyncio.run(main())
 
 
 def test_what_the_libraries_say_stays_out_of_the_log(tmp_path: Path, certificates: Path) -> None:
-    """In a process without pytest's handlers: where nobody handles them, Python prints warnings and errors."""
+    """In a process without pytest's handlers: where there is none, Python prints warnings and errors."""
     with broker_in(
         tmp_path, TLS.replace("FOLDER", str(certificates)) + "require_certificate true\n"
     ) as broker:
