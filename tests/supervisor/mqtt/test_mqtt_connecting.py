@@ -168,12 +168,13 @@ def test_what_a_code_of_mqtt_means_for_whoever_has_to_do_something(
 async def test_cancelled_while_the_broker_does_not_answer_it_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("gateway.supervisor.mqtt.connection.ANSWER_S", 0.2)
+    monkeypatch.setattr("gateway.supervisor.mqtt.connection.THREAD_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         mute.setblocking(False)
         async with publishing(settings(mute.getsockname()[1], tmp_path), tmp_path):
             connection, _ = await asyncio.get_running_loop().sock_accept(mute)
         connection.close()
+    gc.collect()  # a socket that was left open would be seen
     assert capfd.readouterr() == ("", "")
 
 
