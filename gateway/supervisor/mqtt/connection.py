@@ -14,7 +14,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
 from gateway.config.mqtt_model import MqttVersion
-from gateway.supervisor.mqtt.ending import apart
+from gateway.supervisor.mqtt.ending import apart, end
 from gateway.supervisor.mqtt.messages import OFFLINE
 from gateway.supervisor.mqtt.settings import Settings
 
@@ -23,6 +23,8 @@ ANSWER_S: Final = 10.0
 GOODBYE_S: Final = 2.0
 """Whoever stops the gateway waits no longer for the broker."""
 AT_ONCE_S: Final = 0.1
+THREAD_S: Final = 6.0
+"""The library's thread gives up after 5 s."""
 COMMANDS_QUEUED: Final = 64
 LARGEST_PACKET: Final = 65536
 """Bytes that a broker of version 5 may send at once; commands have a hundred."""
@@ -54,7 +56,7 @@ async def connected(settings: Settings) -> AsyncIterator[aiomqtt.Client]:
     except asyncio.CancelledError:
         await _say_goodbye(client, settings)
         raise
-    except aiomqtt.MqttError:
+    except Exception:
         await _leave(client)
         raise
     await _leave(client)
@@ -129,11 +131,10 @@ async def _enter(client: aiomqtt.Client) -> None:
     try:
         await asyncio.shield(entering)
     except asyncio.CancelledError:
-        await asyncio.wait((entering,), timeout=ANSWER_S)
-        if not entering.done():
-            entering.cancel()
-        elif entering.exception() is None:
-            await _leave(client)
+        await asyncio.wait((entering,), timeout=THREAD_S)
+        await end((entering,))
+        is_in = not entering.cancelled() and entering.exception() is None
+        await _leave(client, GOODBYE_S if is_in else AT_ONCE_S)
         raise
 
 

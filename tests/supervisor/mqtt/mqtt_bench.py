@@ -105,6 +105,8 @@ class Site:
     async def _reload(self) -> Outcome:
         self.reloads += 1
         self.service.follow(self.after_reload)
+        for _ in range(10):  # as the supervisor's, it returns a little later
+            await asyncio.sleep(0)
         return self.outcome
 
     def _ask(self, request: Request) -> Reply:

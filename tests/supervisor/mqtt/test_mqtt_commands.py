@@ -213,6 +213,7 @@ async def test_with_version_5_the_answer_goes_where_the_asker_wants_it(tmp_path:
             await command(watcher, "enable", {"axes": "all", "id": 6})
             await answer_to(watcher, 6)
     assert site.asked == [Enable()] * 3
+    assert len(site.said("mqtt-command")) == 3
 
 
 async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

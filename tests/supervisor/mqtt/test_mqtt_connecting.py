@@ -6,6 +6,7 @@ import os
 import signal
 import socket
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -167,12 +168,13 @@ def test_what_a_code_of_mqtt_means_for_whoever_has_to_do_something(
 async def test_cancelled_while_the_broker_does_not_answer_it_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("gateway.supervisor.mqtt.connection.ANSWER_S", 0.2)
+    monkeypatch.setattr("gateway.supervisor.mqtt.connection.THREAD_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         mute.setblocking(False)
         async with publishing(settings(mute.getsockname()[1], tmp_path), tmp_path):
             connection, _ = await asyncio.get_running_loop().sock_accept(mute)
         connection.close()
+    gc.collect()  # a socket that was left open would be seen
     assert capfd.readouterr() == ("", "")
 
 
@@ -301,3 +303,41 @@ async def test_a_broker_that_wants_a_certificate_gets_it_or_says_so(
             detail = (await site.until_said("mqtt-lost"))["detail"]
     assert "does the broker want a certificate ([mqtt.tls] cert and key)?" in detail
     assert capfd.readouterr() == ("", "")
+
+
+CHILD = """
+import asyncio, sys
+from pathlib import Path
+import gateway.supervisor.mqtt.connection as connection
+from tests.supervisor.mqtt.mqtt_bench import publishing, settings
+
+connection.ANSWER_S = 0.5
+
+async def main():
+    port, folder = int(sys.argv[1]), Path(sys.argv[2])
+    async with publishing(settings(port, folder, tls={"ca": "ca.crt"}), Path(sys.argv[3])) as site:
+        print((await site.until_said("mqtt-lost"))["detail"])
+
+asyncio.run(main())
+"""
+
+
+def test_what_the_libraries_say_stays_out_of_the_log(tmp_path: Path, certificates: Path) -> None:
+    """In a process without pytest's handlers: where there is none, Python prints warnings and errors."""
+    with broker_in(
+        tmp_path, TLS.replace("FOLDER", str(certificates)) + "require_certificate true\n"
+    ) as broker:
+        command = [
+            sys.executable,
+            "-X",
+            "dev",
+            "-c",
+            CHILD,
+            str(broker.port),
+            str(certificates),
+            str(tmp_path),
+        ]
+        folder = Path(__file__).parents[3]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "does the broker want a certificate" in done.stdout

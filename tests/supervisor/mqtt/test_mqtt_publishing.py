@@ -198,6 +198,8 @@ async def test_what_is_not_there_any_more_is_taken_from_the_broker_also_after_a_
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as watcher:
                 await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["axes"] == {})
+                site.say("mark")  # goes after whatever else came of that model
+                await watcher.until(f"{ROOT}/event", lambda payload: b'"mark"' in payload)
                 assert not [m for m in watcher.heard if not payload_of(m)]
                 site.feeds.publish(model())
                 await watcher.until(f"{ROOT}/axis/x")
