@@ -139,11 +139,13 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
         assert (await served.ask("/healthz")).status == 200  # positions pass, corrected as before
         assert [one["kind"] for one in (await served.ask("/status")).data["troubles"]] == ["table-rejected"]
         site.table.write_text(STEEPER)
+        before = _table(served)["compiled"]
         mended = await said("reload", config)
         assert (mended.returncode, mended.stderr) == (0, "")
         assert mended.stdout == "x: its new table comes into force with the next different target\n"
         await reader.until(b"table-mended")
-        await until(lambda: _table(served)["status"] == "active")
+        await until(lambda: _table(served)["compiled"] != before)  # the relay says so with its next snapshot
+        assert _table(served)["status"] == "active"
         assert (await served.ask("/tables/x")).data["forward"] == [0.0, 0.1, 0.2]
         site.table.write_text(TABLE)
         as_json = await said("status", config, "--json")
