@@ -1,13 +1,13 @@
 """What is served: which path leads where."""
 
 import contextlib
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
 from typing import Any, Final
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response, StreamingResponse
+from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
 from gateway.ipc.complaints import Complaints
@@ -17,6 +17,7 @@ from gateway.supervisor.http.door import Door
 from gateway.supervisor.http.event_stream import MEDIA_TYPE, EventStream, Models, Wish
 from gateway.supervisor.http.metrics import Metrics
 from gateway.supervisor.http.page_files import PageFile, read_page
+from gateway.supervisor.http.streaming import EndlessResponse
 from gateway.supervisor.http.tables import Tables
 from gateway.supervisor.http.window import Window
 
@@ -63,7 +64,7 @@ class Served:
 
         async def other_method(request: Request, error: Exception) -> Response:
             assert isinstance(error, HTTPException)
-            allowed = (error.headers or {}).get("Allow", "GET")
+            allowed = ", ".join(sorted((error.headers or {}).get("Allow", "GET").split(", ")))
             what = f"{request.method} is not done at {request.url.path}, only {allowed}"
             return problem(405, what, {"Allow": allowed}, there_is=there_is)
 
@@ -134,9 +135,9 @@ class _Events:
             wants_status="status" in asked or not chooses,
             last_id=request.headers.get("last-event-id", ""),
         )
-        return StreamingResponse(self._read(wish), headers=NO_STORE, media_type=MEDIA_TYPE)
+        return EndlessResponse(self._read(wish), NO_STORE, MEDIA_TYPE)
 
-    async def _read(self, wish: Wish) -> AsyncIterator[bytes]:
+    async def _read(self, wish: Wish) -> AsyncGenerator[bytes, None]:
         with self._door.event_reader() as has_room:
             if not has_room:  # another one came first
                 return

@@ -55,7 +55,8 @@ class EventStream:
 
     async def read(self, wish: Wish) -> AsyncGenerator[bytes, None]:
         """Yield what one reader is told, from what happened lately on, until it is closed."""
-        status_due_s = heartbeat_due_s = time.monotonic()
+        status_due_s = time.monotonic()
+        heartbeat_due_s = status_due_s + self._limits.heartbeat_s
         model: Mapping[str, Any] | None = None
         with self._feeds.open() as feed:
             yield b"retry: %d\n\n" % RETRY_MS + self._recent(wish)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.supervisor.http import connection
 from gateway.supervisor.http.limits import Limits
 from tests.supervisor.http.http_bench import PATIENCE_S, model, serving
 
@@ -73,6 +74,20 @@ async def test_what_is_no_request_is_told_so_and_closed(
         assert "problem" in answer.data
         assert await line.rest() == b""
     assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []
+
+
+async def test_whoever_talks_nonsense_and_stays_is_dropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connection, "LEAVING_S", 0.05)
+    async with serving(tmp_path, tcp=Limits(sweep_s=0.01)) as served:
+        line = await served.connect()
+        await line.say("nonsense\r\n\r\n")
+        assert (await line.hear()).status == 400
+        async with asyncio.timeout(PATIENCE_S):
+            while not line.writer.transport.is_closing():
+                line.writer.write(b"x")
+                await asyncio.sleep(0.001)
 
 
 @pytest.mark.parametrize("data", [b"GET / HTTP/9.9\r\n\r\n", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"])
