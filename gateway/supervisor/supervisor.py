@@ -253,3 +253,4 @@ class Supervisor:
         note = Note(severity, event, {**fields, "process": "supervisor"}, time.time())
         self.feeds.tell(note)
         self._write(note)
+        self._publish()  # whoever hears of it finds it in the status
