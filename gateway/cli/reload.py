@@ -1,5 +1,6 @@
 """``pitch-gateway reload CONFIG``."""
 
+import contextlib
 import json
 from pathlib import Path
 from typing import Any, Final
@@ -62,15 +63,17 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 def _outcome(config: Path) -> dict[str, Any]:
     """Have the supervisor reload, or do it here where none answers."""
     from gateway.ipc.state_folder import StateError, state_folder
-    from gateway.ipc.supervisor_client import NoSupervisorError, ask_supervisor
 
-    try:
-        outcome: dict[str, Any] = ask_supervisor(state_folder(config), "/reload", "POST", PATIENCE_S)
-    except (StateError, NoSupervisorError):
-        from gateway.supervisor.tables import Keeper
+    with contextlib.suppress(StateError):  # what is wrong with it is said by whoever reads the whole of it
+        state = state_folder(config)
+        from gateway.ipc.supervisor_client import NoSupervisorError, ask_supervisor
 
-        return Keeper(config).reload().as_data()
-    return outcome
+        with contextlib.suppress(NoSupervisorError):
+            outcome: dict[str, Any] = ask_supervisor(state, "/reload", "POST", PATIENCE_S)
+            return outcome
+    from gateway.supervisor.tables import Keeper
+
+    return Keeper(config).reload().as_data()
 
 
 def _say(outcome: dict[str, Any]) -> None:
