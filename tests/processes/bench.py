@@ -24,6 +24,9 @@ CONFIG = """
 [gateway]
 name = "trial"
 
+[http]
+listen = ""
+
 [line.xyz]
 drives = {{ tcp = "127.0.0.1:{drives}" }}
 
@@ -135,6 +138,13 @@ class Site:
         except ConnectionError:  # refused, or reset by a listener that closes just now
             return False
         return True
+
+    def serve_page(self) -> str:
+        """Have the status served over TCP too; returns where."""
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            address = f"127.0.0.1:{free.getsockname()[1]}"
+        self.config.write_text(self.config.read_text().replace('listen = ""', f'listen = "{address}"'))
+        return f"http://{address}"
 
     def master(self) -> Master:
         return Master(self.port, self.drive)

@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 import subprocess
 import time
 import urllib.request
@@ -42,8 +41,8 @@ def may_mount(folder: Path) -> bool:
 class Status:
     """The status over HTTP: the socket in the state folder is behind the mount."""
 
-    def __init__(self, port: int) -> None:
-        self._url = f"http://127.0.0.1:{port}/status"
+    def __init__(self, address: str) -> None:
+        self._url = f"{address}/status"
 
     def until(self, problem: str | None) -> dict[str, Any]:
         """Look until the tables have this problem, or none."""
@@ -62,16 +61,14 @@ def test_a_full_disk_costs_no_move_is_told_and_is_overcome(site: Site) -> None:
     state.mkdir(mode=0o700)
     if not may_mount(state):
         pytest.skip("this system does not let a test mount a disk of its own")
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    site.config.write_text(f'[http]\nlisten = "127.0.0.1:{port}"\n{site.config.read_text()}')
+    address = site.serve_page()
     command = [*small_disk(state), *COMMAND, "run", str(site.config), "--log-format", "json"]
     with started(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
         gateway = Running(process)
         seen: set[str] = set()
         while not {"line-up", "relay-reached", "http-ready"} <= seen:
             seen.add(gateway.next()["event"])
-        master, status = site.master(), Status(port)
+        master, status = site.master(), Status(address)
         assert master.move(50_000) == 50_050
         site.table.write_text(large(POINTS))
         refused = gateway.until("reload-refused")

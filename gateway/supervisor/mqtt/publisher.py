@@ -119,6 +119,6 @@ class Publisher:
     def _lose(self, reason: str) -> None:
         """Say it once for each reason, not with every attempt."""
         was_connected, self._is_connected = self._is_connected, False
-        if was_connected or reason != self._problem:
+        is_news, self._problem = was_connected or reason != self._problem, reason
+        if is_news:  # and the status says it already
             self._say("mqtt-lost", Severity.WARNING, broker=self._settings.broker, detail=reason)
-        self._problem = reason

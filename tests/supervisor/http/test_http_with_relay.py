@@ -23,13 +23,13 @@ from gateway.supervisor.supervisor import Supervisor
 from tests.child import started
 from tests.processes.bench import COMMAND, ROOT, STEEPER, TABLE, Site, running, site_in, typed
 from tests.supervisor.http.exposition import samples
-from tests.supervisor.http.http_bench import Served, free_port, until
+from tests.supervisor.http.http_bench import Served, until
 
 
 @pytest.fixture
 def site(tmp_path: Path) -> Any:
     with site_in(tmp_path) as site:
-        site.config.write_text(f'[http]\nlisten = "127.0.0.1:{free_port()}"\n{site.config.read_text()}')
+        site.serve_page()
         yield site
 
 
