@@ -9,6 +9,9 @@ from typing import Final
 FILES: Final = (
     "index.html",
     "page.css",
+    "axes.css",
+    "curves.css",
+    "rooms.css",
     "icon.svg",
     "icon-trouble.svg",
     "theme.js",
