@@ -108,6 +108,7 @@ def curve_as_data(
         "gain": axis["gain"],
         "machine_offset": offset,
         "travel": None if settings.travel is None else [round(p - offset, DECIMALS) for p in settings.travel],
+        "modulo": settings.modulo or None,
         "table_points": curve.table_points,
         "is_whole": curve.is_whole,
         "indexes": curve.indexes,
