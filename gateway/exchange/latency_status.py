@@ -7,6 +7,7 @@ in turn.
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from itertools import accumulate
 from operator import add
 from typing import Final
 
@@ -129,9 +130,11 @@ class LatencyStatus:
 
     def _worked_out(self, key: Key, columns: Sequence[Sequence[int]]) -> Figures:
         """Return the percentiles; of the gateway time of lines and axes keep the histogram too."""
-        if key[0] != "controller" and key[2] == "gateway_us" and columns:
-            self._below[key] = below_bounds(columns[0], BOUNDS_NS)
-        return _figures(columns)
+        below = list(accumulate(columns[0])) if columns else []
+        if key[0] != "controller" and key[2] == "gateway_us" and below:
+            self._below[key] = below_bounds(below, BOUNDS_NS)
+        found = percentiles_ns(below, tuple(SHARES.values())) if below else [0] * len(SHARES)
+        return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}
 
     def _columns(self, key: Key) -> list[list[int]]:
         kind, name, part = key
@@ -151,9 +154,3 @@ class LatencyStatus:
                 if kind == "line" or (kind == "controller" and controller == name) or unit == unit_id
             ]
         return self._pairs[kind, name]
-
-
-def _figures(columns: Sequence[Sequence[int]]) -> Figures:
-    """Return the percentiles of the only column, 0 where there is none."""
-    found = percentiles_ns(columns[0], tuple(SHARES.values())) if columns else [0] * len(SHARES)
-    return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}
