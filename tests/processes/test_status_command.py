@@ -37,7 +37,8 @@ def test_the_status_of_a_gateway_that_runs(site: Site) -> None:
         plain = typed("status", config)
         assert (plain.returncode, plain.stderr) == (0, "")
         lines = [" ".join(line.split()) for line in plain.stdout.splitlines()]
-        assert lines[0].startswith(f"gateway trial {__version__}")
+        # On a slow machine a warning that the budget is exceeded comes first.
+        assert any(line.startswith(f"gateway trial {__version__}") for line in lines)
         assert f"line xyz: up, drives {model['lines']['xyz']['drives']['address']}" in lines
         assert "exchanges 2, time-outs 0" in lines
         # 60 mm and 0.1 % of it; nothing is mapped that says where the axis stands.
