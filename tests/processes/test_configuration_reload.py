@@ -20,6 +20,7 @@ def test_gain_and_limits_are_taken_over_while_it_runs(site: Site) -> None:
     config = str(site.config)
     text = site.config.read_text()
     with gateway_of(site) as (gateway, master):
+        assert typed("reload", config).stdout == "nothing has changed\n"  # the supervisor has read it, too
         assert master.move(50_000) == 50_050
         site.config.write_text(
             text.replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5\nbudget_us = 250')
