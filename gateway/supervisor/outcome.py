@@ -28,6 +28,10 @@ class Outcome:
     """Axes whose table file is being written, and counts for nothing yet."""
     sights: Mapping[str, Sight] = field(default_factory=dict)
     """Of each file that was read, by its name: as it was seen before and after."""
+    has_read: bool = True
+    """Whether the table files were looked at, so that what is said of them here holds."""
+    is_owed: bool = False
+    """Whether the configuration could not be taken for a reason that may pass, as a full disk."""
     is_refused: bool = False
     """Whether the configuration in its file was not taken: the one before stays."""
     is_running: bool = True

@@ -38,12 +38,21 @@ from gateway.ipc.sealed_memory import seal
 from gateway.ipc.state_folder import StateError, state_folder
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look
+from gateway.supervisor.stillness import Sight
 
 _LIVE: Final = re.compile(
     r"axis\.[^.]+\.(table|table_options\..*|gain(\..*)?|max_correction|max_slope|travel_margin|budget_us)"
     r"|gateway\.tables|(http|mqtt)(\..*)?"
 )
 """Keys whose values a gateway that runs can be given."""
+
+
+Still = Mapping[str, Sight | None]
+"""The sight as which a table file stands still, by name; None: it moves."""
+
+
+class NeedsRestartError(StateError):
+    """A gateway that runs cannot be given this; with the keys that have changed."""
 
 
 class Keeper:
@@ -54,6 +63,8 @@ class Keeper:
 
     def __init__(self, config: Path) -> None:
         self._config = config
+        self._owed: Loaded | None = None
+        """The configuration that was asked for and could not be taken for a reason that may pass."""
         self.loaded: Loaded | None = None
         """The configuration that was taken last; None as long as none could be."""
 
@@ -62,33 +73,52 @@ class Keeper:
         """Name of the table file of each axis that has one, as the configuration has it."""
         return {} if self.loaded is None else _names(self.loaded)
 
-    def reload(self) -> Outcome:
+    def reload(self, still: Still | None = None) -> Outcome:
         """Read the configuration and its tables anew, and take over what has changed.
 
-        A table file that is being written counts for nothing yet.
+        A table file that is being written counts for nothing yet. With ``still``, as nobody asked for it,
+        neither does one that is another than that, or that is missing and was not known to be.
         """
+        self._owed = None
+        try:
+            configured = load(self._config, forgives_tables=True)
+        except ConfigErrors as errors:
+            return self._refused(_of_configuration(errors))
+        return self._take_configured(configured, still)
+
+    def retry(self, still: Still) -> Outcome:
+        """Take the configuration that :meth:`reload` could not take, as it was read then."""
+        configured = self._owed
+        return self.reload(still) if configured is None else self._take_configured(configured, still)
+
+    def refresh(self, still: Still) -> Outcome:
+        """Read the tables of the configuration that was taken; as :meth:`reload`."""
+        if self.loaded is None:
+            return self.reload(still)
+        try:
+            return self._take(self.loaded, still)
+        except ConfigErrors as errors:
+            return _of_configuration(errors)
+
+    def _take_configured(self, configured: Loaded, still: Still | None) -> Outcome:
         before = self.loaded
         try:
-            outcome = self._take(load(self._config, forgives_tables=True), ())
+            outcome = self._take(configured, still)
         except ConfigErrors as errors:
-            outcome = Outcome(problems=tuple(map(str, errors.problems)))
-        if self.loaded is before:
-            outcome = replace(outcome, is_refused=True)
+            outcome = replace(_of_configuration(errors), is_owed=True)
+        self._owed = configured if outcome.is_owed else None
+        return self._refused(outcome) if self.loaded is before else outcome
+
+    def _refused(self, outcome: Outcome) -> Outcome:
         if self.loaded is None:
             self.loaded = self._as_compiled()
-        return outcome
-
-    def refresh(self, waiting: Collection[str] = ()) -> Outcome:
-        """Read the tables of the configuration that was taken; as :meth:`reload`.
-
-        Axes in ``waiting`` have a table file that counts for nothing yet.
-        """
-        if self.loaded is None:
-            return self.reload()
-        try:
-            return self._take(self.loaded, waiting)
-        except ConfigErrors as errors:
-            return Outcome(problems=tuple(map(str, errors.problems)))
+        return Outcome(
+            problems=outcome.all_problems,
+            is_running=outcome.is_running,
+            is_owed=outcome.is_owed,
+            has_read=False,
+            is_refused=True,
+        )
 
     def _as_compiled(self) -> Loaded | None:
         """Return the configuration that was compiled last, where the one in the file cannot be taken now."""
@@ -101,7 +131,7 @@ class Keeper:
         except (StateError, ConfigErrors):
             return None
 
-    def _take(self, configured: Loaded, waiting: Collection[str]) -> Outcome:
+    def _take(self, configured: Loaded, still: Still | None) -> Outcome:
         names = _names(configured)
         seen = look(configured.tables_folder, names.values())
         loaded = reread_tables(configured)
@@ -109,16 +139,16 @@ class Keeper:
         read = {
             name: sight
             for name, sight in seen.items()
-            if sight == seen_after[name] and not sight.is_being_written
+            if sight == seen_after[name] and not sight.is_being_written and _may_count(name, sight, still)
         }
-        unread = {axis for axis, name in names.items() if name not in read}
-        outcome = self._bring(loaded, unread.union(waiting))
+        outcome = self._bring(loaded, {axis for axis, name in names.items() if name not in read})
         return replace(
             outcome, sights={name: read[name] for axis, name in names.items() if axis not in outcome.waiting}
         )
 
     def _bring(self, loaded: Loaded, waiting: Collection[str]) -> Outcome:
         before = last_plan(loaded.state_folder)
+        outcome = Outcome(has_read=False)
         try:
             path = socket_path(loaded.state_folder)
             is_running = _check_same(path, loaded, before)
@@ -136,9 +166,23 @@ class Keeper:
                 return outcome
             return _hand_over(path, settled, before, tables, outcome)
         except SocketError as error:
-            return Outcome(problems=(f"{self._config}: gateway.state: {error}",))
+            problem = f"gateway.state: {error}"
         except (StateError, NoGatewayError, OSError) as error:
-            return Outcome(problems=(f"{self._config}: {error}",))
+            problem = str(error)
+            outcome = replace(outcome, is_owed=not isinstance(error, NeedsRestartError))
+        # Nothing has changed, but what was found in the files holds.
+        return replace(outcome, problems=(*outcome.problems, f"{self._config}: {problem}"), changed=())
+
+
+def _of_configuration(errors: ConfigErrors) -> Outcome:
+    return Outcome(problems=tuple(map(str, errors.problems)), has_read=False)
+
+
+def _may_count(name: str, sight: Sight, still: Still | None) -> bool:
+    """Whether a file that looks like this counts; one that nobody has watched so far does if it is there."""
+    if still is None:
+        return True
+    return still[name] == sight if name in still else sight.is_there
 
 
 def _digest_of(config: Path, before: CompiledPlan) -> str:
@@ -153,7 +197,7 @@ def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool
     """Whether a relay runs; it has to run the same plan, but for what it can be given.
 
     Raises:
-        StateError: it runs another one; with the keys that need a restart.
+        NeedsRestartError: it runs another one.
         NoGatewayError: it cannot be understood.
     """
     try:
@@ -163,7 +207,7 @@ def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool
     if not isinstance(pong, Pong) or pong.shape != shape_of(loaded.plan):
         need = [] if before is None else _need_restart(loaded, before)
         what = ", ".join(need) or "more than a gateway that runs can be given"
-        raise StateError(
+        raise NeedsRestartError(
             f"changed since the gateway was started: {what}; restart the gateway to take it over"
         )
     return True
@@ -195,7 +239,12 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
         str(problem)
         for name in settled.refused
         for problem in loaded.readings[name].problems
-        if name not in rejected
+        if name not in rejected and name not in waiting
+    ]
+    missing += [
+        f"{loaded.readings[name].path}: it is being saved; what was asked for is done when it stands still"
+        for name in settled.refused
+        if name in waiting
     ]
     absent = frozenset(name for name, source in settled.sources.items() if source is Source.ABSENT)
     return Outcome(
@@ -203,6 +252,7 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
         rejected=rejected,
         absent=absent,
         waiting=frozenset(waiting) & settled.sources.keys(),
+        is_owed=any(name in waiting for name in settled.refused),
         is_running=is_running,
     )
 

@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -31,8 +31,10 @@ class Watch:
 
     def follow(self, folder: Path, names: Mapping[str, str]) -> None:
         """Follow these files from now on: the name of the table of each axis, and the folder of all."""
+        if folder == self._folder and names == self._names:
+            return  # not woken: who follows after each reading would look and read without a rest
         if folder != self._folder:
-            self._files.clear()
+            self._files, self._sights = {}, {}
         self._folder, self._names = folder, dict(names)
         wanted = set(names.values())
         self._files = {name: self._files.get(name) or Stillness() for name in wanted}
@@ -47,6 +49,12 @@ class Watch:
     def moving(self) -> frozenset[str]:
         """Axes whose file has changed or gone, and is not still yet."""
         return self._axes_in(State.MOVING)
+
+    @property
+    def still(self) -> Mapping[str, Sight | None]:
+        """The sight as which each file that was seen may be read, by name; None as long as it moves."""
+        seen = {name: sight for name, sight in self._sights.items() if name in self._files}
+        return {name: None if self._state(name) is State.MOVING else sight for name, sight in seen.items()}
 
     @property
     def silent_s(self) -> float:
@@ -66,11 +74,17 @@ class Watch:
         self._sights, self._looked_s = sights, time.monotonic()
         return any(self._state(name) is State.READY for name in names)
 
-    def take(self, before: Mapping[str, Sight]) -> None:
-        """Note that files were read; ``before`` are the sights that were seen just before."""
+    def take(self, before: Mapping[str, Sight], waiting: Collection[str] = ()) -> None:
+        """Note that files were read; ``before`` are the sights that were seen just before.
+
+        The files of axes in ``waiting`` could not be, and are to be read as soon as they stand still.
+        """
         for name, sight in before.items():
             if name in self._files:
-                self._files[name].take(sight)
+                self._files[name].take(sight, time.monotonic())
+        for axis in waiting:
+            if axis in self._names:
+                self._files[self._names[axis]].forget()
 
     @property
     def sights(self) -> Mapping[str, Sight]:
