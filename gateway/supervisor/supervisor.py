@@ -56,6 +56,7 @@ class Supervisor:
         self._reloads: list[asyncio.Future[Outcome]] = []
         self._is_reload_wanted = True
         self._is_asked = False
+        self._is_relay_new = False
         self._refused: tuple[str, ...] = ()
         """Why the configuration in its file is not the one that was taken."""
         self._is_owed = False
@@ -140,10 +141,13 @@ class Supervisor:
     async def _bring_up_to_date(self, *, is_reload: bool, is_asked: bool, is_retry: bool) -> Outcome:
         """Read what is to be read, and tell what came of it."""
         still = self._watch.still
+        is_new, self._is_relay_new = self._is_relay_new, False
         if is_reload:
             work = partial(self._keeper.reload, None if is_asked else still)
         elif is_retry:
             work = partial(self._keeper.retry, still)
+        elif is_new:
+            work = partial(self._keeper.meet, still)
         else:
             work = partial(self._keeper.refresh, still)
         outcome = await self._done(work)
@@ -258,7 +262,7 @@ class Supervisor:
 
     def _reached(self) -> None:
         self._say("relay-reached")
-        self._is_reload_wanted = True  # it may have been started from another configuration
+        self._is_relay_new = True
         self._work_wanted.set()
 
     def _lost(self, why: str) -> None:

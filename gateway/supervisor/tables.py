@@ -4,7 +4,7 @@ import os
 import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -91,6 +91,17 @@ class Keeper:
         configured = self._owed
         return self.reload(still) if configured is None else self._take_configured(configured, still)
 
+    def meet(self, still: Still) -> Outcome:
+        """Give a relay that has just come what it has not got.
+
+        It runs what was compiled last, which somebody else may have done. What the file says by now counts
+        only when somebody asks for it.
+        """
+        compiled = None if self.loaded is None else self._as_compiled()
+        if self.loaded is None or compiled is None or compiled.document.text == self.loaded.document.text:
+            return self.refresh(still)
+        return self._take_configured(compiled, still)
+
     def refresh(self, still: Still) -> Outcome:
         """Read the tables of the configuration that was taken; as :meth:`reload`."""
         if self.loaded is None:
@@ -123,7 +134,8 @@ class Keeper:
     def _as_compiled(self) -> Loaded | None:
         """Return the configuration that was compiled last, where the one in the file cannot be taken now."""
         try:
-            before = last_plan(state_folder(self._config))
+            state = state_folder(self._config) if self.loaded is None else self.loaded.state_folder
+            before = last_plan(state)
             if before is None:
                 return None
             document = parse_document(self._config, before.configuration, _digest_of(self._config, before))
@@ -164,7 +176,7 @@ class Keeper:
             self.loaded = loaded
             if not is_running:
                 return outcome
-            return _hand_over(path, settled, before, tables, outcome)
+            return _hand_over(path, settled, tables, outcome)
         except SocketError as error:
             problem = f"gateway.state: {error}"
         except (StateError, NoGatewayError, OSError) as error:
@@ -260,18 +272,17 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
 def _hand_over(
     path: Path,
     settled: Settled,
-    before: CompiledPlan | None,
     tables: Mapping[str, bytes],
     outcome: Outcome,
 ) -> Outcome:
     """Give the relay what it has not got; what it refuses is a problem."""
-    old = {} if before is None else {axis.name: axis for line in before.plan.lines for axis in line.axes}
     reply = ask(path, GetStatus())
     in_force: Mapping[str, Any] = reply.status["axes"] if isinstance(reply, Status) else {}
     done: list[Done] = []
     for line in settled.plan.lines:
         for axis in line.axes:
-            done += (_done(ask(path, request)) for request in _values(old.get(axis.name), axis))
+            configured = in_force[axis.name]["configured"]
+            done += (_done(ask(path, request)) for request in _values(configured, axis))
     for together in _together(settled.plan.lines):
         changed = [
             axis
@@ -289,22 +300,17 @@ def _hand_over(
     return replace(outcome, comes=comes, gone=gone, problems=outcome.problems + problems)
 
 
-def _values(old: AxisPlan | None, new: AxisPlan) -> Iterator[Request]:
-    """Yield what gives an axis the values that the configuration has changed; no table."""
-    if old is None:
-        return
-    if limits_of(old) != limits_of(new):
-        limits = limits_of(new)
-        yield SetLimits(
-            axis=new.name,
-            max_correction=limits.max_correction,
-            max_slope=limits.max_slope,
-            travel_margin=limits.travel_margin,
-            budget_us=limits.budget_us,
-        )
+def _values(has: Mapping[str, Any], new: AxisPlan) -> Iterator[Request]:
+    """Yield what gives an axis the values of its configuration that it has not got; no table.
+
+    The relay says what it was given: the plan in the state may be newer than what has reached it.
+    """
+    limits = asdict(limits_of(new))
+    if any(has[key] != value for key, value in limits.items()):
+        yield SetLimits(axis=new.name, **limits)
     gain = new.settings.gain
-    if old.settings.gain != gain:
-        yield SetGain(axes=(new.name,), forward=gain.forward, backward=gain.backward)
+    if has["gain"] != {"forward": gain.forward, "backward": gain.backward}:
+        yield SetGain(axes=(new.name,), forward=gain.forward, backward=gain.backward, is_configured=True)
 
 
 def _together(lines: Sequence[LinePlan]) -> Iterator[list[AxisPlan]]:

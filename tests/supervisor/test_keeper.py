@@ -113,3 +113,22 @@ def test_what_the_disk_refused_is_owed_as_it_was_asked_for(config: Path, keeper:
     config.write_text("half edited")
     outcome = keeper.retry({"x.tab": sight(config)})
     assert (outcome.problems, outcome.changed) == ((), ("axis.x.gain",))
+
+
+def test_a_relay_that_comes_back_makes_nobody_read_the_configuration(config: Path, keeper: Keeper) -> None:
+    text = config.read_text()
+    config.write_text(text.replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5'))
+    outcome = keeper.meet({"x.tab": sight(config)})
+    assert (outcome.problems, outcome.changed) == ((), ())
+    assert keeper.loaded is not None
+    assert keeper.loaded.document.text == text
+
+
+def test_a_relay_that_comes_with_another_configuration_is_followed(config: Path, keeper: Keeper) -> None:
+    text = config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5')
+    config.write_text(text)
+    assert Keeper(config).reload().changed == ("axis.x.gain",)  # as check --compile would
+    config.write_text("half edited")
+    assert keeper.meet({"x.tab": sight(config)}).problems == ()
+    assert keeper.loaded is not None
+    assert keeper.loaded.document.text == text
