@@ -15,6 +15,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, Severity
 from gateway.ipc.place import socket_path
+from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.service import HttpService
@@ -168,7 +169,7 @@ class Supervisor:
     async def _done(self, work: Callable[[], Outcome]) -> Outcome:
         """Do it in a thread; a mistake of ours there changes nothing, and is told like any other problem."""
         try:
-            return await asyncio.to_thread(work)
+            return await aside(work)
         except Exception as error:  # noqa: BLE001 - a table may not take the status away from everybody
             frame = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(frame.filename).name}:{frame.lineno}"

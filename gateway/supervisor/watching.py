@@ -4,9 +4,11 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Final
 
+from gateway.supervisor.aside import aside
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight, State, Stillness
 
@@ -68,7 +70,7 @@ class Watch:
     async def look(self) -> bool:
         """Look at all files; returns whether any is ready to be read."""
         folder, names = self._folder, list(self._files)
-        sights = await asyncio.to_thread(look, folder, names)
+        sights = await aside(partial(look, folder, names))
         if folder != self._folder or set(names) != self._files.keys():
             return False  # others are followed by now
         self._sights, self._looked_s = sights, time.monotonic()
