@@ -12,7 +12,7 @@ from gateway.config.compile import compile_into_state, keys_of, sources_of
 from gateway.config.document import parse_document
 from gateway.config.last_good import Settled, Source, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
-from gateway.config.problems import ConfigErrors
+from gateway.config.problems import ConfigErrors, Problem
 from gateway.exchange.control import limits_of
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
@@ -168,6 +168,8 @@ class Keeper:
                 loaded, before.plan if before else None, is_start=not is_running, waiting=waiting
             )
             outcome = _found(loaded, settled, waiting, is_running=is_running)
+            held = _held(settled, loaded, before, outcome)
+            outcome = replace(outcome, held=held)
             if settled.refused:
                 return outcome
             if before is not None:
@@ -267,6 +269,29 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
         is_owed=any(name in waiting for name in settled.refused),
         is_running=is_running,
     )
+
+
+def _held(
+    settled: Settled, loaded: Loaded, before: CompiledPlan | None, outcome: Outcome
+) -> dict[str, tuple[Problem, ...]]:
+    """Return why good files are not in force: an axis of the same group has none that is good, or none."""
+    old = {} if before is None else {axis.name: axis for line in before.plan.lines for axis in line.axes}
+    held: dict[str, tuple[Problem, ...]] = {}
+    for line in loaded.plan.lines:
+        for group in line.groups:
+            for axis in (one for one in line.axes if one.name in group):
+                source, name = settled.sources.get(axis.name), axis.name
+                is_same = name in old and old[name].table_digest == axis.table_digest
+                if axis.table is None or source is Source.FILE or (source is Source.KEPT and is_same):
+                    continue
+                others = [one for one in group if one in outcome.rejected or loaded.readings[one].is_absent]
+                if others and name not in outcome.waiting:
+                    files = ", ".join(loaded.readings[one].name for one in others)
+                    what = f"not used: {files} of its group is missing or bad"
+                    remedy = "mend that: axes of a group are corrected together or not at all"
+                    problem = Problem(str(loaded.readings[name].path), f"axis.{name}.table", what, remedy)
+                    held[name] = (problem,)
+    return held
 
 
 def _hand_over(

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.ipc.compiled_plan import last_plan
+from gateway.supervisor.book import Book
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight
 from gateway.supervisor.tables import Keeper
@@ -29,6 +30,17 @@ def keeper(config: Path) -> Keeper:
     return keeper
 
 
+@pytest.fixture
+def pair(config: Path) -> Path:
+    """Two axes of a group, each with its table."""
+    text = config.read_text()
+    second = text[text.index("[axis.x]") :].replace("axis.x", "axis.y").replace("x.tab", "y.tab")
+    second = second.replace("unit_id = 1", "unit_id = 2")
+    config.write_text(f'{text}{second}[group.beam]\naxes = ["x", "y"]\n')
+    table(config, "y").write_text(TABLE.replace("AXIS X", "AXIS Y"))
+    return config
+
+
 def largest(config: Path) -> float | None:
     """Return the largest correction of the table that a relay would start with."""
     found = last_plan(config.parent / "state")
@@ -41,8 +53,8 @@ def sight(config: Path) -> Sight:
     return look(config.parent / "tables", ["x.tab"])["x.tab"]
 
 
-def table(config: Path) -> Path:
-    return config.parent / "tables" / "x.tab"
+def table(config: Path, axis: str = "x") -> Path:
+    return config.parent / "tables" / f"{axis}.tab"
 
 
 def test_a_file_that_changed_since_it_was_seen_to_stand_still_waits(config: Path, keeper: Keeper) -> None:
@@ -132,3 +144,31 @@ def test_a_relay_that_comes_with_another_configuration_is_followed(config: Path,
     assert keeper.meet({"x.tab": sight(config)}).problems == ()
     assert keeper.loaded is not None
     assert keeper.loaded.document.text == text
+
+
+def shown(keeper: Keeper) -> dict[str, tuple[str, str | None]]:
+    """Return state and error of each axis's file after a reload, as the status has them."""
+    book, outcome = Book(), keeper.reload()
+    book.enter(keeper.names, outcome)
+    overlays = {axis: entry.overlay() for axis, entry in book.entries(frozenset()).items()}
+    return {axis: (found["status"], found["error"]) for axis, found in overlays.items()}
+
+
+def test_a_good_file_that_its_group_holds_back_is_not_called_active(pair: Path) -> None:
+    keeper = Keeper(pair)
+    assert shown(keeper) == {"x": ("active", None), "y": ("active", None)}
+    table(pair, "y").write_text("bad")
+    status = shown(keeper)
+    assert (status["x"], status["y"][0]) == (("active", None), "rejected")  # what x has is what its file says
+    table(pair).write_text(STEEPER)
+    status = shown(keeper)
+    why = "axis.x.table: not used: y.tab of its group is missing or bad; "
+    why += "mend that: axes of a group are corrected together or not at all"
+    assert status["x"] == ("rejected", f"{table(pair)}: {why}")
+    assert largest(pair) == 0.1
+    table(pair, "y").unlink()
+    assert shown(keeper) == {"x": ("removed", f"{table(pair)}: {why}"), "y": ("removed", None)}
+    assert largest(pair) is None
+    table(pair, "y").write_text(TABLE.replace("AXIS X", "AXIS Y"))
+    assert shown(keeper) == {"x": ("active", None), "y": ("active", None)}
+    assert largest(pair) == 0.2
