@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from operator import add
 from typing import Final
 
-from gateway.exchange.latency import below_bounds, percentiles_ns
+from gateway.exchange.latency import below_bounds, percentiles_ns, running_totals
 from gateway.exchange.meter import LineMeter, Measured
 from gateway.times import NS_PER_S, NS_PER_US
 
@@ -128,10 +128,14 @@ class LatencyStatus:
             self._turn.rotate(-1)
 
     def _worked_out(self, key: Key, columns: Sequence[Sequence[int]]) -> Figures:
-        """Return the percentiles; of the gateway time of lines and axes keep the histogram too."""
-        if key[0] != "controller" and key[2] == "gateway_us" and columns:
-            self._below[key] = below_bounds(columns[0], BOUNDS_NS)
-        return _figures(columns)
+        """Return the percentiles, 0 of none; of the gateway time of lines and axes keep the histogram too."""
+        if not columns:
+            return dict.fromkeys(SHARES, 0.0)
+        totals = running_totals(columns[0])
+        if key[0] != "controller" and key[2] == "gateway_us":
+            self._below[key] = below_bounds(totals, BOUNDS_NS)
+        found = percentiles_ns(totals, tuple(SHARES.values()))
+        return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}
 
     def _columns(self, key: Key) -> list[list[int]]:
         kind, name, part = key
@@ -151,9 +155,3 @@ class LatencyStatus:
                 if kind == "line" or (kind == "controller" and controller == name) or unit == unit_id
             ]
         return self._pairs[kind, name]
-
-
-def _figures(columns: Sequence[Sequence[int]]) -> Figures:
-    """Return the percentiles of the only column, 0 where there is none."""
-    found = percentiles_ns(columns[0], tuple(SHARES.values())) if columns else [0] * len(SHARES)
-    return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}
