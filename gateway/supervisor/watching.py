@@ -119,6 +119,7 @@ async def wake_on_change(folder: Path, wake: Callable[[], None], complain: Calla
     said = ""
     while True:
         try:
+            await aside(folder.stat)  # awatch looks on the loop: a folder that does not answer would stop all
             async for _ in awatch(folder, watch_filter=None, debounce=50, step=20, recursive=False):
                 said = ""
                 wake()
