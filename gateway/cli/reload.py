@@ -71,8 +71,10 @@ def _outcome(config: Path) -> dict[str, Any]:
         with contextlib.suppress(NoSupervisorError):
             outcome: dict[str, Any] = ask_supervisor(state, "/reload", "POST", PATIENCE_S)
             return outcome
+    from gateway.supervisor.sights import ignore_broken_leases
     from gateway.supervisor.tables import Keeper
 
+    ignore_broken_leases()
     return Keeper(config).reload().as_data()
 
 

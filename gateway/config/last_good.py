@@ -52,15 +52,16 @@ def settle(
 ) -> Settled:
     """Return what a configuration amounts to, given what was in force before.
 
-    ``loaded`` was read with ``forgives_tables``; ``waiting`` are axes whose file is being written and counts
-    for nothing yet. At a start only a file that was known before may be bad or missing: one that never was
-    is a slip in the configuration.
+    ``loaded`` was read with ``forgives_tables``; ``waiting`` are axes whose file is being written, or has
+    been gone for a moment only, and counts for nothing yet: what was in force stays if it may. At a start
+    only a file that was known before may be bad or missing: one that never was is a slip in the
+    configuration.
     """
     old = {} if before is None else {axis.name: axis for line in before.lines for axis in line.axes}
     new = {axis.name: axis for line in loaded.plan.lines for axis in line.axes}
     sources = {
-        name: Source.KEPT
-        if name in waiting and name in old
+        name: _source_of_moving(reading, old.get(name), new[name], is_start=is_start)
+        if name in waiting
         else _source(reading, old.get(name), new[name], is_start=is_start)
         for name, reading in loaded.readings.items()
     }
@@ -81,6 +82,15 @@ def _source(reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_st
     if old is None or (is_start and not is_known) or not _still_fits(old, new):
         return Source.REFUSED
     return Source.KEPT
+
+
+def _source_of_moving(
+    reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_start: bool
+) -> Source:
+    """Return where the table comes from as long as its file counts for nothing."""
+    if old is not None:
+        return Source.KEPT if _still_fits(old, new) else Source.REFUSED
+    return _source(reading, old, new, is_start=is_start) if reading.is_absent else Source.REFUSED
 
 
 def _still_fits(old: AxisPlan, new: AxisPlan) -> bool:

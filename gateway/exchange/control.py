@@ -124,13 +124,18 @@ def clear_table(axes: Sequence[AxisExchange], name: str) -> dict[str, str]:
     return {axis.plan.name: _comes(axis) for axis in members}
 
 
-def set_gain(axes: Sequence[AxisExchange], name: str, gain: Gain) -> dict[str, str]:
+def set_gain(
+    axes: Sequence[AxisExchange], name: str, gain: Gain, *, is_alone: bool = False
+) -> dict[str, str]:
     """Apply another share of the tables of an axis and its whole group; return how each comes into force.
+
+    ``is_alone``: of this axis only. The axes of a group may be configured with different gains.
 
     Raises:
         ControlError: no such axis.
     """
-    members = [axis for axis in _group_of(axes, name) if axis.plan.settings.gain != gain]
+    group = _group_of(axes, name)[: 1 if is_alone else None]
+    members = [axis for axis in group if axis.plan.settings.gain != gain]
     for axis in members:
         axis.adopt(replace(axis.plan, settings=replace(axis.plan.settings, gain=gain)))
     return {axis.plan.name: _comes(axis) for axis in members}

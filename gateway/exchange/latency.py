@@ -6,6 +6,7 @@ Each power of two is divided into 64 buckets, so that a value is known within 1.
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Final
 
 from gateway.times import NS_PER_S
@@ -49,37 +50,42 @@ def middle_ns(bucket: int) -> int:
     return low + (1 << shift) // 2
 
 
-def percentiles_ns(below: Sequence[int], shares: Sequence[float]) -> list[int]:
+def running_totals(counts: Sequence[int]) -> list[int]:
+    """Return how many times lie in each bucket or below it: the one walk that all figures need.
+
+    >>> running_totals([1, 0, 2])
+    [1, 1, 3]
+    """
+    return list(accumulate(counts))
+
+
+def percentiles_ns(totals: Sequence[int], shares: Sequence[float]) -> list[int]:
     """Return the time that each share (0 to 1) of all counted ones does not exceed; 0 of none.
 
-    ``below`` are the counts added up, bucket by bucket.
-
-    >>> from itertools import accumulate
     >>> counts = [0] * BUCKETS
     >>> for ns in range(1, 101):
     ...     counts[bucket_of(ns)] += 1
-    >>> percentiles_ns(list(accumulate(counts)), (0.5, 0.99, 1.0))
+    >>> percentiles_ns(running_totals(counts), (0.5, 0.99, 1.0))
     [50, 99, 100]
     """
-    total = below[-1]
+    total = totals[-1]
     if not total:
         return [0] * len(shares)
-    return [middle_ns(bisect_left(below, max(1, share * total))) for share in shares]
+    return [middle_ns(bisect_left(totals, max(1, share * total))) for share in shares]
 
 
-def below_bounds(below: Sequence[int], bounds_ns: Sequence[int]) -> list[int]:
-    """Return how many times do not exceed each bound, and how many there are, of counts that were added up.
+def below_bounds(totals: Sequence[int], bounds_ns: Sequence[int]) -> list[int]:
+    """Return how many times do not exceed each bound, and how many there are.
 
     Exact but for times within 1.6 % of a bound, which share its bucket.
 
-    >>> from itertools import accumulate
     >>> counts = [0] * BUCKETS
     >>> for ns in (5, 10, 11, 1000):
     ...     counts[bucket_of(ns)] += 1
-    >>> below_bounds(list(accumulate(counts)), (10, 100))
+    >>> below_bounds(running_totals(counts), (10, 100))
     [2, 3, 4]
     """
-    return [*(below[bucket_of(bound)] for bound in bounds_ns), below[-1]]
+    return [*(totals[bucket_of(bound)] for bound in bounds_ns), totals[-1]]
 
 
 class HighMark:

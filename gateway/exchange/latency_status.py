@@ -7,11 +7,10 @@ in turn.
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from itertools import accumulate
 from operator import add
 from typing import Final
 
-from gateway.exchange.latency import below_bounds, percentiles_ns
+from gateway.exchange.latency import below_bounds, percentiles_ns, running_totals
 from gateway.exchange.meter import LineMeter, Measured
 from gateway.times import NS_PER_S, NS_PER_US
 
@@ -129,11 +128,13 @@ class LatencyStatus:
             self._turn.rotate(-1)
 
     def _worked_out(self, key: Key, columns: Sequence[Sequence[int]]) -> Figures:
-        """Return the percentiles; of the gateway time of lines and axes keep the histogram too."""
-        below = list(accumulate(columns[0])) if columns else []
-        if key[0] != "controller" and key[2] == "gateway_us" and below:
-            self._below[key] = below_bounds(below, BOUNDS_NS)
-        found = percentiles_ns(below, tuple(SHARES.values())) if below else [0] * len(SHARES)
+        """Return the percentiles, 0 of none; of the gateway time of lines and axes keep the histogram too."""
+        if not columns:
+            return dict.fromkeys(SHARES, 0.0)
+        totals = running_totals(columns[0])
+        if key[0] != "controller" and key[2] == "gateway_us":
+            self._below[key] = below_bounds(totals, BOUNDS_NS)
+        found = percentiles_ns(totals, tuple(SHARES.values()))
         return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}
 
     def _columns(self, key: Key) -> list[list[int]]:

@@ -94,11 +94,16 @@ Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 
 class SetGain(_Message, frozen=True, tag="set-gain", tag_field="kind"):
-    """Apply another share of the tables, until the gateway is started again; no names: of all axes."""
+    """Apply another share of the tables, until the gateway is started again; no names: of all axes.
+
+    A command is for the whole group of an axis. What the configuration says (``is_configured``) is for each
+    axis alone.
+    """
 
     forward: Share
     backward: Share
     axes: tuple[str, ...] = ()
+    is_configured: bool = False
 
 
 Limit = Annotated[float, msgspec.Meta(ge=0.0)]

@@ -114,11 +114,12 @@ class Tables(_Input, frozen=True, tag="tables"):
 
 
 class Share(_Input, frozen=True, tag="gain"):
-    """Another gain for an axis and its group."""
+    """Another gain for an axis and its group, or for the axis alone."""
 
     axis: str
     forward: float
     backward: float
+    is_alone: bool = False
 
 
 class Limits(_Input, frozen=True, tag="limits"):

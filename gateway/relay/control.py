@@ -65,7 +65,7 @@ class Controllable(Protocol):
         """Take the table of an axis away; returns how it goes, by axis. Raises ControlError."""
         ...
 
-    def set_gain(self, axis: str, gain: Gain) -> dict[str, str]:
+    def set_gain(self, axis: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
         """Apply another share of the table of an axis; as :meth:`clear_table`."""
         ...
 
@@ -93,7 +93,8 @@ def answer(relay: Controllable, request: Request) -> Reply:
             return _on_axes(relay, axes, relay.clear_table)
         case SetGain(axes=axes):
             gain = Gain(request.forward, request.backward)
-            return _on_axes(relay, axes, lambda axis: relay.set_gain(axis, gain))
+            is_configured = request.is_configured
+            return _on_axes(relay, axes, lambda axis: relay.set_gain(axis, gain, is_configured=is_configured))
         case SetLimits(axis=axis):
             limits = Limits(
                 request.max_correction, request.max_slope, request.travel_margin, request.budget_us

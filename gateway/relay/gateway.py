@@ -216,9 +216,12 @@ class Relay:
         self._commanded("table-removed", tuple(comes))
         return comes
 
-    def set_gain(self, axis: str, gain: Gain) -> dict[str, str]:
-        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`."""
-        comes = self._line_of(axis).set_gain(axis, gain)
+    def set_gain(self, axis: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
+        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`.
+
+        What the configuration says is for the axis alone.
+        """
+        comes = self._line_of(axis).set_gain(axis, gain, is_configured=is_configured)
         self._commanded("gain-changed", tuple(comes), forward=gain.forward, backward=gain.backward)
         return comes
 

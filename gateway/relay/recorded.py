@@ -157,10 +157,10 @@ class RecordedExchange(TimedExchange):
         self._recorder.put(traffic.Control(self._line, now_ns, "clear-table", axis))
         return super().clear_table(axis, now_ns)
 
-    def set_gain(self, axis: str, gain: Gain, now_ns: int) -> dict[str, str]:
+    def set_gain(self, axis: str, gain: Gain, now_ns: int, *, is_alone: bool = False) -> dict[str, str]:
         """See ``TimedExchange``."""
-        self._recorder.put(traffic.Share(self._line, now_ns, axis, gain.forward, gain.backward))
-        return super().set_gain(axis, gain, now_ns)
+        self._recorder.put(traffic.Share(self._line, now_ns, axis, gain.forward, gain.backward, is_alone))
+        return super().set_gain(axis, gain, now_ns, is_alone=is_alone)
 
     def set_limits(self, axis: str, limits: Limits, now_ns: int) -> tuple[str, ...]:
         """See ``TimedExchange``."""

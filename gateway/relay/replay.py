@@ -125,7 +125,8 @@ class _Line(Unmeasured):
         axes = self._exchange.axes
         try:
             if isinstance(entry, traffic.Share):
-                control.set_gain(axes, entry.axis, Gain(entry.forward, entry.backward))
+                gain = Gain(entry.forward, entry.backward)
+                control.set_gain(axes, entry.axis, gain, is_alone=entry.is_alone)
             elif isinstance(entry, traffic.Limits):
                 limits = (entry.max_correction, entry.max_slope, entry.travel_margin, entry.budget_us)
                 control.set_limits(axes, entry.axis, control.Limits(*limits))

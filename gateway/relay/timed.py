@@ -97,9 +97,9 @@ class TimedExchange:
         """Take the table of an axis and its group away; as :meth:`set_tables`."""
         return control.clear_table(self._exchange.axes, axis)
 
-    def set_gain(self, axis: str, gain: Gain, now_ns: int) -> dict[str, str]:
+    def set_gain(self, axis: str, gain: Gain, now_ns: int, *, is_alone: bool = False) -> dict[str, str]:
         """Apply another share of the tables of an axis and its group; as :meth:`set_tables`."""
-        return control.set_gain(self._exchange.axes, axis, gain)
+        return control.set_gain(self._exchange.axes, axis, gain, is_alone=is_alone)
 
     def set_limits(self, axis: str, limits: Limits, now_ns: int) -> tuple[str, ...]:
         """Give an axis other limits; as :meth:`enable`."""

@@ -17,7 +17,7 @@ class FileState(Enum):
     WAITING = "waiting"
     """It changes, or has been gone for a few seconds: nothing has been done yet."""
     REJECTED = "rejected"
-    """It is bad; the axis keeps what it had."""
+    """It is bad, or may not be used because of its group; the axis keeps what it had."""
     REMOVED = "removed"
     """It is gone or was renamed to ``.bak``; the axis is not corrected."""
 
@@ -56,7 +56,10 @@ class Book:
             return Entry(name, FileState.WAITING, before.problems if before else ())
         if axis in outcome.rejected:
             return Entry(name, FileState.REJECTED, outcome.rejected[axis])
-        return Entry(name, FileState.REMOVED if axis in outcome.absent else FileState.GOOD)
+        held = outcome.held.get(axis, ())
+        if axis in outcome.absent:
+            return Entry(name, FileState.REMOVED, held)
+        return Entry(name, FileState.REJECTED if held else FileState.GOOD, held)
 
     def entries(self, moving: frozenset[str]) -> dict[str, Entry]:
         """Return all entries as of now; ``moving`` are axes whose file has begun to change since."""

@@ -78,11 +78,12 @@ class Link:
                     self._lose(f"{self._path}: {error.strerror or error}")
             else:
                 try:
-                    self._lose(await self._listen(reader, writer))
+                    why = await self._listen(reader, writer)
                 finally:
                     writer.close()
                 if self._is_up:
                     self._is_up, tries = False, 0
+                self._lose(why)
             await asyncio.sleep(min(FIRST_WAIT_S * 2**tries, LONGEST_WAIT_S))
             tries = min(tries + 1, 10)
 

@@ -22,12 +22,18 @@ class Outcome:
     """Why nothing was changed, or not all; each with what to do."""
     rejected: Mapping[str, tuple[Problem, ...]] = field(default_factory=dict)
     """What is wrong with the table files of axes; what was in force stays."""
+    held: Mapping[str, tuple[Problem, ...]] = field(default_factory=dict)
+    """Axes whose file is good and not in force, because of another axis of their group; with the reason."""
     absent: frozenset[str] = frozenset()
-    """Axes whose table file is not there, and which are not corrected."""
+    """Axes that are not corrected: their table file is not there, or that of another axis of their group."""
     waiting: frozenset[str] = frozenset()
     """Axes whose table file is being written, and counts for nothing yet."""
     sights: Mapping[str, Sight] = field(default_factory=dict)
     """Of each file that was read, by its name: as it was seen before and after."""
+    has_read: bool = True
+    """Whether the table files were looked at, so that what is said of them here holds."""
+    is_owed: bool = False
+    """Whether the configuration could not be taken for a reason that may pass, as a full disk."""
     is_refused: bool = False
     """Whether the configuration in its file was not taken: the one before stays."""
     is_running: bool = True
@@ -36,7 +42,9 @@ class Outcome:
     @property
     def all_problems(self) -> tuple[str, ...]:
         """Everything that is wrong, a line each."""
-        of_tables = (str(problem) for problems in self.rejected.values() for problem in problems)
+        held = (problems for axis, problems in self.held.items() if axis not in self.absent)
+        found = (*self.rejected.values(), *held)
+        of_tables = (str(problem) for problems in found for problem in problems)
         return (*self.problems, *dict.fromkeys(of_tables))
 
     def as_data(self) -> dict[str, Any]:

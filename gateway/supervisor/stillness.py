@@ -42,6 +42,7 @@ class Stillness:
 
     def __init__(self) -> None:
         self._taken: tuple[bool, tuple[object, ...]] | None = None
+        self._is_taken_early = False
         self._seen: Sight | None = None
         self._since_s = 0.0
 
@@ -49,18 +50,25 @@ class Stillness:
         """Take what is seen now."""
         if sight != self._seen:
             self._seen, self._since_s = sight, now_s
+        is_still = now_s - self._since_s >= (STILL_S if sight.is_there else GONE_S)
         if (sight.is_there, sight.mark) == self._taken:
-            return State.SAME
+            is_ready = self._is_taken_early and is_still and not sight.is_being_written
+            return State.READY if is_ready else State.SAME
         if sight.is_being_written:
             return State.MOVING
-        wanted_s = STILL_S if sight.is_there else GONE_S
-        return State.READY if now_s - self._since_s >= wanted_s else State.MOVING
+        return State.READY if is_still else State.MOVING
 
-    def take(self, sight: Sight) -> None:
-        """Note that the file has been read as it was seen."""
+    def take(self, sight: Sight, now_s: float) -> None:
+        """Note that the file has been read as it was seen.
+
+        One that had not stood still is read once more as soon as it has: within a tick of the file system's
+        clock it may have been changed, and look the same.
+        """
+        if sight != self._seen:
+            self._seen, self._since_s = sight, now_s
         self._taken = (sight.is_there, sight.mark)
-        self._seen = sight
+        self._is_taken_early = sight.is_there and now_s - self._since_s < STILL_S
 
     def forget(self) -> None:
-        """Read it again, whatever it looks like."""
+        """Read it again as soon as it stands still, whatever it looks like."""
         self._taken = None

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import time
+import traceback
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, Severity
 from gateway.ipc.place import socket_path
+from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.service import HttpService
@@ -55,8 +57,11 @@ class Supervisor:
         self._reloads: list[asyncio.Future[Outcome]] = []
         self._is_reload_wanted = True
         self._is_asked = False
+        self._is_relay_new = False
         self._refused: tuple[str, ...] = ()
         """Why the configuration in its file is not the one that was taken."""
+        self._is_owed = False
+        """Whether it is to be tried again by itself."""
         self._problems: tuple[str, ...] = ()
         """Why not all tables are where they belong."""
         self._rejected: dict[str, str] = {}
@@ -120,34 +125,56 @@ class Supervisor:
 
     async def _keep_up(self) -> None:
         while True:
+            is_retry = self._is_owed and not self._problems
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(RETRY_S if self._problems else None):
+                async with asyncio.timeout(RETRY_S if self._problems or self._is_owed else None):
                     await self._work_wanted.wait()
+                    is_retry = False
             self._work_wanted.clear()
             asked, self._reloads = self._reloads, []
             is_reload, self._is_reload_wanted = self._is_reload_wanted or bool(asked), False
             is_asked, self._is_asked = self._is_asked or bool(asked), False
-            outcome = await self._bring_up_to_date(is_reload=is_reload, is_asked=is_asked)
+            outcome = await self._bring_up_to_date(is_reload=is_reload, is_asked=is_asked, is_retry=is_retry)
             for done in asked:
                 if not done.done():
                     done.set_result(outcome)
 
-    async def _bring_up_to_date(self, *, is_reload: bool, is_asked: bool) -> Outcome:
+    async def _bring_up_to_date(self, *, is_reload: bool, is_asked: bool, is_retry: bool) -> Outcome:
         """Read what is to be read, and tell what came of it."""
+        still = self._watch.still
+        is_new, self._is_relay_new = self._is_relay_new, False
         if is_reload:
-            outcome = await asyncio.to_thread(self._keeper.reload)
+            work = partial(self._keeper.reload, None if is_asked else still)
+        elif is_retry:
+            work = partial(self._keeper.retry, still)
+        elif is_new:
+            work = partial(self._keeper.meet, still)
         else:
-            outcome = await asyncio.to_thread(self._keeper.refresh, self._watch.moving)
+            work = partial(self._keeper.refresh, still)
+        outcome = await self._done(work)
         if (loaded := self._keeper.loaded) is not None:
             self._configure(loaded)
-        self._watch.take(outcome.sights)
-        self._book.enter(self._keeper.names, outcome)
+        if outcome.has_read:
+            self._watch.take(outcome.sights, outcome.waiting)
+            self._book.enter(self._keeper.names, outcome)
         self._report(outcome, is_asked=is_asked)
-        if is_reload:
+        if is_reload or is_retry:
             self._refused = outcome.problems if outcome.is_refused else ()
-        self._problems = () if outcome.is_refused else outcome.problems
+            self._is_owed = outcome.is_refused and outcome.is_owed
+        if not outcome.is_refused:
+            self._problems = outcome.problems
         self._publish()
         return outcome
+
+    async def _done(self, work: Callable[[], Outcome]) -> Outcome:
+        """Do it in a thread; a mistake of ours there changes nothing, and is told like any other problem."""
+        try:
+            return await aside(work)
+        except Exception as error:  # noqa: BLE001 - a table may not take the status away from everybody
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            where = f"{Path(frame.filename).name}:{frame.lineno}"
+            what = f"the supervisor made a mistake: {type(error).__name__}: {error} ({where})"
+            return Outcome(problems=(f"{self._config}: {what}; what was in force stays",), has_read=False)
 
     def _configure(self, loaded: Loaded) -> None:
         """Follow what a configuration says: the same as before changes nothing."""
@@ -181,7 +208,8 @@ class Supervisor:
         elif is_asked and not outcome.comes and not outcome.changed and not outcome.all_problems:
             there = "nothing has changed" if outcome.is_running else "no gateway runs: kept for its start"
             self._say("nothing-to-reload", detail=there)
-        self._report_files(outcome)
+        if outcome.has_read:
+            self._report_files(outcome)
 
     def _report_files(self, outcome: Outcome) -> None:
         """Tell of each bad file once, and when it is good again."""
@@ -235,7 +263,7 @@ class Supervisor:
 
     def _reached(self) -> None:
         self._say("relay-reached")
-        self._is_reload_wanted = True  # it may have been started from another configuration
+        self._is_relay_new = True
         self._work_wanted.set()
 
     def _lost(self, why: str) -> None:

@@ -108,7 +108,7 @@ def _of_axis(name: str, axis: Mapping[str, Any]) -> Iterator[Trouble]:
             "table-removed",
             "warning",
             where,
-            f"{table['file']} is not there: positions pass uncorrected",
+            table["error"] or f"{table['file']} is not there: positions pass uncorrected",
             "put the file back, or take it out of the configuration",
         )
     elif axis["compensation"] in _OF_COMPENSATION:

@@ -3,10 +3,12 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Final
 
+from gateway.supervisor.aside import aside
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight, State, Stillness
 
@@ -31,8 +33,10 @@ class Watch:
 
     def follow(self, folder: Path, names: Mapping[str, str]) -> None:
         """Follow these files from now on: the name of the table of each axis, and the folder of all."""
+        if folder == self._folder and names == self._names:
+            return  # not woken: who follows after each reading would look and read without a rest
         if folder != self._folder:
-            self._files.clear()
+            self._files, self._sights = {}, {}
         self._folder, self._names = folder, dict(names)
         wanted = set(names.values())
         self._files = {name: self._files.get(name) or Stillness() for name in wanted}
@@ -49,6 +53,12 @@ class Watch:
         return self._axes_in(State.MOVING)
 
     @property
+    def still(self) -> Mapping[str, Sight | None]:
+        """The sight as which each file that was seen may be read, by name; None as long as it moves."""
+        seen = {name: sight for name, sight in self._sights.items() if name in self._files}
+        return {name: None if self._state(name) is State.MOVING else sight for name, sight in seen.items()}
+
+    @property
     def silent_s(self) -> float:
         """How long the folder has not been seen."""
         return time.monotonic() - self._looked_s
@@ -60,17 +70,23 @@ class Watch:
     async def look(self) -> bool:
         """Look at all files; returns whether any is ready to be read."""
         folder, names = self._folder, list(self._files)
-        sights = await asyncio.to_thread(look, folder, names)
+        sights = await aside(partial(look, folder, names))
         if folder != self._folder or set(names) != self._files.keys():
             return False  # others are followed by now
         self._sights, self._looked_s = sights, time.monotonic()
         return any(self._state(name) is State.READY for name in names)
 
-    def take(self, before: Mapping[str, Sight]) -> None:
-        """Note that files were read; ``before`` are the sights that were seen just before."""
+    def take(self, before: Mapping[str, Sight], waiting: Collection[str] = ()) -> None:
+        """Note that files were read; ``before`` are the sights that were seen just before.
+
+        The files of axes in ``waiting`` could not be, and are to be read as soon as they stand still.
+        """
         for name, sight in before.items():
             if name in self._files:
-                self._files[name].take(sight)
+                self._files[name].take(sight, time.monotonic())
+        for axis in waiting:
+            if axis in self._names:
+                self._files[self._names[axis]].forget()
 
     @property
     def sights(self) -> Mapping[str, Sight]:
@@ -103,6 +119,7 @@ async def wake_on_change(folder: Path, wake: Callable[[], None], complain: Calla
     said = ""
     while True:
         try:
+            await aside(folder.stat)  # awatch looks on the loop: a folder that does not answer would stop all
             async for _ in awatch(folder, watch_filter=None, debounce=50, step=20, recursive=False):
                 said = ""
                 wake()

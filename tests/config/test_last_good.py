@@ -178,3 +178,12 @@ class TestGroups:
     def test_without_a_last_good_pair_a_bad_one_is_refused(self, path: Path) -> None:
         save(path, BAD)
         assert set(settled(path, None, is_start=True).refused) == {"x", "y"}
+
+
+def test_a_file_that_moves_counts_for_nothing_even_where_nothing_was_before(path: Path) -> None:
+    assert settled(path, waiting={"x"}).sources == {"x": Source.REFUSED}
+
+
+def test_a_file_that_moves_keeps_no_table_that_the_new_limits_forbid(path: Path, before: GatewayPlan) -> None:
+    path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.005")))
+    assert settled(path, before, waiting={"x"}).sources == {"x": Source.REFUSED}

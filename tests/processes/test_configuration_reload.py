@@ -46,6 +46,22 @@ def test_gain_and_limits_are_taken_over_while_it_runs(site: Site) -> None:
     ] * 2
 
 
+def test_what_was_compiled_beside_a_gateway_that_runs_reaches_it_with_the_next_reload(site: Site) -> None:
+    config = str(site.config)
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_050
+        site.config.write_text(
+            site.config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5\nbudget_us = 250')
+        )
+        assert typed("check", "--compile", config).returncode == 0
+        assert typed("reload", config).returncode == 0
+        status = axis_status(site)
+        assert status["gain"] == {"forward": 0.5, "backward": 0.5}
+        assert status["configured"]["budget_us"] == status["latency"]["budget_us"] == 250.0
+        assert master.move(50_002) == 50_027
+        assert gateway.end() == 0
+
+
 def test_a_limit_that_the_table_breaks_changes_nothing(site: Site) -> None:
     text = site.config.read_text()
     with gateway_of(site) as (gateway, master):

@@ -1,5 +1,6 @@
 """Tables change while the machine runs: every way in which files are saved, taken away and brought back."""
 
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -143,3 +144,18 @@ def _warnings(gateway: Running) -> list[str]:
         if line.startswith("{"):
             return lines
         lines.append(line)
+
+
+def test_a_bad_file_stays_told_of_while_a_wrong_configuration_is_refused(site: Site) -> None:
+    text = site.config.read_text()
+    with gateway_of(site) as (gateway, master):
+        in_place(site.table, BAD)
+        gateway.until("table-rejected")
+        site.config.write_text(text.replace("[axis.x]", "[axis.x]\ngains = 0.5"))
+        assert typed("reload", str(site.config)).returncode == 1
+        shown = json.loads(typed("status", str(site.config), "--json").stdout)
+        assert shown["axes"]["x"]["table"]["status"] == "rejected"
+        assert "axis.x.gains" in shown["supervisor"]["configuration"]["problem"]
+        assert master.move(50_000) == 50_050
+        assert gateway.end() == 0
+    assert "table-mended" not in [note["event"] for note in gateway.notes]

@@ -348,6 +348,31 @@ async def test_of_a_group_all_axes_get_their_tables_or_none(
     assert "two tables for axis y1" in (await mill.give(("y1", STEEPER), ("y1", STEEPER))).problems[0]
 
 
+async def test_a_command_gives_a_group_its_gain_and_the_configuration_each_axis_its_own(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    y1 = without_actual(tools, name="y1")
+    y2 = without_actual(tools, name="y2", unit_id=2)
+    mill = await machine(bench, tools, tmp_path, y1, y2, groups=(("y1", "y2"),))
+    await mill.move(50_000, 2)
+
+    def axes() -> Any:
+        return mill.relay.status()["axes"]
+
+    half = SetGain(axes=("y1",), forward=0.5, backward=0.5, is_configured=True)
+    assert (await mill.say(half)).changed == ("y1",)
+    assert await mill.move(50_002, 1) == 50_027
+    assert await mill.move(50_001, 2) == 50_051
+    status = axes()
+    assert status["y1"]["configured"]["gain"] == {"forward": 0.5, "backward": 0.5}
+    assert status["y2"]["configured"]["gain"] == {"forward": 1.0, "backward": 1.0}
+    none = SetGain(axes=("y1",), forward=0.0, backward=0.0)
+    assert (await mill.say(none)).changed == ("y1", "y2")
+    status = axes()
+    assert status["y1"]["gain"] == status["y2"]["gain"] == {"forward": 0.0, "backward": 0.0}
+    assert status["y1"]["configured"]["gain"] == {"forward": 0.5, "backward": 0.5}
+
+
 async def test_what_was_handed_over_is_in_a_recording_and_replayed(
     bench: "Bench", tools: "Tools", tmp_path: Path
 ) -> None:

@@ -38,7 +38,12 @@ class Heard:
 @contextlib.asynccontextmanager
 async def linked(state: Path) -> AsyncIterator[tuple[Link, Heard]]:
     heard = Heard()
-    link = Link(socket_path(state), heard.up, heard.lost.append, heard.events.append, heard.snapshot)
+
+    def lost(why: str) -> None:
+        assert not link.is_up  # whoever publishes it now says so too
+        heard.lost.append(why)
+
+    link = Link(socket_path(state), heard.up, lost, heard.events.append, heard.snapshot)
     task = asyncio.create_task(link.run())
     try:
         yield link, heard

@@ -14,9 +14,10 @@ GONE = Sight(is_there=False)
 
 
 def states(start: Sight, looks: Sequence[tuple[float, Sight]]) -> list[State]:
-    """Return what each look says of a file that was read as ``start``."""
+    """Return what each look says of a file that stood still and was read as ``start``."""
     stillness = Stillness()
-    stillness.take(start)
+    stillness.look(start, -GONE_S)
+    stillness.take(start, 0.0)
     return [stillness.look(sight, now_s) for now_s, sight in looks]
 
 
@@ -63,7 +64,8 @@ def test_nothing_was_read_at_the_start() -> None:
 @given(st.lists(st.tuples(st.floats(0.0, 2.0), st.sampled_from([A, B, WRITTEN_B, GONE])), max_size=30))
 def test_whatever_comes_ready_means_another_file_that_stood_still(steps: list[tuple[float, Sight]]) -> None:
     stillness = Stillness()
-    stillness.take(A)
+    stillness.look(A, -STILL_S)
+    stillness.take(A, 0.0)
     now_s, since_s, last = 0.0, 0.0, A
     for step_s, sight in steps:
         now_s += step_s
@@ -78,3 +80,27 @@ def test_whatever_comes_ready_means_another_file_that_stood_still(steps: list[tu
 @pytest.mark.parametrize("sight", [A, GONE])
 def test_a_file_that_was_taken_is_the_same(sight: Sight) -> None:
     assert states(sight, [(7.0, sight)]) == [State.SAME]
+
+
+def test_what_was_read_before_it_stood_still_is_read_once_more() -> None:
+    stillness = Stillness()
+    stillness.take(A, 0.0)  # changed in the same tick of the file system's clock, it would look like this
+    assert [stillness.look(A, now_s) for now_s in (0.1, STILL_S)] == [State.SAME, State.READY]
+    stillness.take(A, STILL_S)
+    assert stillness.look(A, 100.0) is State.SAME
+
+
+def test_what_was_read_early_is_not_read_while_somebody_writes_it() -> None:
+    stillness = Stillness()
+    stillness.take(B, 0.0)
+    looks = [(0.1, WRITTEN_B), (1.0, WRITTEN_B), (1.1, B), (1.1 + STILL_S, B)]
+    states = [stillness.look(sight, now_s) for now_s, sight in looks]
+    assert states == [State.SAME, State.SAME, State.SAME, State.READY]
+
+
+def test_what_could_not_be_read_is_read_as_soon_as_it_stands_still() -> None:
+    stillness = Stillness()
+    stillness.look(A, 0.0)
+    stillness.take(A, 10.0)
+    stillness.forget()
+    assert stillness.look(A, 10.1) is State.READY

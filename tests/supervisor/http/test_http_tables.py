@@ -59,6 +59,7 @@ async def test_the_curve_has_its_gain_and_stands_where_the_controller_has_it(tmp
         "gain": {"forward": 1.0, "backward": 0.5},
         "machine_offset": -300.0,
         "travel": [290.0, 410.0],
+        "modulo": None,
         "table_points": 3,
         "is_whole": True,
         "indexes": [0, 1, 2],
