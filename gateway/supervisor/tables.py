@@ -36,6 +36,7 @@ from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.plan import LinePlan
 from gateway.ipc.sealed_memory import seal
 from gateway.ipc.state_folder import StateError, state_folder
+from gateway.supervisor.home import Home
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look
 
@@ -56,6 +57,7 @@ class Keeper:
         self._config = config
         self.loaded: Loaded | None = None
         """The configuration that was taken last; None as long as none could be."""
+        self._home = Home()
 
     @property
     def names(self) -> dict[str, str]:
@@ -112,7 +114,12 @@ class Keeper:
             if sight == seen_after[name] and not sight.is_being_written
         }
         unread = {axis for axis, name in names.items() if name not in read}
+        strange = self._home.what_is_strange(loaded.tables_folder, loaded.readings.values())
+        if strange:
+            unread = set(names)
         outcome = self._bring(loaded, unread.union(waiting))
+        if strange:
+            outcome = replace(outcome, problems=(*outcome.problems, strange))
         return replace(
             outcome, sights={name: read[name] for axis, name in names.items() if axis not in outcome.waiting}
         )
