@@ -30,6 +30,8 @@ class Outcome:
     """Of each file that was read, by its name: as it was seen before and after."""
     is_refused: bool = False
     """Whether the configuration in its file was not taken: the one before stays."""
+    is_passing: bool = False
+    """Whether that may pass by itself, as a full disk does: worth another try."""
     is_running: bool = True
     """Whether a relay was there; without one what is new waits in the state folder for its start."""
 

@@ -121,7 +121,7 @@ class Supervisor:
     async def _keep_up(self) -> None:
         while True:
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(RETRY_S if self._problems else None):
+                async with asyncio.timeout(RETRY_S if self._problems or self._is_reload_wanted else None):
                     await self._work_wanted.wait()
             self._work_wanted.clear()
             asked, self._reloads = self._reloads, []
@@ -145,6 +145,7 @@ class Supervisor:
         self._report(outcome, is_asked=is_asked)
         if is_reload:
             self._refused = outcome.problems if outcome.is_refused else ()
+            self._is_reload_wanted |= outcome.is_refused and outcome.is_passing
         self._problems = () if outcome.is_refused else outcome.problems
         self._publish()
         return outcome

@@ -47,6 +47,10 @@ _LIVE: Final = re.compile(
 """Keys whose values a gateway that runs can be given."""
 
 
+class _NeedsRestartError(StateError):
+    """The relay runs what cannot be changed while it runs."""
+
+
 class Keeper:
     """Keeps the tables, gains and limits of a relay as its configuration has them.
 
@@ -120,6 +124,8 @@ class Keeper:
         outcome = self._bring(loaded, unread.union(waiting))
         if strange:
             outcome = replace(outcome, problems=(*outcome.problems, strange))
+        if self.loaded is not loaded:
+            return outcome  # nothing was brought anywhere: the files are still to be read
         return replace(
             outcome, sights={name: read[name] for axis, name in names.items() if axis not in outcome.waiting}
         )
@@ -145,7 +151,8 @@ class Keeper:
         except SocketError as error:
             return Outcome(problems=(f"{self._config}: gateway.state: {error}",))
         except (StateError, NoGatewayError, OSError) as error:
-            return Outcome(problems=(f"{self._config}: {error}",))
+            is_passing = not isinstance(error, _NeedsRestartError)
+            return Outcome(problems=(f"{self._config}: {error}",), is_passing=is_passing)
 
 
 def _digest_of(config: Path, before: CompiledPlan) -> str:
@@ -160,7 +167,7 @@ def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool
     """Whether a relay runs; it has to run the same plan, but for what it can be given.
 
     Raises:
-        StateError: it runs another one; with the keys that need a restart.
+        _NeedsRestartError: it runs another one; with the keys that need a restart.
         NoGatewayError: it cannot be understood.
     """
     try:
@@ -170,7 +177,7 @@ def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool
     if not isinstance(pong, Pong) or pong.shape != shape_of(loaded.plan):
         need = [] if before is None else _need_restart(loaded, before)
         what = ", ".join(need) or "more than a gateway that runs can be given"
-        raise StateError(
+        raise _NeedsRestartError(
             f"changed since the gateway was started: {what}; restart the gateway to take it over"
         )
     return True
