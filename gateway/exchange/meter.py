@@ -19,10 +19,12 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.latency import BUCKETS, OCTAVE, SUB_BITS, HighMark, bucket_of
 from gateway.exchange.life import Exchange
 from gateway.exchange.ports import ControllerPort, DriveLink
-from gateway.times import NS_PER_US
+from gateway.times import NS_PER_S, NS_PER_US
 
 WITHIN_TO_END: Final = 100
-"""So many exchanges in a row within the budget end an overrun."""
+"""So many exchanges in a row within the budget end an overrun, when they also lasted ``CALM_NS``."""
+CALM_NS: Final = 10 * NS_PER_S
+"""A busy machine exceeds a budget every second; told each time, it would push all other events out."""
 RTU_OVERHEAD: Final = 3
 """Bytes of an RTU frame beside its PDU: unit id and check sum."""
 MOST_PAIRS: Final = 128
@@ -54,7 +56,7 @@ class Measured:
 class AxisBudget:
     """The budget of one axis, and how it is kept."""
 
-    __slots__ = ("axis", "budget_ns", "is_over", "overruns", "unit_id", "within")
+    __slots__ = ("axis", "budget_ns", "exceeded_ns", "is_over", "overruns", "unit_id", "within")
 
     def __init__(self, axis: AxisExchange) -> None:
         self.axis = axis.plan.name
@@ -64,6 +66,8 @@ class AxisBudget:
         self.is_over = False
         self.within = 0
         """Exchanges since the last overrun, while it lasts."""
+        self.exceeded_ns = 0
+        """When the last overrun was."""
 
 
 class LineMeter:
@@ -168,10 +172,11 @@ class LineMeter:
             if gateway_ns > budget.budget_ns:
                 budget.overruns += 1
                 budget.within = 0
+                budget.exceeded_ns = reply_ns
                 if not budget.is_over:
                     self._exceeded(budget, exchange, port, reply_ns)
             elif budget.is_over:
-                self._kept(budget)
+                self._kept(budget, reply_ns)
 
     def _exceeded(self, budget: AxisBudget, exchange: Exchange, port: ControllerPort, reply_ns: int) -> None:
         budget.is_over = True
@@ -192,10 +197,10 @@ class LineMeter:
         )
         self._on_event(Event(EventKind.BUDGET_OVERRUN, budget.axis, detail))
 
-    def _kept(self, budget: AxisBudget) -> None:
+    def _kept(self, budget: AxisBudget, now_ns: int) -> None:
         budget.within += 1
-        if budget.within >= WITHIN_TO_END:
+        if budget.within >= WITHIN_TO_END and now_ns - budget.exceeded_ns >= CALM_NS:
             budget.is_over = False
             self._axes_over -= 1
-            detail = f"{WITHIN_TO_END} exchanges in a row within budget_us; {budget.overruns} over it so far"
+            detail = f"{budget.within} exchanges in a row within budget_us; {budget.overruns} over it so far"
             self._on_event(Event(EventKind.BUDGET_KEPT, budget.axis, detail))

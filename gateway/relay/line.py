@@ -185,7 +185,7 @@ class Line:
 
     def axes_status(self) -> dict[str, dict[str, Any]]:
         """Return the status of each axis on this line, by name."""
-        status = axes_status(self._exchange)
+        status = axes_status(self._exchange, time.monotonic_ns())
         for name, of_axis in status.items():
             of_axis["latency"] = self._latency.axis(name)
             of_axis["configured"] = self._configured[name]

@@ -36,6 +36,7 @@ from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.plan import LinePlan
 from gateway.ipc.sealed_memory import seal
 from gateway.ipc.state_folder import StateError, state_folder
+from gateway.supervisor.home import Home
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight
@@ -67,6 +68,7 @@ class Keeper:
         """The configuration that was asked for and could not be taken for a reason that may pass."""
         self.loaded: Loaded | None = None
         """The configuration that was taken last; None as long as none could be."""
+        self._home = Home()
 
     @property
     def names(self) -> dict[str, str]:
@@ -153,7 +155,13 @@ class Keeper:
             for name, sight in seen.items()
             if sight == seen_after[name] and not sight.is_being_written and _may_count(name, sight, still)
         }
-        outcome = self._bring(loaded, {axis for axis, name in names.items() if name not in read})
+        unread = {axis for axis, name in names.items() if name not in read}
+        strange = self._home.what_is_strange(loaded.tables_folder, loaded.readings.values())
+        if strange:
+            unread = set(names)
+        outcome = self._bring(loaded, unread)
+        if strange:
+            outcome = replace(outcome, problems=(*outcome.problems, strange))
         return replace(
             outcome, sights={name: read[name] for axis, name in names.items() if axis not in outcome.waiting}
         )

@@ -22,6 +22,7 @@ class Trouble:
     """``gateway``, ``line NAME``, ``axis NAME``, ``mqtt``, ``http``, ``configuration`` or ``tables``."""
     what: str
     remedy: str
+    """Begins with a verb: the page begins its sentence with it, and no key or command stands a capital."""
 
     def as_data(self) -> dict[str, str]:
         """Return it as plain data."""
@@ -81,12 +82,12 @@ _OF_COMPENSATION: Final = {
     "off": (
         "warning",
         "the compensation is off: positions pass uncorrected",
-        "pitch-gateway enable switches it on",
+        "switch it on with pitch-gateway enable",
     ),
     "shadow": (
         "warning",
         "shadow mode: corrections are shown and not applied",
-        'compensation = "on" in the configuration applies them',
+        'to apply them set compensation = "on" in the configuration',
     ),
     "outside": ("warning", "the last target lies outside the table", "measure the whole travel"),
 }
@@ -111,7 +112,7 @@ def _of_axis(name: str, axis: Mapping[str, Any]) -> Iterator[Trouble]:
             table["error"] or f"{table['file']} is not there: positions pass uncorrected",
             "put the file back, or take it out of the configuration",
         )
-    elif axis["compensation"] in _OF_COMPENSATION:
+    if axis["compensation"] in _OF_COMPENSATION and table["status"] != "removed":
         severity, what, remedy = _OF_COMPENSATION[axis["compensation"]]
         yield Trouble(axis["compensation"], severity, where, what, remedy)
     if axis["latency"]["is_over_budget"]:
@@ -126,7 +127,7 @@ def _of_axis(name: str, axis: Mapping[str, Any]) -> Iterator[Trouble]:
 
 def _of_supervisor(supervisor: Mapping[str, Any]) -> Iterator[Trouble]:
     for where, remedy in (
-        ("configuration", "pitch-gateway check says what to do"),
+        ("configuration", "run pitch-gateway check: it says what to do"),
         ("tables_folder", "what was in force stays; it is tried again every few seconds"),
         ("http", "change [http] listen, then pitch-gateway reload"),
         ("mqtt", "check the broker and [mqtt]; the gateway tries again by itself"),

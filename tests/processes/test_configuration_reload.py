@@ -1,5 +1,6 @@
 """The configuration is reloaded where that is safe; what needs a restart is named, and nothing changes."""
 
+import signal
 from typing import Any
 
 import pytest
@@ -96,6 +97,19 @@ def test_what_needs_a_restart_is_named_and_nothing_changes(site: Site, old: str,
         )
         assert master.move(50_000) == 50_050
         assert axis_status(site)["gain"] == {"forward": 1.0, "backward": 1.0}
+        assert gateway.end() == 0
+
+
+def test_a_table_saved_just_before_a_reload_that_is_refused_comes_into_force_all_the_same(site: Site) -> None:
+    text = site.config.read_text()
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_050
+        site.config.write_text(text.replace("unit_id = 1", "unit_id = 2"))
+        site.table.write_text(site.table.read_text().replace("50.0 0.05 0.05", "50.0 0.06 0.06"))
+        gateway.process.send_signal(signal.SIGHUP)  # at once: before the file has stood still
+        assert "axis.x.unit_id" in gateway.until("reload-refused")["problems"][0]
+        gateway.until("table-handed-over")
+        assert master.move(50_001) == 50_061
         assert gateway.end() == 0
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import time
 import urllib.request
@@ -77,9 +78,12 @@ def test_a_full_disk_costs_no_move_is_told_and_is_overcome(site: Site) -> None:
         assert model["axes"]["x"]["table"]["points"] == 3
         assert "tables folder" in [trouble["where"] for trouble in model["troubles"]]
         assert master.move(50_001) == 50_051
+        gateway.process.send_signal(signal.SIGHUP)  # a reload that finds the disk full is tried again too
+        gateway.until("reload-refused")
         site.table.write_text(TABLE.replace("0.05 0.05", "0.06 0.06"))
         gateway.until("table-handed-over")
-        status.until(None)
+        model = status.until(None)
+        assert model["supervisor"]["configuration"]["problem"] is None
         assert master.move(50_000) == 50_060
         master.close()
         assert gateway.end() == 0

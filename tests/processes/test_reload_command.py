@@ -4,7 +4,6 @@ import json
 
 from tests.processes.bench import (
     STEEPER,
-    TABLE,
     Site,
     gateway_of,
     typed,
@@ -48,7 +47,7 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
         assert (result["changed"], result["running"]) == ([], True)
         assert result["problems"] == bad.stderr.splitlines()
         assert master.move(50_000) == 50_100
-        site.table.write_text(TABLE)
+        site.table.write_text(STEEPER)
         site.config.write_text(site.config.read_text().replace("= 1000.0", "= 2000.0"))
         other = typed("reload", config)
         assert other.returncode == 1

@@ -81,6 +81,26 @@ def test_a_folder_that_vanishes_takes_nothing_with_it(site: Site) -> None:
         assert gateway.end() == 0
 
 
+def test_an_empty_folder_in_place_of_the_one_with_the_tables_takes_nothing_with_it(site: Site) -> None:
+    elsewhere = site.table.parents[1] / "elsewhere"
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_050
+        site.table.parent.rename(elsewhere)  # as a share is unmounted: what it was mounted on is left
+        site.table.parent.mkdir()
+        refused = gateway.until("reload-refused")
+        assert str(site.table.parent) in refused["problems"][0]
+        assert master.move(50_001) == 50_051
+        site.table.parent.rmdir()
+        elsewhere.rename(site.table.parent)
+        in_place(site.table, STEEPER)
+        gateway.until("table-handed-over")
+        assert master.move(50_002) == 50_102
+        site.table.unlink()  # from the folder itself it counts as before
+        gateway.until("table-taken-away")
+        assert master.move(50_001) == 50_001
+        assert gateway.end() == 0
+
+
 def test_a_symlink_loop_a_device_and_ten_megabytes_are_said_and_change_nothing(site: Site) -> None:
     with gateway_of(site) as (gateway, master):
         for make, said in (

@@ -1,5 +1,6 @@
 """The whole status model, and what is wrong according to it."""
 
+import re
 from copy import deepcopy
 from typing import Any
 
@@ -52,6 +53,11 @@ def kinds(found: dict[str, Any]) -> list[tuple[str, str, str]]:
     return [(trouble["severity"], trouble["kind"], trouble["where"]) for trouble in found["troubles"]]
 
 
+def begins_with_a_word(remedy: str) -> bool:
+    """Neither a key nor a command may stand first: the page writes the first letter large."""
+    return not re.match(r"pitch-gateway|\S+ = ", remedy)
+
+
 def with_axis(**changes: Any) -> dict[str, Any]:
     snapshot = deepcopy(SNAPSHOT)
     snapshot["axes"]["x"].update(changes)
@@ -100,7 +106,15 @@ def test_a_bad_file_that_is_being_saved_again_keeps_its_problem_until_it_has_bee
     [("blocked", "error"), ("unreferenced", "warning"), ("off", "warning"), ("shadow", "warning")],
 )
 def test_an_axis_that_is_not_corrected_is_a_trouble(compensation: str, severity: str) -> None:
-    assert kinds(model(with_axis(compensation=compensation))) == [(severity, compensation, "axis x")]
+    found = model(with_axis(compensation=compensation))
+    assert kinds(found) == [(severity, compensation, "axis x")]
+    assert begins_with_a_word(found["troubles"][0]["remedy"])
+
+
+@pytest.mark.parametrize("compensation", ["blocked", "off"])
+def test_a_rejected_file_does_not_hide_that_the_axis_is_not_corrected(compensation: str) -> None:
+    found = model(with_axis(compensation=compensation), Outcome(rejected={"x": (REJECTED,)}))
+    assert {kind for _, kind, _ in kinds(found)} == {"table-rejected", compensation}
 
 
 @pytest.mark.parametrize("compensation", ["active", "blending", "no-table"])
@@ -148,3 +162,4 @@ def test_every_trouble_says_what_to_do() -> None:
     found = model(snapshot, is_up=False, supervisor=problems)
     assert len(found["troubles"]) == 7
     assert all(trouble["remedy"] and trouble["what"] for trouble in found["troubles"])
+    assert all(begins_with_a_word(trouble["remedy"]) for trouble in found["troubles"])

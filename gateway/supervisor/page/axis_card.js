@@ -145,7 +145,8 @@ export class AxisCard {
 
     const isRead = axis.nominal_actual !== null;
     const nominal = isRead ? axis.nominal_actual : axis.nominal_setpoint;
-    const corrected = isRead ? axis.corrected_actual : axis.corrected_setpoint;
+    const written = axis.compensation === "shadow" ? axis.nominal_setpoint : axis.corrected_setpoint;
+    const corrected = isRead ? axis.corrected_actual : written;
     setText(this.positionName, isRead ? "Position" : "Target (position not read)");
     const digits = fixed(nominal, scale.decimals);
     setText(this.position, digits);
@@ -282,11 +283,12 @@ export class AxisCard {
 }
 
 /**
- * What is added at the position that is shown; of the last target where the position is not read.
+ * What is added at the position that is shown; of the last target where the position is not read, and in shadow
+ * mode, where the drive shows nothing of it.
  * @param {Axis} axis
  */
 function correctionOf(axis) {
-  if (axis.nominal_actual !== null && axis.corrected_actual !== null) {
+  if (axis.compensation !== "shadow" && axis.nominal_actual !== null && axis.corrected_actual !== null) {
     return axis.corrected_actual - axis.nominal_actual;
   }
   return axis.correction;

@@ -120,7 +120,8 @@ export function about(happening) {
   for (const [key, value] of Object.entries(happening)) {
     const isTold = TOLD.has(key) || (key === "file" && Array.isArray(happening.problems));
     if (!isTold && value !== null && value !== "") {
-      parts.push(`${key.replaceAll("_", " ")}: ${typeof value === "object" ? JSON.stringify(value) : value}`);
+      const words = Array.isArray(value) ? value.join(", ") : value;
+      parts.push(`${key.replaceAll("_", " ")}: ${typeof words === "object" ? JSON.stringify(words) : words}`);
     }
   }
   return parts.join("; ");

@@ -123,6 +123,11 @@ def test_events_come_newest_first_and_two_hundred_are_kept(visit: Visit) -> None
     visit.until_text("#events li:first-child .where", "Line xyz")
 
 
+def test_a_list_in_an_event_is_shown_as_words(visit: Visit) -> None:
+    visit.stage.tell(happening(1, keys=["mqtt.host", "axis.x.gain"]))
+    visit.until_text("#events li:first-child .words", "number 1; keys: mqtt.host, axis.x.gain")
+
+
 def test_events_are_told_once_though_the_gateway_tells_them_again(visit: Visit) -> None:
     for number in (1, 2, 3):
         visit.stage.tell(happening(number))

@@ -26,6 +26,23 @@ def test_it_shows_where_the_axis_is_and_what_is_added(visit: Visit) -> None:
     assert visit.page.locator("article.axis .direction").text_content() == "forward"
 
 
+@pytest.mark.parametrize("is_read", [True, False])
+def test_in_shadow_mode_it_shows_what_would_be_added_and_where_the_drive_really_is(
+    visit: Visit, is_read: bool
+) -> None:
+    read = {"nominal_actual": -60.0, "corrected_actual": -60.0}  # shadow: positions pass as they are
+    unread = {"nominal_actual": None, "corrected_actual": None}
+    changes = read if is_read else unread
+    shadow = axis(
+        compensation="shadow", nominal_setpoint=-60.0, corrected_setpoint=-59.985, correction=0.015, **changes
+    )
+    visit.stage.show(model({"x": shadow}))
+    visit.until_text(DIGITS, "−60.000")
+    visit.until_text(CORRECTION, "+15.0\u202fµm")
+    facts = visit.page.locator("article.axis .facts > div:not([hidden])").all_text_contents()
+    assert facts[1] == "On the drive−60.000\u202fmm"
+
+
 def test_the_machine_moves_on_its_curve(visit: Visit) -> None:
     for position in (-75.0, -225.0, -300.0):
         visit.stage.show(model({"x": standing_at(position)}))
