@@ -22,6 +22,7 @@ def test_gain_and_limits_are_taken_over_while_it_runs(site: Site) -> None:
     text = site.config.read_text()
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_050
+        typed("reload", config)  # the supervisor reads it by itself when it finds the relay: be after that
         site.config.write_text(
             text.replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5\nbudget_us = 250')
         )
