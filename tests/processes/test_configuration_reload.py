@@ -104,6 +104,7 @@ def test_what_needs_a_restart_is_named_and_nothing_changes(site: Site, old: str,
 def test_a_table_saved_just_before_a_reload_that_is_refused_comes_into_force_all_the_same(site: Site) -> None:
     text = site.config.read_text()
     with gateway_of(site) as (gateway, master):
+        assert typed("reload", str(site.config)).stdout == "nothing has changed\n"  # it watches by now
         assert master.move(50_000) == 50_050
         site.config.write_text(text.replace("unit_id = 1", "unit_id = 2"))
         site.table.write_text(site.table.read_text().replace("50.0 0.05 0.05", "50.0 0.06 0.06"))
@@ -117,6 +118,7 @@ def test_a_table_saved_just_before_a_reload_that_is_refused_comes_into_force_all
 def test_a_wrong_configuration_changes_nothing_and_tables_go_on(site: Site) -> None:
     text = site.config.read_text()
     with gateway_of(site) as (gateway, master):
+        assert typed("reload", str(site.config)).stdout == "nothing has changed\n"  # it watches by now
         site.config.write_text(text.replace("gain", "").replace("[axis.x]", "[axis.x]\ngains = 0.5"))
         refused = typed("reload", str(site.config), "--json")
         assert refused.returncode == 1
