@@ -2,7 +2,7 @@
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-compiled check soak bench bench-quick fmt clean
+.PHONY: help setup test-programs demo test test-compiled check soak bench bench-quick pictures fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -13,10 +13,13 @@ setup: ## a virtual environment with the package and its tools
 demo: setup ## see a worn machine become accurate
 	@$(BIN)/pitch-gateway demo
 
-test: setup check ## everything: checks, unit, property and end-to-end tests
+test-programs: # a broker and a browser
+	@tools/test_programs.sh
+
+test: setup test-programs check ## everything: checks, unit, property and end-to-end tests
 	$(BIN)/python -m pytest
 
-test-compiled: setup ## the same tests with the hot path compiled; needs a C compiler
+test-compiled: setup test-programs ## the same tests with the hot path compiled; needs a C compiler
 	rm -rf build/compiled
 	$(BIN)/python tools/compiled.py build/compiled
 	cp -r bench deploy docs tables tests tools Makefile pyproject.toml *.md build/compiled/
@@ -38,6 +41,9 @@ bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes
 
 bench-quick: setup ## the same in a few minutes, to see that it works; writes into bench/build
 	$(BIN)/python -m bench.run --quick
+
+pictures: setup test-programs ## take the pictures of the page that the documents show
+	$(BIN)/python -m tests.pictures
 
 fmt: setup ## the only target that edits
 	$(BIN)/ruff format .

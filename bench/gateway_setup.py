@@ -86,8 +86,8 @@ def config_text(setup: GatewaySetup) -> str:
     if setup.fifo is not None:
         cpus = list(setup.cpus)
         parts.append(f"[relay]\nfifo = {setup.fifo}\ncpus = {cpus}\nlock_memory = true\n")
-    if setup.http_port is not None:
-        parts.append(f'[http]\nlisten = "127.0.0.1:{setup.http_port}"\n')
+    page = "" if setup.http_port is None else f"127.0.0.1:{setup.http_port}"
+    parts.append(f'[http]\nlisten = "{page}"\n')
     if setup.mqtt_port is not None:
         parts.append(f'[mqtt]\nhost = "127.0.0.1"\nport = {setup.mqtt_port}\n')
     for number, line in enumerate(setup.lines, start=1):

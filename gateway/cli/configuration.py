@@ -7,6 +7,7 @@ import typer
 
 if TYPE_CHECKING:
     from gateway.config.load import Loaded
+    from gateway.ipc.plan import GatewayPlan
 
 
 def load_or_exit(config: Path, *, checks_times: bool = True) -> "Loaded":
@@ -25,13 +26,47 @@ def load_or_exit(config: Path, *, checks_times: bool = True) -> "Loaded":
     return loaded
 
 
-def compile_or_exit(loaded: "Loaded") -> None:
-    """Write the compiled form of a configuration into its state folder, or say why not and end with 1."""
+def compile_for_start_or_exit(config: Path) -> None:
+    """Write what the relay starts from, or say why not and end with 1.
+
+    Where the file of a table is bad, and one of that name was good before, that one is used, and it is said.
+    """
+    from gateway.config.last_good import Source, settle
+    from gateway.config.load import load
+    from gateway.config.problems import ConfigErrors
+    from gateway.ipc.compiled_plan import last_plan
+
+    try:
+        loaded = load(config, forgives_tables=True)
+    except ConfigErrors:
+        load_or_exit(config)  # says what is wrong with the tables too
+        raise
+    last = last_plan(loaded.state_folder)
+    settled = settle(loaded, last.plan if last else None, is_start=True)
+    if settled.refused:
+        load_or_exit(config)
+    for warning in loaded.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    for name, reading in loaded.readings.items():
+        for remark in (*reading.problems, *reading.findings.warnings):
+            typer.echo(f"warning: {remark}", err=True)
+        if settled.sources[name] is Source.KEPT:
+            typer.echo(f"warning: {reading.path}: axis {name} starts with the last good table", err=True)
+        elif settled.sources[name] is Source.ABSENT:
+            typer.echo(f"warning: {reading.path}: axis {name} starts without correction", err=True)
+    compile_or_exit(loaded, settled.plan)
+
+
+def compile_or_exit(loaded: "Loaded", plan: "GatewayPlan | None" = None) -> None:
+    """Write the compiled form of a configuration into its state folder, or say why not and end with 1.
+
+    ``plan`` is what it amounts to where that is not what its files say.
+    """
     from gateway.config.compile import compile_into_state
     from gateway.ipc.state_folder import StateError
 
     try:
-        compile_into_state(loaded)
+        compile_into_state(loaded, plan)
     except StateError as error:
         typer.echo(f"{loaded.path}: {error}", err=True)
         raise typer.Exit(1) from None

@@ -98,6 +98,12 @@ def _head() -> list[str]:
         "[gateway]",
         'tables = "tables"          # folder with the .tab files, relative to this file',
         "",
+        "[http]",
+        'listen = "127.0.0.1:8480"  # the page beside the machine; "" for none',
+        "",
+        "# [mqtt]                   # status and events to a broker: docs/mqtt.md",
+        '# host = "127.0.0.1"',
+        "",
         "",
     ]
 

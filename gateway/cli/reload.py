@@ -1,12 +1,17 @@
 """``pitch-gateway reload CONFIG``."""
 
+import contextlib
 import json
+from pathlib import Path
+from typing import Any, Final
 
 import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.commanding import AsJson
 
+PATIENCE_S: Final = 60.0
+"""For the supervisor: tables of a million points take seconds each."""
 WORDS = {
     "next-target": "comes into force with the next different target",
     "blended": "is blended in over the next stretch of setpoints",
@@ -20,11 +25,13 @@ GONE = {
 
 
 def reload(config: Config, *, as_json: AsJson = False) -> None:
-    """Read the tables of CONFIG anew, and give the gateway that runs it those that changed.
+    """Read CONFIG and its tables anew, at once, and give the gateway that runs it what changed.
 
-    All or nothing: with one bad table everything stays as it was. Nothing moves by itself. Only tables are
-    taken while a gateway runs; after any other change of CONFIG it has to be restarted. Without a gateway the
-    tables are kept for its start.
+    A gateway that runs watches its table files by itself; this does not wait until they stand still. Each
+    axis is for itself (a group as one): a bad table leaves what its axis had. Nothing moves by itself. Of
+    CONFIG it takes tables, gains, limits (max_correction, max_slope, travel_margin, budget_us), [http] and
+    [mqtt]; with anything else changed nothing is taken, and what needs a restart is named. Without a gateway
+    everything is kept for its start.
 
     Exit code 1 when anything is wrong; each problem is one line on stderr.
 
@@ -33,28 +40,53 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 
         pitch-gateway reload gateway.toml --json
     """
-    from gateway.supervisor.tables import bring_up_to_date
-
-    outcome = bring_up_to_date(config)
+    outcome = _outcome(config)
+    problems: list[str] = outcome["all_problems"]
     if as_json:
         result = {
-            "changed": list(outcome.comes),
-            "comes": dict(outcome.comes),
-            "problems": list(outcome.problems),
-            "running": outcome.is_running,
+            "changed": list(outcome["comes"]),
+            "comes": outcome["comes"],
+            "gone": outcome["gone"],
+            "keys": outcome["changed"],
+            "problems": problems,
+            "running": outcome["is_running"],
         }
         typer.echo(json.dumps(result))
     else:
-        for axis, comes in outcome.comes.items():
-            if axis in outcome.gone:
-                typer.echo(f"{axis}: it has no table any more; the old correction {GONE[comes]}")
-            else:
-                typer.echo(f"{axis}: its new table {WORDS[comes]}")
-        if not outcome.is_running:
-            typer.echo("no gateway runs: the tables are compiled for its start")
-        elif not outcome.comes and not outcome.problems:
-            typer.echo("nothing to change: all tables are in force already")
-    for problem in outcome.problems:
+        _say(outcome)
+    for problem in problems:
         typer.echo(problem, err=True)
-    if outcome.problems:
+    if problems:
         raise typer.Exit(1)
+
+
+def _outcome(config: Path) -> dict[str, Any]:
+    """Have the supervisor reload, or do it here where none answers."""
+    from gateway.ipc.state_folder import StateError, state_folder
+
+    with contextlib.suppress(StateError):  # what is wrong with it is said by whoever reads the whole of it
+        state = state_folder(config)
+        from gateway.ipc.supervisor_client import NoSupervisorError, ask_supervisor
+
+        with contextlib.suppress(NoSupervisorError):
+            outcome: dict[str, Any] = ask_supervisor(state, "/reload", "POST", PATIENCE_S)
+            return outcome
+    from gateway.supervisor.sights import ignore_broken_leases
+    from gateway.supervisor.tables import Keeper
+
+    ignore_broken_leases()
+    return Keeper(config).reload().as_data()
+
+
+def _say(outcome: dict[str, Any]) -> None:
+    for axis, comes in outcome["comes"].items():
+        if axis in outcome["gone"]:
+            typer.echo(f"{axis}: it has no table any more; the old correction {GONE[comes]}")
+        else:
+            typer.echo(f"{axis}: its new correction {WORDS[comes]}")
+    if outcome["changed"]:
+        typer.echo(f"in force now: {', '.join(outcome['changed'])}")
+    if not outcome["is_running"]:
+        typer.echo("no gateway runs: everything is compiled for its start")
+    elif not outcome["comes"] and not outcome["changed"] and not outcome["all_problems"]:
+        typer.echo("nothing has changed")

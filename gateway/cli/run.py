@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from gateway.cli.arguments import Config
-from gateway.cli.configuration import compile_or_exit, load_or_exit
+from gateway.cli.configuration import compile_for_start_or_exit
 from gateway.ipc.notes import LogFormat
 
 HowToLog = Annotated[
@@ -41,7 +41,7 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
     from gateway.cli.processes import command_of, run_both
     from gateway.ipc.notes import note_writer
 
-    compile_or_exit(load_or_exit(config))
+    compile_for_start_or_exit(config)
     code = run_both(
         command_of("gateway.relay", config, log_format, "--status-every", str(status_every)),
         command_of("gateway.supervisor", config, log_format),

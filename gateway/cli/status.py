@@ -6,36 +6,51 @@ from typing import Annotated
 import typer
 
 from gateway.cli.arguments import Config
-from gateway.cli.commanding import ask_or_exit
+from gateway.cli.configuration import state_folder_or_exit
 
 
 def status(
     config: Config,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print the whole status as JSON.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Go on showing it until Ctrl-C; with --json a line each change.")
+    ] = False,
 ) -> None:
-    """Show what the gateway that runs CONFIG does: one look, which changes nothing.
+    """Show what the gateway that runs CONFIG does: a look, which changes nothing.
 
-    The gateway, its lines with their controllers, its axes with positions in their units, and how long the
-    gateway itself took for their frames (microseconds), beside the budget. ``--json`` has everything;
-    docs/operating.md and docs/latency.md explain the keys.
+    What is wrong and what to do about it, the gateway, its lines with their controllers, its axes with
+    positions in their units, and how long the gateway itself took for their frames (microseconds), beside the
+    budget. ``--json`` has everything; docs/operating.md and docs/latency.md explain the keys.
 
-    Exit code 1 when no gateway runs.
+    Exit code 1 when no gateway runs; 0 after Ctrl-C.
 
     Examples:
         pitch-gateway status gateway.toml
 
+        pitch-gateway status gateway.toml --watch
+
         pitch-gateway status gateway.toml --json | jq .axes.x.latency
     """
-    from gateway.ipc.messages import GetStatus, Status
+    from gateway.cli import looking
+    from gateway.cli.commanding import NoAnswerError
 
-    reply = ask_or_exit(config, GetStatus())
-    assert isinstance(reply, Status), "a request for the status is answered by it"
+    state = state_folder_or_exit(config)
+    try:
+        if watch:
+            looking.watch(looking.looks(config, state), as_json=as_json)
+            return
+        seen = looking.look(config, state)
+    except NoAnswerError as error:
+        typer.echo(f"{config}: {error}", err=True)
+        raise typer.Exit(1) from None
     if as_json:
-        typer.echo(json.dumps(reply.status, indent=2, ensure_ascii=False))
-        return
-    from rich.console import Console
+        typer.echo(json.dumps(seen, indent=2, ensure_ascii=False))
+    else:
+        from rich.console import Console
 
-    from gateway.cli.status_output import show_status
+        from gateway.cli.status_output import show_status
 
-    show_status(Console(highlight=False, soft_wrap=False), reply.status)
+        show_status(Console(highlight=False, soft_wrap=False), seen)
+    if seen["gateway"]["relay"] != "up":
+        raise typer.Exit(1)

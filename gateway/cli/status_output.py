@@ -1,11 +1,12 @@
 """What ``pitch-gateway status`` shows on a terminal: what the status model holds, and nothing else."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 NOT_KNOWN: Final = "–"
 COUNTERS: Final = {
@@ -38,35 +39,59 @@ COLOURS: Final = {
 
 def show_status(console: Console, status: Mapping[str, Any]) -> None:
     """Print a status model."""
-    _show_gateway(console, status["gateway"])
+    for part in status_parts(status):
+        console.print(part)
+
+
+def status_parts(status: Mapping[str, Any]) -> Iterator[RenderableType]:
+    """Yield what shows a status model, from top to bottom: what is wrong, gateway, lines, axes.
+
+    Only the supervisor's model says what is wrong; the relay's own has no ``troubles``.
+    """
+    for trouble in status.get("troubles", ()):
+        yield from _trouble(trouble)
+    if status.get("troubles"):
+        yield ""
+    yield from _gateway(status["gateway"])
     for name, line in status["lines"].items():
-        _show_line(console, name, line)
+        yield from _line(name, line)
     for make in (_positions, _tables, _times) if status["axes"] else ():
-        console.print()
-        console.print(make(status["axes"]))
+        yield ""
+        yield make(status["axes"])
 
 
-def _show_gateway(console: Console, gateway: Mapping[str, Any]) -> None:
+def _trouble(trouble: Mapping[str, str]) -> Iterator[RenderableType]:
+    colour = "red" if trouble["severity"] == "error" else "yellow"
+    what = f"{escape(trouble['where'])}: {escape(trouble['what'])}"
+    yield _words(f"[bold {colour}]{escape(trouble['severity'])}[/] {what}")
+    yield _words(f"  → {escape(trouble['remedy'])}")
+
+
+def _gateway(gateway: Mapping[str, Any]) -> Iterator[RenderableType]:
     compiled = ", compiled" if gateway.get("compiled") else ""
-    console.print(
-        f"[bold]gateway {escape(gateway['name'])}[/] {escape(gateway['version'])}{compiled}, "
-        f"runs for {_span(gateway['uptime_s'])}"
-    )
+    runs = "" if gateway["uptime_s"] is None else f", runs for {_span(gateway['uptime_s'])}"
+    if gateway["relay"] != "up":
+        age_s = gateway["snapshot_age_s"]
+        seen = "" if age_s is None else f"; what follows is {_span(age_s)} old"
+        runs = f", [red]its relay is not running[/]{seen}"
+    yield _words(f"[bold]gateway {escape(gateway['name'])}[/] {escape(gateway['version'])}{compiled}{runs}")
+    if "scheduling" not in gateway:  # nobody has heard from a relay yet
+        return
     scheduling = gateway["scheduling"]
     priority = f"real-time priority {scheduling['fifo']}" if scheduling["fifo"] else "ordinary priority"
     cpus = ", ".join(map(str, scheduling["cpus"]))
     memory = "locked" if scheduling["memory_locked"] else "not locked"
-    console.print(f"  scheduling: {priority}, CPUs {cpus}, memory {memory}")
+    yield _words(f"  scheduling: {priority}, CPUs {cpus}, memory {memory}")
 
 
-def _show_line(console: Console, name: str, line: Mapping[str, Any]) -> None:
+def _line(name: str, line: Mapping[str, Any]) -> Iterator[RenderableType]:
     drives = line["drives"]
     failure = f" ({escape(drives['failure'])})" if drives["failure"] else ""
     place = f"drives {escape(drives['address'])}{failure}"
-    console.print()
-    console.print(f"[bold]line {escape(name)}[/]: {_coloured(line['state'])}, {place}")
+    yield ""
+    yield _words(f"[bold]line {escape(name)}[/]: {_coloured(line['state'])}, {place}")
     counts = [f"{words} {line[key]}" for key, words in COUNTERS.items() if line.get(key) or key in ALWAYS]
-    console.print(f"  {', '.join(counts)}")
+    yield _words(f"  {', '.join(counts)}")
     table = _table("  controller", "role", "connected")
     for heading in ("gateway µs p50", "p99", "max", "computed ms exchange", "round", "time-out"):
         table.add_column(heading, justify="right")
@@ -81,7 +106,11 @@ def _show_line(console: Console, name: str, line: Mapping[str, Any]) -> None:
             *(_number(computed.get(key), 2) for key in ("exchange_ms", "round_ms")),
             f"{computed['timeout_ms']:g}" if "timeout_ms" in computed else NOT_KNOWN,
         )
-    console.print(table)
+    yield table
+
+
+def _words(markup: str) -> Text:
+    return Text.from_markup(markup)
 
 
 def _connected(controller: Mapping[str, Any]) -> str:

@@ -61,6 +61,11 @@ class AxisCompensation:
         self._refuses_outside = settings.outside.kind is OutsideKind.REFUSE
         self._lowest, self._highest = settings.corrected_bounds
 
+    def take_limits(self, settings: AxisSettings) -> None:
+        """Take the limits of other settings that are the same in everything else."""
+        self.settings = settings
+        self._lowest, self._highest = settings.corrected_bounds
+
     @property
     def is_passing(self) -> bool:
         """Whether nothing is corrected and nothing is asked for: words go through as they are."""
@@ -134,9 +139,8 @@ class AxisCompensation:
         """Return the last accepted target as a move: the same correction, and nothing changes with it."""
         assert self.accepted is not None
         nominal_counts, corrected_counts = self.accepted
-        return Move(
-            nominal_counts, corrected_counts - nominal_counts, self.readback.correction_map, self.state
-        )
+        correction_map = self.readback.correction_map
+        return Move(nominal_counts, corrected_counts - nominal_counts, correction_map, self.state)
 
     def touch(self, now_ns: int) -> None:
         """Note that the same setpoint came again: a blend by time stands still meanwhile."""
@@ -155,10 +159,7 @@ class AxisCompensation:
             OutsideTravelError: the corrected position leaves the travel by more than the margin.
         """
         position = self.machine_position(nominal_counts)
-        if self.settings.setpoints is Setpoints.STREAM:
-            state = self._stream(position, now_ns)
-        else:
-            state = self._target(position, place, now_ns)
+        state = self._stream(position, now_ns) if self.is_stream else self._target(position, place, now_ns)
         self._check_covered(state, position)
         correction_map = self.map_of(state)
         correction = correction_map.correction(position)
@@ -286,9 +287,8 @@ class AxisCompensation:
         """Go on where another run of the gateway left off; what is wanted stays."""
         self.state = state
         self.accepted = accepted
-        settings = self.settings
         self.readback = Readback(
-            settings.counts_per_unit, settings.zero_counts, self.map_of(state), anchor_counts, fade
+            self._counts_per_unit, self._zero_counts, self.map_of(state), anchor_counts, fade
         )
         self._standing_counts = None
         self._measure_change()

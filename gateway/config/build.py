@@ -95,7 +95,7 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         added_frames=axis.added_frames is AddedFrames.AUTO,
         exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,
         drive=drive.name if drive is not None and drive.is_shipped else "",
-        table_name="" if table is None else table.path.name,
+        table_name=(axis.table or "") if table is None else table.path.name,
         table_format="" if table is None else table.source.format,
         table_digest="" if table is None else table.source.sha256,
     )

@@ -80,7 +80,7 @@ def _check_drain(findings: Findings, name: str, line: LineSection) -> None:
 
 def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> None:
     for controller in line.controllers:
-        if controller.tcp is None or controller.allow or _is_loopback(controller.tcp.host):
+        if controller.tcp is None or controller.allow or is_loopback(controller.tcp.host):
             continue
         index = line.controllers.index(controller)
         findings.warn(
@@ -107,7 +107,7 @@ def _check_devices(findings: Findings, uses: list[Use]) -> None:
 def _check_addresses(findings: Findings, drives: list[Use], listeners: list[Use]) -> None:
     for i, use in enumerate(drives):
         for other in drives[:i]:
-            if _is_same(use.place, other.place):
+            if is_same(use.place, other.place):
                 findings.refuse(
                     use.key,
                     f"{use.place} is in use by {key_text(other.key)} already",
@@ -115,14 +115,14 @@ def _check_addresses(findings: Findings, drives: list[Use], listeners: list[Use]
                 )
     for i, use in enumerate(listeners):
         for other in listeners[:i]:
-            if _is_same(use.place, other.place, wildcard_hosts=WILDCARDS):
+            if is_same(use.place, other.place, wildcard_hosts=WILDCARDS):
                 findings.refuse(
                     use.key,
                     f"{use.place} is listened on by {key_text(other.key)} already",
                     "give each controller a port of its own",
                 )
         for other in drives:
-            if _is_same(use.place, other.place, wildcard_hosts=WILDCARDS):
+            if is_same(use.place, other.place, wildcard_hosts=WILDCARDS):
                 findings.refuse(
                     use.key,
                     f"{use.place} is the address of {key_text(other.key)}: the gateway would talk to itself",
@@ -130,11 +130,12 @@ def _check_addresses(findings: Findings, drives: list[Use], listeners: list[Use]
                 )
 
 
-def _is_same(
+def is_same(
     one: TcpEndpoint | SerialEndpoint,
     other: TcpEndpoint | SerialEndpoint,
     wildcard_hosts: frozenset[str] = frozenset(),
 ) -> bool:
+    """Whether both are one TCP address; ``wildcard_hosts`` stand for every address of this machine."""
     if isinstance(one, SerialEndpoint) or isinstance(other, SerialEndpoint) or one.port != other.port:
         return False
     hosts = (_canonical(one.host), _canonical(other.host))
@@ -143,7 +144,7 @@ def _is_same(
     for host, against in (hosts, hosts[::-1]):
         # A listener on every address of this machine takes its loopback address too.
         if host in wildcard_hosts and (":" in host) == (":" in against):
-            return against in WILDCARDS or _is_loopback(against)
+            return against in WILDCARDS or is_loopback(against)
     return False
 
 
@@ -154,7 +155,8 @@ def _canonical(host: str) -> str:
         return "127.0.0.1" if host.lower() == "localhost" else host.lower()
 
 
-def _is_loopback(host: str) -> bool:
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches a listener at ``host``."""
     try:
         return ip_address(_canonical(host)).is_loopback
     except ValueError:

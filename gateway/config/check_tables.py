@@ -1,7 +1,5 @@
 """Whether the table of an axis goes with the other keys of the axis."""
 
-from collections.abc import Mapping
-
 from gateway.compensation.backlash import with_backlash
 from gateway.compensation.correction_spec import reversal_in_force, spec_of_table
 from gateway.compensation.curve import check_closes
@@ -18,22 +16,18 @@ ROUNDING = 1e-9
 """Share of a limit by which decimal fractions and conversions may exceed it."""
 
 
-def check_tables(
-    findings: Findings, axes: Mapping[str, AxisSection], tables: Mapping[str, AxisTable]
-) -> None:
-    """Check every axis that has a table against it."""
-    for name, found in tables.items():
-        axis = axes[name]
-        path = ("axis", name)
-        settings = settings_of(axis)
-        table = _check_backlash(findings, path, settings, found.table)
-        _check_turn(findings, path, settings, table)
-        _check_outside(findings, path, settings, table)
-        _check_hysteresis(findings, path, axis, settings, table)
-        _check_reversal(findings, path, settings, table)
-        _check_direction(findings, path, axis, table)
-        _check_coverage(findings, path, settings, table)
-        _check_the_rest(findings, path, settings, found.table)
+def check_table(findings: Findings, name: str, axis: AxisSection, found: AxisTable) -> None:
+    """Check an axis against its table."""
+    path = ("axis", name)
+    settings = settings_of(axis)
+    table = _check_backlash(findings, path, settings, found.table)
+    _check_turn(findings, path, settings, table)
+    _check_outside(findings, path, settings, table)
+    _check_hysteresis(findings, path, axis, settings, table)
+    _check_reversal(findings, path, settings, table)
+    _check_direction(findings, path, axis, table)
+    _check_coverage(findings, path, settings, table)
+    _check_the_rest(findings, path, settings, found.table)
 
 
 def _check_backlash(

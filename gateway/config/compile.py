@@ -1,20 +1,41 @@
-"""A good configuration into the state folder, in the form that the relay starts from."""
+"""A configuration into the state folder, in the form that the relay starts from."""
 
 import hashlib
+import json
+from collections.abc import Iterator
+from typing import Any
 
 from gateway.config.load import Loaded
+from gateway.config.problems import key_text
+from gateway.config.toml_lines import KeyPath
 from gateway.ipc.compiled_plan import write_plan
 from gateway.ipc.folder_problems import problem_of
+from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.state_folder import StateError
 
 
-def compile_into_state(loaded: Loaded) -> dict[str, bytes]:
-    """Write the plan and the tables of a configuration; returns the compiled tables by axis.
+def compile_into_state(loaded: Loaded, plan: GatewayPlan | None = None) -> dict[str, bytes]:
+    """Write a plan and its tables, and what they were made from; returns the compiled tables by axis.
+
+    ``plan`` is what the configuration amounts to (``last_good.settle``); without it, what it says.
 
     Raises:
         StateError: the state folder cannot be written, or a profile was removed meanwhile; with the remedy.
     """
-    sources = {str(loaded.path.resolve()): loaded.sha256}
+    sources = sources_of(loaded)
+    try:
+        return write_plan(loaded.state_folder, plan or loaded.plan, sources, loaded.document.text)
+    except OSError as error:
+        raise StateError(f"gateway.state: {problem_of(error, loaded.state_folder)}") from None
+
+
+def sources_of(loaded: Loaded) -> dict[str, str]:
+    """Return the files that a plan is made from, by absolute path, with the SHA-256 of each; tables are not.
+
+    Raises:
+        StateError: a profile was removed meanwhile.
+    """
+    sources = {str(loaded.path.resolve()): loaded.document.sha256}
     try:
         for drive in loaded.drives.values():
             if not drive.is_shipped:
@@ -22,7 +43,21 @@ def compile_into_state(loaded: Loaded) -> dict[str, bytes]:
                 sources[str(profile)] = hashlib.sha256(profile.read_bytes()).hexdigest()
     except OSError as error:
         raise StateError(f"{error.filename}: {error.strerror or error}; it was there a moment ago") from None
-    try:
-        return write_plan(loaded.state_folder, loaded.plan, sources)
-    except OSError as error:
-        raise StateError(f"gateway.state: {problem_of(error, loaded.state_folder)}") from None
+    return sources
+
+
+def keys_of(tables: Any) -> dict[str, str]:
+    """Return what a document says, each value by its key, so that two of them can be compared.
+
+    >>> keys_of({"axis": {"x": {"gain": 0.5, "travel": [0, 10]}}})
+    {'axis.x.gain': '0.5', 'axis.x.travel[1]': '0', 'axis.x.travel[2]': '10'}
+    """
+    return {key_text(path): json.dumps(value, default=str) for path, value in _leaves(tables, ())}
+
+
+def _leaves(here: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
+    pairs = here.items() if isinstance(here, dict) else enumerate(here) if isinstance(here, list) else ()
+    if not isinstance(here, dict | list) or not here:
+        yield path, here
+    for key, value in pairs:
+        yield from _leaves(value, (*path, key))

@@ -29,6 +29,7 @@ class Document:
     lines: KeyLines
     sha256: str = ""
     """Of the bytes of the file."""
+    text: str = ""
 
 
 def read_document(path: Path, what: str = "a configuration file") -> Document:
@@ -37,7 +38,15 @@ def read_document(path: Path, what: str = "a configuration file") -> Document:
     Raises:
         ConfigErrors: the file cannot be read, is no text, or is not TOML; with line and column.
     """
-    text, sha256 = _read_text(path, what)
+    return parse_document(path, *_read_text(path, what))
+
+
+def parse_document(path: Path, text: str, sha256: str = "") -> Document:
+    """Read the text of a TOML file that stands, or stood, at ``path``.
+
+    Raises:
+        ConfigErrors: it is not TOML; with line and column.
+    """
     try:
         tables = tomllib.loads(text)
     except RecursionError:
@@ -46,7 +55,7 @@ def read_document(path: Path, what: str = "a configuration file") -> Document:
         ) from None
     except ValueError as error:
         raise _syntax_error(path, text, error) from None
-    return Document(path, tables, key_lines(text), sha256)
+    return Document(path, tables, key_lines(text), sha256, text)
 
 
 def _read_text(path: Path, what: str) -> tuple[str, str]:

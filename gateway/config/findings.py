@@ -14,17 +14,18 @@ class Findings:
     document: Document
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
-    _refused: set[KeyPath] = field(default_factory=set)
+    refused: set[KeyPath] = field(default_factory=set)
+    """Keys that something was wrong with."""
     _lines_of: dict[KeyPath, KeyPath] = field(default_factory=dict)
 
     def refuse(self, path: KeyPath, found: str, remedy: str) -> None:
         """Note a problem of the key at ``path``."""
-        self._refused.add(path)
+        self.refused.add(path)
         self.problems.append(self._problem(path, found, remedy))
 
     def refuse_elsewhere(self, path: KeyPath, problem: Problem) -> None:
         """Note a problem in another file, which the key at ``path`` names."""
-        self._refused.add(path)
+        self.refused.add(path)
         self.problems.append(problem)
 
     def warn(self, path: KeyPath, found: str, remedy: str) -> None:
@@ -33,7 +34,20 @@ class Findings:
 
     def is_refused(self, path: KeyPath) -> bool:
         """Whether this key, something in it or a table around it was refused already."""
-        return any(path[: len(other)] == other or other[: len(path)] == path for other in self._refused)
+        return any(path[: len(other)] == other or other[: len(path)] == path for other in self.refused)
+
+    def part(self) -> "Findings":
+        """Return findings of the same document for a part of it, to be looked at by themselves.
+
+        What has been refused so far counts there too; :meth:`include` brings the part's own back.
+        """
+        return Findings(self.document, refused=set(self.refused), _lines_of=self._lines_of)
+
+    def include(self, part: "Findings") -> None:
+        """Take over what was found in a part."""
+        self.problems += part.problems
+        self.warnings += part.warnings
+        self.refused |= part.refused
 
     def raise_if_any(self) -> None:
         """Raise everything at once, in the order of the file.

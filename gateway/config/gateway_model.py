@@ -1,12 +1,13 @@
-"""``[gateway]``, ``[http]`` and ``[mqtt]``."""
+"""``[gateway]`` and ``[http]``."""
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from gateway.config.values import Name
+from gateway.config.values import ADDRESS_RULE, Name, parse_address
 from gateway.drives.strict import StrictModel
 from gateway.ipc.state_folder import DEFAULT_STATE
+from gateway.transport.endpoints import TcpEndpoint
 
 Folder = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
 
@@ -25,20 +26,29 @@ class GatewaySection(StrictModel):
     )
 
 
+def check_listen(text: str) -> str:
+    """Check the address of the status page; empty for none.
+
+    Raises:
+        ValueError: it is neither an address nor empty.
+    """
+    if text:
+        try:
+            parse_address(text)
+        except ValueError as error:
+            rule = f'{ADDRESS_RULE}; or "" for none'
+            raise ValueError(rule if str(error) == ADDRESS_RULE else f'{error}; or "" for none') from None
+    return text
+
+
 class HttpSection(StrictModel):
     """The status page."""
 
-    listen: str = Field(default="127.0.0.1:8480", description='address of the page, "" for none')
-
-
-class MqttSection(StrictModel):
-    """The broker that status is published to."""
-
-    host: Annotated[str, Field(min_length=1)] = Field(default="127.0.0.1", description="the broker")
-    port: Annotated[int, Field(ge=1, le=65535)] = Field(default=1883, description="the broker's port")
-    base_topic: Annotated[str, Field(min_length=1)] = Field(
-        default="pitch-gateway", description="what every topic begins with"
+    listen: Annotated[str, AfterValidator(check_listen)] = Field(
+        default="127.0.0.1:8480", description='address of the page, "" for none'
     )
-    interval_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(
-        default=0.5, description="seconds between two messages of an axis"
-    )
+
+    @property
+    def endpoint(self) -> TcpEndpoint | None:
+        """Where the page is; None where it is off."""
+        return TcpEndpoint(*parse_address(self.listen)) if self.listen else None

@@ -10,28 +10,30 @@ from gateway.config.check_axes import check_axes
 from gateway.config.check_budget import check_budget
 from gateway.config.check_drives import check_drives
 from gateway.config.check_groups import check_groups
+from gateway.config.check_http import check_http
 from gateway.config.check_late import check_late
 from gateway.config.check_lines import check_lines
 from gateway.config.check_motion import check_motion
+from gateway.config.check_mqtt import check_mqtt
 from gateway.config.check_references import check_references
 from gateway.config.check_roles import check_roles
 from gateway.config.check_state import check_state
-from gateway.config.check_tables import check_tables
 from gateway.config.check_ways import check_ways
 from gateway.config.document import Document, read_document
 from gateway.config.drive_files import NamedProfile, fit_drives
 from gateway.config.findings import Findings
 from gateway.config.not_built import refuse_what_is_not_built
 from gateway.config.problems import Problem, in_file_order
+from gateway.config.readings import TableReading, read_tables
 from gateway.config.sections import Sections, read_sections
-from gateway.config.tables import AxisTable, read_tables
+from gateway.config.tables import AxisTable
 from gateway.config.toml_lines import key_lines
 from gateway.ipc.plan import GatewayPlan
 
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A configuration in which nothing is wrong."""
+    """A configuration in which nothing is wrong; but see :func:`load` for its tables."""
 
     path: Path
     plan: GatewayPlan
@@ -39,26 +41,69 @@ class Loaded:
     state_folder: Path
     tables: Mapping[str, AxisTable]
     """The table of each axis that has one, with the file it came from."""
+    readings: Mapping[str, TableReading]
+    """What became of the table of each axis that names one."""
     warnings: tuple[Problem, ...]
     drives: Mapping[str, NamedProfile]
     """The profile of each axis that names one."""
-    sha256: str
-    """Of the configuration file."""
+    document: Document
+    """What it says, as TOML has it."""
+    sections: Sections
 
 
-def load(path: Path, *, checks_times: bool = True) -> Loaded:
-    """Read, check and build a configuration with all its tables.
-
-    Without ``checks_times`` nothing is said about limits that the arithmetic of time proves wrong.
+def load(path: Path, *, checks_times: bool = True, forgives_tables: bool = False) -> Loaded:
+    """Do what :func:`load_document` does with a file.
 
     Raises:
         ConfigErrors: everything that is wrong with it, at once.
     """
-    findings = Findings(read_document(path))
+    document = read_document(path)
+    return load_document(document, checks_times=checks_times, forgives_tables=forgives_tables)
+
+
+def load_document(document: Document, *, checks_times: bool = True, forgives_tables: bool = False) -> Loaded:
+    """Read, check and build a configuration with all its tables.
+
+    Without ``checks_times`` nothing is said about limits that the arithmetic of time proves wrong. With
+    ``forgives_tables`` what is wrong with tables only stays in their readings, and their axes have none.
+
+    Raises:
+        ConfigErrors: everything that is wrong with it, at once.
+    """
+    findings = Findings(document)
     sections, drives = _check_but_tables(findings)
+    check_mqtt(findings, sections.mqtt, document.path.parent)
+    return _with_tables(
+        findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables
+    )
+
+
+def reread_tables(loaded: Loaded) -> Loaded:
+    """Return a configuration with its tables as their files are now; what is wrong stays in their readings.
+
+    The configuration file itself is not looked at.
+
+    Raises:
+        ConfigErrors: the state folder cannot be used any more.
+    """
+    findings = Findings(loaded.document)
+    return _with_tables(findings, loaded.sections, loaded.drives, checks_times=False, forgives_tables=True)
+
+
+def _with_tables(
+    findings: Findings,
+    sections: Sections,
+    drives: Mapping[str, NamedProfile],
+    *,
+    checks_times: bool,
+    forgives_tables: bool,
+) -> Loaded:
+    path = findings.document.path
     tables_folder = path.parent / sections.gateway.tables
-    tables = read_tables(findings, sections, tables_folder)
-    check_tables(findings, sections.axes, tables)
+    readings = read_tables(findings, sections, tables_folder)
+    for reading in () if forgives_tables else readings.values():
+        findings.include(reading.findings)
+    tables = {name: reading.table for name, reading in readings.items() if reading.table is not None}
     check_state(findings, path.parent / sections.gateway.state)
     if checks_times:
         check_budget(findings, sections, tables, drives)
@@ -69,9 +114,11 @@ def load(path: Path, *, checks_times: bool = True) -> Loaded:
         tables_folder=tables_folder,
         state_folder=path.parent / sections.gateway.state,
         tables=tables,
+        readings=readings,
         warnings=in_file_order(findings.warnings, str(path)),
         drives=drives,
-        sha256=findings.document.sha256,
+        document=findings.document,
+        sections=sections,
     )
 
 
@@ -91,6 +138,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     refuse_what_is_not_built(findings)
     check_ways(findings)
     check_lines(findings, sections.lines)
+    check_http(findings, sections.http, sections.lines)
     check_axes(findings, sections)
     check_references(findings, sections)
     check_motion(findings, sections)

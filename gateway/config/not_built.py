@@ -3,7 +3,7 @@
 Everything named here is refused: a key that would be ignored could move a machine to the wrong place.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,31 +11,16 @@ from gateway.config.findings import Findings
 from gateway.config.toml_lines import KeyPath
 
 
-def _always(_found: Any) -> bool:
-    return True
-
-
-def _is_listening(found: Any) -> bool:
-    return not (isinstance(found, Mapping) and found.get("listen") == "")
-
-
 @dataclass(frozen=True, slots=True)
 class NotBuilt:
-    """One thing that is refused: where it stands (``*`` for any name), what it is, what to do instead.
-
-    ``key`` is what to name below the place looked at, where several keys are looked at together.
-    """
+    """One thing that is refused: where it stands (``*`` for any name), what it is, what to do instead."""
 
     place: str
     what: str
     instead: str
-    applies: Callable[[Any], bool] = _always
-    key: str = ""
 
 
 NOT_BUILT: Final = (
-    NotBuilt("http", "the status page is", 'leave [http] out or set listen = ""', _is_listening, "listen"),
-    NotBuilt("mqtt", "publishing over MQTT is", "leave [mqtt] out"),
     NotBuilt(
         "axis.*.table_options.fagor_sense",
         "reading Fagor tables is",
@@ -47,15 +32,13 @@ NOT_BUILT: Final = (
 def refuse_what_is_not_built(findings: Findings) -> None:
     """Refuse every key of the document that this release cannot honour."""
     for entry in NOT_BUILT:
-        for path, found in _find(findings.document.tables, tuple(entry.place.split("."))):
-            if entry.applies(found):
-                key = (*path, entry.key) if entry.key else path
-                findings.refuse(key, f"{entry.what} not built yet", entry.instead)
+        for path in _find(findings.document.tables, tuple(entry.place.split("."))):
+            findings.refuse(path, f"{entry.what} not built yet", entry.instead)
 
 
-def _find(here: Any, place: tuple[str, ...], path: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:
+def _find(here: Any, place: tuple[str, ...], path: KeyPath = ()) -> Iterator[KeyPath]:
     if not place:
-        yield path, here
+        yield path
     elif not isinstance(here, Mapping):
         return
     elif place[0] == "*":

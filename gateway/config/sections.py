@@ -10,8 +10,9 @@ from pydantic import ValidationError
 from gateway.config.axis_model import AxisSection, GroupSection
 from gateway.config.explain import existing, explain, suggest
 from gateway.config.findings import Findings
-from gateway.config.gateway_model import GatewaySection, HttpSection, MqttSection
+from gateway.config.gateway_model import GatewaySection, HttpSection
 from gateway.config.line_model import LineSection
+from gateway.config.mqtt_model import MqttSection
 from gateway.config.problems import shown
 from gateway.config.relay_model import RelaySection
 from gateway.config.toml_lines import KeyPath
@@ -46,6 +47,9 @@ class Sections:
 
     gateway: GatewaySection = field(default_factory=GatewaySection)
     relay: RelaySection = field(default_factory=RelaySection)
+    http: HttpSection = field(default_factory=HttpSection)
+    mqtt: MqttSection | None = None
+    """None: nothing is published."""
     lines: dict[str, LineSection] = field(default_factory=dict)
     axes: dict[str, AxisSection] = field(default_factory=dict)
     partial_axes: dict[str, AxisSection] = field(default_factory=dict)
@@ -67,6 +71,10 @@ def read_sections(findings: Findings) -> Sections:
                 sections.gateway = section
             elif isinstance(section, RelaySection):
                 sections.relay = section
+            elif isinstance(section, HttpSection):
+                sections.http = section
+            elif isinstance(section, MqttSection):
+                sections.mqtt = section
     if "line" not in tables:
         findings.refuse(("line",), "missing", "needed: at least one [line.NAME], a bus of drives")
     sections.lines = read_named(findings, "line", LineSection)

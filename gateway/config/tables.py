@@ -9,11 +9,11 @@ from gateway.compensation.table import CorrectionTable
 from gateway.config.axis_model import AxisSection
 from gateway.config.findings import Findings
 from gateway.config.problems import Problem, key_text
-from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.toml_lines import KeyPath
 from gateway.tabfile import (
     FileContext,
+    FoundTable,
     LoadedTable,
     Severity,
     TabFileError,
@@ -35,24 +35,11 @@ class AxisTable:
     path: Path
 
 
-def read_tables(findings: Findings, sections: Sections, folder: Path) -> dict[str, AxisTable]:
-    """Read the table of every axis that names one; what is wrong goes to ``findings``."""
-    tables: dict[str, AxisTable] = {}
-    for name, axis in (sections.axes | sections.partial_axes).items():
-        if axis.table is None:
-            continue
-        key = ("axis", name, "table")
-        path = _find(findings, key, folder, axis.table)
-        # Without its scale and units an axis cannot say what a table means; that it is there can be said.
-        if path is None or name in sections.partial_axes:
-            continue
-        table = _read(findings, key, path, axis, name)
-        if table is not None:
-            tables[name] = table
-    return tables
+def find_file(findings: Findings, key: KeyPath, folder: Path, name: str) -> FoundTable | None:
+    """Return where a table file is, or that it is not; None where that cannot be told.
 
-
-def _find(findings: Findings, key: KeyPath, folder: Path, name: str) -> Path | None:
+    Whatever keeps it from being read goes to ``findings``; that it was switched off is a warning.
+    """
     if not name or "\0" in name or Path(name).name != name:
         findings.refuse(
             key, f'found "{name}"', "allowed: the name of a file in the tables folder, without a path"
@@ -64,14 +51,12 @@ def _find(findings: Findings, key: KeyPath, folder: Path, name: str) -> Path | N
         remedy = "put the tables there, or correct [gateway] tables: it is relative to the configuration file"
         findings.refuse(key, f"{error.file}: {error.found}", remedy)
         return None
-    if found.state is TableState.PRESENT:
-        return found.path
     if found.state is TableState.OFF:
-        what = f"{name} was renamed to {found.path.name}: switching a table off by its name is not built yet"
-        findings.refuse(key, what, 'rename it back and use compensation = "off"')
-        return None
-    findings.refuse(key, f"there is no {name} in {folder}", _near(folder, name))
-    return None
+        what = f"{name} was renamed to {found.path.name}: the axis is not corrected"
+        findings.warn(key, what, "rename it back to correct it again")
+    elif found.state is TableState.MISSING:
+        findings.refuse(key, f"there is no {name} in {folder}", _near(folder, name))
+    return found
 
 
 def _near(folder: Path, name: str) -> str:
@@ -83,7 +68,8 @@ def _near(folder: Path, name: str) -> str:
     return f"it holds {', '.join(tables[:10])}" if tables else "put the table file there"
 
 
-def _read(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, name: str) -> AxisTable | None:
+def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, name: str) -> AxisTable | None:
+    """Return the table of an axis; what is wrong with the file goes to ``findings``."""
     try:
         loaded = inspect_table(path, context_of(axis, name))
     except TabFileError as error:

@@ -9,6 +9,7 @@ from gateway.compensation.errors import CompensationError
 from gateway.compensation.settings import Gain, Setpoints
 from gateway.compensation.table import CorrectionTable
 from gateway.exchange.axis import AxisExchange
+from gateway.exchange.plan import AxisPlan
 
 ROUNDING: Final = 1e-9
 """Share of a limit by which decimal fractions and conversions may exceed it."""
@@ -26,6 +27,22 @@ class TableChange:
     name: str
     format: str
     digest: str
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of one axis that it can be given while it runs; lengths in its units."""
+
+    max_correction: float
+    max_slope: float
+    travel_margin: float
+    budget_us: float
+
+
+def limits_of(plan: AxisPlan) -> Limits:
+    """Return the limits of an axis."""
+    settings = plan.settings
+    return Limits(settings.max_correction, settings.max_slope, settings.travel_margin, plan.budget_us)
 
 
 class ControlError(Exception):
@@ -107,16 +124,41 @@ def clear_table(axes: Sequence[AxisExchange], name: str) -> dict[str, str]:
     return {axis.plan.name: _comes(axis) for axis in members}
 
 
-def set_gain(axes: Sequence[AxisExchange], name: str, gain: Gain) -> dict[str, str]:
+def set_gain(
+    axes: Sequence[AxisExchange], name: str, gain: Gain, *, is_alone: bool = False
+) -> dict[str, str]:
     """Apply another share of the tables of an axis and its whole group; return how each comes into force.
+
+    ``is_alone``: of this axis only. The axes of a group may be configured with different gains.
 
     Raises:
         ControlError: no such axis.
     """
-    members = [axis for axis in _group_of(axes, name) if axis.plan.settings.gain != gain]
+    group = _group_of(axes, name)[: 1 if is_alone else None]
+    members = [axis for axis in group if axis.plan.settings.gain != gain]
     for axis in members:
         axis.adopt(replace(axis.plan, settings=replace(axis.plan.settings, gain=gain)))
     return {axis.plan.name: _comes(axis) for axis in members}
+
+
+def set_limits(axes: Sequence[AxisExchange], name: str, limits: Limits) -> tuple[str, ...]:
+    """Give an axis other limits, from now on; return its name where they were others.
+
+    Raises:
+        ControlError: no such axis.
+    """
+    axis = _group_of(axes, name)[0]
+    if limits_of(axis.plan) == limits:
+        return ()
+    settings = replace(
+        axis.plan.settings,
+        max_correction=limits.max_correction,
+        max_slope=limits.max_slope,
+        travel_margin=limits.travel_margin,
+    )
+    axis.plan = replace(axis.plan, settings=settings, budget_us=limits.budget_us)
+    axis.compensation.take_limits(settings)
+    return (name,)
 
 
 def _check_fits(axis: AxisExchange, table: CorrectionTable) -> None:

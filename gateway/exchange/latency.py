@@ -50,20 +50,42 @@ def middle_ns(bucket: int) -> int:
     return low + (1 << shift) // 2
 
 
-def percentiles_ns(counts: Sequence[int], shares: Sequence[float]) -> list[int]:
+def running_totals(counts: Sequence[int]) -> list[int]:
+    """Return how many times lie in each bucket or below it: the one walk that all figures need.
+
+    >>> running_totals([1, 0, 2])
+    [1, 1, 3]
+    """
+    return list(accumulate(counts))
+
+
+def percentiles_ns(totals: Sequence[int], shares: Sequence[float]) -> list[int]:
     """Return the time that each share (0 to 1) of all counted ones does not exceed; 0 of none.
 
     >>> counts = [0] * BUCKETS
     >>> for ns in range(1, 101):
     ...     counts[bucket_of(ns)] += 1
-    >>> percentiles_ns(counts, (0.5, 0.99, 1.0))
+    >>> percentiles_ns(running_totals(counts), (0.5, 0.99, 1.0))
     [50, 99, 100]
     """
-    below = list(accumulate(counts))
-    total = below[-1]
+    total = totals[-1]
     if not total:
         return [0] * len(shares)
-    return [middle_ns(bisect_left(below, max(1, share * total))) for share in shares]
+    return [middle_ns(bisect_left(totals, max(1, share * total))) for share in shares]
+
+
+def below_bounds(totals: Sequence[int], bounds_ns: Sequence[int]) -> list[int]:
+    """Return how many times do not exceed each bound, and how many there are.
+
+    Exact but for times within 1.6 % of a bound, which share its bucket.
+
+    >>> counts = [0] * BUCKETS
+    >>> for ns in (5, 10, 11, 1000):
+    ...     counts[bucket_of(ns)] += 1
+    >>> below_bounds(running_totals(counts), (10, 100))
+    [2, 3, 4]
+    """
+    return [*(totals[bucket_of(bound)] for bound in bounds_ns), totals[-1]]
 
 
 class HighMark:

@@ -10,16 +10,20 @@ from collections.abc import Callable, Mapping, Sequence
 from operator import add
 from typing import Final
 
-from gateway.exchange.latency import percentiles_ns
+from gateway.exchange.latency import below_bounds, percentiles_ns, running_totals
 from gateway.exchange.meter import LineMeter, Measured
 from gateway.times import NS_PER_S, NS_PER_US
 
 SHARES: Final = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
+BOUNDS_US: Final = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+"""Of the histogram of gateway time that the status shows; the budget lies in the middle of them."""
 STEPS: Final = 3
 """So many steps are taken each time: a walk through the buckets, or the adding of one pair; 60 µs at most."""
 AT_FIRST: Final = 12
 """So many figures that nothing has to be added up for are worked out at once, the first time that they are
 wanted; the others are null until it is their turn."""
+
+BOUNDS_NS: Final = tuple(int(bound_us * NS_PER_US) for bound_us in BOUNDS_US)
 
 Figures = Mapping[str, float | None]
 UNKNOWN: Final[Figures] = dict.fromkeys(("p50", "p99", "p999"))
@@ -45,6 +49,8 @@ class LatencyStatus:
     def __init__(self, meter: LineMeter) -> None:
         self._meter = meter
         self._figures: dict[Key, Figures] = {}
+        self._below: dict[Key, list[int]] = {}
+        """Gateway times up to each of :data:`BOUNDS_US`, and all; by line or axis."""
         self._turn: deque[Key] = deque()
         self._at_first = AT_FIRST
         self._pairs: dict[tuple[str, str], list[Measured]] = {}
@@ -86,10 +92,12 @@ class LatencyStatus:
     def _shown(self, kind: str, name: str) -> dict[str, object]:
         shown: dict[str, object] = {part: self._of((kind, name, part)) for part in PARTS}
         marks = [measured.high for measured in self._pairs_of(kind, name)]
+        key = (kind, name, "gateway_us")
         shown["gateway_us"] = {
-            **self._of((kind, name, "gateway_us")),
+            **self._of(key),
             "max": round(max((mark.ever_ns for mark in marks), default=0) / NS_PER_US, 1),
             "max_minute": round(max((mark.minute_ns for mark in marks), default=0) / NS_PER_US, 1),
+            **({"below": self._below[key]} if key in self._below else {}),
         }
         return shown
 
@@ -99,7 +107,7 @@ class LatencyStatus:
         columns = self._columns(key)
         if len(columns) > 1 or self._at_first:
             self._turn.append(key)
-            self._figures[key] = UNKNOWN if len(columns) > 1 else _figures(columns)
+            self._figures[key] = UNKNOWN if len(columns) > 1 else self._worked_out(key, columns)
             self._at_first -= len(columns) <= 1
             return self._figures[key]
         return UNKNOWN
@@ -110,14 +118,24 @@ class LatencyStatus:
         if not self._to_add:
             columns = self._columns(key)
             if len(columns) <= 1:
-                self._figures[key] = _figures(columns)
+                self._figures[key] = self._worked_out(key, columns)
                 self._turn.rotate(-1)
                 return
             self._sum, self._to_add = columns[0], deque(columns[1:])
         self._sum = list(map(add, self._sum, self._to_add.popleft()))
         if not self._to_add:
-            self._figures[key] = _figures([self._sum])
+            self._figures[key] = self._worked_out(key, [self._sum])
             self._turn.rotate(-1)
+
+    def _worked_out(self, key: Key, columns: Sequence[Sequence[int]]) -> Figures:
+        """Return the percentiles, 0 of none; of the gateway time of lines and axes keep the histogram too."""
+        if not columns:
+            return dict.fromkeys(SHARES, 0.0)
+        totals = running_totals(columns[0])
+        if key[0] != "controller" and key[2] == "gateway_us":
+            self._below[key] = below_bounds(totals, BOUNDS_NS)
+        found = percentiles_ns(totals, tuple(SHARES.values()))
+        return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}
 
     def _columns(self, key: Key) -> list[list[int]]:
         kind, name, part = key
@@ -137,9 +155,3 @@ class LatencyStatus:
                 if kind == "line" or (kind == "controller" and controller == name) or unit == unit_id
             ]
         return self._pairs[kind, name]
-
-
-def _figures(columns: Sequence[Sequence[int]]) -> Figures:
-    """Return the percentiles of the only column, 0 where there is none."""
-    found = percentiles_ns(columns[0], tuple(SHARES.values())) if columns else [0] * len(SHARES)
-    return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}

@@ -19,10 +19,12 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.latency import BUCKETS, OCTAVE, SUB_BITS, HighMark, bucket_of
 from gateway.exchange.life import Exchange
 from gateway.exchange.ports import ControllerPort, DriveLink
-from gateway.times import NS_PER_US
+from gateway.times import NS_PER_S, NS_PER_US
 
 WITHIN_TO_END: Final = 100
-"""So many exchanges in a row within the budget end an overrun."""
+"""So many exchanges in a row within the budget end an overrun, when they also lasted ``CALM_NS``."""
+CALM_NS: Final = 10 * NS_PER_S
+"""A busy machine exceeds a budget every second; told each time, it would push all other events out."""
 RTU_OVERHEAD: Final = 3
 """Bytes of an RTU frame beside its PDU: unit id and check sum."""
 MOST_PAIRS: Final = 128
@@ -54,7 +56,7 @@ class Measured:
 class AxisBudget:
     """The budget of one axis, and how it is kept."""
 
-    __slots__ = ("axis", "budget_ns", "is_over", "overruns", "unit_id", "within")
+    __slots__ = ("axis", "budget_ns", "exceeded_ns", "is_over", "overruns", "unit_id", "within")
 
     def __init__(self, axis: AxisExchange) -> None:
         self.axis = axis.plan.name
@@ -64,6 +66,8 @@ class AxisBudget:
         self.is_over = False
         self.within = 0
         """Exchanges since the last overrun, while it lasts."""
+        self.exceeded_ns = 0
+        """When the last overrun was."""
 
 
 class LineMeter:
@@ -94,6 +98,12 @@ class LineMeter:
     def overruns(self) -> int:
         """Exchanges that took longer than the budget of their axis."""
         return sum(budget.overruns for budget in self.axes.values())
+
+    def set_budget(self, axis: str, budget_us: float) -> None:
+        """Hold an axis against another budget from now on."""
+        self.axes[axis].budget_ns = int(budget_us * NS_PER_US)
+        for key, measured in self.measured.items():
+            measured.budget_ns = self._smallest_ns(key)
 
     def turn(self, now_ns: int) -> None:
         """Let high marks of the last minute grow old; to be called every few seconds."""
@@ -137,9 +147,14 @@ class LineMeter:
         """Return where a new pair is measured."""
         key = (controller, unit_id) if len(self.measured) < MOST_PAIRS else OTHERS
         if key not in self.measured:
-            budgets = [budget.budget_ns for budget in self.axes.values() if budget.unit_id == unit_id]
-            self.measured[key] = Measured(min(budgets, default=NO_BUDGET))
+            self.measured[key] = Measured(self._smallest_ns(key))
         return self.measured[key]
+
+    def _smallest_ns(self, key: Key) -> int:
+        """Return the smallest budget of the axes of a pair's unit id."""
+        is_any, unit_id = key == OTHERS, key[1]
+        budgets = [budget.budget_ns for budget in self.axes.values() if is_any or budget.unit_id == unit_id]
+        return min(budgets, default=NO_BUDGET)
 
     def _note_waiting(self, exchange: Exchange, measured: Measured) -> None:
         """Note what came between a request's arrival and its turn."""
@@ -157,10 +172,11 @@ class LineMeter:
             if gateway_ns > budget.budget_ns:
                 budget.overruns += 1
                 budget.within = 0
+                budget.exceeded_ns = reply_ns
                 if not budget.is_over:
                     self._exceeded(budget, exchange, port, reply_ns)
             elif budget.is_over:
-                self._kept(budget)
+                self._kept(budget, reply_ns)
 
     def _exceeded(self, budget: AxisBudget, exchange: Exchange, port: ControllerPort, reply_ns: int) -> None:
         budget.is_over = True
@@ -181,10 +197,10 @@ class LineMeter:
         )
         self._on_event(Event(EventKind.BUDGET_OVERRUN, budget.axis, detail))
 
-    def _kept(self, budget: AxisBudget) -> None:
+    def _kept(self, budget: AxisBudget, now_ns: int) -> None:
         budget.within += 1
-        if budget.within >= WITHIN_TO_END:
+        if budget.within >= WITHIN_TO_END and now_ns - budget.exceeded_ns >= CALM_NS:
             budget.is_over = False
             self._axes_over -= 1
-            detail = f"{WITHIN_TO_END} exchanges in a row within budget_us; {budget.overruns} over it so far"
+            detail = f"{budget.within} exchanges in a row within budget_us; {budget.overruns} over it so far"
             self._on_event(Event(EventKind.BUDGET_KEPT, budget.axis, detail))

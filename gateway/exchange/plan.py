@@ -1,11 +1,11 @@
 """What the exchange needs to know, checked and frozen before it runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Final
 
-from gateway.compensation.settings import AxisSettings, Setpoints
+from gateway.compensation.settings import AxisSettings, Gain, Setpoints
 from gateway.compensation.table import CorrectionTable
 from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan
 from gateway.modbus.registers import BitField, PositionField
@@ -119,6 +119,7 @@ class AxisPlan:
     drive: str = ""
     """Name of the shipped profile that the registers came from; the simulator's endpoint goes by it."""
     table_name: str = ""
+    """Of its file; there without a table where the file was taken away, or is bad and nothing was before."""
     table_format: str = ""
     table_digest: str = ""
 
@@ -126,6 +127,14 @@ class AxisPlan:
     def has_rules(self) -> bool:
         """Whether a frame may mean something else than positions to be gone to at once."""
         return self.motion.waits_for_trigger or any(self.motion.modes) or bool(self.settable)
+
+
+def without_live_values(plan: AxisPlan) -> AxisPlan:
+    """Return a plan without its table and what else an axis that runs can be given (``exchange.control``)."""
+    settings = replace(plan.settings, gain=Gain(), max_correction=0.0, max_slope=0.0, travel_margin=0.0)
+    return replace(
+        plan, settings=settings, budget_us=0.0, table=None, table_name="", table_format="", table_digest=""
+    )
 
 
 @dataclass(frozen=True, slots=True)

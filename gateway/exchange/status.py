@@ -1,9 +1,15 @@
 """The part of the status model that the exchange knows. Positions are in units, on their own scale."""
 
+from typing import Any, Final
+
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis import Actual, AxisExchange
 from gateway.exchange.line import LineExchange
+from gateway.times import NS_PER_S
+
+SHOWN_NS: Final = 2 * NS_PER_S
+"""Age up to which a reading is shown as where the axis is: it may have moved since, also by other hands."""
 
 
 def line_status(line: LineExchange) -> dict[str, object]:
@@ -26,16 +32,16 @@ def line_status(line: LineExchange) -> dict[str, object]:
     }
 
 
-def axes_status(line: LineExchange) -> dict[str, dict[str, object]]:
+def axes_status(line: LineExchange, now_ns: int) -> dict[str, dict[str, Any]]:
     """Return each axis's part of the status model, by name."""
-    return {axis.plan.name: axis_status(axis) for axis in line.axes}
+    return {axis.plan.name: axis_status(axis, now_ns) for axis in line.axes}
 
 
-def axis_status(axis: AxisExchange) -> dict[str, object]:
+def axis_status(axis: AxisExchange, now_ns: int) -> dict[str, Any]:
     """Return one axis's part of the status model."""
     settings = axis.plan.settings
     accepted = axis.compensation.accepted
-    actual = axis.actual
+    actual = _shown(axis.actual, now_ns)
 
     def units(counts: Counts | None) -> float | None:
         if counts is None:
@@ -49,6 +55,8 @@ def axis_status(axis: AxisExchange) -> dict[str, object]:
         "compensation": compensation_state(axis),
         "units": settings.units.value,
         "direction": direction_state(axis),
+        "gain": {"forward": settings.gain.forward, "backward": settings.gain.backward},
+        "travel": settings.travel,
         "correction": correction,
         "nominal_setpoint": units(None if accepted is None else accepted.nominal_counts),
         "corrected_setpoint": units(None if accepted is None else accepted.corrected_counts),
@@ -56,6 +64,11 @@ def axis_status(axis: AxisExchange) -> dict[str, object]:
         "corrected_actual": units(None if actual is None else actual.counts),
         "table": _table_status(axis),
     }
+
+
+def _shown(actual: Actual | None, now_ns: int) -> Actual | None:
+    """Return a reading that still says where the axis is."""
+    return None if actual is None or now_ns - actual.seen_ns > SHOWN_NS else actual
 
 
 def direction_state(axis: AxisExchange) -> str:

@@ -19,7 +19,7 @@ import msgspec
 import gateway
 from gateway.compensation.backlash import with_backlash
 from gateway.compensation.table import CorrectionTable
-from gateway.exchange.plan import AxisPlan
+from gateway.exchange.plan import AxisPlan, without_live_values
 from gateway.files import FileRefusedError
 from gateway.ipc.compiled_table import WrongTableError, checked, compiled, digest_of
 from gateway.ipc.plain_data import PlainReader, WrongDataError, to_plain
@@ -36,11 +36,9 @@ from gateway.ipc.state_folder import (
 )
 
 FORMAT: Final = "pitch-gateway plan"
-VERSION: Final = 1
+VERSION: Final = 2
 OTHERS_KEPT: Final = 4
 """Tables of no axis that stay in the state folder all the same."""
-_FOR_RECORDS: Final = {"table": None, "table_name": "", "table_format": "", "table_digest": ""}
-"""Fields of an axis that change with its table."""
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -50,7 +48,9 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     version: int
     gateway_version: str
     sources: dict[str, str]
-    plan_sha256: str
+    configuration: str
+    sha256: str
+    """Of the plan and the configuration; a wrong source shows by itself."""
     plan: bytes
 
 
@@ -68,7 +68,11 @@ class CompiledPlan:
 
     plan: GatewayPlan
     shape: str
-    """Digest of everything but the tables: what a gateway that runs cannot be given."""
+    """Digest of what a gateway that runs cannot be given: all but tables, gains and limits."""
+    sources: Mapping[str, str]
+    """The files that it was made from, by absolute path, with the SHA-256 of each."""
+    configuration: str
+    """The text of the configuration file."""
 
 
 def in_force(plan: GatewayPlan) -> GatewayPlan:
@@ -77,16 +81,18 @@ def in_force(plan: GatewayPlan) -> GatewayPlan:
 
 
 def shape_of(plan: GatewayPlan) -> str:
-    """Return the digest of a plan without its tables."""
-    bare = _with_axes(plan, lambda axis: replace(axis, **_FOR_RECORDS))
+    """Return the digest of what a gateway that runs this plan cannot be given."""
+    bare = _with_axes(plan, without_live_values)
     return hashlib.sha256(_encode(to_plain(bare, _no_special))).hexdigest()
 
 
-def write_plan(state: Path, plan: GatewayPlan, sources: Mapping[str, str]) -> dict[str, bytes]:
+def write_plan(
+    state: Path, plan: GatewayPlan, sources: Mapping[str, str], configuration: str
+) -> dict[str, bytes]:
     """Write a plan and its tables; returns the compiled tables by axis.
 
-    ``sources`` are the files that it was made from, by absolute path, with the SHA-256 of each. Files of
-    tables that belong to no axis any more are removed.
+    ``sources`` and ``configuration`` are as in :class:`CompiledPlan`. Files of tables that belong to no
+    axis any more are removed, but for the newest few.
 
     Raises:
         OSError: the folder or a file cannot be written; what was there can still be run.
@@ -96,9 +102,8 @@ def write_plan(state: Path, plan: GatewayPlan, sources: Mapping[str, str]) -> di
     tables = {axis.name: compiled(axis.table) for axis in axes if axis.table is not None}
     digest_by_id = {id(axis.table): digest_of(tables[axis.name]) for axis in axes}
     content = _encode(to_plain(plan, lambda value: digest_by_id.get(id(value))))
-    file = _File(
-        FORMAT, VERSION, gateway.__version__, dict(sources), hashlib.sha256(content).hexdigest(), content
-    )
+    digest = _digest(content, configuration)
+    file = _File(FORMAT, VERSION, gateway.__version__, dict(sources), configuration, digest, content)
     make_folder(state)
     make_folder(state / TABLES_NAME)
     with _alone_in(state / TABLES_NAME):
@@ -120,7 +125,22 @@ def read_plan(state: Path, config: Path) -> CompiledPlan:
     path = state / PLAN_NAME
     file = _read_file(path, remedy)
     _check_sources(file.sources, config, path, remedy)
-    if hashlib.sha256(file.plan).hexdigest() != file.plan_sha256:
+    return _compiled_plan(state, file, remedy)
+
+
+def last_plan(state: Path) -> CompiledPlan | None:
+    """Return the plan that was compiled last, whatever has changed since; None where none can be read.
+
+    For what may still be good of it: a file of a table that is bad now was good then.
+    """
+    with contextlib.suppress(StateError):
+        return _compiled_plan(state, _read_file(state / PLAN_NAME, ""), "")
+    return None
+
+
+def _compiled_plan(state: Path, file: _File, remedy: str) -> CompiledPlan:
+    path = state / PLAN_NAME
+    if _digest(file.plan, file.configuration) != file.sha256:
         raise StateError(f"{path} is damaged: its digest is another; {remedy}")
     reader = PlainReader(GatewayPlan, lambda digest: _read_table(state, str(digest), remedy))
     try:
@@ -129,7 +149,7 @@ def read_plan(state: Path, config: Path) -> CompiledPlan:
         raise StateError(f"{path} is not understood: {error}; {remedy}") from None
     if not isinstance(plan, GatewayPlan):
         raise StateError(f"{path} holds no plan; {remedy}")
-    return CompiledPlan(plan, shape_of(plan))
+    return CompiledPlan(plan, shape_of(plan), file.sources, file.configuration)
 
 
 @contextlib.contextmanager
@@ -161,6 +181,10 @@ def _with_axes(plan: GatewayPlan, change: Any) -> GatewayPlan:
 
 def _no_special(_value: object) -> object | None:
     return None
+
+
+def _digest(plan: bytes, configuration: str) -> str:
+    return hashlib.sha256(plan + configuration.encode()).hexdigest()
 
 
 def _encode(data: object) -> bytes:

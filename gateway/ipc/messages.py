@@ -94,14 +94,43 @@ Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 
 class SetGain(_Message, frozen=True, tag="set-gain", tag_field="kind"):
-    """Apply another share of the tables, until the gateway is started again; no names: of all axes."""
+    """Apply another share of the tables, until the gateway is started again; no names: of all axes.
+
+    A command is for the whole group of an axis. What the configuration says (``is_configured``) is for each
+    axis alone.
+    """
 
     forward: Share
     backward: Share
     axes: tuple[str, ...] = ()
+    is_configured: bool = False
 
 
-Request = Ping | GetStatus | Enable | Disable | SetReference | Subscribe | SetTable | ClearTable | SetGain
+Limit = Annotated[float, msgspec.Meta(ge=0.0)]
+
+
+class SetLimits(_Message, frozen=True, tag="set-limits", tag_field="kind"):
+    """Give an axis other limits, in its units; those of its configuration, as long as the gateway runs."""
+
+    axis: str
+    max_correction: Limit
+    max_slope: Limit
+    travel_margin: Limit
+    budget_us: Limit
+
+
+Request = (
+    Ping
+    | GetStatus
+    | Enable
+    | Disable
+    | SetReference
+    | Subscribe
+    | SetTable
+    | ClearTable
+    | SetGain
+    | SetLimits
+)
 
 
 class Pong(_Message, frozen=True, tag="pong", tag_field="kind"):

@@ -12,6 +12,7 @@ from gateway.ipc.folder_problems import FolderProblem, problem_of
 from gateway.ipc.state_lock import take_lock
 
 SOCKET_NAME: Final = "relay.sock"
+SUPERVISOR_SOCKET_NAME: Final = "supervisor.sock"
 LOCK_NAME: Final = "relay.lock"
 LONGEST_PATH: Final = 107
 """Bytes: ``sun_path`` of unix(7) has 108 with the zero at its end."""
@@ -25,21 +26,21 @@ class SocketError(Exception):
     """The socket cannot be had; one sentence with the path and the remedy."""
 
 
-def socket_path(state: Path) -> Path:
-    """Return the path of the socket of the gateway that keeps its state in this folder.
+def socket_path(state: Path, name: str = SOCKET_NAME) -> Path:
+    """Return the path of a socket of the gateway with this state folder: the relay's, or that of ``name``.
 
     Raises:
         SocketError: it is too long for a socket.
     """
-    problem = why_too_long(state)
+    problem = why_too_long(state, name)
     if problem is not None:
         raise SocketError(str(problem))
-    return _socket_path(state)
+    return _socket_path(state, name)
 
 
-def why_too_long(state: Path) -> FolderProblem | None:
+def why_too_long(state: Path, name: str = SOCKET_NAME) -> FolderProblem | None:
     """Return why no socket can be in a state folder because of its length, None where one can."""
-    path = _socket_path(state)
+    path = _socket_path(state, name)
     length = len(os.fsencode(path))
     if length <= LONGEST_PATH:
         return None
@@ -49,21 +50,22 @@ def why_too_long(state: Path) -> FolderProblem | None:
     )
 
 
-def _socket_path(state: Path) -> Path:
-    return Path(os.path.abspath(state)) / SOCKET_NAME  # noqa: PTH100 - links stay links, they may be shorter
+def _socket_path(state: Path, name: str) -> Path:
+    return Path(os.path.abspath(state)) / name  # noqa: PTH100 - links stay links, they may be shorter
 
 
 class SocketPlace:
     """The place of one gateway's socket, from :meth:`take` to :meth:`leave`.
 
     A lock beside the socket tells a gateway that runs from one that was killed; the system lets go of it
-    whatever way the process ends.
+    whatever way the process ends. Without ``lock_name`` whoever takes the place has a lock already.
     """
 
-    def __init__(self, state: Path) -> None:
-        self.path = socket_path(state)
+    def __init__(self, state: Path, name: str = SOCKET_NAME, lock_name: str | None = LOCK_NAME) -> None:
+        self.path = socket_path(state, name)
+        self._lock_name = lock_name
         self.is_after_a_cut = False
-        """Whether the gateway before did not finish: its socket was still there."""
+        """Whether whoever had it before did not finish: the socket was still there."""
         self._lock_fd: int | None = None
         self._inode = 0
 
@@ -100,8 +102,10 @@ class SocketPlace:
             self._lock_fd = None
 
     def _lock(self) -> None:
+        if self._lock_name is None:
+            return
         try:
-            self._lock_fd = take_lock(self.path.with_name(LOCK_NAME))
+            self._lock_fd = take_lock(self.path.with_name(self._lock_name))
         except BlockingIOError:
             raise self._in_use() from None
 

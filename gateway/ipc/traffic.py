@@ -114,11 +114,22 @@ class Tables(_Input, frozen=True, tag="tables"):
 
 
 class Share(_Input, frozen=True, tag="gain"):
-    """Another gain for an axis and its group."""
+    """Another gain for an axis and its group, or for the axis alone."""
 
     axis: str
     forward: float
     backward: float
+    is_alone: bool = False
+
+
+class Limits(_Input, frozen=True, tag="limits"):
+    """Other limits for an axis, in its units."""
+
+    axis: str
+    max_correction: float
+    max_slope: float
+    travel_margin: float
+    budget_us: float
 
 
 class Sent(_Entry, frozen=True, tag="sent"):
@@ -151,7 +162,9 @@ class End(_Entry, frozen=True, tag="end"):
     entries: int
 
 
-Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Control | Tables | Share
+Input = (
+    Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Control | Tables | Share | Limits
+)
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | End
 

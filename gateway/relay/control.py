@@ -6,7 +6,7 @@ from typing import Protocol
 
 import gateway
 from gateway.compensation.settings import Gain
-from gateway.exchange.control import ControlError
+from gateway.exchange.control import ControlError, Limits
 from gateway.ipc.messages import (
     ClearTable,
     Disable,
@@ -19,6 +19,7 @@ from gateway.ipc.messages import (
     Reply,
     Request,
     SetGain,
+    SetLimits,
     SetReference,
     SetTable,
     Status,
@@ -64,8 +65,12 @@ class Controllable(Protocol):
         """Take the table of an axis away; returns how it goes, by axis. Raises ControlError."""
         ...
 
-    def set_gain(self, axis: str, gain: Gain) -> dict[str, str]:
+    def set_gain(self, axis: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
         """Apply another share of the table of an axis; as :meth:`clear_table`."""
+        ...
+
+    def set_limits(self, axis: str, limits: Limits) -> tuple[str, ...]:
+        """Give an axis other limits. Raises ControlError."""
         ...
 
 
@@ -88,7 +93,13 @@ def answer(relay: Controllable, request: Request) -> Reply:
             return _on_axes(relay, axes, relay.clear_table)
         case SetGain(axes=axes):
             gain = Gain(request.forward, request.backward)
-            return _on_axes(relay, axes, lambda axis: relay.set_gain(axis, gain))
+            is_configured = request.is_configured
+            return _on_axes(relay, axes, lambda axis: relay.set_gain(axis, gain, is_configured=is_configured))
+        case SetLimits(axis=axis):
+            limits = Limits(
+                request.max_correction, request.max_slope, request.travel_margin, request.budget_us
+            )
+            return _on_axes(relay, (axis,), lambda name: relay.set_limits(name, limits))
         case Subscribe() | SetTable():
             return Refused(reason="this is answered where the connection is")  # and never comes here
 

@@ -4,6 +4,7 @@ import asyncio
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -11,7 +12,8 @@ from typing import Any, Final, TypeVar
 import gateway
 from gateway.compensation.settings import Gain
 from gateway.compiled import is_compiled
-from gateway.exchange.control import ControlError, TableChange
+from gateway.exchange.control import ControlError, Limits, TableChange
+from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.remembering import FindTable
 from gateway.ipc.compiled_plan import find_table as find_table_in
 from gateway.ipc.compiled_plan import shape_of
@@ -214,11 +216,23 @@ class Relay:
         self._commanded("table-removed", tuple(comes))
         return comes
 
-    def set_gain(self, axis: str, gain: Gain) -> dict[str, str]:
-        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`."""
-        comes = self._line_of(axis).set_gain(axis, gain)
+    def set_gain(self, axis: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
+        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`.
+
+        What the configuration says is for the axis alone.
+        """
+        comes = self._line_of(axis).set_gain(axis, gain, is_configured=is_configured)
         self._commanded("gain-changed", tuple(comes), forward=gain.forward, backward=gain.backward)
         return comes
+
+    def set_limits(self, axis: str, limits: Limits) -> tuple[str, ...]:
+        """Give an axis other limits; returns its name where they were others.
+
+        Raises:
+            ControlError: no such axis.
+        """
+        changed = self._line_of(axis).set_limits(axis, limits)
+        return self._commanded("limits-changed", changed, **asdict(limits))
 
     @property
     def busy_lines(self) -> dict[str, float]:
@@ -253,6 +267,7 @@ class Relay:
                 "scheduling": in_force().status(),
                 "garbage": self._collecting.status(),
                 "loop": self._activity.status(),
+                "latency_bounds_us": list(BOUNDS_US),
             },
             "lines": {line.plan.name: line.status() for line in self._lines},
             "axes": axes,

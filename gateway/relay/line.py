@@ -2,12 +2,14 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from gateway.compensation.settings import Gain
-from gateway.exchange.control import TableChange
+from gateway.exchange.control import Limits, TableChange, limits_of
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
 from gateway.exchange.remembering import FindTable
@@ -62,6 +64,10 @@ class Line:
         self._link.attach(self._timed)
         self._drives = _make_drives(plan.drives, self._link, self._drives_failed, self._drives_slow)
         self._records: list[AxisRecord] = []
+        self._loaded_at = {axis.name: _now() for axis in plan.axes if axis.table is not None}
+        """When the table of an axis was taken, as ISO 8601 has it."""
+        self._configured = {axis.name: _configured(limits_of(axis), axis.settings.gain) for axis in plan.axes}
+        """Gain and limits as the configuration has them; a command may have changed the gain since."""
         self._is_recorded = recorder is not None
         self._fronts = [make_front(plan.name, link, self._timed, journal) for link in plan.controllers]
 
@@ -177,11 +183,13 @@ class Line:
         """Work some of the measured times out anew."""
         self._latency.refresh(time.monotonic_ns())
 
-    def axes_status(self) -> dict[str, dict[str, object]]:
+    def axes_status(self) -> dict[str, dict[str, Any]]:
         """Return the status of each axis on this line, by name."""
-        status = axes_status(self._exchange)
+        status = axes_status(self._exchange, time.monotonic_ns())
         for name, of_axis in status.items():
             of_axis["latency"] = self._latency.axis(name)
+            of_axis["configured"] = self._configured[name]
+            of_axis["table"] = {**of_axis["table"], "loaded_at": self._loaded_at.get(name)}
         return status
 
     def enable(self, axis: str) -> tuple[str, ...]:
@@ -198,15 +206,32 @@ class Line:
 
     def set_tables(self, changes: Sequence[TableChange]) -> dict[str, str]:
         """Give axes other tables, all or none; returns how each comes into force. Or ControlError."""
-        return self._timed.set_tables(changes, time.monotonic_ns())
+        comes = self._timed.set_tables(changes, time.monotonic_ns())
+        self._loaded_at |= dict.fromkeys(comes, _now())
+        return comes
 
     def clear_table(self, axis: str) -> dict[str, str]:
         """Take the table of an axis and its group away; as :meth:`set_tables`."""
-        return self._timed.clear_table(axis, time.monotonic_ns())
+        comes = self._timed.clear_table(axis, time.monotonic_ns())
+        for name in comes:
+            self._loaded_at.pop(name, None)
+        return comes
 
-    def set_gain(self, axis: str, gain: Gain) -> dict[str, str]:
-        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`."""
-        return self._timed.set_gain(axis, gain, time.monotonic_ns())
+    def set_gain(self, axis: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
+        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`.
+
+        What the configuration says is for the axis alone.
+        """
+        comes = self._timed.set_gain(axis, gain, time.monotonic_ns(), is_alone=is_configured)
+        if is_configured:
+            self._configured[axis] = {**self._configured[axis], "gain": _shares(gain)}
+        return comes
+
+    def set_limits(self, axis: str, limits: Limits) -> tuple[str, ...]:
+        """Give an axis other limits; returns its name where they were others. Or ControlError."""
+        changed = self._timed.set_limits(axis, limits, time.monotonic_ns())
+        self._configured[axis] = {**self._configured[axis], **asdict(limits)}
+        return changed
 
     async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
         try:
@@ -223,6 +248,18 @@ class Line:
     def _longest_exchange_s(self) -> float:
         patience_ms = [link.plan.timeout_ms for link in self.plan.controllers]
         return max(self.plan.timing.response_timeout_ms, *patience_ms, 0.0) / 1000.0
+
+
+def _configured(limits: Limits, gain: Gain) -> dict[str, Any]:
+    return {"gain": _shares(gain), **asdict(limits)}
+
+
+def _shares(gain: Gain) -> dict[str, float]:
+    return {"forward": gain.forward, "backward": gain.backward}
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _make_link(plan: LinePlan) -> Link:

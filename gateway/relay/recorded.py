@@ -1,9 +1,10 @@
 """A line's exchange with a recorder at its border: every input with its time, then what it caused."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 from gateway.compensation.settings import Gain
-from gateway.exchange.control import TableChange
+from gateway.exchange.control import Limits, TableChange
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, DriveLink, Stamps
@@ -156,10 +157,15 @@ class RecordedExchange(TimedExchange):
         self._recorder.put(traffic.Control(self._line, now_ns, "clear-table", axis))
         return super().clear_table(axis, now_ns)
 
-    def set_gain(self, axis: str, gain: Gain, now_ns: int) -> dict[str, str]:
+    def set_gain(self, axis: str, gain: Gain, now_ns: int, *, is_alone: bool = False) -> dict[str, str]:
         """See ``TimedExchange``."""
-        self._recorder.put(traffic.Share(self._line, now_ns, axis, gain.forward, gain.backward))
-        return super().set_gain(axis, gain, now_ns)
+        self._recorder.put(traffic.Share(self._line, now_ns, axis, gain.forward, gain.backward, is_alone))
+        return super().set_gain(axis, gain, now_ns, is_alone=is_alone)
+
+    def set_limits(self, axis: str, limits: Limits, now_ns: int) -> tuple[str, ...]:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Limits(self._line, now_ns, axis, **asdict(limits)))
+        return super().set_limits(axis, limits, now_ns)
 
     def _tick(self, now_ns: int) -> None:
         if self.is_due(now_ns):

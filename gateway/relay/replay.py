@@ -110,7 +110,7 @@ class _Line(Unmeasured):
                 exchange.stop(entry.t)
             case traffic.Control():
                 self._control(entry)
-            case traffic.Tables() | traffic.Share():
+            case traffic.Tables() | traffic.Share() | traffic.Limits():
                 self._change(entry)
 
     def _reach(self, entry: traffic.RestFirst | traffic.Up | traffic.Down) -> None:
@@ -121,11 +121,15 @@ class _Line(Unmeasured):
         else:
             self._exchange.link_down(entry.t)
 
-    def _change(self, entry: traffic.Tables | traffic.Share) -> None:
+    def _change(self, entry: traffic.Tables | traffic.Share | traffic.Limits) -> None:
         axes = self._exchange.axes
         try:
             if isinstance(entry, traffic.Share):
-                control.set_gain(axes, entry.axis, Gain(entry.forward, entry.backward))
+                gain = Gain(entry.forward, entry.backward)
+                control.set_gain(axes, entry.axis, gain, is_alone=entry.is_alone)
+            elif isinstance(entry, traffic.Limits):
+                limits = (entry.max_correction, entry.max_slope, entry.travel_margin, entry.budget_us)
+                control.set_limits(axes, entry.axis, control.Limits(*limits))
             else:
                 control.set_tables(axes, [_change_of(table) for table in entry.tables])
         except WrongTableError as error:

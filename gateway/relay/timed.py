@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from gateway.compensation.settings import Gain
 from gateway.exchange import control
-from gateway.exchange.control import TableChange
+from gateway.exchange.control import Limits, TableChange
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
 from gateway.transport.timer import Timer
@@ -97,9 +97,15 @@ class TimedExchange:
         """Take the table of an axis and its group away; as :meth:`set_tables`."""
         return control.clear_table(self._exchange.axes, axis)
 
-    def set_gain(self, axis: str, gain: Gain, now_ns: int) -> dict[str, str]:
+    def set_gain(self, axis: str, gain: Gain, now_ns: int, *, is_alone: bool = False) -> dict[str, str]:
         """Apply another share of the tables of an axis and its group; as :meth:`set_tables`."""
-        return control.set_gain(self._exchange.axes, axis, gain)
+        return control.set_gain(self._exchange.axes, axis, gain, is_alone=is_alone)
+
+    def set_limits(self, axis: str, limits: Limits, now_ns: int) -> tuple[str, ...]:
+        """Give an axis other limits; as :meth:`enable`."""
+        changed = control.set_limits(self._exchange.axes, axis, limits)
+        self._exchange.meter.set_budget(axis, limits.budget_us)
+        return changed
 
     def is_due(self, now_ns: int) -> bool:
         """Whether the exchange's deadline has passed."""

@@ -30,7 +30,8 @@ class Link:
     """Keeps a connection to the relay.
 
     ``on_up`` is called when the relay has been reached, ``on_lost`` with a sentence when it is there no more
-    or does not understand us, and ``on_event`` with everything that happens there.
+    or does not understand us, ``on_event`` with everything that happens there, and ``on_snapshot`` when there
+    is a newer :attr:`snapshot`.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class Link:
         on_up: Callable[[], None],
         on_lost: Callable[[str], None],
         on_event: Callable[[Happened], None],
+        on_snapshot: Callable[[], None],
     ) -> None:
         self.snapshot: Mapping[str, Any] | None = None
         """The newest status model; it stays when the relay is lost."""
@@ -48,6 +50,7 @@ class Link:
         self._on_up = on_up
         self._on_lost = on_lost
         self._on_event = on_event
+        self._on_snapshot = on_snapshot
         self._snapshot_s: float | None = None
         self._said = ""
         self._is_up = False
@@ -57,15 +60,10 @@ class Link:
         """How old the snapshot is."""
         return None if self._snapshot_s is None else time.monotonic() - self._snapshot_s
 
-    def status(self) -> dict[str, Any] | None:
-        """Return the newest status model, with whether the relay is there and how old it is.
-
-        None where there has been no relay yet.
-        """
-        if self.snapshot is None or self.snapshot_age_s is None:
-            return None
-        relay = {"relay": "up" if self._is_up else "down", "snapshot_age_s": round(self.snapshot_age_s, 3)}
-        return {**self.snapshot, "gateway": {**self.snapshot["gateway"], **relay}}
+    @property
+    def is_up(self) -> bool:
+        """Whether the relay is connected."""
+        return self._is_up
 
     async def run(self) -> None:
         """Connect again and again; never returns."""
@@ -80,11 +78,12 @@ class Link:
                     self._lose(f"{self._path}: {error.strerror or error}")
             else:
                 try:
-                    self._lose(await self._listen(reader, writer))
+                    why = await self._listen(reader, writer)
                 finally:
                     writer.close()
                 if self._is_up:
                     self._is_up, tries = False, 0
+                self._lose(why)
             await asyncio.sleep(min(FIRST_WAIT_S * 2**tries, LONGEST_WAIT_S))
             tries = min(tries + 1, 10)
 
@@ -126,6 +125,7 @@ class Link:
         self.dropped += message.dropped
         self.snapshot = message.status
         self._snapshot_s = time.monotonic()
+        self._on_snapshot()
 
     def _lose(self, why: str) -> None:
         """Say it once, not with every attempt."""

@@ -1,17 +1,22 @@
 """The tables of a configuration: read, checked, compiled, kept as the last good ones, handed to the relay."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import re
+import tomllib
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from gateway.config.compile import compile_into_state
-from gateway.config.load import Loaded, load
-from gateway.config.problems import ConfigErrors
+from gateway.config.compile import compile_into_state, keys_of, sources_of
+from gateway.config.document import parse_document
+from gateway.config.last_good import Settled, Source, settle
+from gateway.config.load import Loaded, load, load_document, reread_tables
+from gateway.config.problems import ConfigErrors, Problem
+from gateway.exchange.control import limits_of
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
-from gateway.ipc.compiled_plan import shape_of
+from gateway.ipc.compiled_plan import CompiledPlan, last_plan, shape_of
 from gateway.ipc.compiled_table import digest_of
 from gateway.ipc.messages import (
     ClearTable,
@@ -20,6 +25,9 @@ from gateway.ipc.messages import (
     Ping,
     Pong,
     Reply,
+    Request,
+    SetGain,
+    SetLimits,
     SetTable,
     Status,
     TableFor,
@@ -27,49 +35,191 @@ from gateway.ipc.messages import (
 from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.plan import LinePlan
 from gateway.ipc.sealed_memory import seal
-from gateway.ipc.state_folder import StateError
+from gateway.ipc.state_folder import StateError, state_folder
+from gateway.supervisor.home import Home
+from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.sights import look
+from gateway.supervisor.stillness import Sight
+
+_LIVE: Final = re.compile(
+    r"axis\.[^.]+\.(table|table_options\..*|gain(\..*)?|max_correction|max_slope|travel_margin|budget_us)"
+    r"|gateway\.tables|(http|mqtt)(\..*)?"
+)
+"""Keys whose values a gateway that runs can be given."""
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What came of bringing the tables up to date."""
-
-    comes: Mapping[str, str]
-    """How the new table of an axis comes into force, or the old one goes; the others are not there."""
-    problems: tuple[str, ...] = ()
-    is_running: bool = True
-    """Whether a relay was there; without one the tables wait in the state folder for its start."""
-    gone: tuple[str, ...] = ()
-    """Axes whose table the configuration names no more."""
+Still = Mapping[str, Sight | None]
+"""The sight as which a table file stands still, by name; None: it moves."""
 
 
-def bring_up_to_date(config: Path) -> Outcome:
-    """Read the configuration with its tables anew, and give the relay those that are not in force.
+class NeedsRestartError(StateError):
+    """A gateway that runs cannot be given this; with the keys that have changed."""
 
-    All or nothing: with one bad table, or anything else wrong, everything stays as it was. Blocks for as long
-    as that takes.
+
+class Keeper:
+    """Keeps the tables, gains and limits of a relay as its configuration has them.
+
+    Everything here blocks for as long as it takes; one thread calls at a time.
     """
-    try:
-        loaded = load(config)
-        path = socket_path(loaded.state_folder)
-        is_running = _check_same(path, loaded)
-        tables = compile_into_state(loaded)
-        if not is_running:
-            return Outcome({}, is_running=False)
-        return _hand_over(path, loaded, tables)
-    except ConfigErrors as errors:
-        return Outcome({}, tuple(map(str, errors.problems)))
-    except SocketError as error:
-        return Outcome({}, (f"{config}: gateway.state: {error}",))
-    except (StateError, NoGatewayError, OSError) as error:
-        return Outcome({}, (f"{config}: {error}",))
+
+    def __init__(self, config: Path) -> None:
+        self._config = config
+        self._owed: Loaded | None = None
+        """The configuration that was asked for and could not be taken for a reason that may pass."""
+        self.loaded: Loaded | None = None
+        """The configuration that was taken last; None as long as none could be."""
+        self._home = Home()
+
+    @property
+    def names(self) -> dict[str, str]:
+        """Name of the table file of each axis that has one, as the configuration has it."""
+        return {} if self.loaded is None else _names(self.loaded)
+
+    def reload(self, still: Still | None = None) -> Outcome:
+        """Read the configuration and its tables anew, and take over what has changed.
+
+        A table file that is being written counts for nothing yet. With ``still``, as nobody asked for it,
+        neither does one that is another than that, or that is missing and was not known to be.
+        """
+        self._owed = None
+        try:
+            configured = load(self._config, forgives_tables=True)
+        except ConfigErrors as errors:
+            return self._refused(_of_configuration(errors))
+        return self._take_configured(configured, still)
+
+    def retry(self, still: Still) -> Outcome:
+        """Take the configuration that :meth:`reload` could not take, as it was read then."""
+        configured = self._owed
+        return self.reload(still) if configured is None else self._take_configured(configured, still)
+
+    def meet(self, still: Still) -> Outcome:
+        """Give a relay that has just come what it has not got.
+
+        It runs what was compiled last, which somebody else may have done. What the file says by now counts
+        only when somebody asks for it.
+        """
+        compiled = None if self.loaded is None else self._as_compiled()
+        if self.loaded is None or compiled is None or compiled.document.text == self.loaded.document.text:
+            return self.refresh(still)
+        return self._take_configured(compiled, still)
+
+    def refresh(self, still: Still) -> Outcome:
+        """Read the tables of the configuration that was taken; as :meth:`reload`."""
+        if self.loaded is None:
+            return self.reload(still)
+        try:
+            return self._take(self.loaded, still)
+        except ConfigErrors as errors:
+            return _of_configuration(errors)
+
+    def _take_configured(self, configured: Loaded, still: Still | None) -> Outcome:
+        before = self.loaded
+        try:
+            outcome = self._take(configured, still)
+        except ConfigErrors as errors:
+            outcome = replace(_of_configuration(errors), is_owed=True)
+        self._owed = configured if outcome.is_owed else None
+        return self._refused(outcome) if self.loaded is before else outcome
+
+    def _refused(self, outcome: Outcome) -> Outcome:
+        if self.loaded is None:
+            self.loaded = self._as_compiled()
+        return Outcome(
+            problems=outcome.all_problems,
+            is_running=outcome.is_running,
+            is_owed=outcome.is_owed,
+            has_read=False,
+            is_refused=True,
+        )
+
+    def _as_compiled(self) -> Loaded | None:
+        """Return the configuration that was compiled last, where the one in the file cannot be taken now."""
+        try:
+            state = state_folder(self._config) if self.loaded is None else self.loaded.state_folder
+            before = last_plan(state)
+            if before is None:
+                return None
+            document = parse_document(self._config, before.configuration, _digest_of(self._config, before))
+            return load_document(document, checks_times=False, forgives_tables=True)
+        except (StateError, ConfigErrors):
+            return None
+
+    def _take(self, configured: Loaded, still: Still | None) -> Outcome:
+        names = _names(configured)
+        seen = look(configured.tables_folder, names.values())
+        loaded = reread_tables(configured)
+        seen_after = look(configured.tables_folder, names.values())
+        read = {
+            name: sight
+            for name, sight in seen.items()
+            if sight == seen_after[name] and not sight.is_being_written and _may_count(name, sight, still)
+        }
+        unread = {axis for axis, name in names.items() if name not in read}
+        strange = self._home.what_is_strange(loaded.tables_folder, loaded.readings.values())
+        if strange:
+            unread = set(names)
+        outcome = self._bring(loaded, unread)
+        if strange:
+            outcome = replace(outcome, problems=(*outcome.problems, strange))
+        return replace(
+            outcome, sights={name: read[name] for axis, name in names.items() if axis not in outcome.waiting}
+        )
+
+    def _bring(self, loaded: Loaded, waiting: Collection[str]) -> Outcome:
+        before = last_plan(loaded.state_folder)
+        outcome = Outcome(has_read=False)
+        try:
+            path = socket_path(loaded.state_folder)
+            is_running = _check_same(path, loaded, before)
+            settled = settle(
+                loaded, before.plan if before else None, is_start=not is_running, waiting=waiting
+            )
+            outcome = _found(loaded, settled, waiting, is_running=is_running)
+            held = _held(settled, loaded, before, outcome)
+            outcome = replace(outcome, held=held)
+            if settled.refused:
+                return outcome
+            if before is not None:
+                outcome = replace(outcome, changed=tuple(_changed_keys(loaded, before)))
+            tables = compile_into_state(loaded, settled.plan)
+            self.loaded = loaded
+            if not is_running:
+                return outcome
+            return _hand_over(path, settled, tables, outcome)
+        except SocketError as error:
+            problem = f"gateway.state: {error}"
+        except (StateError, NoGatewayError, OSError) as error:
+            problem = str(error)
+            outcome = replace(outcome, is_owed=not isinstance(error, NeedsRestartError))
+        # Nothing has changed, but what was found in the files holds.
+        return replace(outcome, problems=(*outcome.problems, f"{self._config}: {problem}"), changed=())
 
 
-def _check_same(path: Path, loaded: Loaded) -> bool:
-    """Whether a relay runs; it has to run the same plan, but for its tables.
+def _of_configuration(errors: ConfigErrors) -> Outcome:
+    return Outcome(problems=tuple(map(str, errors.problems)), has_read=False)
+
+
+def _may_count(name: str, sight: Sight, still: Still | None) -> bool:
+    """Whether a file that looks like this counts; one that nobody has watched so far does if it is there."""
+    if still is None:
+        return True
+    return still[name] == sight if name in still else sight.is_there
+
+
+def _digest_of(config: Path, before: CompiledPlan) -> str:
+    return before.sources.get(str(config.resolve()), "")
+
+
+def _names(loaded: Loaded) -> dict[str, str]:
+    return {axis: reading.name for axis, reading in loaded.readings.items()}
+
+
+def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool:
+    """Whether a relay runs; it has to run the same plan, but for what it can be given.
 
     Raises:
-        StateError: it runs another one.
+        NeedsRestartError: it runs another one.
         NoGatewayError: it cannot be understood.
     """
     try:
@@ -77,34 +227,123 @@ def _check_same(path: Path, loaded: Loaded) -> bool:
     except NobodyListensError:
         return False
     if not isinstance(pong, Pong) or pong.shape != shape_of(loaded.plan):
-        raise StateError(
-            "it has changed in more than its tables since the gateway was started, and only tables are taken "
-            "while it runs; restart the gateway"
+        need = [] if before is None else _need_restart(loaded, before)
+        what = ", ".join(need) or "more than a gateway that runs can be given"
+        raise NeedsRestartError(
+            f"changed since the gateway was started: {what}; restart the gateway to take it over"
         )
     return True
 
 
-def _hand_over(path: Path, loaded: Loaded, tables: Mapping[str, bytes]) -> Outcome:
+def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
+    """Return what has changed that a gateway that runs cannot be given: keys, and profiles of drives."""
+    profiles = [
+        name for name, digest in sources_of(loaded).items() if before.sources.get(name, digest) != digest
+    ]
+    config = str(loaded.path.resolve())
+    keys = [key for key in _changed_keys(loaded, before) if not _LIVE.fullmatch(key)]
+    return [*keys, *(name for name in profiles if name != config)]
+
+
+def _changed_keys(loaded: Loaded, before: CompiledPlan) -> list[str]:
+    now, then = keys_of(loaded.document.tables), keys_of(tomllib.loads(before.configuration))
+    return [key for key in dict.fromkeys((*now, *then)) if now.get(key) != then.get(key)]
+
+
+def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_running: bool) -> Outcome:
+    """Return what was found in the files; nothing has been done yet."""
+    rejected = {
+        name: tuple(reading.problems)
+        for name, reading in loaded.readings.items()
+        if reading.problems and not reading.is_absent and name not in waiting
+    }
+    missing = [
+        str(problem)
+        for name in settled.refused
+        for problem in loaded.readings[name].problems
+        if name not in rejected and name not in waiting
+    ]
+    missing += [
+        f"{loaded.readings[name].path}: it is being saved; what was asked for is done when it stands still"
+        for name in settled.refused
+        if name in waiting
+    ]
+    absent = frozenset(name for name, source in settled.sources.items() if source is Source.ABSENT)
+    return Outcome(
+        problems=tuple(missing),
+        rejected=rejected,
+        absent=absent,
+        waiting=frozenset(waiting) & settled.sources.keys(),
+        is_owed=any(name in waiting for name in settled.refused),
+        is_running=is_running,
+    )
+
+
+def _held(
+    settled: Settled, loaded: Loaded, before: CompiledPlan | None, outcome: Outcome
+) -> dict[str, tuple[Problem, ...]]:
+    """Return why good files are not in force: an axis of the same group has none that is good, or none."""
+    old = {} if before is None else {axis.name: axis for line in before.plan.lines for axis in line.axes}
+    held: dict[str, tuple[Problem, ...]] = {}
+    for line in loaded.plan.lines:
+        for group in line.groups:
+            for axis in (one for one in line.axes if one.name in group):
+                source, name = settled.sources.get(axis.name), axis.name
+                is_same = name in old and old[name].table_digest == axis.table_digest
+                if axis.table is None or source is Source.FILE or (source is Source.KEPT and is_same):
+                    continue
+                others = [one for one in group if one in outcome.rejected or loaded.readings[one].is_absent]
+                if others and name not in outcome.waiting:
+                    files = ", ".join(loaded.readings[one].name for one in others)
+                    what = f"not used: {files} of its group is missing or bad"
+                    remedy = "mend that: axes of a group are corrected together or not at all"
+                    problem = Problem(str(loaded.readings[name].path), f"axis.{name}.table", what, remedy)
+                    held[name] = (problem,)
+    return held
+
+
+def _hand_over(
+    path: Path,
+    settled: Settled,
+    tables: Mapping[str, bytes],
+    outcome: Outcome,
+) -> Outcome:
+    """Give the relay what it has not got; what it refuses is a problem."""
     reply = ask(path, GetStatus())
-    axes: Mapping[str, Any] = reply.status["axes"] if isinstance(reply, Status) else {}
-    comes: dict[str, str] = {}
-    problems: list[str] = []
-    gone = [name for name, axis in axes.items() if name not in tables and axis["table"]["points"]]
-    for together in _together(loaded.plan.lines):
+    in_force: Mapping[str, Any] = reply.status["axes"] if isinstance(reply, Status) else {}
+    done: list[Done] = []
+    for line in settled.plan.lines:
+        for axis in line.axes:
+            configured = in_force[axis.name]["configured"]
+            done += (_done(ask(path, request)) for request in _values(configured, axis))
+    for together in _together(settled.plan.lines):
         changed = [
             axis
             for axis in together
-            if axis.name in tables and axes[axis.name]["table"]["compiled"] != digest_of(tables[axis.name])
+            if axis.name in tables
+            and in_force[axis.name]["table"]["compiled"] != digest_of(tables[axis.name])
         ]
         if changed:
-            done = _send(path, changed, tables)
-            comes.update(done.comes)
-            problems += done.problems
+            done.append(_send(path, changed, tables))
+    gone = tuple(name for name, axis in in_force.items() if name not in tables and axis["table"]["points"])
     if gone:
-        done = _done(ask(path, ClearTable(axes=tuple(gone))))
-        comes.update(done.comes)
-        problems += done.problems
-    return Outcome(comes, tuple(f"{loaded.path}: {problem}" for problem in problems), gone=tuple(gone))
+        done.append(_done(ask(path, ClearTable(axes=gone))))
+    comes = {name: how for one in done for name, how in one.comes.items()}
+    problems = tuple(f"{path}: {problem}" for one in done for problem in one.problems)
+    return replace(outcome, comes=comes, gone=gone, problems=outcome.problems + problems)
+
+
+def _values(has: Mapping[str, Any], new: AxisPlan) -> Iterator[Request]:
+    """Yield what gives an axis the values of its configuration that it has not got; no table.
+
+    The relay says what it was given: the plan in the state may be newer than what has reached it.
+    """
+    limits = asdict(limits_of(new))
+    if any(has[key] != value for key, value in limits.items()):
+        yield SetLimits(axis=new.name, **limits)
+    gain = new.settings.gain
+    if has["gain"] != {"forward": gain.forward, "backward": gain.backward}:
+        yield SetGain(axes=(new.name,), forward=gain.forward, backward=gain.backward, is_configured=True)
 
 
 def _together(lines: Sequence[LinePlan]) -> Iterator[list[AxisPlan]]:

@@ -38,6 +38,8 @@ MODEL: dict[str, Any] = {
     "gateway": {
         "name": "mill",
         "version": "1.2.3",
+        "relay": "up",
+        "snapshot_age_s": 0.0,
         "uptime_s": 3_725.4,
         "scheduling": {"fifo": 0, "cpus": [0, 3], "memory_locked": False},
     },
@@ -110,3 +112,43 @@ def test_eighty_columns_are_enough_and_no_number_is_cut() -> None:
     assert max(map(len, file.getvalue().splitlines())) <= 80
     assert file.getvalue().count("-12345.6789") == 2
     assert "…" not in file.getvalue()
+
+
+def test_what_is_wrong_comes_first_with_what_to_do() -> None:
+    troubles = [
+        {
+            "kind": "table-rejected",
+            "severity": "error",
+            "where": "axis x",
+            "what": "x[1].tab:3: no number",
+            "remedy": "mend it",
+        },
+        {"kind": "off", "severity": "warning", "where": "axis y", "what": "off", "remedy": "enable it"},
+    ]
+    lines = shown({**MODEL, "troubles": troubles})
+    assert lines[:6] == [
+        "error axis x: x[1].tab:3: no number",
+        "→ mend it",
+        "warning axis y: off",
+        "→ enable it",
+        "",
+        "gateway mill 1.2.3, runs for 1 h 2 min",
+    ]
+
+
+def test_a_gateway_whose_relay_is_away_says_how_old_the_rest_is() -> None:
+    gone = copy.deepcopy(MODEL)
+    gone["gateway"] |= {"relay": "down", "snapshot_age_s": 61.0}
+    assert shown(gone)[0] == "gateway mill 1.2.3, its relay is not running; what follows is 1 min 1 s old"
+    never = {
+        "gateway": {
+            "name": "mill",
+            "version": "1.2.3",
+            "relay": "down",
+            "snapshot_age_s": None,
+            "uptime_s": None,
+        },
+        "lines": {},
+        "axes": {},
+    }
+    assert shown(never) == ["gateway mill 1.2.3, its relay is not running"]

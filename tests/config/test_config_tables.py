@@ -57,10 +57,13 @@ def test_names_that_differ_by_case_only_are_refused(tmp_path: Path) -> None:
     assert "differ by case only" in only(refused(tmp_path, GOOD, tables), "axis.x.table").found
 
 
-def test_a_table_renamed_to_bak_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    problem = only(refused(tmp_path, GOOD, {"cnc10x.bak": TWO_WAYS}), "axis.x.table")
-    assert "not built yet" in problem.found
-    assert 'compensation = "off"' in problem.remedy
+def test_a_table_renamed_to_bak_is_off_and_that_is_said(tmp_path: Path) -> None:
+    found = loaded(tmp_path, tables={"cnc10x.bak": TWO_WAYS})
+    [warning] = [w for w in found.warnings if w.key == "axis.x.table"]
+    assert warning.found == "cnc10x.tab was renamed to cnc10x.bak: the axis is not corrected"
+    assert warning.remedy == "rename it back to correct it again"
+    (axis,) = found.plan.lines[0].axes
+    assert (axis.table, axis.table_name) == (None, "cnc10x.tab")
 
 
 def test_a_fault_inside_a_table_names_the_table_its_line_and_the_key(tmp_path: Path) -> None:

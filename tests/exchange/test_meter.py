@@ -173,6 +173,7 @@ def test_an_overrun_is_told_once_when_it_begins_and_once_when_it_has_ended() -> 
         "meanwhile the journal, 400 µs"
     )
     assert bench.ran == [(began_ns, began_ns + 601 * US)]
+    bench.wait(10_000)
     for _ in range(99):
         bench.exchange(1, 1, 1, 1, 1)
     assert bench.kinds() == ["line-up", "budget-overrun"]
@@ -181,6 +182,21 @@ def test_an_overrun_is_told_once_when_it_begins_and_once_when_it_has_ended() -> 
     bench.exchange(200, 1, 1, 1, 1)
     assert bench.kinds()[-1] == "budget-overrun"
     assert bench.line.meter.overruns == 3
+
+
+def test_overruns_within_ten_seconds_of_each_other_are_one() -> None:
+    bench = MeterBench(budget_us=100)
+    for _ in range(3):
+        bench.exchange(200, 1, 1, 1, 1)
+        for _ in range(1000):  # each takes 1 ms and 3 µs of the bench
+            bench.exchange(1, 1, 1, 1, 1)
+    for _ in range(8960):  # 9960 in a row last 9.99 s
+        bench.exchange(1, 1, 1, 1, 1)
+    assert bench.kinds() == ["line-up", "budget-overrun"]
+    for _ in range(20):
+        bench.exchange(1, 1, 1, 1, 1)
+    assert bench.kinds() == ["line-up", "budget-overrun", "budget-kept"]
+    assert "; 3 over it so far" in bench.events[-1].detail
 
 
 def test_an_exchange_that_needed_a_frame_of_the_gateways_own_counts_that_apart() -> None:

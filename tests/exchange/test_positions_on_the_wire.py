@@ -10,7 +10,7 @@ from gateway.compensation.units import Units
 from gateway.exchange.plan import CompensationMode, Reference
 from gateway.exchange.status import axis_status, direction_state
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
-from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, stream_plan, write
 
 
 def test_fc16_is_corrected_and_its_echo_is_the_controllers_own() -> None:
@@ -130,18 +130,34 @@ def test_shadow_computes_and_shows_what_it_would_write() -> None:
     bench = Bench(axis_plan(compensation=CompensationMode.SHADOW))
     bench.move(50_000)
     bench.move(20_000)
-    status = axis_status(bench.line.axes[0])
+    status = axis_status(bench.line.axes[0], bench.now_ns)
     assert status["compensation"] == "shadow"
     assert status["correction"] == pytest.approx(-0.01)
     assert status["nominal_setpoint"] == pytest.approx(20.0)
     assert status["corrected_setpoint"] == pytest.approx(19.99)
 
 
+def test_a_reading_is_shown_for_two_seconds() -> None:
+    bench = Bench(axis_plan())
+    bench.move(50_000)
+    bench.actual()
+    actual = bench.line.axes[0].actual
+    assert actual is not None
+    read_ns = actual.seen_ns
+
+    def shown(age_ms: int) -> tuple[object, object]:
+        status = axis_status(bench.line.axes[0], read_ns + age_ms * MS)
+        return status["nominal_actual"], status["corrected_actual"]
+
+    assert shown(2_000) == (pytest.approx(50.0), pytest.approx(50.01))
+    assert shown(2_001) == (None, None)
+
+
 def test_without_a_table_positions_pass_one_to_one() -> None:
     bench = Bench(axis_plan(table=None))
     bench.move(50_000)
     assert bench.seen == [write(COMMAND, 50_000)]
-    assert axis_status(bench.line.axes[0])["compensation"] == "no-table"
+    assert axis_status(bench.line.axes[0], bench.now_ns)["compensation"] == "no-table"
 
 
 def test_an_axis_is_corrected_only_while_its_homed_bit_is_set() -> None:

@@ -183,7 +183,7 @@ def test_a_plan_with_what_this_release_does_not_know_is_refused(config: Path) ->
     plan = msgspec.msgpack.decode(file["plan"])
     plan["of"]["lines"][0]["of"]["colour"] = "red"
     file["plan"] = msgspec.msgpack.encode(plan)
-    file["plan_sha256"] = hashlib.sha256(file["plan"]).hexdigest()
+    file["sha256"] = hashlib.sha256(file["plan"] + file["configuration"].encode()).hexdigest()
     path.write_bytes(msgspec.msgpack.encode(file))
     with pytest.raises(StateError, match=r"is not understood: .*colour"):
         read_plan(state_folder(config), config)

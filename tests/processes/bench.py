@@ -24,6 +24,9 @@ CONFIG = """
 [gateway]
 name = "trial"
 
+[http]
+listen = ""
+
 [line.xyz]
 drives = {{ tcp = "127.0.0.1:{drives}" }}
 
@@ -136,6 +139,13 @@ class Site:
             return False
         return True
 
+    def serve_page(self) -> str:
+        """Have the status served over TCP too; returns where."""
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            address = f"127.0.0.1:{free.getsockname()[1]}"
+        self.config.write_text(self.config.read_text().replace('listen = ""', f'listen = "{address}"'))
+        return f"http://{address}"
+
     def master(self) -> Master:
         return Master(self.port, self.drive)
 
@@ -165,6 +175,14 @@ class Running:
             if note["event"] == name and all(note.get(key) == value for key, value in fields.items()):
                 return note
         raise AssertionError(f"the log ended without {name}: {self.notes}")
+
+    def next(self) -> dict[str, Any]:
+        """Read the next event of the log."""
+        assert self.process.stderr is not None
+        line = self.process.stderr.readline()
+        assert line, f"the log ended: {self.notes}"
+        self.notes.append(json.loads(line))
+        return self.notes[-1]
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> int:
         self.process.send_signal(number)
@@ -225,17 +243,9 @@ def gateway_of(site: Site) -> Iterator[tuple[Running, Master]]:
     with running("run", str(site.config)) as gateway:
         seen: set[str] = set()
         while not {"line-up", "relay-reached"} <= seen:
-            seen.add(_next(gateway))
+            seen.add(gateway.next()["event"])
         master = site.master()
         try:
             yield gateway, master
         finally:
             master.close()
-
-
-def _next(gateway: Running) -> str:
-    assert gateway.process.stderr is not None
-    line = gateway.process.stderr.readline()
-    assert line, f"the log ended: {gateway.notes}"
-    gateway.notes.append(json.loads(line))
-    return str(gateway.notes[-1]["event"])

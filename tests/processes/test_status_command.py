@@ -3,12 +3,26 @@
 import contextlib
 import json
 import socket
+import time
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from gateway import __version__
-from tests.processes.bench import Site, gateway_of, typed
+from tests.processes.bench import SECONDS, Site, gateway_of, typed
+
+
+def until(config: str, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """Look until the status, which the supervisor has five times a second, says so."""
+    latest_s = time.monotonic() + SECONDS
+    while True:
+        looked = typed("status", config, "--json")
+        assert (looked.returncode, looked.stderr) == (0, "")
+        model: dict[str, Any] = json.loads(looked.stdout)
+        if condition(model):
+            return model
+        assert time.monotonic() < latest_s, model
 
 
 def test_the_status_of_a_gateway_that_runs(site: Site) -> None:
@@ -16,23 +30,22 @@ def test_the_status_of_a_gateway_that_runs(site: Site) -> None:
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_050
         assert master.move(60_000) == 60_060
-        as_json = typed("status", config, "--json")
-        assert (as_json.returncode, as_json.stderr) == (0, "")
-        model = json.loads(as_json.stdout)
-        assert set(model) == {"gateway", "lines", "axes"}
+        model = until(config, lambda model: model["lines"]["xyz"]["exchanges"] == 2)
+        assert set(model) == {"gateway", "lines", "axes", "supervisor", "troubles"}
         assert model["gateway"]["name"] == "trial"
-        assert model["lines"]["xyz"]["exchanges"] == 2
         assert model["axes"]["x"]["nominal_setpoint"] == 60.0
         plain = typed("status", config)
         assert (plain.returncode, plain.stderr) == (0, "")
         lines = [" ".join(line.split()) for line in plain.stdout.splitlines()]
-        assert lines[0].startswith(f"gateway trial {__version__}")
+        # On a slow machine a warning that the budget is exceeded comes first.
+        assert any(line.startswith(f"gateway trial {__version__}") for line in lines)
         assert f"line xyz: up, drives {model['lines']['xyz']['drives']['address']}" in lines
         assert "exchanges 2, time-outs 0" in lines
         # 60 mm and 0.1 % of it; nothing is mapped that says where the axis stands.
         assert "x active forward 60.0000 60.0600 – – mm" in lines
         assert "x x.tab 3 active" in lines
         assert typed("disable", config).returncode == 0
+        until(config, lambda model: model["axes"]["x"]["compensation"] == "off")
         assert "x off forward 60.0000 60.0600 – – mm" in [
             " ".join(line.split()) for line in typed("status", config).stdout.splitlines()
         ]

@@ -27,6 +27,7 @@ from gateway.ipc.messages import (
     Enable,
     GetStatus,
     SetGain,
+    SetLimits,
     SetTable,
     Status,
     TableFor,
@@ -101,7 +102,7 @@ class Machine:
         assert isinstance(reply, Done)
         return reply
 
-    async def say(self, request: ClearTable | SetGain | Disable | Enable) -> Done:
+    async def say(self, request: ClearTable | SetGain | SetLimits | Disable | Enable) -> Done:
         reply = await asyncio.to_thread(ask, self.socket, request)
         assert isinstance(reply, Done)
         return reply
@@ -211,6 +212,17 @@ async def test_another_gain_is_in_force_with_the_next_target(
     assert await mill.move(50_000) == 50_025  # forward: half of 50 counts
     assert await mill.move(40_000) == 40_040  # backward: all of 40
     assert await mill.say(SetGain(forward=0.5, backward=1.0)) == Done()
+
+
+async def test_other_limits_hold_from_now_on(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
+    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+    too_much = ("x", table_of(0.0, 0.6))
+    assert "more than max_correction = 0.5" in (await mill.give(too_much)).problems[0]
+    wider = SetLimits(axis="x", max_correction=0.7, max_slope=0.02, travel_margin=0.7, budget_us=300.0)
+    assert await mill.say(wider) == Done(changed=("x",))
+    assert (await mill.give(too_much)).changed == ("x",)
+    assert await mill.say(wider) == Done()  # nothing changes
+    assert mill.relay.status()["axes"]["x"]["latency"]["budget_us"] == 300.0  # type: ignore[index]
 
 
 async def test_a_table_for_an_axis_that_is_off_waits(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
@@ -336,6 +348,31 @@ async def test_of_a_group_all_axes_get_their_tables_or_none(
     assert "two tables for axis y1" in (await mill.give(("y1", STEEPER), ("y1", STEEPER))).problems[0]
 
 
+async def test_a_command_gives_a_group_its_gain_and_the_configuration_each_axis_its_own(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    y1 = without_actual(tools, name="y1")
+    y2 = without_actual(tools, name="y2", unit_id=2)
+    mill = await machine(bench, tools, tmp_path, y1, y2, groups=(("y1", "y2"),))
+    await mill.move(50_000, 2)
+
+    def axes() -> Any:
+        return mill.relay.status()["axes"]
+
+    half = SetGain(axes=("y1",), forward=0.5, backward=0.5, is_configured=True)
+    assert (await mill.say(half)).changed == ("y1",)
+    assert await mill.move(50_002, 1) == 50_027
+    assert await mill.move(50_001, 2) == 50_051
+    status = axes()
+    assert status["y1"]["configured"]["gain"] == {"forward": 0.5, "backward": 0.5}
+    assert status["y2"]["configured"]["gain"] == {"forward": 1.0, "backward": 1.0}
+    none = SetGain(axes=("y1",), forward=0.0, backward=0.0)
+    assert (await mill.say(none)).changed == ("y1", "y2")
+    status = axes()
+    assert status["y1"]["gain"] == status["y2"]["gain"] == {"forward": 0.0, "backward": 0.0}
+    assert status["y1"]["configured"]["gain"] == {"forward": 0.5, "backward": 0.5}
+
+
 async def test_what_was_handed_over_is_in_a_recording_and_replayed(
     bench: "Bench", tools: "Tools", tmp_path: Path
 ) -> None:
@@ -350,6 +387,10 @@ async def test_what_was_handed_over_is_in_a_recording_and_replayed(
     assert await mill.move(50_001) == 50_101
     await mill.say(SetGain(forward=0.5, backward=0.5))
     assert await mill.move(50_002) == 50_052
+    limits = SetLimits(axis="x", max_correction=0.7, max_slope=0.02, travel_margin=0.7, budget_us=300.0)
+    await mill.say(limits)
+    await mill.give(("x", table_of(0.0, 0.6)))  # accepted now, and in the replay
+    assert await mill.move(50_004) == 50_154
     await mill.say(ClearTable(axes=("x",)))
     assert await mill.move(50_003) == 50_003
     plan = mill.relay._plan

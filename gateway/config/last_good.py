@@ -1,0 +1,143 @@
+"""Which table each axis is to have where some files are good, some bad and some gone (DESIGN section 7).
+
+A bad file changes nothing: what was in force stays. A file that was taken away takes the correction with it.
+Axes of a group have their tables together or not at all.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from gateway.config.check_tables import ROUNDING
+from gateway.config.load import Loaded
+from gateway.config.readings import TableReading
+from gateway.exchange.plan import AxisPlan, without_live_values
+from gateway.ipc.plan import GatewayPlan
+from gateway.tabfile import TableState
+
+
+class Source(Enum):
+    """Where the table of an axis comes from."""
+
+    FILE = "file"
+    """Its file, which is good."""
+    KEPT = "kept"
+    """Its file is bad: whatever was in force stays, be it no table."""
+    ABSENT = "absent"
+    """Its file was taken away, or switched off by its name: nothing is corrected."""
+    REFUSED = "refused"
+    """Its file is bad or missing, and nothing was in force that could stay."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """A plan with the table that each axis is to have, and where that comes from."""
+
+    plan: GatewayPlan
+    sources: Mapping[str, Source]
+    """Of each axis whose configuration names a table."""
+
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """Axes without which nothing may be changed, or started."""
+        return tuple(name for name, source in self.sources.items() if source is Source.REFUSED)
+
+
+def settle(
+    loaded: Loaded,
+    before: GatewayPlan | None,
+    *,
+    is_start: bool = False,
+    waiting: Collection[str] = (),
+) -> Settled:
+    """Return what a configuration amounts to, given what was in force before.
+
+    ``loaded`` was read with ``forgives_tables``; ``waiting`` are axes whose file is being written, or has
+    been gone for a moment only, and counts for nothing yet: what was in force stays if it may. At a start
+    only a file that was known before may be bad or missing: one that never was is a slip in the
+    configuration.
+    """
+    old = {} if before is None else {axis.name: axis for line in before.lines for axis in line.axes}
+    new = {axis.name: axis for line in loaded.plan.lines for axis in line.axes}
+    sources = {
+        name: _source_of_moving(reading, old.get(name), new[name], is_start=is_start)
+        if name in waiting
+        else _source(reading, old.get(name), new[name], is_start=is_start)
+        for name, reading in loaded.readings.items()
+    }
+    for line in loaded.plan.lines:
+        for group in line.groups:
+            members = {name: sources[name] for name in group if name in sources}
+            sources |= _together(members, old, new)
+    return Settled(_with_tables(loaded.plan, old, sources), sources)
+
+
+def _source(reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_start: bool) -> Source:
+    if reading.table is not None:
+        return Source.FILE
+    is_known = old is not None and old.table_name.lower() == reading.name.lower()
+    if reading.is_absent:
+        is_missing = reading.state is TableState.MISSING
+        return Source.REFUSED if is_missing and is_start and not is_known else Source.ABSENT
+    if old is None or (is_start and not is_known) or not _still_fits(old, new):
+        return Source.REFUSED
+    return Source.KEPT
+
+
+def _source_of_moving(
+    reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_start: bool
+) -> Source:
+    """Return where the table comes from as long as its file counts for nothing."""
+    if old is not None:
+        return Source.KEPT if _still_fits(old, new) else Source.REFUSED
+    return _source(reading, old, new, is_start=is_start) if reading.is_absent else Source.REFUSED
+
+
+def _still_fits(old: AxisPlan, new: AxisPlan) -> bool:
+    """Whether the table in force may stay with the settings that are to be."""
+    table, settings = old.table, new.settings
+    if table is None:
+        return True
+    is_within = table.max_correction() <= settings.max_correction * (
+        1.0 + ROUNDING
+    ) and table.max_slope() <= settings.max_slope * (1.0 + ROUNDING)
+    return is_within and without_live_values(old).settings == without_live_values(new).settings
+
+
+def _together(
+    sources: Mapping[str, Source], old: Mapping[str, AxisPlan], new: Mapping[str, AxisPlan]
+) -> dict[str, Source]:
+    """Return what the axes of one group get."""
+    for decides in (Source.REFUSED, Source.ABSENT, Source.KEPT):
+        if decides in sources.values():
+            break
+    else:
+        return dict(sources)
+    if decides is Source.KEPT and not all(
+        name in old and _still_fits(old[name], new[name]) for name in sources
+    ):
+        decides = Source.REFUSED
+    return dict.fromkeys(sources, decides)
+
+
+def _with_tables(
+    plan: GatewayPlan, old: Mapping[str, AxisPlan], sources: Mapping[str, Source]
+) -> GatewayPlan:
+    def settled(axis: AxisPlan) -> AxisPlan:
+        match sources.get(axis.name):
+            case Source.KEPT:
+                was = old[axis.name]
+                return replace(
+                    axis,
+                    table=was.table,
+                    table_name=was.table_name,
+                    table_format=was.table_format,
+                    table_digest=was.table_digest,
+                )
+            case Source.ABSENT | Source.REFUSED:
+                return replace(axis, table=None, table_format="", table_digest="")
+            case _:
+                return axis
+
+    lines = (replace(line, axes=tuple(map(settled, line.axes))) for line in plan.lines)
+    return replace(plan, lines=tuple(lines))

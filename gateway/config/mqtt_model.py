@@ -1,0 +1,112 @@
+"""``[mqtt]``."""
+
+import re
+from enum import Enum
+from typing import Annotated, Final
+
+from pydantic import BeforeValidator, Field
+
+from gateway.drives.strict import ByName, StrictModel
+
+LONGEST_TOPIC: Final = 200
+"""Characters of ``base_topic``: with names behind it, it stays far from the 65535 bytes of MQTT."""
+
+TOPIC_RULE: Final = (
+    'allowed: levels between slashes, as in "plant/hall-2"; no + # or control characters, no empty level, '
+    f"no $ in front, at most {LONGEST_TOPIC} characters"
+)
+_TOPIC: Final = re.compile(r"(?!\$)[^/+#\x00-\x1f\x7f-\x9f]+(/[^/+#\x00-\x1f\x7f-\x9f]+)*")
+_CLIENT_ID: Final = re.compile(r"[^\x00-\x1f\x7f-\x9f]{1,128}")
+
+
+def read_topic(raw: object) -> str:
+    """Read what topics begin with.
+
+    Raises:
+        ValueError: it could not stand in a topic that is published to (MQTT 5.0, 4.7); what is allowed.
+    """
+    if not isinstance(raw, str) or len(raw) > LONGEST_TOPIC or not _TOPIC.fullmatch(raw):
+        raise ValueError(TOPIC_RULE)
+    try:
+        raw.encode()
+    except UnicodeEncodeError:
+        raise ValueError(TOPIC_RULE) from None
+    return raw
+
+
+def read_prefix(raw: object) -> str:
+    """Read the prefix of discovery, ``""`` for none. Raises ValueError as :func:`read_topic` does."""
+    return "" if raw == "" else read_topic(raw)
+
+
+def read_client_id(raw: object) -> str:
+    """Read what a client calls itself, ``""`` for the default. Raises ValueError with what is allowed."""
+    if raw == "":
+        return ""
+    if not isinstance(raw, str) or not _CLIENT_ID.fullmatch(raw):
+        raise ValueError("allowed: 1 to 128 characters, no control characters")
+    return raw
+
+
+class MqttVersion(Enum):
+    """What is spoken with the broker."""
+
+    V311 = "3.1.1"
+    V5 = "5"
+
+
+FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
+
+
+class TlsSection(StrictModel):
+    """How the broker shows who it is, and the gateway who it is."""
+
+    ca: FileName | None = Field(
+        default=None,
+        description="file with the certificates of the authorities that may have signed the broker's, "
+        "relative to the configuration file; left out: those of the system",
+    )
+    cert: FileName | None = Field(default=None, description="file with the gateway's own certificate")
+    key: FileName | None = Field(default=None, description="file with the key of that certificate")
+
+
+class MqttSection(StrictModel):
+    """The broker that status is published to."""
+
+    host: Annotated[str, Field(min_length=1, pattern=r"^[^\x00\s]*$")] = Field(
+        default="127.0.0.1", description="the broker"
+    )
+    port: Annotated[int, Field(ge=1, le=65535)] = Field(default=1883, description="the broker's port")
+    base_topic: Annotated[str, BeforeValidator(read_topic)] = Field(
+        default="pitch-gateway", description="what every topic begins with"
+    )
+    interval_s: Annotated[float, Field(ge=0.05, le=3600.0)] = Field(
+        default=0.5, description="seconds between two messages of an axis"
+    )
+    version: ByName[MqttVersion] = Field(
+        default=MqttVersion.V311, description="of MQTT, as it is spoken with the broker"
+    )
+    client_id: Annotated[str, BeforeValidator(read_client_id)] = Field(
+        default="", description='what the gateway calls itself at the broker, "" for pitch-gateway-NAME'
+    )
+    keepalive_s: Annotated[int, Field(ge=5, le=3600)] = Field(
+        default=15,
+        description="silence after which the broker and the gateway ask whether the other is there",
+    )
+    username: Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")] | None = Field(
+        default=None, description="who the gateway is for the broker"
+    )
+    password_file: FileName | None = Field(
+        default=None,
+        description="file that holds the password and nothing else, relative to the configuration file",
+    )
+    tls: TlsSection | None = Field(default=None, description="encrypt, and check who the broker is")
+    discovery: Annotated[str, BeforeValidator(read_prefix)] = Field(
+        default="",
+        description='topic prefix of Home Assistant\'s discovery, "homeassistant" there; "" for none',
+    )
+    commands: bool = Field(
+        default=False,
+        description="whether the broker's clients may reload, enable, disable and set gains; nothing "
+        "that they can say moves an axis",
+    )

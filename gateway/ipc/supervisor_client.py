@@ -1,0 +1,66 @@
+"""Asking the supervisor of a gateway that runs, over its socket. Blocking, for commands."""
+
+import contextlib
+import http.client
+import json
+import socket
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.ipc.client import NoGatewayError, check_owner
+from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, socket_path
+
+LOOK_S: Final = 2.0
+"""For a look: who is stopped or hung is not waited for."""
+LARGEST_ANSWER: Final = 64_000_000
+
+
+class NoSupervisorError(Exception):
+    """No supervisor answers, or not with what can be understood; why, in a sentence."""
+
+
+class _LocalConnection(http.client.HTTPConnection):
+    """HTTP over a Unix socket."""
+
+    def __init__(self, path: Path, timeout_s: float) -> None:
+        super().__init__("localhost", timeout=timeout_s)
+        self._path = path
+
+    def connect(self) -> None:
+        """Connect to a supervisor of ours, or of root."""
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            connection.settimeout(self.timeout)
+            connection.connect(str(self._path))
+            check_owner(self._path, connection)
+        except BaseException:
+            connection.close()
+            raise
+        self.sock = connection
+
+
+def ask_supervisor(state: Path, target: str, method: str = "GET", timeout_s: float = LOOK_S) -> Any:
+    """Return what the supervisor with this state folder answers to a request, as plain data.
+
+    Raises:
+        NoSupervisorError: nobody there, no answer in time, or another answer than the one wished for.
+    """
+    try:
+        path = socket_path(state, SUPERVISOR_SOCKET_NAME)
+        with contextlib.closing(_LocalConnection(path, timeout_s)) as connection:
+            connection.request(method, target)
+            response = connection.getresponse()
+            body = response.read(LARGEST_ANSWER)
+            data = json.loads(body)
+    except (SocketError, NoGatewayError) as error:
+        raise NoSupervisorError(str(error)) from None
+    except TimeoutError:
+        raise NoSupervisorError(f"{path}: no answer within {timeout_s:g} s") from None
+    except OSError as error:
+        raise NoSupervisorError(f"{path}: {error.strerror or error}") from None
+    except (http.client.HTTPException, ValueError) as error:
+        raise NoSupervisorError(f"{path}: answered with what is not understood: {error}") from None
+    if response.status != http.client.OK:
+        what = data.get("problem") if isinstance(data, dict) else None
+        raise NoSupervisorError(f"{path}: {what or response.status}")
+    return data

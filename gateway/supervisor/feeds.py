@@ -1,0 +1,121 @@
+"""Whoever shows what the gateway does: each gets the newest model and the newest events, and nothing more.
+
+A reader that is slow, stopped or hung costs what stands here: one note that there is a newer model, and the
+newest events.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from gateway.ipc.notes import Note
+
+EVENTS_KEPT: Final = 256
+"""For each reader that is behind, and for whoever comes later."""
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """An event as it is passed on; numbers ascend while this process lives."""
+
+    number: int
+    note: Note
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data: ``number``, ``time``, ``event``, ``severity`` and the event's own fields."""
+        return {
+            **self.note.fields,
+            "number": self.number,
+            "time": datetime.fromtimestamp(self.note.wall_s, UTC).isoformat(timespec="milliseconds"),
+            "event": self.note.event,
+            "severity": self.note.severity.value,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """What has come since a reader looked last."""
+
+    events: tuple[Told, ...]
+    model: Mapping[str, Any] | None
+    """The whole status model, if there is a newer one."""
+    dropped: int
+    """Events that were dropped because the reader was too slow."""
+
+
+class Feed:
+    """What waits for one reader."""
+
+    def __init__(self, model: Mapping[str, Any] | None) -> None:
+        self._events: deque[Told] = deque()
+        self._model = model
+        self._dropped = 0
+        self._is_there = asyncio.Event()
+        if model is not None:
+            self._is_there.set()
+
+    async def next(self) -> News:
+        """Wait until there is something, and return all of it."""
+        await self._is_there.wait()
+        self._is_there.clear()
+        news = News(tuple(self._events), self._model, self._dropped)
+        self._events.clear()
+        self._model, self._dropped = None, 0
+        return news
+
+    def take_event(self, told: Told) -> None:
+        """Note an event; for :class:`Feeds`."""
+        if len(self._events) >= EVENTS_KEPT:
+            self._events.popleft()
+            self._dropped += 1
+        self._events.append(told)
+        self._is_there.set()
+
+    def take_model(self, model: Mapping[str, Any]) -> None:
+        """Note a newer model; for :class:`Feeds`."""
+        self._model = model
+        self._is_there.set()
+
+
+class Feeds:
+    """All readers; of one event loop."""
+
+    def __init__(self) -> None:
+        self.model: Mapping[str, Any] | None = None
+        """The newest status model; it is replaced, never changed."""
+        self._feeds: set[Feed] = set()
+        self._recent: deque[Told] = deque(maxlen=EVENTS_KEPT)
+        self._number = 0
+
+    @property
+    def recent(self) -> tuple[Told, ...]:
+        """The newest events, oldest first."""
+        return tuple(self._recent)
+
+    def tell(self, note: Note) -> None:
+        """Pass an event on."""
+        self._number += 1
+        told = Told(self._number, note)
+        self._recent.append(told)
+        for feed in self._feeds:
+            feed.take_event(told)
+
+    def publish(self, model: Mapping[str, Any]) -> None:
+        """Pass a new model on; it must not be changed afterwards."""
+        self.model = model
+        for feed in self._feeds:
+            feed.take_model(model)
+
+    @contextmanager
+    def open(self) -> Iterator[Feed]:
+        """Yield a feed; what there is already comes first, but for events (:attr:`recent`)."""
+        feed = Feed(self.model)
+        self._feeds.add(feed)
+        try:
+            yield feed
+        finally:
+            self._feeds.discard(feed)

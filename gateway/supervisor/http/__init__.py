@@ -1,0 +1,1 @@
+"""The status over HTTP: for browsers, Prometheus, probes of health, and the commands of this machine."""

@@ -1,0 +1,153 @@
+"""What is served: which path leads where."""
+
+import contextlib
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from typing import Any, Final
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
+
+from gateway.ipc.complaints import Complaints
+from gateway.ipc.notes import Severity
+from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
+from gateway.supervisor.http.door import Door
+from gateway.supervisor.http.event_stream import MEDIA_TYPE, EventStream, Models, Wish
+from gateway.supervisor.http.metrics import Metrics
+from gateway.supervisor.http.page_files import PageFile, read_page
+from gateway.supervisor.http.streaming import EndlessResponse
+from gateway.supervisor.http.tables import Tables
+from gateway.supervisor.http.window import Window
+
+UNHEALTHY: Final = frozenset(("relay-down", "relay-silent", "line-down"))
+"""Kinds of trouble with which no command reaches some drive."""
+PATHS: Final = ("/", "/status", "/healthz", "/metrics", "/events", "/tables/NAME", "/page/NAME")
+POSTS: Final = ("/reload",)
+LOCAL_PATHS: Final = (*PATHS, *POSTS)
+NOTHING_YET: Final = "nothing is known yet: the supervisor has just been started"
+Answer = Callable[[Request], Awaitable[Response]]
+
+
+class Served:
+    """What both listeners serve; made once."""
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._models = Models()
+        self._metrics = Metrics(window.feeds)
+        self._tables = Tables(window)
+        self._complaints = Complaints(lambda what: window.say("http-failed", Severity.ERROR, detail=what))
+        self._page: Mapping[str, PageFile] = read_page()
+
+    def close(self) -> None:
+        """Begin nothing that takes long any more."""
+        self._tables.close()
+
+    def application(self, door: Door, *, may_reload: bool) -> Starlette:
+        """Return the application of one listener; ``door`` counts those who stay."""
+        there_is = list(LOCAL_PATHS if may_reload else PATHS)
+        answers: dict[str, Answer] = {
+            "/": self._index,
+            "/status": self._status,
+            "/healthz": self._healthz,
+            "/metrics": self._metrics_page,
+            "/events": _Events(self._window, self._models, door).answer,
+            "/tables/NAME": self._tables.answer,
+            "/page/NAME": self._page_file,
+            "/reload": self._reload,
+        }
+
+        async def missing(request: Request, _error: Exception) -> Response:
+            return not_there(request.url.path, there_is)
+
+        async def other_method(request: Request, error: Exception) -> Response:
+            assert isinstance(error, HTTPException)
+            allowed = ", ".join(sorted((error.headers or {}).get("Allow", "GET").split(", ")))
+            what = f"{request.method} is not done at {request.url.path}, only {allowed}"
+            return problem(405, what, {"Allow": allowed}, there_is=there_is)
+
+        app = Starlette(
+            routes=[
+                Route(
+                    path.replace("NAME", "{name}"),
+                    answers[path],
+                    methods=["POST"] if path in POSTS else ["GET"],
+                )
+                for path in there_is
+            ],
+            exception_handlers={404: missing, 405: other_method, Exception: self._failed},
+        )
+        app.router.redirect_slashes = False
+        return app
+
+    async def _index(self, request: Request) -> Response:
+        return self._page["index.html"].answer(request)
+
+    async def _page_file(self, request: Request) -> Response:
+        name: str = request.path_params["name"]
+        if name not in self._page:
+            return not_there(f"/page/{name}", [f"/page/{there}" for there in self._page])
+        return self._page[name].answer(request)
+
+    async def _status(self, request: Request) -> Response:
+        model = self._window.feeds.model
+        return problem(503, NOTHING_YET) if model is None else raw_json(self._models.encoded(model))
+
+    async def _healthz(self, request: Request) -> Response:
+        reasons = why_unhealthy(self._window.feeds.model)
+        if reasons:
+            return json_answer({"problems": reasons}, 503)
+        return PlainTextResponse("ok\n", headers=NO_STORE)
+
+    async def _metrics_page(self, request: Request) -> Response:
+        body, media_type = self._metrics.page(request.headers.get("accept", ""))
+        return Response(body, headers={**NO_STORE, "Content-Type": media_type})
+
+    async def _reload(self, request: Request) -> Response:
+        return json_answer((await self._window.reload()).as_data())
+
+    async def _failed(self, request: Request, error: Exception) -> Response:
+        """Answer where we made a mistake, and put it into the log."""
+        what = f"{shortened(request.url.path)}: {type(error).__name__}: {error}"
+        self._complaints.add("failed", what)
+        return problem(500, "the supervisor made a mistake; its log says which")
+
+
+class _Events:
+    """``/events`` of one listener."""
+
+    def __init__(self, window: Window, models: Models, door: Door) -> None:
+        self._door = door
+        self._stream = EventStream(window.feeds, models, door.limits)
+
+    async def answer(self, request: Request) -> Response:
+        if self._door.event_readers >= self._door.limits.event_readers:
+            most = self._door.limits.event_readers
+            return problem(503, f"{most} read the events already; try again later", {"Retry-After": "10"})
+        if request.method == "HEAD":
+            return Response(headers=NO_STORE, media_type=MEDIA_TYPE)
+        asked = request.query_params
+        chooses = "events" in asked or "status" in asked
+        wish = Wish(
+            wants_events="events" in asked or not chooses,
+            wants_status="status" in asked or not chooses,
+            last_id=request.headers.get("last-event-id", ""),
+        )
+        return EndlessResponse(self._read(wish), NO_STORE, MEDIA_TYPE)
+
+    async def _read(self, wish: Wish) -> AsyncGenerator[bytes, None]:
+        with self._door.event_reader() as has_room:
+            if not has_room:  # another one came first
+                return
+            async with contextlib.aclosing(self._stream.read(wish)) as parts:
+                async for part in parts:
+                    yield part
+
+
+def why_unhealthy(model: Mapping[str, Any] | None) -> list[str]:
+    """Return why commands do not reach the drives, a sentence each; nothing where they do."""
+    if model is None or (model["gateway"]["relay"] == "up" and model["gateway"]["snapshot_age_s"] is None):
+        return [NOTHING_YET]
+    return [f"{t['where']}: {t['what']}" for t in model["troubles"] if t["kind"] in UNHEALTHY]

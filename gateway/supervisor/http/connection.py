@@ -1,0 +1,160 @@
+"""One connection: uvicorn's HTTP/1.1, with an end to everything that somebody could keep waiting."""
+
+import asyncio
+import contextlib
+import socket
+import time
+from typing import TYPE_CHECKING, Any, Final, cast
+
+import h11
+from uvicorn import Config
+from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
+from uvicorn.server import ServerState
+
+from gateway.supervisor.http.answers import json_bytes
+from gateway.supervisor.http.limits import HEAD_BYTES, SEND_BUFFER_BYTES, WRITE_HIGH_BYTES
+
+if TYPE_CHECKING:
+    from gateway.supervisor.http.door import Door
+
+LEAVING_S: Final = 2.0
+"""For somebody to notice that nobody listens any more."""
+_ASKING: Final = frozenset((h11.IDLE, h11.SEND_BODY))
+"""States of the other side in which a request is not whole yet."""
+
+
+def last_words(status: str, what: str) -> bytes:
+    """Return a whole answer after which the connection is closed, for where no request can be answered."""
+    body = json_bytes({"problem": what})
+    head = (
+        f"HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {len(body)}\r\n"
+        "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n"
+    )
+    return head.encode("ascii") + body
+
+
+class Connection(H11Protocol):
+    """A connection that may be told to go; :meth:`is_overdue` says when it has to."""
+
+    def __init__(self, config: Config, state: ServerState, door: "Door") -> None:
+        super().__init__(config=config, server_state=state, app_state={})
+        self._door = door
+        now_s = time.monotonic()
+        self.quiet_since_s = now_s
+        """When it was opened, or when its last answer was whole; for whoever has to make room."""
+        self._asking_since_s: float | None = now_s
+        self._stalled_since_s: float | None = None
+        self._closing_since_s: float | None = None
+        self._leaving_since_s: float | None = None
+        """It has had its last words, and what it still sends is not looked at."""
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is being answered."""
+        cycle: RequestResponseCycle | None = self.cycle
+        return cycle is None or cycle.response_complete
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        transport = cast("asyncio.Transport", transport)  # uvloop's are no subclass
+        connection: socket.socket = transport.get_extra_info("socket")
+        with contextlib.suppress(OSError):  # it has gone already
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        transport.set_write_buffer_limits(high=WRITE_HIGH_BYTES)
+        has_room = self._door.make_room()
+        super().connection_made(transport)
+        if not has_room:
+            self.connections.discard(self)
+            transport.write(last_words("503 Service Unavailable", "too many connections; try again later"))
+            transport.close()
+
+    def data_received(self, data: bytes) -> None:
+        """See ``asyncio.Protocol``."""
+        if self.transport.is_closing() or self._leaving_since_s is not None:
+            return
+        super().data_received(data)
+        if self.conn.their_state not in _ASKING:
+            self._asking_since_s = None
+        elif self._asking_since_s is None:
+            self._asking_since_s = time.monotonic()
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is no request of HTTP, or one that is too large, and close."""
+        if not self.is_idle:
+            self.transport.abort()  # nothing sensible can be said in the middle of an answer
+            return
+        waiting, _ = self.conn.trailing_data
+        if len(waiting) > HEAD_BYTES:
+            what = f"the head of a request may have {HEAD_BYTES} bytes"
+            self.transport.write(last_words("431 Request Header Fields Too Large", what))
+        else:
+            self.transport.write(last_words("400 Bad Request", "that is no request of HTTP/1.1"))
+        # Not closed at once: bytes that nobody read would have the system throw the answer away.
+        self.transport.write_eof()
+        self._leaving_since_s = time.monotonic()
+
+    def on_response_complete(self) -> None:
+        """See ``H11Protocol``."""
+        self.quiet_since_s = time.monotonic()
+        super().on_response_complete()
+
+    def pause_writing(self) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        self._stalled_since_s = time.monotonic()
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        self._stalled_since_s = None
+        super().resume_writing()
+
+    def is_overdue(self, now_s: float) -> bool:
+        """Whether it has kept somebody waiting for longer than the limits of its door allow."""
+        limits = self._door.limits
+        if self._closing_since_s is None and self.transport.is_closing():
+            self._closing_since_s = now_s
+        return (
+            _is_past(self._asking_since_s, limits.whole_request_s, now_s)
+            or _is_past(self._leaving_since_s, LEAVING_S, now_s)
+            or _is_past(self._stalled_since_s, limits.stalled_s, now_s)
+            or _is_past(self._closing_since_s, limits.stalled_s, now_s)
+        )
+
+    def drop(self) -> None:
+        """Close it at once; what was not sent yet is lost."""
+        self.transport.abort()
+
+    def leave(self) -> None:
+        """Close it; what waits for somebody who does not take it is lost."""
+        self.transport.close()
+        if self.transport.get_write_buffer_size():
+            self.transport.abort()
+
+    def give_way(self) -> None:
+        """Make room for another connection."""
+        self.connections.discard(self)
+        self.transport.abort()
+
+
+def _is_past(since_s: float | None, longest_s: float, now_s: float) -> bool:
+    return since_s is not None and now_s - since_s > longest_s
+
+
+def silent_config(app: Any, keep_alive_s: int) -> Config:
+    """Return settings of uvicorn with which it serves, and neither logs nor guesses who asks."""
+    config = Config(
+        app,
+        http=H11Protocol,
+        ws="none",
+        lifespan="off",
+        interface="asgi3",
+        log_config=None,
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        date_header=False,
+        timeout_keep_alive=keep_alive_s,
+        h11_max_incomplete_event_size=HEAD_BYTES,
+    )
+    config.load()
+    return config

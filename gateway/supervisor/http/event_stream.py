@@ -1,0 +1,102 @@
+"""``/events``: the newest status and every event, as server-sent events (HTML standard, section 9.2)."""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncGenerator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from gateway.supervisor.feeds import Feeds, Told
+from gateway.supervisor.http.answers import json_bytes
+from gateway.supervisor.http.limits import Limits
+
+MEDIA_TYPE: Final = "text/event-stream"
+HEARTBEAT: Final = b": nothing new\n\n"
+RETRY_MS: Final = 2000
+"""A browser that lost the connection comes back after so long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a reader wants to be told."""
+
+    wants_events: bool
+    wants_status: bool
+    last_id: str = ""
+    """Of the event that it saw last, as it comes back after it lost the connection."""
+
+
+class Models:
+    """The newest model as JSON, encoded once for all who want it."""
+
+    def __init__(self) -> None:
+        self._model: Mapping[str, Any] | None = None
+        self._encoded = b""
+
+    def encoded(self, model: Mapping[str, Any]) -> bytes:
+        """Return a model as JSON."""
+        if model is not self._model:
+            self._model, self._encoded = model, json_bytes(model)
+        return self._encoded
+
+
+class EventStream:
+    """Makes the stream of each reader.
+
+    An event's id is that of this process and the event's number in it: numbers begin anew with each process.
+    """
+
+    def __init__(self, feeds: Feeds, models: Models, limits: Limits) -> None:
+        self._feeds = feeds
+        self._models = models
+        self._limits = limits
+        self._process_id = f"{time.time_ns():x}"
+
+    async def read(self, wish: Wish) -> AsyncGenerator[bytes, None]:
+        """Yield what one reader is told, from what happened lately on, until it is closed."""
+        status_due_s = time.monotonic()
+        heartbeat_due_s = status_due_s + self._limits.heartbeat_s
+        model: Mapping[str, Any] | None = None
+        with self._feeds.open() as feed:
+            yield b"retry: %d\n\n" % RETRY_MS + self._recent(wish)
+            while True:
+                due_s = heartbeat_due_s if model is None else min(status_due_s, heartbeat_due_s)
+                parts: list[bytes] = []
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout_at(due_s):
+                        news = await feed.next()
+                        parts += self._missed(news.dropped, wish) + self._events(news.events, wish)
+                        model = news.model if news.model is not None and wish.wants_status else model
+                now_s = time.monotonic()
+                if model is not None and now_s >= status_due_s:
+                    parts.append(b"event: status\ndata: %s\n\n" % self._models.encoded(model))
+                    status_due_s, model = now_s + self._limits.status_every_s, None
+                if not parts and now_s >= heartbeat_due_s:
+                    parts.append(HEARTBEAT)
+                if parts:
+                    heartbeat_due_s = now_s + self._limits.heartbeat_s
+                    yield b"".join(parts)
+
+    def _recent(self, wish: Wish) -> bytes:
+        """Return the events that came before a reader, or after the last one that it saw."""
+        recent = self._feeds.recent
+        process_id, _, number = wish.last_id.partition("-")
+        if process_id == self._process_id and number.isascii() and number.isdigit() and len(number) < 20:
+            last = int(number)
+            missed = recent[0].number - last - 1 if recent and last < recent[0].number else 0
+            newer = tuple(told for told in recent if told.number > last)
+            return b"".join((*self._missed(missed, wish), *self._events(newer, wish)))
+        return b"".join(self._events(recent, wish))
+
+    def _events(self, events: tuple[Told, ...], wish: Wish) -> list[bytes]:
+        if not wish.wants_events:
+            return []
+        process_id = self._process_id.encode("ascii")
+        return [
+            b"event: event\nid: %s-%d\ndata: %s\n\n" % (process_id, told.number, json_bytes(told.as_data()))
+            for told in events
+        ]
+
+    def _missed(self, count: int, wish: Wish) -> list[bytes]:
+        return [b'event: missed\ndata: {"events":%d}\n\n' % count] if count and wish.wants_events else []

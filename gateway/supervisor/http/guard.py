@@ -1,0 +1,125 @@
+"""What every request has to pass before anybody looks at it, and what every answer carries."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from email.utils import formatdate
+from ipaddress import ip_address
+from typing import Final
+
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from gateway.supervisor.http.answers import CONTENT_SECURITY_POLICY, problem, shortened
+from gateway.supervisor.http.limits import BODY_BYTES, HEAD_BYTES, TARGET_BYTES
+
+READS: Final = frozenset(("GET", "HEAD"))
+VERSIONS: Final = frozenset(("1.0", "1.1"))
+_CLOSE: Final = {"Connection": "close"}
+_ALWAYS: Final = (
+    (b"content-security-policy", CONTENT_SECURITY_POLICY.encode("ascii")),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What holds at one listener."""
+
+    methods: Collection[str] = READS
+    loopback_host: str | None = None
+    """The host that is listened on where only this machine reaches it: requests have to name this machine.
+
+    A page from elsewhere can have its own name lead to 127.0.0.1 (DNS rebinding), and then the browser lets
+    it read what is answered; the ``Host`` of its requests is still that name.
+    """
+    there_is: Sequence[str] = ()
+    """Paths, for whoever asks for something else."""
+
+
+class Guard:
+    """Stands before an application."""
+
+    def __init__(self, app: ASGIApp, rules: Rules) -> None:
+        self._app = app
+        self._rules = rules
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it."""
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [
+                    *message["headers"],
+                    (b"date", formatdate(usegmt=True).encode("ascii")),
+                    *_ALWAYS,
+                ]
+            await send(message)
+
+        answer = self._refusal(scope)
+        await (answer or self._app)(scope, receive, send_with_headers)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        """Return why a request is not looked at; None where it may pass."""
+        if scope["http_version"] not in VERSIONS:
+            return problem(505, f"HTTP/{scope['http_version']} is not spoken here, only HTTP/1.1", _CLOSE)
+        headers: list[tuple[bytes, bytes]] = scope["headers"]
+        target_bytes = len(scope["raw_path"]) + len(scope["query_string"])
+        if target_bytes > TARGET_BYTES:
+            what = f"the path is {target_bytes} bytes long, and may be {TARGET_BYTES}"
+            return problem(414, what, _CLOSE)
+        if target_bytes + sum(len(name) + len(value) + 4 for name, value in headers) > HEAD_BYTES:
+            return problem(431, f"the head of a request may have {HEAD_BYTES} bytes", _CLOSE)
+        if scope["method"] not in self._rules.methods:
+            allowed = ", ".join(sorted(self._rules.methods))
+            what = f"{shortened(scope['method'])} is not done here, only {allowed}"
+            return problem(405, what, {**_CLOSE, "Allow": allowed}, there_is=list(self._rules.there_is))
+        return _body_refusal(headers) or self._host_refusal(headers)
+
+    def _host_refusal(self, headers: list[tuple[bytes, bytes]]) -> Response | None:
+        listen_host = self._rules.loopback_host
+        if listen_host is None:
+            return None
+        named = [value.decode("latin-1") for name, value in headers if name == b"host"]
+        if len(named) == 1 and is_this_machine(host_of(named[0]), listen_host):
+            return None
+        what = (
+            f"the request is meant for {shortened(', '.join(named)) or 'nobody'}, and this is {listen_host}"
+        )
+        return problem(421, what, _CLOSE)
+
+
+def _body_refusal(headers: list[tuple[bytes, bytes]]) -> Response | None:
+    for name, value in headers:
+        if name == b"transfer-encoding":
+            return problem(411, "say the length of the body, or leave it out", _CLOSE)
+        if name == b"content-length" and int(value) > BODY_BYTES:  # h11 takes digits only, 20 of them
+            return problem(413, f"a body may have {BODY_BYTES} bytes", _CLOSE)
+    return None
+
+
+def host_of(text: str) -> str:
+    """Return the host of a ``Host`` field, without its port.
+
+    >>> host_of("localhost:8480"), host_of("[::1]:8480"), host_of("127.0.0.1")
+    ('localhost', '::1', '127.0.0.1')
+    """
+    if text.startswith("["):
+        return text[1:].partition("]")[0]
+    return text.partition(":")[0]
+
+
+def is_this_machine(host: str, listen_host: str) -> bool:
+    """Whether a name that a request carries can only mean this machine.
+
+    >>> [is_this_machine(host, "127.0.0.1") for host in ("LOCALHOST", "127.0.0.9", "::1", "evil.example")]
+    [True, True, True, False]
+    """
+    name = host.lower().removesuffix(".")
+    if name in {"localhost", listen_host.lower()}:
+        return True
+    try:
+        return ip_address(name).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,252 @@
+"""``/metrics``: the status model in the words of Prometheus; seconds, and totals since the relay's start."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
+from typing import Any, Final
+
+from prometheus_client import CollectorRegistry
+from prometheus_client.exposition import choose_encoder
+from prometheus_client.metrics_core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
+from prometheus_client.registry import Collector
+
+from gateway.supervisor.book import FileState
+from gateway.supervisor.feeds import Feeds
+
+US_PER_S: Final = 1e6
+COMPENSATION: Final = (
+    "active",
+    "blending",
+    "shadow",
+    "off",
+    "unreferenced",
+    "no-table",
+    "outside",
+    "blocked",
+)
+DIRECTIONS: Final = ("forward", "backward", "unknown", "unsure")
+TABLE_STATES: Final = (*(state.value for state in FileState), "none")
+COMPONENTS: Final = ("configuration", "tables_folder", "http", "mqtt")
+LINE_COUNTERS: Final = {
+    "exchanges": "Exchanges with the drives.",
+    "timeouts": "Exchanges that a drive did not answer in time.",
+    "exceptions": "Exceptions that drives answered with.",
+    "late": "Frames from the drives when nothing was expected.",
+    "late_replies": "Replies that came after their request was given up.",
+    "late_targets": "Targets and triggers that had waited longer than the deadline of their axis.",
+    "refused": "Requests that the gateway refused.",
+    "withdrawn": "Requests that were not sent, because their controller had given up on them.",
+    "broadcasts": "Requests to all drives, which none answers.",
+    "added_reads": "Reads of the gateway's own.",
+    "restaged": "Staged targets that were written anew for their trigger.",
+    "unknown_modes": "Frames whose meaning the register map does not know.",
+    "unmapped_reads": "Reads of positions that are not mapped.",
+    "crc_errors": "Frames from the drives with a wrong check sum.",
+    "malformed": "Bytes from the drives that are no frame.",
+    "budget_overruns": "Exchanges that took the gateway longer than the budget.",
+}
+"""By the key of a line in the status model."""
+
+
+class StatusCollector(Collector):
+    """Makes metrics of the newest model each time that somebody asks; keeps nothing."""
+
+    def __init__(self, feeds: Feeds) -> None:
+        self._feeds = feeds
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield all metrics; none while there is no model."""
+        model = self._feeds.model
+        if model is not None:
+            yield from _of_gateway(model)
+            yield from _of_lines(model["lines"], model["gateway"].get("latency_bounds_us", ()))
+            yield from _of_axes(model["axes"], model["gateway"].get("latency_bounds_us", ()))
+
+
+class Metrics:
+    """The page of metrics."""
+
+    def __init__(self, feeds: Feeds) -> None:
+        self._registry = CollectorRegistry()
+        self._registry.register(StatusCollector(feeds))
+
+    def page(self, accept: str) -> tuple[bytes, str]:
+        """Return the page and its type, in the format that ``accept`` asks for."""
+        encode, media_type = choose_encoder(accept)
+        return encode(self._registry), media_type
+
+
+def _name(rest: str) -> str:
+    return f"pitch_gateway_{rest}"
+
+
+def _gauge(rest: str, says: str, labels: Iterable[str] = ()) -> GaugeMetricFamily:
+    return GaugeMetricFamily(_name(rest), says, labels=tuple(labels))
+
+
+def _counter(rest: str, says: str, labels: Iterable[str] = ()) -> CounterMetricFamily:
+    return CounterMetricFamily(_name(rest), says, labels=tuple(labels))
+
+
+def _of_gateway(model: Mapping[str, Any]) -> Iterator[Metric]:
+    gateway = model["gateway"]
+    info = InfoMetricFamily("pitch_gateway", "The gateway: its name and release.")
+    compiled = str(bool(gateway.get("compiled"))).lower()
+    info.add_metric((), {"name": gateway["name"], "version": gateway["version"], "compiled": compiled})
+    yield info
+    up = _gauge("relay_up", "Whether the relay, which moves the frames, is running: 1 or 0.")
+    up.add_metric((), gateway["relay"] == "up")
+    yield up
+    for key, rest, says in (
+        ("snapshot_age_s", "snapshot_age_seconds", "Age of what the relay told of itself last."),
+        (
+            "uptime_s",
+            "relay_uptime_seconds",
+            "How long the relay had been running when it told of itself last.",
+        ),
+    ):
+        gauge = _gauge(rest, says)
+        if gateway[key] is not None:
+            gauge.add_metric((), gateway[key])
+        yield gauge
+    good = _gauge("component_ok", "Whether a part of the supervisor has no problem: 1 or 0.", ["component"])
+    for component in COMPONENTS:
+        good.add_metric((component,), not model["supervisor"][component]["problem"])
+    yield good
+    yield from _of_troubles(model["troubles"])
+
+
+def _of_troubles(troubles: Iterable[Mapping[str, str]]) -> Iterator[Metric]:
+    listed = list(troubles)
+    count = _gauge("troubles", "Things that are wrong right now, by severity.", ["severity"])
+    for severity in ("error", "warning"):
+        count.add_metric((severity,), sum(trouble["severity"] == severity for trouble in listed))
+    yield count
+    each = _gauge("trouble", "1 for each thing that is wrong right now.", ["kind", "severity", "where"])
+    for kind, severity, where in sorted({(t["kind"], t["severity"], t["where"]) for t in listed}):
+        each.add_metric((kind, severity, where), 1)
+    yield each
+
+
+def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Metric]:
+    up = _gauge("line_up", "Whether the drives of a line are reached: 1 or 0.", ["line"])
+    wire = _counter("line_wire_seconds", "Time that bytes took on the wire of the drives.", ["line"])
+    added = _counter("line_added_frames_seconds", "Time that frames of the gateway's own took.", ["line"])
+    connected = _gauge("controller_connections", "Connections of a controller.", ["line", "controller"])
+    for name, line in lines.items():
+        up.add_metric((name,), line["state"] == "up")
+        wire.add_metric((name,), line["wire_s"])
+        added.add_metric((name,), line["added_frames_s"])
+        for controller in line["controllers"]:
+            of_port = int(controller.get("state") == "up")
+            count = len(controller["connections"]) if "connections" in controller else of_port
+            connected.add_metric((name, controller["name"]), count)
+    yield from (up, wire, added, connected)
+    for key, says in LINE_COUNTERS.items():
+        counter = _counter(f"line_{key}", says, ["line"])
+        for name, line in lines.items():
+            if line.get(key) is not None:  # a line over TCP has no check sums
+                counter.add_metric((name,), line[key])
+        yield counter
+    yield from _latency("line", {name: line["gateway_us"] for name, line in lines.items()}, bounds_us)
+
+
+def _latency(
+    kind: str, took_us: Mapping[str, Mapping[str, Any]], bounds_us: Iterable[float]
+) -> Iterator[Metric]:
+    """Yield the gateway's own time as a histogram with the relay's own buckets; it keeps no sum."""
+    bounds = [*(f"{bound / US_PER_S:g}" for bound in bounds_us), "+Inf"]
+    times = HistogramMetricFamily(
+        _name(f"{kind}_latency_seconds"),
+        f"The gateway's own time for an exchange of the {kind}, both ways together.",
+        labels=[kind],
+    )
+    for name, of_one in took_us.items():
+        below = of_one.get("below", ())
+        if len(below) == len(bounds):
+            times.add_metric((name,), list(zip(bounds, below, strict=True)), None)
+    yield times
+    for key, rest, since in (("max", "max", "since its start"), ("max_minute", "minute_max", "in a minute")):
+        highest = _gauge(
+            f"{kind}_latency_{rest}_seconds", f"The longest that the gateway took {since}.", [kind]
+        )
+        for name, of_one in took_us.items():
+            highest.add_metric((name,), of_one[key] / US_PER_S)
+        yield highest
+
+
+def _of_axes(axes: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Metric]:
+    yield from _positions(axes)
+    for rest, says, states, found in (
+        ("compensation", "State of the compensation: 1 at the one it is in.", COMPENSATION, _compensation),
+        ("direction", "Direction of the readback map: 1 at the one it is.", DIRECTIONS, _direction),
+        ("table_state", "State of the table file: 1 at the one it is in.", TABLE_STATES, _table_state),
+    ):
+        label = "direction" if rest == "direction" else "state"
+        family = _gauge(f"axis_{rest}", says, ["axis", label])
+        for name, axis in axes.items():
+            for state in dict.fromkeys((*states, found(axis))):
+                family.add_metric((name, state), state == found(axis))
+        yield family
+    yield from _of_tables(axes)
+    took_us = {name: axis["latency"]["gateway_us"] for name, axis in axes.items()}
+    yield from _latency("axis", took_us, bounds_us)
+    budget = _gauge("axis_latency_budget_seconds", "What the gateway may take for an exchange.", ["axis"])
+    over = _gauge("axis_over_budget", "Whether the budget is exceeded right now: 1 or 0.", ["axis"])
+    overruns = _counter("axis_budget_overruns", "Exchanges that took longer than the budget.", ["axis"])
+    for name, axis in axes.items():
+        latency = axis["latency"]
+        budget.add_metric((name,), latency["budget_us"] / US_PER_S)
+        over.add_metric((name,), latency["is_over_budget"])
+        overruns.add_metric((name,), latency["budget_overruns"])
+    yield from (budget, over, overruns)
+
+
+def _compensation(axis: Mapping[str, Any]) -> str:
+    return str(axis["compensation"])
+
+
+def _direction(axis: Mapping[str, Any]) -> str:
+    return str(axis["direction"])
+
+
+def _table_state(axis: Mapping[str, Any]) -> str:
+    return str(axis["table"]["status"])
+
+
+def _positions(axes: Mapping[str, Any]) -> Iterator[Metric]:
+    """Yield positions in the axis's own unit, which the label says: it may be mm, inch or degree."""
+    says = "Position in the unit of the axis: frame nominal (the controller's) or corrected (the drive's)."
+    position = _gauge("axis_position", says, ["axis", "units", "frame", "of"])
+    correction = _gauge("axis_correction", "What is added, in the unit of the axis.", ["axis", "units"])
+    gain = _gauge("axis_gain_ratio", "Share of the table that is applied.", ["axis", "direction"])
+    for name, axis in axes.items():
+        for frame in ("nominal", "corrected"):
+            for of in ("setpoint", "actual"):
+                if axis[f"{frame}_{of}"] is not None:
+                    position.add_metric((name, axis["units"], frame, of), axis[f"{frame}_{of}"])
+        if axis["correction"] is not None:
+            correction.add_metric((name, axis["units"]), axis["correction"])
+        for direction, share in axis.get("gain", {}).items():
+            gain.add_metric((name, direction), share)
+    yield from (position, correction, gain)
+
+
+def _of_tables(axes: Mapping[str, Any]) -> Iterator[Metric]:
+    points = _gauge("axis_table_points", "Points of the table that the axis has; 0: none.", ["axis"])
+    loaded = _gauge("axis_table_loaded_timestamp_seconds", "When the table came, in Unix time.", ["axis"])
+    info = InfoMetricFamily(_name("axis_table"), "The table that the axis has.", labels=["axis"])
+    for name, axis in axes.items():
+        table = axis["table"]
+        points.add_metric((name,), table["points"])
+        if table.get("loaded_at"):
+            loaded.add_metric((name,), datetime.fromisoformat(table["loaded_at"]).timestamp())
+        if table["file"]:
+            kind, digest = table["format"] or "", table.get("sha256") or ""
+            info.add_metric((name,), {"file": table["file"], "format": kind, "sha256": digest})
+    yield from (points, loaded, info)

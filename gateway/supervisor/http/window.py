@@ -1,0 +1,38 @@
+"""What the HTTP service sees of the supervisor, and the one thing it may ask of it."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from gateway.compensation.settings import AxisSettings
+from gateway.ipc.notes import Severity
+from gateway.ipc.plan import GatewayPlan
+from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.outcome import Outcome
+
+
+class Say(Protocol):
+    """Takes an event, for the log and for all who listen."""
+
+    def __call__(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
+        """Note that something happened."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Everything that is served comes through here."""
+
+    feeds: Feeds
+    state: Path
+    """The state folder: the compiled tables are there, and the socket ``supervisor.sock``."""
+    settings_of: Callable[[str], AxisSettings | None]
+    """The settings of an axis in the configuration that was taken; None where there is none yet."""
+    reload: Callable[[], Awaitable[Outcome]]
+    say: Say
+
+
+def settings_in(plan: GatewayPlan | None, axis: str) -> AxisSettings | None:
+    """Return the settings of an axis in the plan of a configuration, for :attr:`Window.settings_of`."""
+    axes = () if plan is None else (one for line in plan.lines for one in line.axes)
+    return next((one.settings for one in axes if one.name == axis), None)

@@ -1,0 +1,55 @@
+"""The whole status model: what the relay says, with what only the supervisor knows (DESIGN section 11).
+
+It is made anew for each snapshot and never changed afterwards.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import gateway
+from gateway.supervisor.book import Entry
+from gateway.supervisor.trouble import troubles
+
+
+def whole_model(
+    name: str,
+    snapshot: Mapping[str, Any] | None,
+    *,
+    is_relay_up: bool,
+    snapshot_age_s: float | None,
+    tables: Mapping[str, Entry],
+    supervisor: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return the model.
+
+    Args:
+        name: of the gateway.
+        snapshot: the relay's model; None when it has not been reached yet.
+        is_relay_up: whether the relay is connected.
+        snapshot_age_s: how old the snapshot is.
+        tables: what is known of the table files, by axis.
+        supervisor: what the supervisor says of itself: ``configuration``, ``tables_folder``, ``http`` and
+            ``mqtt``, each with a ``problem`` that is None where all is well.
+    """
+    relay_gateway = {} if snapshot is None else snapshot["gateway"]
+    axes = {} if snapshot is None else snapshot["axes"]
+    model: dict[str, Any] = {
+        "gateway": {
+            "name": name,
+            "version": gateway.__version__,
+            "uptime_s": None,
+            **relay_gateway,
+            "relay": "up" if is_relay_up else "down",
+            "snapshot_age_s": None if snapshot_age_s is None else round(snapshot_age_s, 3),
+        },
+        "lines": {} if snapshot is None else snapshot["lines"],
+        "axes": {axis: _with_file(status, tables.get(axis)) for axis, status in axes.items()},
+        "supervisor": dict(supervisor),
+    }
+    model["troubles"] = [trouble.as_data() for trouble in troubles(model)]
+    return model
+
+
+def _with_file(status: Mapping[str, Any], entry: Entry | None) -> dict[str, Any]:
+    overlay = {} if entry is None else entry.overlay()
+    return {**status, "table": {**status["table"], **overlay}}

@@ -1,0 +1,93 @@
+"""Taking commands off one connection, and answering each of them."""
+
+import asyncio
+from typing import Final
+
+import aiomqtt
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+from paho.mqtt.reasoncodes import ReasonCode
+
+from gateway.ipc.notes import Severity
+from gateway.supervisor.mqtt.commands import BURST, PER_S, Allowance, Answer, Orders, carry_out
+from gateway.supervisor.mqtt.messages import encode
+from gateway.supervisor.mqtt.saying import Say
+from gateway.supervisor.mqtt.topics import COMMANDS, Topics
+
+FAILURE: Final = 0x80
+"""From here on a reason code says no (MQTT 5.0, 2.4; MQTT 3.1.1, 3.9.3)."""
+
+
+class Commander:
+    """Listens for commands; outlives connections."""
+
+    def __init__(self, topics: Topics, orders: Orders, say: Say) -> None:
+        self.is_idle = asyncio.Event()
+        """Set unless a command is being carried out."""
+        self.is_idle.set()
+        self._topics = topics
+        self._orders = orders
+        self._say = say
+        self._allowance = Allowance()
+        self._retained_seen: set[str] = set()
+
+    async def subscribe(self, client: aiomqtt.Client) -> str | None:
+        """Ask for commands; returns why the broker does not let us, None when it does."""
+        granted = await client.subscribe(self._topics.commands, qos=1)
+        if all((code.value if isinstance(code, ReasonCode) else code) < FAILURE for code in granted):
+            return None
+        return f"the broker does not let the gateway read {self._topics.commands}: allow it in its ACL"
+
+    async def take(self, client: aiomqtt.Client, message: aiomqtt.Message) -> None:
+        """Carry out what a message asks for, and answer it."""
+        self.is_idle.clear()
+        try:
+            await self._take(client, message)
+        finally:
+            self.is_idle.set()
+
+    async def _take(self, client: aiomqtt.Client, message: aiomqtt.Message) -> None:
+        command = self._topics.command_in(message.topic.value)
+        if message.retain:
+            self._ignore_retained(command, message.topic.value)
+            return
+        missed = self._allowance.ignored
+        if not self._allowance.takes(asyncio.get_running_loop().time()):
+            if not missed:  # one answer for all that follow
+                text = f"more than {BURST} at once and {PER_S:g} a second: this and what follows is ignored"
+                await self._answer(client, message, Answer(command[:64], None, problems=(text,)))
+            return
+        await self._answer(client, message, await carry_out(command, message.payload, self._orders), missed)
+
+    async def _answer(
+        self, client: aiomqtt.Client, message: aiomqtt.Message, answer: Answer, ignored: int = 0
+    ) -> None:
+        severity = Severity.INFO if answer.result == "done" else Severity.WARNING
+        data = answer.as_data()
+        if ignored:
+            data["ignored_before"] = ignored
+        self._say("mqtt-command", severity, **data)
+        topic = getattr(message.properties, "ResponseTopic", None)
+        if topic is None or not self._may_answer(topic):
+            return
+        properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
+        if (correlation := getattr(message.properties, "CorrelationData", None)) is not None:
+            properties.CorrelationData = correlation
+        await client.publish(topic, encode(data), qos=1, properties=properties)
+
+    def _may_answer(self, topic: str) -> bool:
+        """Not under our own topics: answers would be status, or commands that are answered again."""
+        is_own = topic == self._topics.root or topic.startswith(f"{self._topics.root}/")
+        return bool(topic) and not is_own and not any(sign in topic for sign in "+#\0")
+
+    def _ignore_retained(self, command: str, topic: str) -> None:
+        known = command if command in COMMANDS else "other"
+        if known not in self._retained_seen:
+            self._retained_seen.add(known)
+            self._say(
+                "mqtt-command-ignored",
+                Severity.WARNING,
+                command=command[:64],
+                detail="it was published as retained: it would be obeyed again at every start. Take it away "
+                f"with: mosquitto_pub -r -n -t '{topic[:256]}', and publish commands without retain",
+            )

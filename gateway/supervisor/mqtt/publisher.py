@@ -1,0 +1,124 @@
+"""Publishing what the gateway does over MQTT; it outlives every broker and every network."""
+
+import asyncio
+import random
+import time
+from pathlib import Path
+from typing import Any, Final
+
+import aiomqtt
+
+from gateway.ipc.notes import Severity
+from gateway.supervisor.mqtt.commander import Commander
+from gateway.supervisor.mqtt.commands import Orders
+from gateway.supervisor.mqtt.connection import connected
+from gateway.supervisor.mqtt.ending import apart, end
+from gateway.supervisor.mqtt.outbox import Outbox
+from gateway.supervisor.mqtt.reasons import why
+from gateway.supervisor.mqtt.retained import RETAINED_NAME, Ledger
+from gateway.supervisor.mqtt.saying import Say
+from gateway.supervisor.mqtt.sending import Sender, Tally
+from gateway.supervisor.mqtt.settings import Settings
+
+FIRST_WAIT_S: Final = 1.0
+LONGEST_WAIT_S: Final = 60.0
+STEADY_S: Final = 10.0
+"""A connection that held for as long was a good one: the next attempt comes soon again."""
+
+
+def wait_s(tries: int, share: float) -> float:
+    """Return how long to wait after so many attempts in vain; ``share``, from 0 to 1, spreads the gateways.
+
+    >>> wait_s(0, 1.0), wait_s(3, 1.0), wait_s(3, 0.0), wait_s(1000, 1.0)
+    (1.0, 8.0, 4.0, 60.0)
+    """
+    longest = min(FIRST_WAIT_S * 2.0 ** min(tries, 10), LONGEST_WAIT_S)
+    return longest * (0.5 + 0.5 * share)
+
+
+class Publisher:
+    """Publishes what is in ``outbox``, as ``settings`` say; for :class:`MqttService`."""
+
+    def __init__(self, settings: Settings, outbox: Outbox, say: Say, orders: Orders, state: Path) -> None:
+        self._settings = settings
+        self._outbox = outbox
+        self._say = say
+        self._state = state
+        self._commander = Commander(settings.topics, orders, say)
+        self._tally = Tally()
+        self._connects = 0
+        self._is_connected = False
+        self._problem: str | None = None
+
+    def status(self) -> dict[str, Any]:
+        """Return ``supervisor.mqtt`` of the status model."""
+        return {
+            "problem": self._problem,
+            "state": "connected" if self._is_connected else "connecting",
+            "broker": self._settings.broker,
+            "connects": self._connects,
+            "published": self._tally.published,
+            "dropped_events": self._outbox.dropped,
+        }
+
+    async def run(self) -> None:
+        """Publish until cancelled; the broker is told that this is the end, if it listens."""
+        ledger = await asyncio.to_thread(Ledger, self._state / RETAINED_NAME)
+        await self._keep_connected(ledger)
+
+    async def finish_commands(self) -> None:
+        """Wait until the command that is being carried out has been answered."""
+        await self._commander.is_idle.wait()
+
+    async def _keep_connected(self, ledger: Ledger) -> None:
+        tries = 0
+        while True:
+            began_s = time.monotonic()
+            try:
+                await self._connection(ledger)
+            except Exception as error:  # noqa: BLE001 - tables and page go on, whatever a library comes up with
+                self._lose(why(error, self._settings))
+            if time.monotonic() - began_s > STEADY_S:
+                tries = 0
+            await asyncio.sleep(wait_s(tries, random.random()))
+            tries += 1
+
+    async def _connection(self, ledger: Ledger) -> None:
+        """Connect and publish; it ends with an exception, because connections do."""
+        async with connected(self._settings) as client:
+            refused = None
+            if self._settings.allows_commands:
+                refused = await apart(self._commander.subscribe(client))
+            self._reach(refused)
+            sender = Sender(
+                client, self._settings, outbox=self._outbox, ledger=ledger, tally=self._tally, say=self._say
+            )
+            tasks = [asyncio.create_task(self._listen(client)), asyncio.create_task(sender.run())]
+            try:
+                await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                await end(tasks)
+            # The listener knows best why it is over.
+            for error in [task.exception() for task in tasks if not task.cancelled()]:
+                if error is not None:
+                    raise error
+
+    async def _listen(self, client: aiomqtt.Client) -> None:
+        """Take commands; without any it is the one who notices that the connection is gone."""
+        async for message in client.messages:
+            await self._commander.take(client, message)
+
+    def _reach(self, problem: str | None) -> None:
+        self._connects += 1
+        self._is_connected = True
+        self._problem = problem
+        self._say("mqtt-connected", broker=self._settings.broker, version=self._settings.version.value)
+        if problem is not None:
+            self._say("mqtt-commands-not-heard", Severity.WARNING, detail=problem)
+
+    def _lose(self, reason: str) -> None:
+        """Say it once for each reason, not with every attempt."""
+        was_connected, self._is_connected = self._is_connected, False
+        is_news, self._problem = was_connected or reason != self._problem, reason
+        if is_news:  # and the status says it already
+            self._say("mqtt-lost", Severity.WARNING, broker=self._settings.broker, detail=reason)

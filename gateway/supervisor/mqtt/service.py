@@ -1,0 +1,88 @@
+"""MQTT for as long as the supervisor lives: it follows the configuration, which may change or have none."""
+
+import asyncio
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.mqtt.commands import Orders
+from gateway.supervisor.mqtt.ending import end
+from gateway.supervisor.mqtt.outbox import Outbox
+from gateway.supervisor.mqtt.publisher import Publisher
+from gateway.supervisor.mqtt.saying import Say
+from gateway.supervisor.mqtt.settings import Settings
+
+STATUS_WITHOUT: Final[dict[str, Any]] = {
+    "problem": None,
+    "state": "off",
+    "broker": None,
+    "connects": 0,
+    "published": 0,
+    "dropped_events": 0,
+}
+"""``supervisor.mqtt`` of the status model where the configuration has no ``[mqtt]``."""
+
+
+class MqttService:
+    """Publishes what ``feeds`` has.
+
+    ``orders`` carry out what is commanded, where that is allowed; ``state`` is the folder to note topics in.
+    """
+
+    def __init__(self, feeds: Feeds, say: Say, orders: Orders, state: Path) -> None:
+        self.publisher: Publisher | None = None
+        """Who publishes now, if anybody does."""
+        self._feeds = feeds
+        self._say = say
+        self._orders = orders
+        self._state = state
+        self._wanted: Settings | None = None
+        self._is_changed = asyncio.Event()
+
+    def follow(self, settings: Settings | None) -> None:
+        """Publish as these say from now on; None: not at all. What has not changed changes nothing."""
+        if settings != self._wanted:
+            self._wanted = settings
+            self._is_changed.set()
+
+    def status(self) -> dict[str, Any]:
+        """Return ``supervisor.mqtt`` of the status model."""
+        return STATUS_WITHOUT if self.publisher is None else self.publisher.status()
+
+    async def run(self) -> None:
+        """Run until cancelled; a broker that listens is told of the end."""
+        while True:
+            if self._wanted is None:
+                await self._is_changed.wait()
+            else:
+                await self._publish_until_none()
+            self._is_changed.clear()
+
+    async def _publish_until_none(self) -> None:
+        outbox = (
+            Outbox()
+        )  # outlives a change of settings: the answer to the reload that made it waits in there
+        with self._feeds.open() as feed:
+            collecting = asyncio.create_task(outbox.collect(feed))
+            try:
+                while self._wanted is not None:
+                    self._is_changed.clear()
+                    await self._publish(self._wanted, outbox)
+            finally:
+                self.publisher = None
+                await end((collecting,))
+
+    async def _publish(self, settings: Settings, outbox: Outbox) -> None:
+        """Publish until there are other settings."""
+        self.publisher = Publisher(settings, outbox, self._say, self._orders, self._state)
+        publishing = asyncio.create_task(self.publisher.run())
+        changing = asyncio.create_task(self._is_changed.wait())
+        try:
+            await asyncio.wait((publishing, changing), return_when=asyncio.FIRST_COMPLETED)
+            if publishing.done():
+                publishing.result()  # a bug: it ends only when it is told to
+            await self.publisher.finish_commands()
+        finally:
+            publishing.cancel()
+            await end((changing,))
+            await asyncio.wait((publishing,))

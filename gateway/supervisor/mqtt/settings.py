@@ -1,0 +1,66 @@
+"""What the publisher is told by the configuration."""
+
+import ssl
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from gateway.config.mqtt_files import read_password, tls_context
+from gateway.config.mqtt_model import MqttSection, MqttVersion, TlsSection
+from gateway.supervisor.mqtt.topics import Topics
+
+CLIENT_ID: Final = "pitch-gateway-{}"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Where to publish, as whom, and what. The password is not in here: it is read for each connection."""
+
+    topics: Topics
+    host: str
+    port: int
+    version: MqttVersion
+    client_id: str
+    keepalive_s: int
+    interval_s: float
+    username: str | None
+    password_path: Path | None
+    tls: TlsSection | None
+    folder: Path
+    """That the files of :attr:`tls` are relative to."""
+    discovery: str
+    """Prefix of Home Assistant's discovery, ``""`` for none."""
+    allows_commands: bool
+
+    @property
+    def broker(self) -> str:
+        """The broker's address, for people."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{host}:{self.port}"
+
+    def password(self) -> str | None:
+        """Return the password as its file has it now; blocks. Raises MqttFileError."""
+        return None if self.password_path is None else read_password(self.password_path)
+
+    def tls_context(self) -> ssl.SSLContext | None:
+        """Return what TLS needs, None without; blocks. Raises MqttFileError."""
+        return None if self.tls is None else tls_context(self.tls, self.folder)
+
+
+def settings_of(section: MqttSection, name: str, folder: Path) -> Settings:
+    """Return the settings of the gateway ``name``; the files of the section are relative to ``folder``."""
+    return Settings(
+        topics=Topics(section.base_topic, name),
+        host=section.host,
+        port=section.port,
+        version=section.version,
+        client_id=section.client_id or CLIENT_ID.format(name),
+        keepalive_s=section.keepalive_s,
+        interval_s=section.interval_s,
+        username=section.username,
+        password_path=None if section.password_file is None else folder / section.password_file,
+        tls=section.tls,
+        folder=folder,
+        discovery=section.discovery,
+        allows_commands=section.commands,
+    )

@@ -1,0 +1,62 @@
+"""What came of bringing tables up to date."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.config.problems import Problem
+from gateway.supervisor.stillness import Sight
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What has changed, what stays as it was, and why."""
+
+    comes: Mapping[str, str] = field(default_factory=dict)
+    """How the new correction of an axis comes into force, or the old one goes; the others are not there."""
+    gone: tuple[str, ...] = ()
+    """Axes whose table was taken away: its file is gone, or the configuration names none."""
+    changed: tuple[str, ...] = ()
+    """Keys of the configuration whose new values are in force."""
+    problems: tuple[str, ...] = ()
+    """Why nothing was changed, or not all; each with what to do."""
+    rejected: Mapping[str, tuple[Problem, ...]] = field(default_factory=dict)
+    """What is wrong with the table files of axes; what was in force stays."""
+    held: Mapping[str, tuple[Problem, ...]] = field(default_factory=dict)
+    """Axes whose file is good and not in force, because of another axis of their group; with the reason."""
+    absent: frozenset[str] = frozenset()
+    """Axes that are not corrected: their table file is not there, or that of another axis of their group."""
+    waiting: frozenset[str] = frozenset()
+    """Axes whose table file is being written, and counts for nothing yet."""
+    sights: Mapping[str, Sight] = field(default_factory=dict)
+    """Of each file that was read, by its name: as it was seen before and after."""
+    has_read: bool = True
+    """Whether the table files were looked at, so that what is said of them here holds."""
+    is_owed: bool = False
+    """Whether the configuration could not be taken for a reason that may pass, as a full disk."""
+    is_refused: bool = False
+    """Whether the configuration in its file was not taken: the one before stays."""
+    is_running: bool = True
+    """Whether a relay was there; without one what is new waits in the state folder for its start."""
+
+    @property
+    def all_problems(self) -> tuple[str, ...]:
+        """Everything that is wrong, a line each."""
+        held = (problems for axis, problems in self.held.items() if axis not in self.absent)
+        found = (*self.rejected.values(), *held)
+        of_tables = (str(problem) for problems in found for problem in problems)
+        return (*self.problems, *dict.fromkeys(of_tables))
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data, with :attr:`all_problems`."""
+        return {
+            "comes": dict(self.comes),
+            "gone": list(self.gone),
+            "changed": list(self.changed),
+            "problems": list(self.problems),
+            "rejected": {
+                axis: [problem.as_dict() for problem in problems] for axis, problems in self.rejected.items()
+            },
+            "all_problems": list(self.all_problems),
+            "is_running": self.is_running,
+        }

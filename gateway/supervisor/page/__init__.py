@@ -1,0 +1,34 @@
+"""The page that a person leaves open beside the machine: files that are served as they are.
+
+Nothing is built, and nothing is fetched but from the gateway itself: ``index.html`` at ``/``, the others at
+``page/NAME``, and of the gateway's own answers ``events``, ``status`` and ``tables/AXIS``.
+"""
+
+from typing import Final
+
+FILES: Final = (
+    "index.html",
+    "page.css",
+    "axes.css",
+    "curves.css",
+    "rooms.css",
+    "icon.svg",
+    "icon-trouble.svg",
+    "theme.js",
+    "page.js",
+    "axis_card.js",
+    "banner.js",
+    "chart.js",
+    "curve.js",
+    "dom.js",
+    "event_list.js",
+    "figures.js",
+    "histogram.js",
+    "latency.js",
+    "line_cards.js",
+    "model.js",
+    "stream.js",
+    "tables.js",
+    "words.js",
+)
+"""Every file of the page, by its name in this folder; nothing else is served."""

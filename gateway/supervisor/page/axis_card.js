@@ -1,0 +1,320 @@
+// @ts-check
+// One axis: what it does, where it is, its correction and its table.
+
+import { Curve } from "./curve.js";
+import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
+import { NOT_KNOWN, fixed, scaleOf, timeOfDay } from "./figures.js";
+import { compensation, direction, table as tableState } from "./words.js";
+
+/**
+ * @typedef {import("./model.js").Axis} Axis
+ * @typedef {import("./model.js").Table} Table
+ */
+
+const LONG = 8; // digits that fit a narrow card in the largest size
+
+let number = 0;
+
+export class AxisCard {
+  /**
+   * @param {string} name
+   * @param {boolean} isStill
+   */
+  constructor(name, isStill) {
+    number += 1;
+    this.name = name;
+    /** @type {Axis | null} */
+    this.axis = null;
+    /** @type {Table | null} */
+    this.table = null;
+    this.isSeen = true;
+    this.shownCurve = "";
+    this.curve = new Curve(isStill);
+    this.stateSign = sign("info");
+    this.stateWords = make("span");
+    this.state = make("p", { class: "state" }, this.stateSign, this.stateWords);
+    this.positionName = make("span", { class: "reading-name", text: "Position" });
+    this.position = make("span", { class: "digits" });
+    this.units = make("span", { class: "units" });
+    this.big = make("p", { class: "position" }, this.position, this.units);
+    this.directionSign = sign("unknown");
+    this.directionWords = make("span");
+    this.direction = make("p", { class: "direction" }, this.directionSign, this.directionWords);
+    this.correction = make("dd");
+    this.corrected = make("dd");
+    this.target = make("dd");
+    this.targetRow = make("div", {}, make("dt", { text: "Target" }), this.target);
+    this.gain = make("dd");
+    this.gainRow = make("div", {}, make("dt", { text: "Gain" }), this.gain);
+    this.tableSign = sign("info");
+    this.tableName = make("span", { class: "file" });
+    this.tableWords = make("span", { class: "file-state" });
+    this.problems = make("ul", { class: "problems" });
+    this.drawing = make("div", { class: "drawing-frame" }, this.curve.element);
+    this.noCurve = make("p", { class: "no-curve quiet" });
+    this.valuesBody = make("tbody");
+    this.valuesHead = make("tr");
+    this.values = make("details", { class: "values" }, make("summary", { text: "Values of the table" }));
+    this.element = this.laidOut();
+    this.values.addEventListener("toggle", () => this.fillValues());
+    this.resizes = new ResizeObserver(([entry]) => {
+      this.curve.resize(entry.contentRect.width, entry.contentRect.height);
+    });
+    this.resizes.observe(this.drawing);
+    this.sights = new IntersectionObserver(([entry]) => {
+      this.isSeen = entry.isIntersecting;
+    });
+    this.sights.observe(this.element);
+  }
+
+  laidOut() {
+    const title = `axis-${number}-title`;
+    const frame = make(
+      "div",
+      { class: "values-frame", tabindex: "0", role: "region", "aria-label": `Values of the table of axis ${this.name}` },
+      make("table", {}, make("thead", {}, this.valuesHead), this.valuesBody),
+    );
+    this.values.append(frame);
+    return make(
+      "article",
+      { class: "card axis", "aria-labelledby": title },
+      make(
+        "header",
+        { class: "card-head" },
+        make("h3", { id: title }, make("span", { class: "unseen", text: "Axis " }), make("span", { text: this.name })),
+        this.state,
+      ),
+      make(
+        "div",
+        { class: "axis-body" },
+        make(
+          "div",
+          { class: "readings" },
+          make("div", { class: "reading-head" }, this.positionName, this.direction),
+          this.big,
+          make(
+            "dl",
+            { class: "facts" },
+            make("div", {}, make("dt", { text: "Correction" }), this.correction),
+            make("div", {}, make("dt", { text: "On the drive" }), this.corrected),
+            this.targetRow,
+            this.gainRow,
+          ),
+        ),
+        make("figure", { class: "curve" }, this.drawing, this.noCurve, this.legend()),
+      ),
+      make(
+        "footer",
+        { class: "table-state" },
+        make("p", {}, this.tableSign, this.tableName, this.tableWords),
+        this.problems,
+        this.values,
+      ),
+    );
+  }
+
+  legend() {
+    return make(
+      "figcaption",
+      { class: "legend", "aria-hidden": "true" },
+      make("span", { class: "key-forward", text: "forward" }),
+      make("span", { class: "key-backward", text: "backward" }),
+      make("span", { class: "key-machine", text: "machine" }),
+      make("span", { class: "key-outside", text: "no table" }),
+    );
+  }
+
+  leave() {
+    this.resizes.disconnect();
+    this.sights.disconnect();
+    this.element.remove();
+  }
+
+  /**
+   * @param {Axis} axis
+   * @param {number} now
+   */
+  show(axis, now) {
+    this.axis = axis;
+    const scale = scaleOf(axis.units);
+    const state = compensation(axis.compensation);
+    setAttribute(this.element, "data-tone", axis.table.status === "rejected" ? "error" : state.tone);
+    setAttribute(this.state, "class", `state ${state.tone}`);
+    setSign(this.stateSign, state.sign);
+    setText(this.stateWords, state.words);
+
+    const isRead = axis.nominal_actual !== null;
+    const nominal = isRead ? axis.nominal_actual : axis.nominal_setpoint;
+    const written = axis.compensation === "shadow" ? axis.nominal_setpoint : axis.corrected_setpoint;
+    const corrected = isRead ? axis.corrected_actual : written;
+    setText(this.positionName, isRead ? "Position" : "Target (position not read)");
+    const digits = fixed(nominal, scale.decimals);
+    setText(this.position, digits);
+    setAttribute(this.big, "class", digits.length > LONG ? "position long" : "position");
+    setText(this.units, scale.units);
+    setText(this.corrected, withUnits(fixed(corrected, scale.decimals), scale.units));
+    const correction = correctionOf(axis);
+    setText(
+      this.correction,
+      withUnits(fixed(correction === null ? null : correction * scale.perUnit, scale.smallDecimals, true), scale.small),
+    );
+    show(this.targetRow, isRead);
+    setText(this.target, withUnits(fixed(axis.nominal_setpoint, scale.decimals), scale.units));
+    const way = direction(axis.direction);
+    setSign(this.directionSign, way.sign);
+    setText(this.directionWords, way.words);
+    const { forward, backward } = axis.gain;
+    show(this.gainRow, forward !== 1 || backward !== 1);
+    setText(this.gain, forward === backward ? `× ${forward}` : `× ${forward} forward, × ${backward} backward`);
+    this.showTable(axis);
+    this.showCurve(axis);
+    this.curve.put(this.placeOf(nominal, correction), now, this.isSeen);
+  }
+
+  /**
+   * Where the machine is on its table: a turning axis comes round.
+   * @param {number | null} nominal
+   * @param {number | null} correction
+   */
+  placeOf(nominal, correction) {
+    if (nominal === null || this.table === null) {
+      return null;
+    }
+    const turn = this.table.modulo ?? 0;
+    const start = this.table.positions[0];
+    const position = turn > 0 ? start + ((((nominal - start) % turn) + turn) % turn) : nominal;
+    return { position, correction: correction ?? 0 };
+  }
+
+  /** @param {Axis} axis */
+  showTable(axis) {
+    const its = axis.table;
+    const state = tableState(its.status);
+    setAttribute(this.tableSign, "class", `sign ${state.tone}`);
+    setSign(this.tableSign, state.sign);
+    setText(this.tableName, its.file ?? "");
+    const parts = [its.file === null && its.status === "none" ? "No table is configured" : state.words];
+    if (its.points) {
+      parts.push(`${its.points} points`);
+    }
+    if (its.loaded_at) {
+      parts.push(`loaded ${timeOfDay(its.loaded_at)}`);
+    }
+    setText(this.tableWords, parts.join(" · "));
+    const problems = (its.problems ?? []).map(sentence);
+    if (!problems.length && its.error) {
+      problems.push(its.error);
+    }
+    const key = problems.join("\n");
+    if (this.problems.dataset.key !== key) {
+      this.problems.dataset.key = key;
+      this.problems.replaceChildren(...problems.map((text) => make("li", { text })));
+    }
+  }
+
+  /** @param {Table | null} table as it came; null: there is none */
+  take(table) {
+    this.table = table;
+    this.shownCurve = "";
+    if (this.axis !== null) {
+      this.show(this.axis, performance.now());
+    }
+    this.fillValues();
+  }
+
+  /** @param {Axis} axis */
+  showCurve(axis) {
+    const hasTable = axis.table.points > 0;
+    setText(this.noCurve, hasTable ? "The curve is being fetched." : "No table: positions pass as they are.");
+    const has = this.table !== null && this.table.positions.length > 1;
+    show(this.noCurve, !has);
+    setAttribute(this.element, "data-curve", has ? "yes" : "no");
+    const key = has ? `${axis.units} ${axis.travel}` : "none";
+    if (key === this.shownCurve) {
+      return;
+    }
+    this.shownCurve = key;
+    if (this.table === null || !has) {
+      this.curve.show(null);
+      show(this.values, false);
+      return;
+    }
+    show(this.values, true);
+    const { table } = this;
+    const scale = scaleOf(axis.units);
+    const travel = table.travel === undefined ? axis.travel : table.travel;
+    this.curve.show({ table, travel, scale });
+    this.fillValues();
+    setText(this.curve.title, `Correction of axis ${this.name} over its travel`);
+    const last = table.positions[table.positions.length - 1];
+    const isShort = travel !== null && (travel[0] < table.positions[0] || travel[1] > last);
+    setAttribute(this.element, "data-outside", isShort ? "yes" : "no");
+    setText(
+      this.curve.description,
+      `${axis.table.points} points from ${fixed(table.positions[0], scale.decimals)} to ` +
+        `${fixed(last, scale.decimals)} ${scale.units}. Forward ${range(table.forward, scale)}, ` +
+        `backward ${range(table.backward, scale)}. ` +
+        "The values stand below, under Values of the table.",
+    );
+  }
+
+  fillValues() {
+    const isOpen = /** @type {HTMLDetailsElement} */ (this.values).open;
+    if (!isOpen || this.table === null || this.axis === null) {
+      this.valuesBody.replaceChildren();
+      return;
+    }
+    const scale = scaleOf(this.axis.units);
+    const { positions, forward, backward } = this.table;
+    const heads = [`Position ${scale.units}`, `Forward ${scale.small}`, `Backward ${scale.small}`];
+    this.valuesHead.replaceChildren(...heads.map((text) => make("th", { scope: "col", text })));
+    this.valuesBody.replaceChildren(
+      ...positions.map((position, index) =>
+        make(
+          "tr",
+          {},
+          make("th", { scope: "row", text: fixed(position, scale.decimals) }),
+          make("td", { text: fixed(forward[index] * scale.perUnit, scale.smallDecimals, true) }),
+          make("td", { text: fixed(backward[index] * scale.perUnit, scale.smallDecimals, true) }),
+        ),
+      ),
+    );
+  }
+}
+
+/**
+ * What is added at the position that is shown; of the last target where the position is not read, and in shadow
+ * mode, where the drive shows nothing of it.
+ * @param {Axis} axis
+ */
+function correctionOf(axis) {
+  if (axis.compensation !== "shadow" && axis.nominal_actual !== null && axis.corrected_actual !== null) {
+    return axis.corrected_actual - axis.nominal_actual;
+  }
+  return axis.correction;
+}
+
+/**
+ * @param {string} text
+ * @param {string} units
+ */
+function withUnits(text, units) {
+  return text === NOT_KNOWN ? text : `${text}\u202f${units}`;
+}
+
+/** @param {import("./model.js").Problem} problem */
+function sentence(problem) {
+  const place = [problem.file, problem.line, problem.column].filter((part) => part !== null && part !== "").join(":");
+  return [place, problem.key, [problem.found, problem.remedy].filter(Boolean).join("; ")].filter(Boolean).join(": ");
+}
+
+/**
+ * @param {number[]} values
+ * @param {import("./figures.js").Scale} scale
+ */
+function range(values, scale) {
+  const scaled = values.map((value) => value * scale.perUnit);
+  const low = scaled.reduce((one, other) => Math.min(one, other), Infinity);
+  const high = scaled.reduce((one, other) => Math.max(one, other), -Infinity);
+  return `from ${fixed(low, scale.smallDecimals, true)} to ${fixed(high, scale.smallDecimals, true)} ${scale.small}`;
+}

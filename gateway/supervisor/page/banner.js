@@ -1,0 +1,142 @@
+// @ts-check
+// What is wrong and what to do, or that all is well; and that the page itself hears nothing.
+
+import { byId, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
+import { span } from "./figures.js";
+import { capital } from "./words.js";
+
+const AT_FIRST = matchMedia("(max-width: 40rem)").matches ? 2 : 4; // the axes should stay in sight
+
+/** @typedef {import("./model.js").Trouble} Trouble */
+
+export class Banner {
+  constructor() {
+    this.list = byId("troubles");
+    this.well = byId("well");
+    this.lost = byId("lost");
+    this.more = byId("more");
+    this.sayAlert = byId("say-alert");
+    this.sayStatus = byId("say-status");
+    /** @type {Map<string, TroubleItem>} */
+    this.items = new Map();
+    /** @type {Trouble[]} */
+    this.troubles = [];
+    /** @type {Set<string> | null} */
+    this.said = null;
+    this.isOpen = false;
+    this.isLost = false;
+    this.lostWhat = make("strong");
+    this.lostHow = make("span", { class: "remedy" });
+    this.lost.append(sign("error"), make("p", {}, this.lostWhat, this.lostHow));
+    this.wellWords = make("span");
+    this.well.append(sign("ok"), this.wellWords);
+    this.more.addEventListener("click", () => {
+      this.isOpen = !this.isOpen;
+      this.draw();
+    });
+  }
+
+  /**
+   * @param {Trouble[]} troubles worst first
+   * @param {string} allWell
+   */
+  show(troubles, allWell) {
+    this.troubles = troubles;
+    setText(this.wellWords, allWell);
+    this.say(allWell);
+    this.draw();
+  }
+
+  /**
+   * @param {number | null} silentMs for how long nothing has come; null: it does
+   * @param {boolean} hasModel whether anything ever came
+   */
+  showSilence(silentMs, hasModel) {
+    const isLost = silentMs !== null;
+    if (isLost) {
+      const age = span(silentMs / 1000);
+      setText(this.lostWhat, hasModel ? `The gateway does not answer. What is shown is ${age} old.` : "The gateway does not answer.");
+      setText(this.lostHow, "Is it running, and is the network there? This page tries again by itself.");
+    }
+    if (isLost !== this.isLost) {
+      this.isLost = isLost;
+      setText(this.sayAlert, isLost ? "The gateway does not answer." : "");
+      setText(this.sayStatus, isLost ? "" : "The gateway answers again.");
+      this.draw();
+    }
+  }
+
+  draw() {
+    show(this.lost, this.isLost);
+    show(this.well, this.troubles.length === 0 && !this.isLost && this.said !== null);
+    const seen = this.isOpen ? this.troubles : this.troubles.slice(0, AT_FIRST);
+    const hidden = this.troubles.length - Math.min(this.troubles.length, AT_FIRST);
+    /** @type {Map<string, Trouble>} */
+    const byKey = new Map();
+    for (const trouble of seen) {
+      let key = keyOf(trouble);
+      while (byKey.has(key)) {
+        key += "+";
+      }
+      byKey.set(key, trouble);
+    }
+    keepChildren(this.list, this.items, [...byKey.keys()], () => new TroubleItem(), (item) => item.element);
+    for (const [key, trouble] of byKey) {
+      this.items.get(key)?.show(trouble);
+    }
+    show(this.more, hidden > 0);
+    setText(this.more, this.isOpen ? "Show fewer" : `Show ${hidden} more`);
+    setAttribute(this.more, "aria-expanded", String(this.isOpen));
+  }
+
+  /**
+   * Have a screen reader say what is new; not again what only changed its words.
+   * @param {string} allWell
+   */
+  say(allWell) {
+    const now = new Set(this.troubles.map(keyOf));
+    const before = this.said;
+    this.said = now;
+    const fresh = this.troubles.filter((trouble) => !before?.has(keyOf(trouble)));
+    if (fresh.length) {
+      const isError = fresh.some((trouble) => trouble.severity === "error");
+      const words = fresh.slice(0, AT_FIRST).map((trouble) => `${capital(trouble.where)}: ${trouble.what}. ${trouble.remedy}.`);
+      setText(isError ? this.sayAlert : this.sayStatus, words.join(" "));
+    } else if (now.size === 0 && before?.size) {
+      setText(this.sayAlert, "");
+      setText(this.sayStatus, allWell);
+    }
+  }
+}
+
+class TroubleItem {
+  constructor() {
+    this.where = make("strong", { class: "where" });
+    this.what = make("span", { class: "what" });
+    this.remedy = make("span", { class: "remedy" });
+    this.kind = make("span", { class: "unseen" });
+    this.sign = sign("warning");
+    this.element = make(
+      "li",
+      { class: "trouble" },
+      this.sign,
+      make("p", {}, this.kind, this.where, this.what, this.remedy),
+    );
+  }
+
+  /** @param {Trouble} trouble */
+  show(trouble) {
+    const isError = trouble.severity === "error";
+    setAttribute(this.element, "class", `trouble ${isError ? "error" : "warning"}`);
+    setSign(this.sign, isError ? "error" : "warning");
+    setText(this.kind, isError ? "Error: " : "Warning: ");
+    setText(this.where, capital(trouble.where));
+    setText(this.what, trouble.what);
+    setText(this.remedy, capital(trouble.remedy));
+  }
+}
+
+/** @param {Trouble} trouble */
+function keyOf(trouble) {
+  return `${trouble.severity} ${trouble.kind} ${trouble.where}`;
+}

@@ -1,0 +1,135 @@
+// @ts-check
+// Making elements, and changing only what is different. Text from the gateway is only ever set as text.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/**
+ * Make an HTML element.
+ * @param {string} tag
+ * @param {Record<string, string>} [attributes] `text` is its text
+ * @param {...(Node | null)} children
+ * @returns {HTMLElement}
+ */
+export function make(tag, attributes = {}, ...children) {
+  return fill(document.createElement(tag), attributes, children);
+}
+
+/**
+ * Make an SVG element.
+ * @param {string} tag
+ * @param {Record<string, string | number>} [attributes] `text` is its text
+ * @param {...(Node | null)} children
+ * @returns {SVGElement}
+ */
+export function draw(tag, attributes = {}, ...children) {
+  return fill(/** @type {SVGElement} */ (document.createElementNS(SVG, tag)), attributes, children);
+}
+
+/**
+ * @template {Element} T
+ * @param {T} element
+ * @param {Record<string, string | number>} attributes
+ * @param {(Node | null)[]} children
+ * @returns {T}
+ */
+function fill(element, attributes, children) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name === "text") {
+      element.textContent = String(value);
+    } else {
+      element.setAttribute(name, String(value));
+    }
+  }
+  element.append(...children.filter((child) => child !== null));
+  return element;
+}
+
+/**
+ * Make one of the signs that stand in index.html; words beside it say the same.
+ * @param {string} name
+ * @returns {SVGElement}
+ */
+export function sign(name) {
+  return draw("svg", { class: "sign", "aria-hidden": "true", focusable: "false" }, draw("use", { href: `#i-${name}` }));
+}
+
+/**
+ * Show another sign.
+ * @param {Element} of what {@link sign} made
+ * @param {string} name
+ */
+export function setSign(of, name) {
+  setAttribute(/** @type {Element} */ (of.firstElementChild), "href", `#i-${name}`);
+}
+
+/**
+ * @param {Element} element
+ * @param {string} text
+ */
+export function setText(element, text) {
+  if (element.textContent !== text) {
+    element.textContent = text;
+  }
+}
+
+/**
+ * @param {Element} element
+ * @param {string} name
+ * @param {string} value
+ */
+export function setAttribute(element, name, value) {
+  if (element.getAttribute(name) !== value) {
+    element.setAttribute(name, value);
+  }
+}
+
+/**
+ * @param {Element} element an element with `hidden`
+ * @param {boolean} isShown
+ */
+export function show(element, isShown) {
+  const it = /** @type {HTMLElement} */ (element);
+  if (it.hidden === isShown) {
+    it.hidden = !isShown;
+  }
+}
+
+/**
+ * Find an element that index.html has.
+ * @param {string} id
+ * @returns {HTMLElement}
+ */
+export function byId(id) {
+  return /** @type {HTMLElement} */ (document.getElementById(id));
+}
+
+/**
+ * Bring the children of an element in line with a list: one for each key, in this order, made and removed as
+ * keys come and go.
+ * @template T
+ * @param {Element} parent
+ * @param {Map<string, T>} known what was made so far, by key; brought up to date
+ * @param {string[]} keys
+ * @param {(key: string) => T} create
+ * @param {(it: T) => Element} elementOf
+ */
+export function keepChildren(parent, known, keys, create, elementOf) {
+  const wanted = new Set(keys);
+  for (const [key, it] of known) {
+    if (!wanted.has(key)) {
+      elementOf(it).remove();
+      known.delete(key);
+    }
+  }
+  keys.forEach((key, index) => {
+    let it = known.get(key);
+    if (it === undefined) {
+      it = create(key);
+      known.set(key, it);
+    }
+    const element = elementOf(it);
+    if (parent.children[index] !== element) {
+      parent.insertBefore(element, parent.children[index] ?? null);
+    }
+  });
+}

@@ -1,0 +1,153 @@
+// @ts-check
+// What the gateway itself takes: one axis or line as a histogram, all of them as figures beside their budget.
+
+import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
+import { NOT_KNOWN, count, time } from "./figures.js";
+import { Histogram } from "./histogram.js";
+
+/**
+ * @typedef {import("./model.js").Model} Model
+ * @typedef {import("./model.js").Times} Times
+ * @typedef {{ key: string, words: string, times: Times, budget: number | null, overruns: number,
+ *             isOver: boolean }} Measured
+ */
+
+export class Latency {
+  constructor() {
+    this.room = byId("latency");
+    this.choice = byId("latency-choice");
+    this.select = /** @type {HTMLSelectElement} */ (byId("latency-of"));
+    this.chosen = "";
+    /** @type {Model | null} */
+    this.model = null;
+    this.histogram = new Histogram();
+    this.none = make("p", { class: "quiet no-curve", text: "Nothing has been measured yet." });
+    this.drawing = make("div", { class: "drawing-frame" }, this.histogram.element);
+    this.body = make("tbody");
+    /** @type {Map<string, Row>} */
+    this.rows = new Map();
+    /** @type {Map<string, HTMLElement>} */
+    this.options = new Map();
+    this.room.append(
+      make("figure", { class: "card times" }, this.drawing, this.none, caption()),
+      make(
+        "div",
+        { class: "card figures", tabindex: "0", role: "region", "aria-label": "Times in the gateway as figures" },
+        make("table", {}, make("caption", { class: "unseen", text: "Time in the gateway beside its budget" }), head(), this.body),
+      ),
+    );
+    this.select.addEventListener("change", () => {
+      this.chosen = this.select.value;
+      if (this.model) {
+        this.show(this.model);
+      }
+    });
+    new ResizeObserver(([entry]) => {
+      this.histogram.resize(entry.contentRect.width, entry.contentRect.height);
+    }).observe(this.drawing);
+  }
+
+  /** @param {Model} model */
+  show(model) {
+    this.model = model;
+    const all = measuredOf(model);
+    const byKey = new Map(all.map((measured) => [measured.key, measured]));
+    keepChildren(this.body, this.rows, [...byKey.keys()], () => new Row(), (row) => row.element);
+    keepChildren(this.select, this.options, [...byKey.keys()], (key) => make("option", { value: key }), (option) => option);
+    for (const measured of all) {
+      this.rows.get(measured.key)?.show(measured);
+      setText(/** @type {HTMLElement} */ (this.options.get(measured.key)), measured.words);
+    }
+    show(this.choice, all.length > 1);
+    const shown = byKey.get(this.chosen) ?? all.find((measured) => measured.isOver) ?? all[0];
+    if (shown && this.select.value !== shown.key) {
+      this.select.value = shown.key;
+    }
+    this.draw(shown, model.gateway.latency_bounds_us ?? []);
+  }
+
+  /**
+   * @param {Measured | undefined} measured
+   * @param {number[]} bounds
+   */
+  draw(measured, bounds) {
+    const below = measured?.times.below;
+    const isThere = measured !== undefined && below !== undefined && below.length === bounds.length + 1;
+    const all = isThere ? below[below.length - 1] : 0;
+    show(this.none, all === 0);
+    show(this.drawing, all > 0);
+    if (!isThere || all === 0) {
+      this.histogram.show(null);
+      return;
+    }
+    this.histogram.show({ bounds, below, budget: measured.budget });
+    setText(this.histogram.title, `Time in the gateway, ${measured.words}`);
+    const inBudget = measured.budget === null ? "" : ` The budget is ${time(measured.budget)}.`;
+    setText(
+      this.histogram.description,
+      `${count(all)} exchanges: half of them within ${time(measured.times.p50)}, 99 % within ` +
+        `${time(measured.times.p99)}, 99.9 % within ${time(measured.times.p999)}.${inBudget}`,
+    );
+  }
+}
+
+class Row {
+  constructor() {
+    this.name = make("th", { scope: "row" });
+    this.cells = Array.from({ length: 5 }, () => make("td"));
+    this.over = make("td", { class: "over-cell" });
+    this.overWords = make("span");
+    this.overSign = sign("warning");
+    this.over.append(this.overSign, this.overWords);
+    this.element = make("tr", {}, this.name, ...this.cells, this.over);
+  }
+
+  /** @param {Measured} measured */
+  show({ words, times, budget, overruns, isOver }) {
+    setText(this.name, words);
+    [times.p50, times.p99, times.p999, times.max, budget].forEach((value, index) => setText(this.cells[index], short(value)));
+    setText(this.overWords, count(overruns));
+    setAttribute(this.element, "class", isOver ? "is-over" : "");
+  }
+}
+
+function head() {
+  const words = ["µs", "p50", "p99", "p99.9", "max", "budget", "over"];
+  return make("thead", {}, make("tr", {}, ...words.map((text) => make("th", { scope: "col", text }))));
+}
+
+function caption() {
+  return make("figcaption", { class: "quiet small", text: "Exchanges by the time that the gateway added to them, since its start" });
+}
+
+/**
+ * Microseconds, as many digits as matter.
+ * @param {number | null} value
+ */
+function short(value) {
+  return value === null ? NOT_KNOWN : value < 100 ? value.toFixed(1) : count(Math.round(value));
+}
+
+/**
+ * @param {Model} model
+ * @returns {Measured[]}
+ */
+function measuredOf(model) {
+  const axes = Object.entries(model.axes).map(([name, { latency }]) => ({
+    key: `axis ${name}`,
+    words: `axis ${name}`,
+    times: latency.gateway_us,
+    budget: latency.budget_us,
+    overruns: latency.budget_overruns,
+    isOver: latency.is_over_budget,
+  }));
+  const lines = Object.entries(model.lines).map(([name, line]) => ({
+    key: `line ${name}`,
+    words: `line ${name}`,
+    times: line.gateway_us,
+    budget: null,
+    overruns: line.budget_overruns ?? 0,
+    isOver: false,
+  }));
+  return [...axes, ...lines];
+}

@@ -1,0 +1,156 @@
+// @ts-check
+// Each line: whether its drives are reached, how much passes, and what went wrong on it.
+
+import { keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
+import { NOT_KNOWN, count, time } from "./figures.js";
+
+/**
+ * @typedef {import("./model.js").Line} Line
+ * @typedef {import("./model.js").Controller} Controller
+ * @typedef {"timeouts" | "crc_errors" | "exceptions" | "late" | "refused"} Counter
+ */
+
+/** @type {[Counter, string][]} */
+const COUNTERS = [
+  ["timeouts", "Time-outs"],
+  ["crc_errors", "CRC errors"],
+  ["exceptions", "Exceptions"],
+  ["refused", "Refused"],
+  ["late", "Late"],
+];
+const RATE_MS = 3000;
+const FRESH_MS = 60_000;
+
+export class LineCard {
+  /** @param {string} name */
+  constructor(name) {
+    this.stateSign = sign("info");
+    this.stateWords = make("span");
+    this.state = make("p", { class: "state" }, this.stateSign, this.stateWords);
+    this.drives = make("p", { class: "drives" });
+    this.rate = make("dd");
+    this.counters = new Map(COUNTERS.map(([key]) => [key, make("dd")]));
+    this.list = make("ul", { class: "controllers" });
+    /** @type {Map<string, ControllerRow>} */
+    this.controllers = new Map();
+    /** @type {{ at: number, exchanges: number }[]} */
+    this.seen = [];
+    /** @type {Map<Counter, { value: number, changed: number }>} */
+    this.last = new Map();
+    this.element = make(
+      "article",
+      { class: "card line" },
+      make("header", { class: "card-head" }, make("h3", {}, make("span", { class: "unseen", text: "Line " }), make("span", { text: name })), this.state),
+      this.drives,
+      make(
+        "dl",
+        { class: "counts" },
+        make("div", {}, make("dt", { text: "Exchanges/s" }), this.rate),
+        ...COUNTERS.map(([key, words]) => make("div", {}, make("dt", { text: words }), this.counters.get(key) ?? null)),
+      ),
+      this.list,
+    );
+  }
+
+  /**
+   * @param {Line} line
+   * @param {number} now in ms
+   */
+  show(line, now) {
+    const isUp = line.state === "up";
+    setAttribute(this.state, "class", `state ${isUp ? "well" : "error"}`);
+    setAttribute(this.element, "data-tone", isUp ? "well" : "error");
+    setSign(this.stateSign, isUp ? "ok" : "error");
+    setText(this.stateWords, isUp ? "Up" : "Down");
+    const failure = line.drives.failure ? `: ${line.drives.failure}` : "";
+    setText(this.drives, `Drives at ${line.drives.address}${failure}`);
+    const rate = this.rateOf(line.exchanges, now);
+    setText(this.rate, rate === null ? NOT_KNOWN : rate < 10 ? rate.toFixed(1) : count(Math.round(rate)));
+    for (const [key, cell] of this.counters) {
+      this.showCounter(key, cell, line[key] ?? 0, now);
+    }
+    const byName = new Map(line.controllers.map((controller) => [controller.name, controller]));
+    keepChildren(this.list, this.controllers, [...byName.keys()], () => new ControllerRow(), (row) => row.element);
+    for (const [name, controller] of byName) {
+      this.controllers.get(name)?.show(controller);
+    }
+  }
+
+  /**
+   * Exchanges in each second, over the last few.
+   * @param {number} exchanges
+   * @param {number} now
+   */
+  rateOf(exchanges, now) {
+    const newest = this.seen[this.seen.length - 1];
+    if (newest && exchanges < newest.exchanges) {
+      this.seen = []; // the relay was started anew
+    }
+    this.seen.push({ at: now, exchanges });
+    while (this.seen.length > 2 && now - this.seen[1].at > RATE_MS) {
+      this.seen.shift();
+    }
+    const oldest = this.seen[0];
+    const seconds = (now - oldest.at) / 1000;
+    return seconds < 0.5 ? null : (exchanges - oldest.exchanges) / seconds;
+  }
+
+  /**
+   * @param {Counter} key
+   * @param {HTMLElement} cell
+   * @param {number} value
+   * @param {number} now
+   */
+  showCounter(key, cell, value, now) {
+    const last = this.last.get(key) ?? { value, changed: -Infinity };
+    if (value > last.value) {
+      last.changed = now;
+    }
+    last.value = value;
+    this.last.set(key, last);
+    setText(cell, count(value));
+    const isFresh = now - last.changed < FRESH_MS;
+    setAttribute(cell, "class", isFresh ? "fresh" : value ? "some" : "");
+    setAttribute(cell, "title", isFresh ? "more within the last minute" : "since the start of the gateway");
+  }
+}
+
+class ControllerRow {
+  constructor() {
+    this.sign = sign("info");
+    this.name = make("strong");
+    this.role = make("span", { class: "quiet" });
+    this.state = make("span", { class: "controller-state" });
+    this.times = make("span", { class: "quiet" });
+    this.address = make("span", { class: "quiet address" });
+    this.element = make("li", {}, this.sign, make("p", {}, this.name, this.role, this.state, this.address));
+  }
+
+  /** @param {Controller} controller */
+  show(controller) {
+    const connections = controller.connections;
+    const isUp = connections === undefined ? controller.state === "up" : connections.length > 0;
+    const isWrong = connections === undefined && !isUp;
+    setSign(this.sign, isWrong ? "error" : isUp ? "ok" : "off");
+    setAttribute(this.sign, "class", `sign ${isWrong ? "error" : isUp ? "well" : "note"}`);
+    setText(this.name, controller.name);
+    setText(this.role, controller.role);
+    setText(this.state, stateOf(controller));
+    const address = Array.isArray(controller.address) ? controller.address.join(", ") : controller.address;
+    setText(this.address, address);
+    setAttribute(this.element, "title", `time in the gateway: p99 ${time(controller.gateway_us.p99)}`);
+    show(this.address, address !== "");
+  }
+}
+
+/** @param {Controller} controller */
+function stateOf(controller) {
+  const { connections, state, failure } = controller;
+  if (connections === undefined) {
+    return `${state === "up" ? "port open" : "port closed"}${failure ? `: ${failure}` : ""}`;
+  }
+  if (connections.length === 0) {
+    return "not connected";
+  }
+  return connections.length === 1 ? "connected" : `${connections.length} connections`;
+}

@@ -1,0 +1,212 @@
+// @ts-check
+// Brings together what the gateway says and the parts of the page that show it.
+
+import { AxisCard } from "./axis_card.js";
+import { Banner } from "./banner.js";
+import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
+import { EventList } from "./event_list.js";
+import { span } from "./figures.js";
+import { Latency } from "./latency.js";
+import { LineCard } from "./line_cards.js";
+import { isFresh } from "./model.js";
+import { Stream } from "./stream.js";
+import { Tables } from "./tables.js";
+
+/** @typedef {import("./model.js").Model} Model */
+
+const stillness = matchMedia("(prefers-reduced-motion: reduce)");
+
+class Page {
+  constructor() {
+    this.banner = new Banner();
+    this.events = new EventList();
+    this.latency = new Latency();
+    /** @type {Map<string, AxisCard>} */
+    this.axes = new Map();
+    /** @type {Map<string, LineCard>} */
+    this.lines = new Map();
+    this.tables = new Tables((axis, table) => {
+      this.axes.get(axis)?.take(table);
+      this.glide();
+    });
+    /** @type {Model | null} the newest */
+    this.model = null;
+    this.isDrawn = true;
+    this.isSilent = true;
+    this.isGliding = false;
+    this.linkSign = sign("wait");
+    this.linkWords = make("span", { text: "Connecting" });
+    byId("link").append(this.linkSign, this.linkWords);
+    document.addEventListener("visibilitychange", () => this.drawSoon());
+    this.stream = new Stream("events", "status", {
+      status: (model) => {
+        this.model = model;
+        this.showMark();
+        this.drawSoon();
+      },
+      event: (happening) => {
+        this.events.add(happening);
+        this.drawSoon();
+      },
+      missed: (count) => this.events.addMissed(count),
+      silent: (silentMs) => this.showSilence(silentMs),
+    });
+  }
+
+  /** Draw with the browser's next frame; never in a tab that nobody sees. */
+  drawSoon() {
+    if (this.isDrawn && !document.hidden) {
+      this.isDrawn = false;
+      requestAnimationFrame((now) => {
+        this.isDrawn = true;
+        this.draw(now);
+      });
+    }
+  }
+
+  /** @param {number} now */
+  draw(now) {
+    this.events.draw();
+    const { model } = this;
+    if (model === null) {
+      return;
+    }
+    const { gateway } = model;
+    setText(byId("name"), gateway.name);
+    const runs = gateway.uptime_s === null ? "" : ` · runs for ${span(gateway.uptime_s)}`;
+    setText(byId("about"), `pitch-gateway ${gateway.version}${runs}`);
+    setAttribute(document.body, "data-fresh", isFresh(model) ? "yes" : "no");
+    this.banner.show(model.troubles, allWell(model));
+    this.drawAxes(model, now);
+    const lines = Object.keys(model.lines);
+    keepChildren(byId("lines"), this.lines, lines, (name) => new LineCard(name), (card) => card.element);
+    for (const [name, line] of Object.entries(model.lines)) {
+      this.lines.get(name)?.show(line, now);
+    }
+    this.latency.show(model);
+    this.showLink();
+    this.glide();
+  }
+
+  /**
+   * @param {Model} model
+   * @param {number} now
+   */
+  drawAxes(model, now) {
+    const room = byId("axes");
+    const names = Object.keys(model.axes);
+    for (const [name, card] of this.axes) {
+      if (!Object.hasOwn(model.axes, name)) {
+        card.leave();
+        this.axes.delete(name);
+        this.tables.forget(name);
+      }
+    }
+    keepChildren(room, this.axes, names, (name) => new AxisCard(name, stillness.matches), (card) => card.element);
+    setAttribute(room, "data-count", names.length > 8 ? "many" : String(names.length));
+    show(byId("no-axes"), names.length === 0 && Object.keys(model.lines).length > 0);
+    for (const [name, axis] of Object.entries(model.axes)) {
+      this.axes.get(name)?.show(axis, now);
+      const { points, compiled } = axis.table;
+      this.tables.want(name, points ? `${compiled} ${axis.gain.forward} ${axis.gain.backward}` : null);
+    }
+  }
+
+  /** Let the machine glide to where it is now; frames are drawn only while something moves. */
+  glide() {
+    if (this.isGliding || document.hidden) {
+      return;
+    }
+    this.isGliding = true;
+    const frame = (/** @type {number} */ now) => {
+      let isMoving = false;
+      for (const card of this.axes.values()) {
+        isMoving = card.curve.animate(now) || isMoving;
+      }
+      this.isGliding = isMoving;
+      if (isMoving) {
+        requestAnimationFrame(frame);
+      }
+    };
+    requestAnimationFrame(frame);
+  }
+
+  /** @param {number | null} silentMs */
+  showSilence(silentMs) {
+    this.isSilent = silentMs !== null;
+    this.banner.showSilence(silentMs, this.model !== null);
+    setAttribute(document.body, "data-link", this.isSilent ? "lost" : "live");
+    this.showLink();
+    this.showMark();
+  }
+
+  showLink() {
+    const isLost = document.body.dataset.link === "lost";
+    if (document.body.dataset.link === "waiting" && this.model !== null) {
+      setAttribute(document.body, "data-link", "live");
+    }
+    setAttribute(this.linkSign.children[0], "href", isLost ? "#i-error" : this.model ? "#i-ok" : "#i-wait");
+    setText(this.linkWords, isLost ? "No connection" : this.model ? "Live" : "Connecting");
+  }
+
+  /** The tab's name and icon; also while nobody sees the page. */
+  showMark() {
+    const troubles = this.model?.troubles ?? [];
+    const isLost = document.body.dataset.link === "lost";
+    const isBad = isLost || troubles.some((trouble) => trouble.severity === "error");
+    setAttribute(byId("favicon"), "href", isBad ? "page/icon-trouble.svg" : "page/icon.svg");
+    const name = this.model?.gateway.name ?? "Pitch gateway";
+    const state = isLost
+      ? "no connection"
+      : troubles.length
+        ? `${troubles.length} ${troubles.length === 1 ? "trouble" : "troubles"}`
+        : this.model
+          ? "all is well"
+          : "connecting";
+    const title = `${isBad || troubles.length ? "⚠ " : ""}${name}: ${state}`;
+    if (document.title !== title) {
+      document.title = title;
+    }
+  }
+}
+
+/** @param {Model} model */
+function allWell(model) {
+  const axes = Object.keys(model.axes).length;
+  const lines = Object.keys(model.lines).length;
+  const parts = [`${lines} ${lines === 1 ? "line" : "lines"} up`];
+  if (axes) {
+    parts.push(`${axes} ${axes === 1 ? "axis" : "axes"}`);
+  }
+  return `All is well: ${parts.join(", ")}.`;
+}
+
+/** The switch for light and dark, which this browser remembers. */
+function offerColours() {
+  const button = byId("theme");
+  const order = ["auto", "light", "dark"];
+  const words = { auto: "auto", light: "light", dark: "dark" };
+  const root = document.documentElement;
+  const showChoice = () => {
+    const chosen = /** @type {keyof typeof words} */ (root.dataset.theme ?? "auto");
+    setText(button, `Colours: ${words[chosen]}`);
+  };
+  button.addEventListener("click", () => {
+    const next = order[(order.indexOf(root.dataset.theme ?? "auto") + 1) % order.length];
+    if (next === "auto") {
+      delete root.dataset.theme;
+    } else {
+      root.dataset.theme = next;
+    }
+    try {
+      localStorage.setItem("pitch-gateway-colours", next);
+    } catch {
+      // A browser that keeps nothing: the choice holds until the page is left.
+    }
+    showChoice();
+  });
+  showChoice();
+}
+
+offerColours();
+new Page();

@@ -1,0 +1,144 @@
+// @ts-check
+// The gateway's stream of status and events; it says when nothing comes, and never stops trying.
+
+import { SILENT_MS } from "./model.js";
+
+const RETRY_MS = [500, 1000, 2000];
+const LOOK_MS = 500;
+const DEAD_MS = 12_000; // a connection that says nothing for so long is given up
+
+/**
+ * @typedef {{ status: (model: import("./model.js").Model) => void,
+ *             event: (happening: import("./model.js").Happening) => void,
+ *             missed: (count: number) => void,
+ *             silent: (silentMs: number | null) => void }} Listener
+ * `silent`: for how long nothing has come, twice a second while that is too long; null when something came again
+ */
+
+export class Stream {
+  /**
+   * @param {string} address
+   * @param {string} fallback where the status alone can be had
+   * @param {Listener} listener
+   */
+  constructor(address, fallback, listener) {
+    this.address = address;
+    this.fallback = fallback;
+    this.listener = listener;
+    this.heard = performance.now();
+    this.opened = this.heard;
+    this.isSilent = false;
+    this.failures = 0;
+    /** @type {EventSource | null} */
+    this.source = null;
+    this.open();
+    setInterval(() => this.look(), LOOK_MS);
+    document.addEventListener("visibilitychange", () => this.look());
+    window.addEventListener("online", () => this.reopen());
+  }
+
+  open() {
+    this.opened = performance.now();
+    const source = new EventSource(this.address);
+    this.source = source;
+    source.addEventListener("status", (message) => {
+      const model = parsed(message);
+      if (model !== null) {
+        this.hear(true);
+        this.listener.status(model);
+      }
+    });
+    source.addEventListener("event", (message) => {
+      const happening = parsed(message);
+      if (happening !== null) {
+        this.listener.event(happening);
+      }
+    });
+    source.addEventListener("missed", (message) => {
+      this.listener.missed(Number(parsed(message)?.events) || 0);
+    });
+    source.addEventListener("error", () => {
+      if (source === this.source) {
+        this.openLater(source);
+        void this.ask();
+      }
+    });
+  }
+
+  /**
+   * Ask for the status where the stream cannot be had: all its places may be taken, or something between does
+   * not let it through. What does not answer at all is known at once, and nobody waits for the silence.
+   */
+  async ask() {
+    try {
+      const answer = await fetch(this.fallback, { cache: "no-store" });
+      if (answer.ok) {
+        const model = await answer.json();
+        this.hear(false);
+        this.listener.status(model);
+        return;
+      }
+    } catch {
+      // Nobody is there.
+    }
+    this.isSilent = true;
+    this.look();
+  }
+
+  /**
+   * A browser tries again by itself after most failures, but not after an answer such as 503, and some only
+   * after a long while.
+   * @param {EventSource} failed
+   */
+  openLater(failed) {
+    failed.close();
+    const wait = RETRY_MS[Math.min(this.failures, RETRY_MS.length - 1)];
+    this.failures += 1;
+    setTimeout(() => {
+      if (this.source === failed) {
+        this.open();
+      }
+    }, wait);
+  }
+
+  reopen() {
+    this.source?.close();
+    this.open();
+  }
+
+  /** @param {boolean} isStream whether it was the stream that said something */
+  hear(isStream) {
+    this.heard = performance.now();
+    this.failures = isStream ? 0 : this.failures;
+    if (this.isSilent) {
+      this.isSilent = false;
+      this.listener.silent(null);
+    }
+  }
+
+  look() {
+    const now = performance.now();
+    const silentMs = now - this.heard;
+    if (silentMs > SILENT_MS && !document.hidden) {
+      this.isSilent = true;
+    }
+    if (this.isSilent) {
+      this.listener.silent(silentMs);
+    }
+    if (silentMs > DEAD_MS && now - this.opened > DEAD_MS && this.source?.readyState !== EventSource.CLOSED) {
+      this.reopen();
+    }
+  }
+}
+
+/**
+ * @param {Event} message
+ * @returns {any} null for what is no JSON: a proxy's page, half a line
+ */
+function parsed(message) {
+  try {
+    return JSON.parse(/** @type {MessageEvent<string>} */ (message).data);
+  } catch {
+    return null;
+  }
+}

@@ -1,0 +1,284 @@
+"""What the supervisor does: it follows relay and table files, and keeps one model for all who show it."""
+
+import asyncio
+import contextlib
+import time
+import traceback
+from collections.abc import Awaitable, Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.compensation.settings import AxisSettings
+from gateway.config.load import Loaded
+from gateway.ipc.client import ask
+from gateway.ipc.messages import Happened
+from gateway.ipc.notes import Note, Severity
+from gateway.ipc.place import socket_path
+from gateway.supervisor.aside import aside
+from gateway.supervisor.book import Book
+from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.http.service import HttpService
+from gateway.supervisor.http.window import Window, settings_in
+from gateway.supervisor.link import Link
+from gateway.supervisor.model import whole_model
+from gateway.supervisor.mqtt.commands import Orders
+from gateway.supervisor.mqtt.service import MqttService
+from gateway.supervisor.mqtt.settings import settings_of
+from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.tables import Keeper
+from gateway.supervisor.watching import SLOW_S, Watch, wake_on_change
+
+TICK_S: Final = 1.0
+"""A model comes at least so often, also when the relay says nothing."""
+RETRY_S: Final = 5.0
+"""After this is tried again what could not be done, as with a full disk; no file has to change for it."""
+
+
+class Supervisor:
+    """Follows the relay of a state folder and the tables of a configuration.
+
+    ``write`` takes a note for the log and does not block.
+    """
+
+    def __init__(
+        self, config: Path, state: Path, write: Callable[[Note], None], *, tells_events: bool = False
+    ) -> None:
+        self.feeds = Feeds()
+        """The status model and the events, for whoever shows them."""
+        self._config = config
+        self._write = write
+        self._tells_events = tells_events
+        self._link = Link(socket_path(state), self._reached, self._lost, self._happened, self._publish)
+        self._keeper = Keeper(config)
+        self._watch = Watch()
+        self._book = Book()
+        self._work_wanted = asyncio.Event()
+        self._reloads: list[asyncio.Future[Outcome]] = []
+        self._is_reload_wanted = True
+        self._is_asked = False
+        self._is_relay_new = False
+        self._refused: tuple[str, ...] = ()
+        """Why the configuration in its file is not the one that was taken."""
+        self._is_owed = False
+        """Whether it is to be tried again by itself."""
+        self._problems: tuple[str, ...] = ()
+        """Why not all tables are where they belong."""
+        self._rejected: dict[str, str] = {}
+        self._waker: asyncio.Task[None] | None = None
+        self._http = HttpService(Window(self.feeds, state, self._settings_of, self.reload, self._say))
+        orders = Orders(self.reload, partial(ask, socket_path(state)))
+        self._mqtt = MqttService(self.feeds, self._say, orders, state)
+
+    async def run(self) -> None:
+        """Run until cancelled."""
+        self._say("supervising", config=str(self._config))
+        self._work_wanted.set()
+        await self._all(
+            self._link.run(),
+            self._keep_up(),
+            self._keep_watching(),
+            self._keep_publishing(),
+            self._http.run(),
+            self._mqtt.run(),
+        )
+
+    async def reload(self) -> Outcome:
+        """Read configuration and tables anew; returns what came of it."""
+        done: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
+        self._reloads.append(done)
+        self._work_wanted.set()
+        return await done
+
+    def reload_soon(self) -> None:
+        """Read configuration and tables anew; what comes of it is told as events."""
+        self._is_reload_wanted = self._is_asked = True
+        self._work_wanted.set()
+
+    async def _all(self, *works: Awaitable[None]) -> None:
+        """Run all of them until one ends, which none should; then the others end too."""
+        tasks = [asyncio.ensure_future(work) for work in works]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in tasks:
+                if task.done():
+                    task.result()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _keep_watching(self) -> None:
+        try:
+            while True:
+                if await self._watch.look():
+                    self._work_wanted.set()
+                await self._watch.rest()
+        finally:
+            if self._waker is not None:
+                self._waker.cancel()
+
+    async def _keep_publishing(self) -> None:
+        while True:
+            self._publish()
+            await asyncio.sleep(TICK_S)
+
+    async def _keep_up(self) -> None:
+        while True:
+            is_retry = self._is_owed and not self._problems
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(RETRY_S if self._problems or self._is_owed else None):
+                    await self._work_wanted.wait()
+                    is_retry = False
+            self._work_wanted.clear()
+            asked, self._reloads = self._reloads, []
+            is_reload, self._is_reload_wanted = self._is_reload_wanted or bool(asked), False
+            is_asked, self._is_asked = self._is_asked or bool(asked), False
+            outcome = await self._bring_up_to_date(is_reload=is_reload, is_asked=is_asked, is_retry=is_retry)
+            for done in asked:
+                if not done.done():
+                    done.set_result(outcome)
+
+    async def _bring_up_to_date(self, *, is_reload: bool, is_asked: bool, is_retry: bool) -> Outcome:
+        """Read what is to be read, and tell what came of it."""
+        still = self._watch.still
+        is_new, self._is_relay_new = self._is_relay_new, False
+        if is_reload:
+            work = partial(self._keeper.reload, None if is_asked else still)
+        elif is_retry:
+            work = partial(self._keeper.retry, still)
+        elif is_new:
+            work = partial(self._keeper.meet, still)
+        else:
+            work = partial(self._keeper.refresh, still)
+        outcome = await self._done(work)
+        if (loaded := self._keeper.loaded) is not None:
+            self._configure(loaded)
+        if outcome.has_read:
+            self._watch.take(outcome.sights, outcome.waiting)
+            self._book.enter(self._keeper.names, outcome)
+        self._report(outcome, is_asked=is_asked)
+        if is_reload or is_retry:
+            self._refused = outcome.problems if outcome.is_refused else ()
+            self._is_owed = outcome.is_refused and outcome.is_owed
+        if not outcome.is_refused:
+            self._problems = outcome.problems
+        self._publish()
+        return outcome
+
+    async def _done(self, work: Callable[[], Outcome]) -> Outcome:
+        """Do it in a thread; a mistake of ours there changes nothing, and is told like any other problem."""
+        try:
+            return await aside(work)
+        except Exception as error:  # noqa: BLE001 - a table may not take the status away from everybody
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            where = f"{Path(frame.filename).name}:{frame.lineno}"
+            what = f"the supervisor made a mistake: {type(error).__name__}: {error} ({where})"
+            return Outcome(problems=(f"{self._config}: {what}; what was in force stays",), has_read=False)
+
+    def _configure(self, loaded: Loaded) -> None:
+        """Follow what a configuration says: the same as before changes nothing."""
+        self._follow(loaded.tables_folder)
+        self._http.configure(loaded.sections.http)
+        mqtt = loaded.sections.mqtt
+        folder = loaded.path.parent
+        self._mqtt.follow(None if mqtt is None else settings_of(mqtt, loaded.plan.name, folder))
+
+    def _follow(self, folder: Path) -> None:
+        if self._waker is None or folder != self._watch.folder:
+            if self._waker is not None:
+                self._waker.cancel()
+            self._waker = asyncio.create_task(wake_on_change(folder, self._watch.wake, self._cannot_watch))
+        self._watch.follow(folder, self._keeper.names)
+
+    def _cannot_watch(self, why: str) -> None:
+        detail = f"{why}; the folder is looked at every second all the same"
+        self._say("watching-by-looks", Severity.WARNING, folder=str(self._watch.folder), detail=detail)
+
+    def _report(self, outcome: Outcome, *, is_asked: bool) -> None:
+        for axis, comes in outcome.comes.items():
+            what = "table-taken-away" if axis in outcome.gone else "table-handed-over"
+            self._say(what, axis=axis, comes=comes)
+        if outcome.changed:
+            self._say("configuration-changed", keys=list(outcome.changed))
+        said = self._refused if outcome.is_refused else self._problems
+        if outcome.problems and (is_asked or outcome.problems != said):
+            detail = "what was in force stays"
+            self._say("reload-refused", Severity.ERROR, problems=list(outcome.problems), detail=detail)
+        elif is_asked and not outcome.comes and not outcome.changed and not outcome.all_problems:
+            there = "nothing has changed" if outcome.is_running else "no gateway runs: kept for its start"
+            self._say("nothing-to-reload", detail=there)
+        if outcome.has_read:
+            self._report_files(outcome)
+
+    def _report_files(self, outcome: Outcome) -> None:
+        """Tell of each bad file once, and when it is good again."""
+        for axis, problems in outcome.rejected.items():
+            said = "\n".join(map(str, problems))
+            if self._rejected.get(axis) != said:
+                self._rejected[axis] = said
+                first = problems[0]
+                self._say(
+                    "table-rejected",
+                    Severity.ERROR,
+                    axis=axis,
+                    file=first.file,
+                    line=first.line,
+                    problems=[str(problem) for problem in problems],
+                    detail="the last good table stays",
+                )
+        for axis in self._rejected.keys() - outcome.rejected.keys() - outcome.waiting:
+            del self._rejected[axis]
+            if axis not in outcome.absent:
+                self._say("table-mended", axis=axis)
+
+    def _publish(self) -> None:
+        loaded = self._keeper.loaded
+        self.feeds.publish(
+            whole_model(
+                self._config.stem if loaded is None else loaded.plan.name,
+                self._link.snapshot,
+                is_relay_up=self._link.is_up,
+                snapshot_age_s=self._link.snapshot_age_s,
+                tables=self._book.entries(self._watch.moving),
+                supervisor=self._own_status(),
+            )
+        )
+
+    def _settings_of(self, axis: str) -> AxisSettings | None:
+        loaded = self._keeper.loaded
+        return settings_in(None if loaded is None else loaded.plan, axis)
+
+    def _own_status(self) -> dict[str, Any]:
+        silent_s = self._watch.silent_s
+        problems = list(self._problems)
+        if silent_s > SLOW_S:
+            problems.insert(0, f"{self._watch.folder} has not answered for {silent_s:.0f} s")
+        return {
+            "configuration": {"file": str(self._config), "problem": "; ".join(self._refused) or None},
+            "tables_folder": {"folder": str(self._watch.folder), "problem": "; ".join(problems) or None},
+            "http": self._http.status,
+            "mqtt": self._mqtt.status(),
+        }
+
+    def _reached(self) -> None:
+        self._say("relay-reached")
+        self._is_relay_new = True
+        self._work_wanted.set()
+
+    def _lost(self, why: str) -> None:
+        self._say("relay-not-reached", Severity.WARNING, detail=why)
+        self._publish()
+
+    def _happened(self, happened: Happened) -> None:
+        fields = {**happened.fields, "process": "relay"}
+        note = Note(Severity(happened.severity), happened.event, fields, happened.wall_s)
+        self.feeds.tell(note)
+        if self._tells_events:
+            self._write(note)
+
+    def _say(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
+        note = Note(severity, event, {**fields, "process": "supervisor"}, time.time())
+        self.feeds.tell(note)
+        self._write(note)
+        self._publish()  # whoever hears of it finds it in the status

@@ -1,0 +1,130 @@
+"""Watches the tables folder: looks often, at once where the system tells, and says when to read."""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from gateway.supervisor.aside import aside
+from gateway.supervisor.sights import look
+from gateway.supervisor.stillness import Sight, State, Stillness
+
+EVERY_S: Final = 1.0
+"""Between two looks when nothing tells; what a network file system or a dead watcher needs."""
+SOON_S: Final = 0.1
+"""Between two looks while something changes."""
+SLOW_S: Final = 10.0
+"""A look that takes longer is worth a word: a file system that does not answer."""
+
+
+class Watch:
+    """Follows the table files of the axes of one configuration; one loop, looks in a thread."""
+
+    def __init__(self) -> None:
+        self._files: dict[str, Stillness] = {}
+        self._names: Mapping[str, str] = {}
+        self._folder = Path()
+        self._sights: Mapping[str, Sight] = {}
+        self._looked_s = time.monotonic()
+        self._woken = asyncio.Event()
+
+    def follow(self, folder: Path, names: Mapping[str, str]) -> None:
+        """Follow these files from now on: the name of the table of each axis, and the folder of all."""
+        if folder == self._folder and names == self._names:
+            return  # not woken: who follows after each reading would look and read without a rest
+        if folder != self._folder:
+            self._files, self._sights = {}, {}
+        self._folder, self._names = folder, dict(names)
+        wanted = set(names.values())
+        self._files = {name: self._files.get(name) or Stillness() for name in wanted}
+        self.wake()
+
+    @property
+    def folder(self) -> Path:
+        """The folder that is watched."""
+        return self._folder
+
+    @property
+    def moving(self) -> frozenset[str]:
+        """Axes whose file has changed or gone, and is not still yet."""
+        return self._axes_in(State.MOVING)
+
+    @property
+    def still(self) -> Mapping[str, Sight | None]:
+        """The sight as which each file that was seen may be read, by name; None as long as it moves."""
+        seen = {name: sight for name, sight in self._sights.items() if name in self._files}
+        return {name: None if self._state(name) is State.MOVING else sight for name, sight in seen.items()}
+
+    @property
+    def silent_s(self) -> float:
+        """How long the folder has not been seen."""
+        return time.monotonic() - self._looked_s
+
+    def wake(self) -> None:
+        """Look again at once."""
+        self._woken.set()
+
+    async def look(self) -> bool:
+        """Look at all files; returns whether any is ready to be read."""
+        folder, names = self._folder, list(self._files)
+        sights = await aside(partial(look, folder, names))
+        if folder != self._folder or set(names) != self._files.keys():
+            return False  # others are followed by now
+        self._sights, self._looked_s = sights, time.monotonic()
+        return any(self._state(name) is State.READY for name in names)
+
+    def take(self, before: Mapping[str, Sight], waiting: Collection[str] = ()) -> None:
+        """Note that files were read; ``before`` are the sights that were seen just before.
+
+        The files of axes in ``waiting`` could not be, and are to be read as soon as they stand still.
+        """
+        for name, sight in before.items():
+            if name in self._files:
+                self._files[name].take(sight, time.monotonic())
+        for axis in waiting:
+            if axis in self._names:
+                self._files[self._names[axis]].forget()
+
+    @property
+    def sights(self) -> Mapping[str, Sight]:
+        """What was seen last, by name of the file."""
+        return self._sights
+
+    async def rest(self) -> None:
+        """Wait until it is time for the next look."""
+        wait_s = SOON_S if self.moving else EVERY_S
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._woken.wait(), wait_s)
+        self._woken.clear()
+
+    def _state(self, name: str) -> State:
+        sight = self._sights.get(name)
+        return State.SAME if sight is None else self._files[name].look(sight, time.monotonic())
+
+    def _axes_in(self, state: State) -> frozenset[str]:
+        return frozenset(axis for axis, name in self._names.items() if self._state(name) is state)
+
+
+async def wake_on_change(folder: Path, wake: Callable[[], None], complain: Callable[[str], None]) -> None:
+    """Call ``wake`` whenever the system tells of a change in a folder; never returns.
+
+    Where it cannot tell, as of a folder that is not there, the looks that a watch takes by itself have to do;
+    why it cannot is said once.
+    """
+    from watchfiles import awatch
+
+    said = ""
+    while True:
+        try:
+            await aside(folder.stat)  # awatch looks on the loop: a folder that does not answer would stop all
+            async for _ in awatch(folder, watch_filter=None, debounce=50, step=20, recursive=False):
+                said = ""
+                wake()
+        except (OSError, RuntimeError) as error:
+            if str(error) != said:
+                said = str(error)
+                complain(said)
+        await asyncio.sleep(EVERY_S)

@@ -1,0 +1,61 @@
+"""Where the status page may be, and what is said about who sees it there."""
+
+from pathlib import Path
+
+import pytest
+
+from gateway.transport.endpoints import TcpEndpoint
+from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused
+
+
+def listening(address: str) -> str:
+    return f'{GOOD}\n[http]\nlisten = "{address}"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "endpoint"),
+    [
+        (GOOD, TcpEndpoint("127.0.0.1", 8480)),
+        (f"{GOOD}\n[http]\n", TcpEndpoint("127.0.0.1", 8480)),
+        (listening(""), None),
+        (listening("localhost:80"), TcpEndpoint("localhost", 80)),
+        (listening("[::1]:8481"), TcpEndpoint("::1", 8481)),
+    ],
+)
+def test_the_page_is_on_this_machine_or_off(tmp_path: Path, text: str, endpoint: TcpEndpoint | None) -> None:
+    taken = loaded(tmp_path, text)
+    assert taken.sections.http.endpoint == endpoint
+    assert [warning for warning in taken.warnings if warning.key == "http.listen"] == []
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0:8480", "[::]:8480", "192.168.0.7:8480", "mill.local:8480"])
+def test_others_may_reach_it_where_that_is_said_and_are_warned_of(tmp_path: Path, address: str) -> None:
+    taken = loaded(tmp_path, listening(address))
+    (warning,) = [warning for warning in taken.warnings if warning.key == "http.listen"]
+    assert warning.line == line_of(listening(address), "listen")
+    assert warning.found == (
+        f"whoever reaches {address} can read the status of the gateway; nothing can be changed there"
+    )
+    assert "127.0.0.1" in warning.remedy
+
+
+@pytest.mark.parametrize(
+    "address", ["8480", "127.0.0.1", "127.0.0.1:0", "127.0.0.1:65536", "::1:8480", "1.2.3:80"]
+)
+def test_what_is_no_address_is_refused(tmp_path: Path, address: str) -> None:
+    problem = only(refused(tmp_path, listening(address)), "http.listen")
+    assert problem.line == line_of(listening(address), "listen")
+    assert problem.remedy.startswith("allowed: ") or "allowed: " in f"{problem.found} {problem.remedy}"
+    assert '"" for none' in f"{problem.found} {problem.remedy}"
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:1502", "localhost:1502", "0.0.0.0:1502"])
+def test_a_controller_and_the_page_do_not_share_an_address(tmp_path: Path, address: str) -> None:
+    problem = only(refused(tmp_path, listening(address)), "http.listen")
+    assert problem.found == f"{address} is listened on by line.xyz.controllers[2].tcp already"
+    assert '"" for none' in problem.remedy
+
+
+def test_a_controller_at_the_address_that_the_page_has_by_itself(tmp_path: Path) -> None:
+    problem = only(refused(tmp_path, edited(("127.0.0.1:1502", "127.0.0.1:8480"))), "http.listen")
+    assert problem.found == "127.0.0.1:8480 is listened on by line.xyz.controllers[2].tcp already"

@@ -1,0 +1,189 @@
+"""Which table each axis has where files are good, bad, gone or switched off."""
+
+from collections.abc import Collection
+from pathlib import Path
+
+import pytest
+
+from gateway.config.compile import compile_into_state
+from gateway.config.last_good import Settled, Source, settle
+from gateway.config.load import load
+from gateway.ipc.compiled_plan import in_force, last_plan
+from gateway.ipc.plan import GatewayPlan
+from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, written
+
+NAME = "cnc10x.tab"
+BAD = TWO_WAYS.replace("-0.0030", "-0.0O30")
+SECOND_AXIS = (
+    GOOD[GOOD.index("[axis.x]") :]
+    .replace("axis.x", "axis.y")
+    .replace("unit_id = 1", "unit_id = 2")
+    .replace(NAME, "cnc10y.tab")
+)
+Y = TWO_WAYS.replace("AXIS X", "AXIS Y")
+PAIR = f'{GOOD}\n{SECOND_AXIS}\n[group.beam]\naxes = ["x", "y"]\n'
+
+
+def settled(
+    path: Path,
+    before: GatewayPlan | None = None,
+    *,
+    is_start: bool = False,
+    waiting: Collection[str] = (),
+) -> Settled:
+    return settle(load(path, forgives_tables=True), before, is_start=is_start, waiting=waiting)
+
+
+def forward_end(found: Settled, axis: int = 0) -> float | None:
+    """Return what the table of an axis adds at its lowest point moving forward, None without a table."""
+    table = found.plan.lines[0].axes[axis].table
+    return None if table is None else table.forward[0]
+
+
+def save(path: Path, content: str, name: str = NAME) -> None:
+    (path.parent / "tables" / name).write_text(content)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return written(tmp_path)
+
+
+@pytest.fixture
+def before(path: Path) -> GatewayPlan:
+    compile_into_state(load(path))
+    last = last_plan(path.parent / "state")
+    assert last is not None
+    assert last.plan == in_force(load(path).plan)
+    return last.plan
+
+
+def test_a_good_file_counts(path: Path, before: GatewayPlan) -> None:
+    save(path, TWO_WAYS.replace("-0.0120", "-0.0130"))
+    found = settled(path, before)
+    assert (found.sources, forward_end(found)) == ({"x": Source.FILE}, -0.013)
+
+
+@pytest.mark.parametrize("is_start", [True, False])
+def test_a_bad_file_changes_nothing(path: Path, before: GatewayPlan, *, is_start: bool) -> None:
+    save(path, BAD)
+    found = settled(path, before, is_start=is_start)
+    assert (found.sources, forward_end(found)) == ({"x": Source.KEPT}, -0.012)
+    assert found.plan == before
+
+
+def test_a_file_that_does_not_go_with_the_axis_is_bad(path: Path, before: GatewayPlan) -> None:
+    path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.02")))
+    save(path, TWO_WAYS.replace("-0.0120", "-0.0210"))
+    assert settled(path, before).sources == {"x": Source.KEPT}
+
+
+def test_a_bad_file_at_the_first_start_is_refused(path: Path) -> None:
+    save(path, BAD)
+    assert settled(path, None, is_start=True).refused == ("x",)
+
+
+def test_a_bad_file_of_another_name_is_refused_at_the_start(path: Path, before: GatewayPlan) -> None:
+    path.write_text(edited((NAME, "new.tab")))
+    save(path, BAD, "new.tab")
+    assert settled(path, before, is_start=True).refused == ("x",)
+    assert settled(path, before).sources == {"x": Source.KEPT}
+
+
+def test_the_last_good_table_does_not_outlive_the_settings_it_was_good_for(
+    path: Path, before: GatewayPlan
+) -> None:
+    save(path, BAD)
+    path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.015")))
+    assert settled(path, before).refused == ("x",)  # it corrects by 0.02
+    path.write_text(edited(("counts_per_unit = 1000.0", "counts_per_unit = 2000.0")))
+    assert settled(path, before).refused == ("x",)
+    path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\ngain = 0.5")))
+    assert settled(path, before).sources == {"x": Source.KEPT}
+
+
+def test_a_file_that_is_gone_takes_the_correction_with_it(path: Path, before: GatewayPlan) -> None:
+    (path.parent / "tables" / NAME).unlink()
+    for is_start in (True, False):
+        found = settled(path, before, is_start=is_start)
+        assert (found.sources, forward_end(found)) == ({"x": Source.ABSENT}, None)
+
+
+def test_a_file_that_never_was_is_a_slip_of_the_configuration(path: Path, before: GatewayPlan) -> None:
+    path.write_text(edited((NAME, "cnc10v.tab")))
+    assert settled(path, before, is_start=True).refused == ("x",)
+    assert settled(path, None, is_start=True).refused == ("x",)
+
+
+def test_a_file_that_was_gone_before_may_be_gone_at_the_start(path: Path, before: GatewayPlan) -> None:
+    (path.parent / "tables" / NAME).unlink()
+    loaded = load(path, forgives_tables=True)
+    compile_into_state(loaded, settle(loaded, before).plan)
+    again = last_plan(path.parent / "state")
+    assert again is not None
+    assert settled(path, again.plan, is_start=True).sources == {"x": Source.ABSENT}
+    save(path, TWO_WAYS)
+    assert settled(path, again.plan).sources == {"x": Source.FILE}
+
+
+def test_a_file_renamed_to_bak_is_switched_off_from_the_first_start(path: Path) -> None:
+    tables = path.parent / "tables"
+    (tables / NAME).rename(tables / "cnc10x.bak")
+    found = settled(path, None, is_start=True)
+    assert (found.sources, forward_end(found)) == ({"x": Source.ABSENT}, None)
+
+
+def test_a_file_that_is_being_written_counts_for_nothing(path: Path, before: GatewayPlan) -> None:
+    save(path, ONE_WAY)
+    found = settled(path, before, waiting={"x"})
+    assert (found.sources, forward_end(found)) == ({"x": Source.KEPT}, -0.012)
+
+
+def test_a_folder_that_cannot_be_read_changes_nothing(path: Path, before: GatewayPlan) -> None:
+    (path.parent / "tables").rename(path.parent / "elsewhere")
+    assert settled(path, before).sources == {"x": Source.KEPT}
+
+
+class TestGroups:
+    """Axes of one beam have their tables together or not at all."""
+
+    @pytest.fixture
+    def path(self, tmp_path: Path) -> Path:
+        return written(tmp_path, PAIR, {NAME: TWO_WAYS, "cnc10y.tab": Y})
+
+    @pytest.mark.parametrize(
+        ("x", "y", "source"),
+        [
+            (TWO_WAYS, Y, Source.FILE),
+            (BAD, Y, Source.KEPT),
+            (None, Y, Source.ABSENT),
+            (None, BAD, Source.ABSENT),
+        ],
+        ids=["good", "one is bad", "one is gone", "gone beats bad"],
+    )
+    def test_the_worst_file_decides(
+        self, path: Path, before: GatewayPlan, x: str | None, y: str, source: Source
+    ) -> None:
+        save(path, y.replace("-0.0120", "-0.0130"), "cnc10y.tab")
+        if x is None:
+            (path.parent / "tables" / NAME).unlink()
+        else:
+            save(path, x)
+        found = settled(path, before)
+        assert found.sources == {"x": source, "y": source}
+        y_end = {Source.FILE: -0.013, Source.KEPT: -0.012, Source.ABSENT: None}[source]
+        assert forward_end(found, 1) == y_end
+        assert (forward_end(found, 0) is None) == (source is Source.ABSENT)
+
+    def test_without_a_last_good_pair_a_bad_one_is_refused(self, path: Path) -> None:
+        save(path, BAD)
+        assert set(settled(path, None, is_start=True).refused) == {"x", "y"}
+
+
+def test_a_file_that_moves_counts_for_nothing_even_where_nothing_was_before(path: Path) -> None:
+    assert settled(path, waiting={"x"}).sources == {"x": Source.REFUSED}
+
+
+def test_a_file_that_moves_keeps_no_table_that_the_new_limits_forbid(path: Path, before: GatewayPlan) -> None:
+    path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.005")))
+    assert settled(path, before, waiting={"x"}).sources == {"x": Source.REFUSED}

@@ -1,0 +1,139 @@
+"""A mill of three worn axes: simulated drives, the real gateway, and a controller that moves it."""
+
+import contextlib
+import itertools
+import json
+import shutil
+import socket
+import subprocess
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from gateway.modbus.mbap import encode_mbap
+from tests.child import started
+from tests.processes.bench import COMMAND, ROOT, SECONDS, Running, running
+
+TABLES: Final = ROOT / "tables" / "demo"
+TRAVELS: Final = {"x": (-300.0, 0.0), "y": (0.0, 250.0), "z": (-200.0, 0.0)}
+HEAD: Final = """[gateway]
+name = "mill-1"
+
+[http]
+listen = "127.0.0.1:{http}"
+
+[line.xyz]
+drives = {{ tcp = "127.0.0.1:{drives}" }}
+
+[[line.xyz.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:{controller}"
+
+[[line.xyz.controllers]]
+name = "panel"
+tcp = "127.0.0.1:{panel}"
+role = "monitor"
+"""
+AXIS: Final = """
+[axis.{name}]
+line = "xyz"
+unit_id = {unit_id}
+units = "mm"
+counts_per_unit = 1000.0
+travel = [{low}, {high}]
+max_speed = 50.0
+budget_us = 5000
+referenced = "absolute"
+table = "cnc10{name}.tab"
+registers.command = [{{ address = 100, type = "int32" }}]
+registers.actual = [{{ address = 200, type = "int32" }}]
+"""
+
+
+def free_ports(count: int) -> list[int]:
+    """Return ports that nobody has just now."""
+    with contextlib.ExitStack() as stack:
+        servers = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(count)]
+        return [server.getsockname()[1] for server in servers]
+
+
+class Mill:
+    """A mill that runs: its configuration, its gateway, and where it is served."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.tables = folder / "tables"
+        self.tables.mkdir()
+        http, drives, self.controller_port, panel = free_ports(4)
+        self.address = f"http://127.0.0.1:{http}/"
+        text = HEAD.format(http=http, drives=drives, controller=self.controller_port, panel=panel)
+        for unit_id, (name, (low, high)) in enumerate(TRAVELS.items(), start=1):
+            shutil.copy(TABLES / f"cnc10{name}.tab", self.tables)
+            text += AXIS.format(name=name, unit_id=unit_id, low=low, high=high)
+        self.config = folder / "gateway.toml"
+        self.config.write_text(text)
+
+    @contextlib.contextmanager
+    def running(self) -> Iterator[Running]:
+        """Start drives and gateway; yields the gateway once its page is there and its drives are reached."""
+        simulate = [*COMMAND, "simulate", str(self.config), "--json"]
+        with started(simulate, cwd=ROOT, stdout=subprocess.PIPE, text=True) as drives:
+            assert drives.stdout is not None
+            json.loads(drives.stdout.readline())
+            with running("run", str(self.config)) as gateway:
+                seen: set[str] = set()
+                while not {"line-up", "http-ready", "relay-reached"} <= seen:
+                    seen.add(gateway.next()["event"])
+                yield gateway
+
+
+class Controller:
+    """Moves all axes to and fro between places, as a program does that is run again and again."""
+
+    def __init__(self, port: int) -> None:
+        self._connection = socket.create_connection(("127.0.0.1", port), timeout=SECONDS)
+        self._number = 0
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def ask(self, unit_id: int, pdu: bytes) -> bytes:
+        """Send a request and return the PDU of its reply."""
+        self._number = self._number % 60_000 + 1
+        self._connection.sendall(encode_mbap(self._number, unit_id, pdu))
+        reply = self._connection.recv(300)
+        return reply[7:]
+
+    def move(self, unit_id: int, position_mm: float) -> None:
+        """Command a position."""
+        counts = round(position_mm * 1000.0)
+        reply = self.ask(unit_id, bytes.fromhex("10 0064 0002 04") + counts.to_bytes(4, "big", signed=True))
+        assert reply == bytes.fromhex("10 0064 0002"), reply.hex()
+
+    def where(self, unit_id: int) -> float:
+        """Read where an axis is, in mm."""
+        reply = self.ask(unit_id, bytes.fromhex("03 00C8 0002"))
+        return int.from_bytes(reply[2:6], "big", signed=True) / 1000.0
+
+    def start(self) -> None:
+        """Move on a thread of its own until :meth:`end`."""
+        self._thread.start()
+
+    def end(self) -> None:
+        """Stop moving."""
+        self._ending.set()
+        if self._thread.is_alive():
+            self._thread.join(SECONDS)
+        self._connection.close()
+
+    def _run(self) -> None:
+        shares = {unit_id: itertools.cycle((0.2, 0.9, 0.35, 0.7)) for unit_id in range(1, len(TRAVELS) + 1)}
+        targets: dict[int, float] = {}
+        for unit_id, (low, high) in enumerate(TRAVELS.values(), start=1):
+            targets[unit_id] = low + (high - low) * next(shares[unit_id])
+            self.move(unit_id, targets[unit_id])
+        while not self._ending.wait(0.02):
+            for unit_id, (low, high) in enumerate(TRAVELS.values(), start=1):
+                if abs(self.where(unit_id) - targets[unit_id]) < 0.01:
+                    targets[unit_id] = low + (high - low) * next(shares[unit_id])
+                    self.move(unit_id, targets[unit_id])

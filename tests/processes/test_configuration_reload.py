@@ -1,0 +1,130 @@
+"""The configuration is reloaded where that is safe; what needs a restart is named, and nothing changes."""
+
+import signal
+from typing import Any
+
+import pytest
+
+from gateway.ipc.client import ask
+from gateway.ipc.messages import GetStatus, Status
+from tests.processes.bench import Site, gateway_of, typed
+
+
+def axis_status(site: Site) -> dict[str, Any]:
+    status = ask(site.socket, GetStatus())
+    assert isinstance(status, Status)
+    axis: dict[str, Any] = status.status["axes"]["x"]
+    return axis
+
+
+def test_gain_and_limits_are_taken_over_while_it_runs(site: Site) -> None:
+    config = str(site.config)
+    text = site.config.read_text()
+    with gateway_of(site) as (gateway, master):
+        assert typed("reload", config).stdout == "nothing has changed\n"  # the supervisor has read it, too
+        assert master.move(50_000) == 50_050
+        typed("reload", config)  # the supervisor reads it by itself when it finds the relay: be after that
+        site.config.write_text(
+            text.replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5\nbudget_us = 250')
+        )
+        done = typed("reload", config)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.splitlines() == [
+            "x: its new correction comes into force with the next different target",
+            "in force now: axis.x.gain, axis.x.budget_us",
+        ]
+        status = axis_status(site)
+        assert status["gain"] == {"forward": 0.5, "backward": 0.5}
+        assert status["latency"]["budget_us"] == 250.0
+        assert master.move(50_000) == 50_050
+        assert master.move(50_002) == 50_027
+        site.config.write_text(text)
+        assert typed("reload", config).returncode == 0
+        assert master.move(50_000) == 50_050
+        assert axis_status(site)["latency"]["budget_us"] == 1000.0
+        assert gateway.end() == 0
+    assert [note["keys"] for note in gateway.notes if note["event"] == "configuration-changed"] == [
+        ["axis.x.gain", "axis.x.budget_us"]
+    ] * 2
+
+
+def test_what_was_compiled_beside_a_gateway_that_runs_reaches_it_with_the_next_reload(site: Site) -> None:
+    config = str(site.config)
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_050
+        site.config.write_text(
+            site.config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5\nbudget_us = 250')
+        )
+        assert typed("check", "--compile", config).returncode == 0
+        assert typed("reload", config).returncode == 0
+        status = axis_status(site)
+        assert status["gain"] == {"forward": 0.5, "backward": 0.5}
+        assert status["configured"]["budget_us"] == status["latency"]["budget_us"] == 250.0
+        assert master.move(50_002) == 50_027
+        assert gateway.end() == 0
+
+
+def test_a_limit_that_the_table_breaks_changes_nothing(site: Site) -> None:
+    text = site.config.read_text()
+    with gateway_of(site) as (gateway, master):
+        site.config.write_text(text.replace('table = "x.tab"', 'table = "x.tab"\nmax_correction = 0.05'))
+        refused = typed("reload", str(site.config))
+        assert refused.returncode == 1
+        assert "0.1" in refused.stderr
+        assert master.move(100_000) == 100_100
+        assert gateway.end() == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("counts_per_unit = 1000.0", "counts_per_unit = 2000.0", "axis.x.counts_per_unit"),
+        ("unit_id = 1", "unit_id = 2", "axis.x.unit_id"),
+        ("[axis.x]", "[relay]\nlock_memory = true\n[axis.x]", "relay.lock_memory"),
+    ],
+)
+def test_what_needs_a_restart_is_named_and_nothing_changes(site: Site, old: str, new: str, said: str) -> None:
+    text = site.config.read_text()
+    assert old in text
+    with gateway_of(site) as (gateway, master):
+        site.config.write_text(
+            text.replace(old, new).replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5')
+        )
+        refused = typed("reload", str(site.config))
+        assert refused.returncode == 1
+        assert refused.stderr == (
+            f"{site.config}: changed since the gateway was started: {said}; restart the gateway to take it "
+            "over\n"
+        )
+        assert master.move(50_000) == 50_050
+        assert axis_status(site)["gain"] == {"forward": 1.0, "backward": 1.0}
+        assert gateway.end() == 0
+
+
+def test_a_table_saved_just_before_a_reload_that_is_refused_comes_into_force_all_the_same(site: Site) -> None:
+    text = site.config.read_text()
+    with gateway_of(site) as (gateway, master):
+        assert typed("reload", str(site.config)).stdout == "nothing has changed\n"  # it watches by now
+        assert master.move(50_000) == 50_050
+        site.config.write_text(text.replace("unit_id = 1", "unit_id = 2"))
+        site.table.write_text(site.table.read_text().replace("50.0 0.05 0.05", "50.0 0.06 0.06"))
+        gateway.process.send_signal(signal.SIGHUP)  # at once: before the file has stood still
+        assert "axis.x.unit_id" in gateway.until("reload-refused")["problems"][0]
+        gateway.until("table-handed-over")
+        assert master.move(50_001) == 50_061
+        assert gateway.end() == 0
+
+
+def test_a_wrong_configuration_changes_nothing_and_tables_go_on(site: Site) -> None:
+    text = site.config.read_text()
+    with gateway_of(site) as (gateway, master):
+        assert typed("reload", str(site.config)).stdout == "nothing has changed\n"  # it watches by now
+        site.config.write_text(text.replace("gain", "").replace("[axis.x]", "[axis.x]\ngains = 0.5"))
+        refused = typed("reload", str(site.config), "--json")
+        assert refused.returncode == 1
+        assert "axis.x.gains" in refused.stderr
+        # The tables of the configuration that is in force are still watched.
+        site.table.write_text(site.table.read_text().replace("50.0 0.05 0.05", "50.0 0.06 0.06"))
+        gateway.until("table-handed-over")
+        assert master.move(50_000) == 50_060
+        assert gateway.end() == 0

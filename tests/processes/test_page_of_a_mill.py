@@ -1,0 +1,71 @@
+"""The page over a real gateway with simulated drives, in a real browser."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.browser import started_browser
+from tests.processes.mill import Controller, Mill
+
+WAIT_MS = 30_000
+DIGITS = "article.axis:first-of-type .digits"
+TROUBLE = "#troubles"
+
+
+@pytest.fixture
+def mill(tmp_path: Path) -> Mill:
+    return Mill(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Page]:
+    with started_browser() as browser:
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.set_default_timeout(WAIT_MS)
+        yield page
+
+
+def text_is(page: Page, selector: str, wanted: str) -> None:
+    page.wait_for_function(
+        "([selector, wanted]) => document.querySelector(selector)?.textContent === wanted",
+        arg=[selector, wanted],
+    )
+
+
+def test_the_page_follows_the_machine_and_says_what_is_wrong_as_long_as_it_is(mill: Mill, page: Page) -> None:
+    complaints: list[str] = []
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    table = mill.tables / "cnc10x.tab"
+    good = table.read_text()
+    with mill.running() as gateway:
+        controller = Controller(mill.controller_port)
+        page.goto(mill.address)
+        page.wait_for_selector("article.axis:nth-of-type(3)")
+        controller.move(1, -20.0)
+        while controller.where(1) != -20.0:
+            pass
+        text_is(page, DIGITS, "−20.000")  # the drive stands at -19.998; the controller and the page say -20
+        controller.move(1, -40.0)
+        while controller.where(1) != -40.0:
+            pass
+        text_is(page, DIGITS, "−40.000")
+        assert page.locator("article.axis").count() == 3
+        assert page.locator(f"{TROUBLE} > *").count() == 0
+        table.write_text(good.replace("INTERVAL 10", "INTERVAL ten"))
+        gateway.until("table-rejected")
+        page.wait_for_selector(f"{TROUBLE} >> text=INTERVAL")
+        words = page.locator(TROUBLE).inner_text()
+        assert "Axis x" in words
+        assert f"{table}:4" in words
+        assert "Mend the file" in words
+        table.write_text(good)
+        gateway.until("table-mended")
+        page.wait_for_selector("#well:not([hidden])")
+        assert page.locator(f"{TROUBLE} > *").count() == 0
+        controller.end()
+        assert gateway.end() == 0
+    page.wait_for_selector("#lost:not([hidden])")
+    assert all("Failed to load resource" in text or "ERR_" in text for text in complaints), complaints

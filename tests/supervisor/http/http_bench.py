@@ -1,0 +1,276 @@
+"""A real HTTP service on real sockets, and a client that says exactly what a test wants said."""
+
+import asyncio
+import contextlib
+import json
+import socket
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from gateway.compensation.settings import AxisSettings
+from gateway.compensation.table import CorrectionTable
+from gateway.config.gateway_model import HttpSection
+from gateway.ipc.compiled_table import compiled, digest_of
+from gateway.ipc.notes import Severity
+from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
+from gateway.ipc.state_folder import table_path, write_whole
+from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.http.limits import LOCAL, TCP, Limits
+from gateway.supervisor.http.service import HttpService
+from gateway.supervisor.http.window import Window
+from gateway.supervisor.model import whole_model
+from gateway.supervisor.outcome import Outcome
+
+PATIENCE_S = 20.0
+BOUNDS_US = [5, 10, 100, 1000]
+TOOK: dict[str, Any] = {"p50": 8.0, "p99": 90.0, "p999": 99.0, "max": 120.0, "max_minute": 60.0}
+LINE = {
+    "state": "up",
+    "exchanges": 7,
+    "timeouts": 1,
+    "exceptions": 0,
+    "late": 0,
+    "late_targets": 0,
+    "refused": 2,
+    "withdrawn": 0,
+    "broadcasts": 0,
+    "added_reads": 0,
+    "restaged": 0,
+    "unknown_modes": 0,
+    "unmapped_reads": 0,
+    "crc_errors": 3,
+    "malformed": 0,
+    "budget_overruns": 0,
+    "wire_s": 1.5,
+    "added_frames_s": 0.25,
+    "gateway_us": {**TOOK, "below": [1, 4, 6, 7, 7]},
+    "computed": {},
+    "drives": {"address": "127.0.0.1:502", "failure": "", "opens": 1, "notes": [], "latency": None},
+    "controllers": [{"name": "cnc", "role": "motion", "connections": ["a", "b"], "gateway_us": TOOK}],
+}
+AXIS = {
+    "compensation": "active",
+    "units": "mm",
+    "direction": "forward",
+    "gain": {"forward": 1.0, "backward": 0.5},
+    "travel": [0.0, 100.0],
+    "correction": 0.05,
+    "nominal_setpoint": 50.0,
+    "corrected_setpoint": 50.05,
+    "nominal_actual": 49.0,
+    "corrected_actual": None,
+    "table": {
+        "file": "x.tab",
+        "format": "centroid-3",
+        "sha256": "ab",
+        "compiled": None,
+        "points": 0,
+        "status": "active",
+        "error": None,
+        "loaded_at": "2001-09-09T01:46:40.250+00:00",
+    },
+    "latency": {
+        "gateway_us": {**TOOK, "below": [0, 2, 3, 3, 4]},
+        "budget_us": 1000.0,
+        "budget_overruns": 5,
+        "is_over_budget": False,
+    },
+}
+WELL = {
+    "configuration": {"file": "gateway.toml", "problem": None},
+    "tables_folder": {"folder": "tables", "problem": None},
+    "http": {"problem": None},
+    "mqtt": {"problem": None},
+}
+
+
+def snapshot(
+    line: dict[str, Any] | None = None, axis: dict[str, Any] | None = None, **gateway: Any
+) -> dict[str, Any]:
+    """What a relay with one line and one axis says."""
+    return {
+        "gateway": {
+            "name": "mill-1",
+            "version": "0.1.0",
+            "compiled": False,
+            "uptime_s": 12.5,
+            "relay": "up",
+            "snapshot_age_s": 0.0,
+            "latency_bounds_us": BOUNDS_US,
+            "scheduling": {"fifo": 0, "cpus": [0], "memory_locked": False},
+            **gateway,
+        },
+        "lines": {"xyz": {**LINE, **(line or {})}},
+        "axes": {"x": {**AXIS, **(axis or {})}},
+    }
+
+
+def model(
+    seen: dict[str, Any] | None = None,
+    *,
+    is_relay_up: bool = True,
+    age_s: float | None = 0.1,
+    supervisor: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """The whole model, as the supervisor makes it of a snapshot."""
+    return whole_model(
+        "mill-1",
+        snapshot() if seen is None else seen,
+        is_relay_up=is_relay_up,
+        snapshot_age_s=age_s,
+        tables={},
+        supervisor={**WELL, **(supervisor or {})},
+    )
+
+
+@dataclass
+class Answer:
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+    @property
+    def data(self) -> Any:
+        assert self.headers["content-type"] == "application/json"
+        return json.loads(self.body)
+
+
+class Line:
+    """One connection to the service."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.reader = reader
+        self.writer = writer
+
+    async def say(self, data: bytes | str) -> None:
+        self.writer.write(data.encode() if isinstance(data, str) else data)
+        with contextlib.suppress(ConnectionError):
+            await self.writer.drain()
+
+    async def hear(self, *, has_body: bool = True) -> Answer:
+        async with asyncio.timeout(PATIENCE_S):
+            head = (await self.reader.readuntil(b"\r\n\r\n")).decode().split("\r\n")
+            headers = {
+                name.lower(): value.strip() for name, _, value in (line.partition(":") for line in head[1:-2])
+            }
+            length = int(headers.get("content-length", "0"))
+            body = await self.reader.readexactly(length) if has_body else b""
+        return Answer(int(head[0].split()[1]), headers, body)
+
+    async def until(self, *parts: bytes) -> bytes:
+        """Read up to and with some bytes, one after the other."""
+        async with asyncio.timeout(PATIENCE_S):
+            return b"".join([await self.reader.readuntil(part) for part in parts])
+
+    async def rest(self) -> bytes:
+        """Read until the service closes."""
+        data = b""
+        async with asyncio.timeout(PATIENCE_S):
+            with contextlib.suppress(ConnectionError):
+                while part := await self.reader.read(65536):
+                    data += part
+        return data
+
+    def close(self) -> None:
+        self.writer.transport.abort()
+
+
+@dataclass
+class Served:
+    """A service that runs, with everything it said."""
+
+    service: HttpService
+    feeds: Feeds
+    port: int
+    state: Path
+    said: list[tuple[str, dict[str, object]]] = field(default_factory=list)
+    reloads: int = 0
+    lines: list[Line] = field(default_factory=list)
+
+    def connections(self) -> int:
+        """How many connections the system has that lead to the port: their other ends, of this process."""
+        rows = Path("/proc/net/tcp").read_text().splitlines()[1:]
+        ends = [row.split()[1:4] for row in rows]
+        return sum(here == f"0100007F:{self.port:04X}" and state == "01" for here, _, state in ends)
+
+    @property
+    def local(self) -> Path:
+        return self.state / SUPERVISOR_SOCKET_NAME
+
+    async def connect(self, *, is_local: bool = False) -> Line:
+        if is_local:
+            line = Line(*await asyncio.open_unix_connection(str(self.local), limit=2**24))
+        else:
+            line = Line(*await asyncio.open_connection("127.0.0.1", self.port, limit=2**24))
+        self.lines.append(line)
+        return line
+
+    async def ask(
+        self, target: str, method: str = "GET", *more: str, is_local: bool = False, host: str = "localhost"
+    ) -> Answer:
+        line = await self.connect(is_local=is_local)
+        await line.say("\r\n".join((f"{method} {target} HTTP/1.1", f"Host: {host}", *more, "", "")))
+        answer = await line.hear(has_body=method != "HEAD")
+        line.close()
+        return answer
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port: int = free.getsockname()[1]
+        return port
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110 - nobody is told
+            await asyncio.sleep(0.001)
+
+
+@contextlib.asynccontextmanager
+async def serving(
+    state: Path,
+    *,
+    feeds: Feeds | None = None,
+    tcp: Limits = TCP,
+    local: Limits = LOCAL,
+    settings: AxisSettings | None = None,
+    outcome: Outcome | None = None,
+) -> AsyncIterator[Served]:
+    """A service that is open on both of its listeners."""
+    feeds = Feeds() if feeds is None else feeds
+    port = free_port()
+
+    async def reload() -> Outcome:
+        served.reloads += 1
+        return outcome or Outcome()
+
+    def say(event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
+        served.said.append((event, fields))
+
+    window = Window(feeds, state, lambda axis: settings, reload, say)
+    service = HttpService(window, tcp, local)
+    served = Served(service, feeds, port, state)
+    service.configure(HttpSection(listen=f"127.0.0.1:{port}"))
+    running = asyncio.create_task(service.run())
+    try:
+        await until(lambda: running.done() or (bool(served.said) and served.local.exists()))
+        yield served
+    finally:
+        for line in served.lines:
+            line.close()
+        running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+
+
+def keep_table(state: Path, table: CorrectionTable) -> str:
+    """Keep a compiled table where the relay's tables are; returns its digest."""
+    data = compiled(table)
+    digest = digest_of(data)
+    path = table_path(state, digest)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, data)
+    return digest

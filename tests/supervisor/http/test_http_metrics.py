@@ -1,0 +1,162 @@
+"""``/metrics``: every number of the model under its name, in base units, in both formats of Prometheus."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.http.metrics import Metrics
+from tests.supervisor.http.exposition import Samples, families, samples
+from tests.supervisor.http.http_bench import model, serving, snapshot
+
+
+def of(found: Samples, metric: str, /, **labels: str) -> float:
+    return found[f"pitch_gateway_{metric}", tuple(sorted(labels.items()))]
+
+
+@pytest.mark.parametrize(
+    "accept", ["", "application/openmetrics-text;version=1.0.0", "text/plain;version=0.0.4"]
+)
+def test_every_number_stands_under_its_name(accept: str) -> None:
+    found = samples(model(), accept)
+    assert of(found, "info", name="mill-1", version="0.1.0", compiled="false") == 1
+    assert of(found, "relay_up") == 1
+    assert of(found, "snapshot_age_seconds") == 0.1
+    assert of(found, "relay_uptime_seconds") == 12.5
+    assert of(found, "line_up", line="xyz") == 1
+    assert of(found, "line_exchanges_total", line="xyz") == 7
+    assert of(found, "line_timeouts_total", line="xyz") == 1
+    assert of(found, "line_refused_total", line="xyz") == 2
+    assert of(found, "line_crc_errors_total", line="xyz") == 3
+    assert of(found, "line_wire_seconds_total", line="xyz") == 1.5
+    assert of(found, "line_added_frames_seconds_total", line="xyz") == 0.25
+    assert of(found, "controller_connections", line="xyz", controller="cnc") == 2
+    assert of(found, "axis_position", axis="x", units="mm", frame="nominal", of="setpoint") == 50.0
+    assert of(found, "axis_position", axis="x", units="mm", frame="corrected", of="setpoint") == 50.05
+    assert of(found, "axis_position", axis="x", units="mm", frame="nominal", of="actual") == 49.0
+    assert of(found, "axis_correction", axis="x", units="mm") == 0.05
+    assert of(found, "axis_gain_ratio", axis="x", direction="backward") == 0.5
+    assert of(found, "axis_direction", axis="x", direction="forward") == 1
+    assert of(found, "axis_table_loaded_timestamp_seconds", axis="x") == 1_000_000_000.25
+    assert of(found, "axis_table_info", axis="x", file="x.tab", format="centroid-3", sha256="ab") == 1
+    assert of(found, "axis_latency_budget_seconds", axis="x") == 0.001
+    assert of(found, "axis_over_budget", axis="x") == 0
+    assert of(found, "axis_budget_overruns_total", axis="x") == 5
+    assert of(found, "axis_latency_max_seconds", axis="x") == 0.00012
+    assert of(found, "axis_latency_minute_max_seconds", axis="x") == 0.00006
+    # What nobody knows is not there, rather than 0.
+    assert not [
+        key
+        for key in found
+        if key[0] == "pitch_gateway_axis_position"
+        and ("frame", "corrected") in key[1]
+        and ("of", "actual") in key[1]
+    ]
+
+
+def test_latency_has_the_buckets_of_the_relay_in_seconds() -> None:
+    found = samples(model())
+    buckets = {
+        labels: value
+        for (name, labels), value in found.items()
+        if name == "pitch_gateway_line_latency_seconds_bucket"
+    }
+    assert {dict(labels)["le"]: value for labels, value in buckets.items()} == {
+        "5e-06": 1,
+        "1e-05": 4,
+        "0.0001": 6,
+        "0.001": 7,
+        "+Inf": 7,
+    }
+    assert of(found, "axis_latency_seconds_bucket", axis="x", le="+Inf") == 4
+
+
+def test_before_the_first_figures_there_is_no_histogram() -> None:
+    took = {"p50": None, "p99": None, "p999": None, "max": 0.0, "max_minute": 0.0}
+    found = samples(model(snapshot(line={"gateway_us": took})))
+    assert not [key for key in found if key[0] == "pitch_gateway_line_latency_seconds_bucket"]
+    assert of(found, "line_latency_max_seconds", line="xyz") == 0.0
+
+
+def test_states_are_one_where_the_axis_is_and_zero_elsewhere() -> None:
+    found = samples(model(snapshot(axis={"compensation": "blocked", "direction": "unsure"})))
+    states = {
+        dict(labels)["state"]: value
+        for (name, labels), value in found.items()
+        if name == "pitch_gateway_axis_compensation"
+    }
+    assert states == {
+        "active": 0,
+        "blending": 0,
+        "shadow": 0,
+        "off": 0,
+        "unreferenced": 0,
+        "no-table": 0,
+        "outside": 0,
+        "blocked": 1,
+    }
+    assert of(found, "axis_direction", axis="x", direction="forward") == 0
+    assert of(found, "axis_direction", axis="x", direction="unsure") == 1
+
+
+def test_troubles_are_counted_and_named() -> None:
+    well = samples(model())
+    assert (of(well, "troubles", severity="error"), of(well, "troubles", severity="warning")) == (0, 0)
+    ill = samples(
+        model(
+            snapshot(line={"state": "down"}), supervisor={"mqtt": {"problem": "refused"}}, is_relay_up=False
+        )
+    )
+    assert (of(ill, "troubles", severity="error"), of(ill, "troubles", severity="warning")) == (2, 1)
+    assert of(ill, "trouble", kind="line-down", severity="error", where="line xyz") == 1
+    assert of(ill, "relay_up") == 0
+    assert of(ill, "component_ok", component="mqtt") == 0
+    assert of(ill, "component_ok", component="http") == 1
+
+
+def test_names_are_as_prometheus_wants_them() -> None:
+    found = families(model())
+    assert len(found) > 30
+    for family in found:
+        assert family.name.startswith("pitch_gateway")
+        assert family.documentation.endswith(".")
+        assert not family.name.endswith(("_us", "_ms", "_total", "_count", "_sum"))
+        if family.type == "counter":
+            assert {sample.name for sample in family.samples} <= {f"{family.name}_total"}
+
+
+def test_without_a_model_there_is_nothing_to_say() -> None:
+    assert families(None) == []
+
+
+def test_a_file_name_cannot_break_the_page() -> None:
+    table = {"file": 'x"\n\\.tab', "format": None, "points": 3, "status": "rejected", "error": "bad"}
+    found = samples(model(snapshot(axis={"table": table})))
+    assert of(found, "axis_table_info", axis="x", file='x"\n\\.tab', format="", sha256="") == 1
+    assert of(found, "axis_table_state", axis="x", state="rejected") == 1
+
+
+async def test_the_page_has_the_type_that_was_asked_for(tmp_path: Path) -> None:
+    async with serving(tmp_path) as served:
+        served.feeds.publish(model())
+        plain = await served.ask("/metrics")
+        assert (plain.status, plain.headers["content-type"]) == (
+            200,
+            "text/plain; version=0.0.4; charset=utf-8",
+        )
+        open_metrics = await served.ask(
+            "/metrics", "GET", "Accept: application/openmetrics-text;version=1.0.0"
+        )
+        assert open_metrics.headers["content-type"].startswith("application/openmetrics-text; version=1.0.0")
+        assert open_metrics.body.endswith(b"# EOF\n")
+
+
+@pytest.mark.skipif(shutil.which("promtool") is None, reason="promtool (Debian: prometheus) is not installed")
+def test_promtool_finds_nothing_to_say() -> None:
+    feeds = Feeds()
+    feeds.publish(model())
+    body, _ = Metrics(feeds).page("")
+    done = subprocess.run(["promtool", "check", "metrics"], input=body, capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")

@@ -1,0 +1,168 @@
+"""The listeners: where they are, what happens when they cannot be, and how they come and go."""
+
+import asyncio
+import contextlib
+import logging
+import signal
+import socket
+from pathlib import Path
+
+import pytest
+
+from gateway.config.gateway_model import HttpSection
+from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketPlace
+from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.http import service as service_module
+from gateway.supervisor.http.window import Window
+from tests.supervisor.http.http_bench import Served, free_port, serving, until
+
+
+async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service_module, "FIRST_WAIT_S", 0.001)
+    async with serving(tmp_path) as served:
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            address = f"127.0.0.1:{taken.getsockname()[1]}"
+            served.said.clear()
+            served.service.configure(HttpSection(listen=address))
+            for _ in range(5):  # meanwhile it is tried a few times, and said once
+                assert (await served.ask("/metrics", is_local=True)).status == 200
+            await until(lambda: bool(served.said))
+            problem = f"{address}: Address already in use"
+            assert served.said == [
+                (
+                    "http-not-open",
+                    {
+                        "listen": address,
+                        "detail": f"{problem}; it is tried again, and everything else goes on",
+                    },
+                )
+            ]
+            assert served.service.status == {"listen": address, "address": None, "problem": problem}
+            served.said.clear()
+        await until(lambda: bool(served.said))
+        assert served.said == [("http-ready", {"address": f"http://{address}"})]
+        assert served.service.status == {"listen": address, "address": f"http://{address}", "problem": None}
+
+
+async def test_a_host_that_does_not_exist_is_a_problem(tmp_path: Path) -> None:
+    async with serving(tmp_path) as served:
+        served.said.clear()
+        served.service.configure(HttpSection(listen="nowhere.invalid:8480"))
+        await until(lambda: bool(served.said))
+        assert served.said[0][0] == "http-not-open"
+        assert str(served.service.status["problem"]).startswith("nowhere.invalid:8480: ")
+
+
+async def test_another_address_in_the_configuration_is_taken_over(tmp_path: Path) -> None:
+    async with serving(tmp_path) as served:
+        reader = await served.connect()
+        await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        await reader.until(b"retry: 2000\n\n")
+        old, served.port = served.port, free_port()
+        served.service.configure(HttpSection(listen=f"[::1]:{served.port}"))
+        await until(lambda: len(served.said) == 2)
+        assert served.said[1] == ("http-ready", {"address": f"http://[::1]:{served.port}"})
+        await reader.rest()  # it is closed: whoever reads comes back where the gateway is now
+        with pytest.raises(ConnectionRefusedError):
+            await asyncio.open_connection("127.0.0.1", old)
+        _, writer = await asyncio.open_connection("::1", served.port)
+        writer.transport.abort()
+        served.service.configure(HttpSection(listen=""))
+        await until(lambda: served.service.status["address"] is None)
+        assert served.service.status == {"listen": "", "address": None, "problem": None}
+        with pytest.raises(ConnectionRefusedError):
+            await asyncio.open_connection("::1", served.port)
+        assert (await served.ask("/metrics", is_local=True)).status == 200
+
+
+async def test_what_stays_the_same_disturbs_nobody(tmp_path: Path) -> None:
+    async with serving(tmp_path) as served:
+        line = await served.connect()
+        served.service.configure(HttpSection(listen=f"127.0.0.1:{served.port}"))
+        await line.say("GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert (await line.hear()).status == 200
+        assert len(served.said) == 1
+
+
+async def test_the_end_waits_for_nobody_and_leaves_nothing(tmp_path: Path) -> None:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    async with serving(tmp_path) as served:
+        assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+        for is_local in (False, True):
+            reader = await served.connect(is_local=is_local)
+            await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            await reader.until(b"retry: 2000\n\n")
+    assert served.feeds._feeds == set()
+    assert not served.local.exists()
+    with pytest.raises(ConnectionRefusedError):
+        await asyncio.open_connection("127.0.0.1", served.port)
+
+
+async def test_a_socket_that_was_left_behind_is_replaced(tmp_path: Path) -> None:
+    left = socket.socket(socket.AF_UNIX)
+    left.bind(str(tmp_path / SUPERVISOR_SOCKET_NAME))
+    left.close()
+    async with serving(tmp_path) as served:
+        assert (await served.ask("/metrics", is_local=True)).status == 200
+
+
+async def test_a_local_socket_that_cannot_be_is_a_problem_and_no_end(tmp_path: Path) -> None:
+    said: list[str] = []
+    state = tmp_path / ("s" * 100)
+    window = Window(
+        Feeds(),
+        state,
+        lambda axis: None,
+        asyncio.Future,
+        lambda event, *_, **fields: said.append(event),
+    )
+    service = service_module.HttpService(window)
+    port = free_port()
+    service.configure(HttpSection(listen=f"127.0.0.1:{port}"))
+    running = asyncio.create_task(service.run())
+    await until(lambda: len(said) == 2)
+    assert sorted(said) == ["http-not-open", "http-ready"]
+    assert "supervisor.sock" in service.status["problem"]
+    served = Served(service, window.feeds, port, state)
+    assert (await served.ask("/metrics")).status == 200
+    running.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await running
+
+
+async def test_the_place_of_another_is_left_alone(tmp_path: Path) -> None:
+    place = SocketPlace(tmp_path, SUPERVISOR_SOCKET_NAME, lock_name=None)
+    with place.take():
+        said: list[str] = []
+        window = Window(
+            Feeds(),
+            tmp_path,
+            lambda axis: None,
+            asyncio.Future,
+            lambda event, *_, **fields: said.append(event),
+        )
+        running = asyncio.create_task(service_module.HttpService(window).run())
+        await until(lambda: said == ["http-not-open"])
+        running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+        assert (tmp_path / SUPERVISOR_SOCKET_NAME).exists()
+        place.leave()
+
+
+async def test_a_mistake_of_ours_is_an_answer_and_a_note(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with serving(tmp_path) as served:
+        served.feeds.publish({"no": "model"})
+        failed = await served.ask("/healthz")
+        assert (failed.status, failed.data) == (
+            500,
+            {"problem": "the supervisor made a mistake; its log says which"},
+        )
+        assert (await served.ask("/healthz")).status == 500
+        assert served.said[1:] == [
+            ("http-failed", {"detail": "/healthz: KeyError: 'gateway'"})
+        ]  # once a minute
+        assert (await served.ask("/status")).status == 200
+    assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []

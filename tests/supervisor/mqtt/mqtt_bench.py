@@ -1,0 +1,150 @@
+"""A publisher with a status model that a test makes up, and what it tells of itself."""
+
+import asyncio
+import contextlib
+import json
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+from gateway.config.mqtt_model import MqttSection
+from gateway.ipc.messages import Done, Reply, Request
+from gateway.ipc.notes import Note, Severity
+from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.model import whole_model
+from gateway.supervisor.mqtt.commands import Orders
+from gateway.supervisor.mqtt.publisher import Publisher
+from gateway.supervisor.mqtt.service import STATUS_WITHOUT, MqttService
+from gateway.supervisor.mqtt.settings import Settings, settings_of
+from gateway.supervisor.outcome import Outcome
+from tests.mosquitto import PATIENCE_S
+
+ROOT = "pitch-gateway/mill-1"
+OWN = {
+    "configuration": {"file": "gateway.toml", "problem": None},
+    "tables_folder": {"folder": "tables", "problem": None},
+    "http": {"problem": None},
+    "mqtt": STATUS_WITHOUT,
+}
+LATENCY = {"p50": 41.0, "p99": 77.5, "p999": 120.0, "max": 130.0, "max_minute": 101.0, "below": [0, 3, 9]}
+
+
+def axis(correction: float | None = 0.012, **table: Any) -> dict[str, Any]:
+    """An axis as the relay's snapshot has it."""
+    return {
+        "compensation": "active",
+        "units": "mm",
+        "direction": "forward",
+        "gain": {"forward": 1.0, "backward": 1.0},
+        "travel": (-300.0, 0.0),
+        "correction": correction,
+        "nominal_setpoint": -12.5,
+        "corrected_setpoint": -12.488,
+        "nominal_actual": None,
+        "corrected_actual": None,
+        "table": {
+            "file": "x.tab",
+            "format": "centroid-3",
+            "sha256": "ab" * 32,
+            "compiled": "cd" * 32,
+            "points": 9,
+            "status": "active",
+            "error": None,
+            "loaded_at": "2026-01-01T00:00:00+00:00",
+            **table,
+        },
+        "latency": {"gateway_us": LATENCY, "budget_us": 1000.0, "is_over_budget": False},
+    }
+
+
+def model(
+    axes: dict[str, Any] | None = None, *, up: bool = True, age_s: float | None = 0.1
+) -> dict[str, Any]:
+    """The whole model; by default of one axis, x."""
+    drives = {"address": "127.0.0.1:502", "failure": None}
+    snapshot = {
+        "gateway": {"name": "mill-1", "version": "9.9.9", "uptime_s": 12.5},
+        "lines": {"xyz": {"state": "up", "exchanges": 7, "drives": drives}},
+        "axes": {"x": axis()} if axes is None else axes,
+    }
+    return whole_model(
+        "mill-1",
+        None if age_s is None else snapshot,
+        is_relay_up=up,
+        snapshot_age_s=age_s,
+        tables={},
+        supervisor=OWN,
+    )
+
+
+def settings(port: int, folder: Path, **keys: Any) -> Settings:
+    """Settings as a configuration in ``folder`` would have them."""
+    raw = {"port": port, "interval_s": 0.05, **keys}
+    return settings_of(MqttSection.model_validate(raw), "mill-1", folder)
+
+
+class Site:
+    """A publisher that runs, its feeds, and what was asked of the relay."""
+
+    def __init__(self, given: Settings | None, state: Path) -> None:
+        self.feeds = Feeds()
+        self.asked: list[Request] = []
+        self.reply: Reply = Done(changed=("x",), comes={"x": "next-target"})
+        self.outcome = Outcome(comes={"x": "blended"}, changed=("axis.x.gain",))
+        self.reloads = 0
+        self.service = MqttService(self.feeds, self.say, Orders(self._reload, self._ask), state)
+        self.service.follow(given)
+        self.after_reload: Settings | None = given
+        self._told = asyncio.Event()
+
+    def say(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
+        self.feeds.tell(Note(severity, event, fields, time.time()))
+        self._told.set()
+
+    async def _reload(self) -> Outcome:
+        self.reloads += 1
+        self.service.follow(self.after_reload)
+        for _ in range(10):  # as the supervisor's, it returns a little later
+            await asyncio.sleep(0)
+        return self.outcome
+
+    def _ask(self, request: Request) -> Reply:
+        self.asked.append(request)
+        return self.reply
+
+    def said(self, event: str) -> list[dict[str, Any]]:
+        return [told.as_data() for told in self.feeds.recent if told.note.event == event]
+
+    async def until_said(self, event: str, times: int = 1) -> dict[str, Any]:
+        async with asyncio.timeout(PATIENCE_S):
+            while len(self.said(event)) < times:
+                self._told.clear()
+                await self._told.wait()
+        return self.said(event)[times - 1]
+
+    @property
+    def status(self) -> dict[str, Any]:
+        return self.service.status()
+
+    @property
+    def publisher(self) -> Publisher:
+        assert self.service.publisher is not None
+        return self.service.publisher
+
+
+@contextlib.asynccontextmanager
+async def publishing(given: Settings | None, state: Path) -> AsyncIterator[Site]:
+    site = Site(given, state)
+    task = asyncio.create_task(site.service.run())
+    try:
+        yield site
+        assert not task.done(), "the service ended by itself"
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+def data_of(payload: bytes) -> Any:
+    return json.loads(payload)

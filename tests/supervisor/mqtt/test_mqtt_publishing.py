@@ -1,0 +1,214 @@
+"""What a broker's clients see of a gateway: what stands there when they come, and what comes afterwards."""
+
+import asyncio
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import aiomqtt
+import pytest
+
+from gateway.ipc.notes import Note, Severity
+from gateway.supervisor.feeds import EVENTS_KEPT
+from tests.child import started
+from tests.mosquitto import broker_in, payload_of, watching
+from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, data_of, model, publishing, settings
+
+VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])
+
+
+@VERSIONS
+async def test_who_comes_late_finds_availability_info_and_tables_and_hears_the_rest(
+    tmp_path: Path, version: str
+) -> None:
+    with broker_in(tmp_path) as broker:
+        async with publishing(settings(broker.port, tmp_path, version=version), tmp_path) as site:
+            site.feeds.publish(model())
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port) as early:
+                await early.until(f"{ROOT}/axis/x")  # everything has been sent once
+            async with watching(broker.port) as late:
+                await late.until(f"{ROOT}/line/xyz")
+                await late.until(f"{ROOT}/axis/x")
+                found = {m.topic.value: payload_of(m) for m in late.heard if m.retain}
+                moving = {m.topic.value: data_of(payload_of(m)) for m in late.heard if not m.retain}
+            status = site.status
+    assert set(found) == {f"{ROOT}/availability", f"{ROOT}/info", f"{ROOT}/axis/x/table"}
+    assert found[f"{ROOT}/availability"] == b"online"
+    assert data_of(found[f"{ROOT}/info"]) == {
+        "name": "mill-1",
+        "version": "9.9.9",
+        "relay": "up",
+        "lines": ["xyz"],
+        "axes": {"x": {"units": "mm"}},
+        "interval_s": 0.05,
+        "commands": False,
+        "troubles": [],
+    }
+    assert data_of(found[f"{ROOT}/axis/x/table"]) == axis()["table"]
+    assert moving[f"{ROOT}/axis/x"]["correction"] == 0.012
+    assert moving[f"{ROOT}/axis/x"]["nominal_actual"] is None
+    assert "table" not in moving[f"{ROOT}/axis/x"]
+    assert moving[f"{ROOT}/line/xyz"]["exchanges"] == 7
+    assert (status["problem"], status["connects"]) == (None, 1)
+
+
+async def test_a_table_is_published_when_it_changes_and_only_then(tmp_path: Path) -> None:
+    with broker_in(tmp_path) as broker:
+        async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
+            site.feeds.publish(model())
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port, f"{ROOT}/axis/#") as watcher:
+                await watcher.until(f"{ROOT}/axis/x/table")
+                site.feeds.publish(model({"x": axis(0.5)}))
+                await watcher.until(f"{ROOT}/axis/x", lambda payload: data_of(payload)["correction"] == 0.5)
+                assert [m.topic.value for m in watcher.heard].count(f"{ROOT}/axis/x/table") == 1
+                site.feeds.publish(model({"x": axis(0.5, status="rejected", error="x.tab:3: no number")}))
+                changed = data_of(payload_of(await watcher.until(f"{ROOT}/axis/x/table")))
+    assert (changed["status"], changed["error"]) == ("rejected", "x.tab:3: no number")
+
+
+@VERSIONS
+async def test_events_come_with_their_number_and_their_own_fields(tmp_path: Path, version: str) -> None:
+    with broker_in(tmp_path) as broker:
+        async with publishing(settings(broker.port, tmp_path, version=version), tmp_path) as site:
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port, f"{ROOT}/event") as watcher:
+                site.feeds.tell(Note(Severity.WARNING, "drive-silent", {"line": "xyz"}, 1_000_000_000.25))
+                message = await watcher.until(
+                    f"{ROOT}/event", lambda payload: data_of(payload)["event"] == "drive-silent"
+                )
+    assert message.qos == 1
+    assert not message.retain
+    told = data_of(payload_of(message))
+    assert told == {
+        "number": told["number"],
+        "time": "2001-09-09T01:46:40.250+00:00",
+        "event": "drive-silent",
+        "severity": "warning",
+        "line": "xyz",
+    }
+
+
+async def test_positions_of_a_relay_that_is_gone_are_not_published_but_that_it_is_gone(
+    tmp_path: Path,
+) -> None:
+    with broker_in(tmp_path) as broker:
+        async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port) as watcher:
+                site.feeds.publish(model(up=False))
+                await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["relay"] == "down")
+                site.feeds.publish(model(age_s=2.5))
+                info = await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["relay"] == "up")
+                assert data_of(payload_of(info))["troubles"][0]["kind"] == "relay-silent"
+                assert not watcher.topics() & {f"{ROOT}/axis/x", f"{ROOT}/line/xyz"}
+                site.feeds.publish(model())
+                await watcher.until(f"{ROOT}/axis/x")
+
+
+CHILD = """
+import asyncio, sys
+from pathlib import Path
+from tests.supervisor.mqtt.mqtt_bench import publishing, settings, model
+
+async def main():
+    folder = Path(sys.argv[2])
+    async with publishing(settings(int(sys.argv[1]), folder), folder) as site:
+        site.feeds.publish(model())
+        await site.until_said("mqtt-connected")
+        print("connected", flush=True)
+        await asyncio.Event().wait()
+
+asyncio.run(main())
+"""
+
+
+async def test_the_last_will_speaks_for_a_gateway_that_was_killed(tmp_path: Path) -> None:
+    with broker_in(tmp_path) as broker:
+        command = [sys.executable, "-c", CHILD, str(broker.port), str(tmp_path)]
+        with started(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[3]) as child:
+            async with watching(broker.port, f"{ROOT}/availability") as watcher:
+                await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"online")
+                child.send_signal(signal.SIGKILL)
+                await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"offline")
+        async with watching(broker.port, f"{ROOT}/availability") as late:
+            message = await late.until(f"{ROOT}/availability")
+        assert (payload_of(message), message.retain) == (b"offline", True)
+
+
+async def test_a_gateway_that_is_stopped_says_so_itself(tmp_path: Path) -> None:
+    with broker_in(tmp_path) as broker:
+        async with watching(broker.port, f"{ROOT}/availability") as watcher:
+            async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
+                await site.until_said("mqtt-connected")
+                await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"online")
+            await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"offline")
+        assert "Client pitch-gateway-mill-1 disconnected." in broker.log
+
+
+async def test_a_broker_that_comes_back_gets_what_is_so_now_and_the_newest_events(tmp_path: Path) -> None:
+    with broker_in(tmp_path) as broker:
+        async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
+            site.feeds.publish(model({"x": axis(0.1), "y": axis(0.1)}))
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port) as watcher:
+                await watcher.until(f"{ROOT}/axis/x")
+                broker.stop()
+                with pytest.raises(aiomqtt.MqttError):
+                    await watcher.until("never")
+            await site.until_said("mqtt-lost")
+            assert site.status["state"] == "connecting"
+            assert site.status["problem"]
+            for number in range(EVENTS_KEPT + 40):
+                site.feeds.tell(Note(Severity.INFO, "tick", {"n": number}, 0.0))
+                site.feeds.publish(model({"x": axis(1.0 + number)}))
+                await asyncio.sleep(0)
+            broker.start()
+            async with watching(broker.port) as watcher:
+                last = EVENTS_KEPT + 39
+                await watcher.until(f"{ROOT}/event", lambda payload: data_of(payload).get("n") == last)
+                await watcher.until(f"{ROOT}/axis/x")
+                heard = [(m.topic.value, payload_of(m)) for m in watcher.heard]
+            status = site.status
+    corrections = [data_of(payload)["correction"] for topic, payload in heard if topic == f"{ROOT}/axis/x"]
+    assert set(corrections) == {1.0 + last}, "only the newest"
+    ticks = [data_of(p)["n"] for t, p in heard if t == f"{ROOT}/event" and data_of(p)["event"] == "tick"]
+    assert ticks == list(range(last + 1 - len(ticks), last + 1))
+    # Beside the ticks, what was said of the connection waits: lost (twice, the second time refused).
+    assert EVENTS_KEPT - 4 <= len(ticks) <= EVENTS_KEPT
+    assert status["dropped_events"] >= 40
+    assert (status["state"], status["problem"], status["connects"]) == ("connected", None, 2)
+    assert f"{ROOT}/axis/y" not in {topic for topic, _ in heard}, "that axis is gone"
+
+
+async def test_what_is_not_there_any_more_is_taken_from_the_broker_also_after_a_restart(
+    tmp_path: Path,
+) -> None:
+    with broker_in(tmp_path) as broker:
+        given = settings(broker.port, tmp_path, discovery="homeassistant")
+        async with publishing(given, tmp_path) as site:
+            site.feeds.publish(model({"x": axis(), "y": axis()}))
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port) as watcher:
+                await watcher.until(f"{ROOT}/axis/y")
+        async with publishing(given, tmp_path) as site:
+            site.feeds.publish(model(age_s=None))  # nothing is known yet: nothing is gone
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port) as watcher:
+                await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["axes"] == {})
+                site.say("mark")  # goes after whatever else came of that model
+                await watcher.until(f"{ROOT}/event", lambda payload: b'"mark"' in payload)
+                assert not [m for m in watcher.heard if not payload_of(m)]
+                site.feeds.publish(model())
+                await watcher.until(f"{ROOT}/axis/x")
+        async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
+            site.feeds.publish(model())
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port) as watcher:
+                await watcher.until(f"{ROOT}/axis/x")
+        async with watching(broker.port) as late:
+            await late.client.publish("end")
+            await late.until("end")
+    assert late.topics() == {f"{ROOT}/availability", f"{ROOT}/info", f"{ROOT}/axis/x/table", "end"}

@@ -1,0 +1,48 @@
+"""A browser for the whole module, and a page of it for each test."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser
+
+from tests.browser import started_browser
+from tests.supervisor.page.models import curve, model
+from tests.supervisor.page.stage import Stage
+from tests.supervisor.page.visit import Visit
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """For one module only: while it lives, no test can run an event loop of its own."""
+    with started_browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def stage() -> Iterator[Stage]:
+    """A gateway with one axis that is well."""
+    stage = Stage()
+    stage.open()
+    stage.tables["x"] = curve()
+    stage.show(model())
+    try:
+        yield stage
+    finally:
+        stage.close()
+
+
+@pytest.fixture
+def visit(browser: Browser, stage: Stage, request: pytest.FixtureRequest) -> Iterator[Visit]:
+    """The page, opened, with its axes; ``visit`` marks give the browser's options.
+
+    At the end it must have fetched nothing but from the gateway, and have complained of nothing.
+    """
+    options: dict[str, Any] = getattr(request, "param", {})
+    visit = Visit(browser, stage, options)
+    try:
+        yield visit
+        assert visit.elsewhere == []
+        assert visit.complaints == []
+    finally:
+        visit.close()

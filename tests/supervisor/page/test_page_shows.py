@@ -1,0 +1,297 @@
+"""What the page shows of a model, as a person sees it."""
+
+import pytest
+
+from tests.supervisor.page.models import axis, curve, line, model, table, trouble
+from tests.supervisor.page.visit import Visit
+
+DIGITS = "article.axis .digits"
+CORRECTION = "article.axis .facts dd"
+MOVES = "article.axis .mark"
+
+
+def standing_at(position: float, **changes: object) -> dict[str, object]:
+    """An axis at a position, forward: corrected as :func:`curve` has it."""
+    corrected = position - 0.0001 * position
+    return axis(nominal_actual=position, corrected_actual=corrected, **changes)
+
+
+def test_it_shows_where_the_axis_is_and_what_is_added(visit: Visit) -> None:
+    visit.until_text(DIGITS, "−120.000")
+    visit.until_text("article.axis .units", "mm")
+    visit.until_text(CORRECTION, "+22.1\u202fµm")
+    facts = visit.page.locator("article.axis .facts > div:not([hidden])").all_text_contents()
+    assert facts == ["Correction+22.1\u202fµm", "On the drive−119.978\u202fmm", "Target−120.000\u202fmm"]
+    assert visit.page.locator("article.axis .state").text_content() == "Compensated"
+    assert visit.page.locator("article.axis .direction").text_content() == "forward"
+
+
+@pytest.mark.parametrize("is_read", [True, False])
+def test_in_shadow_mode_it_shows_what_would_be_added_and_where_the_drive_really_is(
+    visit: Visit, is_read: bool
+) -> None:
+    read = {"nominal_actual": -60.0, "corrected_actual": -60.0}  # shadow: positions pass as they are
+    unread = {"nominal_actual": None, "corrected_actual": None}
+    changes = read if is_read else unread
+    shadow = axis(
+        compensation="shadow", nominal_setpoint=-60.0, corrected_setpoint=-59.985, correction=0.015, **changes
+    )
+    visit.stage.show(model({"x": shadow}))
+    visit.until_text(DIGITS, "−60.000")
+    visit.until_text(CORRECTION, "+15.0\u202fµm")
+    facts = visit.page.locator("article.axis .facts > div:not([hidden])").all_text_contents()
+    assert facts[1] == "On the drive−60.000\u202fmm"
+
+
+def test_the_machine_moves_on_its_curve(visit: Visit) -> None:
+    for position in (-75.0, -225.0, -300.0):
+        visit.stage.show(model({"x": standing_at(position)}))
+        visit.until_text(DIGITS, f"−{-position:.3f}")
+        share = round((position + 300.0) / 300.0, 2)
+        visit.until_along(share)
+        _, down, name = visit.place()
+        assert down == pytest.approx(share, abs=0.02)  # the line falls from its top left to its bottom right
+        assert name == "mark"
+
+
+def test_it_glides_there_in_several_frames(visit: Visit) -> None:
+    count_moves(visit)
+    visit.stage.show(model({"x": standing_at(-30.0)}))
+    visit.until_along(0.9)
+    assert visit.page.evaluate("window.moves") > 1
+
+
+@pytest.mark.parametrize("visit", [{"reduced_motion": "reduce"}], indirect=True)
+def test_it_jumps_where_motion_is_not_wanted(visit: Visit) -> None:
+    count_moves(visit)
+    visit.stage.show(model({"x": standing_at(-30.0)}))
+    visit.until_along(0.9)
+    assert visit.page.evaluate("window.moves") == 1
+
+
+def count_moves(visit: Visit) -> None:
+    visit.until_along(0.6)
+    visit.page.evaluate(
+        """() => {
+          window.moves = 0;
+          const mark = document.querySelector("article.axis .mark");
+          new MutationObserver((seen) => { window.moves += seen.length; })
+            .observe(mark, { attributes: true, attributeFilter: ["transform"] });
+        }"""
+    )
+
+
+def test_travel_outside_the_table_is_hatched_and_the_machine_stays_at_the_edge(visit: Visit) -> None:
+    changed = table(compiled="17" * 32)
+    visit.stage.tables["x"] = curve(travel=[-350.0, 50.0])
+    outside = standing_at(70.0, compensation="outside", table=changed)
+    visit.stage.show(model({"x": outside}))
+    visit.until("document.querySelectorAll('article.axis .outside').length", 2)
+    widths = visit.page.evaluate(
+        "[...document.querySelectorAll('article.axis .outside')].map((one) => one.width.baseVal.value)"
+    )
+    line_width = visit.page.evaluate("document.querySelector('article.axis .line-forward').getBBox().width")
+    assert widths == pytest.approx([line_width / 6, line_width / 6], abs=0.3)
+    visit.until("document.querySelector('article.axis .mark').getAttribute('class')", "mark beyond")
+    visit.until_text("article.axis .state", "Outside the table")
+
+
+def test_a_turning_axis_comes_round(visit: Visit) -> None:
+    visit.stage.tables["x"] = curve(modulo=300.0)
+    changed = table(compiled="17" * 32)
+    visit.stage.show(model({"x": standing_at(-1050.0, table=changed)}))
+    # three turns of 300 further −150: half way
+    visit.until_along(0.5)
+
+
+def test_another_gain_brings_another_curve(visit: Visit) -> None:
+    row = "article.axis tbody tr:first-child > *"
+    first = f"[...document.querySelectorAll({row!r})].map((one) => one.textContent)"
+    visit.page.locator("summary").focus()
+    visit.page.keyboard.press("Enter")
+    visit.until(first, ["−300.000", "+30.0", "+55.0"])
+    scaled = curve()
+    doubled, halved = [2 * one for one in scaled["forward"]], [one / 2 for one in scaled["backward"]]
+    visit.stage.tables["x"] = {**scaled, "forward": doubled, "backward": halved}
+    visit.stage.show(model({"x": axis(gain={"forward": 2.0, "backward": 0.5})}))
+    visit.until(first, ["−300.000", "+60.0", "+27.5"])
+    visit.until_text("article.axis .facts > div:last-child dd", "× 2 forward, × 0.5 backward")
+    assert visit.page.locator("article.axis tbody tr").count() == 31
+
+
+def test_an_axis_whose_position_nobody_reads_shows_its_target(visit: Visit) -> None:
+    unread = axis(nominal_actual=None, corrected_actual=None, nominal_setpoint=-60.0, correction=None)
+    visit.stage.show(model({"x": unread}))
+    visit.until_text("article.axis .reading-name", "Target (position not read)")
+    visit.until_text(DIGITS, "−60.000")
+    visit.until_text(CORRECTION, "–")
+
+
+@pytest.mark.parametrize(
+    ("units", "digits", "correction"),
+    [
+        ("inch", "−120.0000", "+22.10\u202fthou"),
+        ("degree", "−120.0000", "+79.6\u202f″"),
+        ("mm", "−120.000", "+22.1\u202fµm"),
+    ],
+)
+def test_lengths_are_shown_as_their_units_deserve(
+    visit: Visit, units: str, digits: str, correction: str
+) -> None:
+    visit.stage.show(model({"x": axis(units=units)}))
+    visit.until_text(CORRECTION, correction)
+    visit.until_text(DIGITS, digits)
+
+
+def test_a_rejected_table_brings_a_banner_and_mending_it_takes_the_banner_away(visit: Visit) -> None:
+    visit.until_text("#well", "All is well: 1 line up, 1 axis.")
+    problem = {
+        "file": "cnc10x.tab",
+        "line": 12,
+        "column": 3,
+        "key": "",
+        "found": "not a number: 0.0x",
+        "remedy": "correct it",
+    }
+    rejected = table(status="rejected", error="cnc10x.tab:12:3: not a number: 0.0x", problems=[problem])
+    visit.stage.show(model({"x": axis(table=rejected)}, None, trouble()))
+    visit.until_text("#troubles .where", "Axis x")
+    visit.until_text("#troubles .what", trouble()["what"])
+    visit.until_text("#troubles .remedy", "Mend the file: it is read again as soon as it is saved")
+    visit.until_text("article.axis .problems", "cnc10x.tab:12:3: not a number: 0.0x; correct it")
+    assert visit.page.locator("#well").is_hidden()
+    assert visit.page.get_by_role("alert").text_content() == (
+        f"Axis x: {trouble()['what']}. {trouble()['remedy']}."
+    )
+    assert visit.page.title() == "⚠ mill-1: 1 trouble"
+    visit.until("document.getElementById('favicon').getAttribute('href')", "page/icon-trouble.svg")
+
+    visit.stage.show(model())
+    visit.until("document.querySelectorAll('#troubles > *').length", 0)
+    visit.until_text("[role=status]", "All is well: 1 line up, 1 axis.")
+    assert visit.page.get_by_role("alert").text_content() == ""
+    assert visit.page.locator("#well").is_visible()
+    assert visit.page.title() == "mill-1: all is well"
+    visit.until("document.getElementById('favicon').getAttribute('href')", "page/icon.svg")
+
+
+def test_a_trouble_that_only_changes_its_words_is_not_said_again(visit: Visit) -> None:
+    silent = trouble(kind="relay-silent", where="gateway", what="the relay has said nothing for 3 s")
+    visit.stage.show(model(None, None, silent))
+    visit.until_text("[role=alert]", f"Gateway: {silent['what']}. {silent['remedy']}.")
+    visit.stage.show(model(None, None, {**silent, "what": "the relay has said nothing for 4 s"}))
+    visit.until_text("#troubles .what", "the relay has said nothing for 4 s")
+    assert visit.page.get_by_role("alert").text_content() == f"Gateway: {silent['what']}. {silent['remedy']}."
+
+
+def test_many_troubles_are_folded_until_somebody_asks(visit: Visit) -> None:
+    many = [trouble(where=f"axis a{index}") for index in range(7)]
+    visit.stage.show(model(None, None, *many))
+    more = visit.page.locator("#more")
+    visit.until_text("#more", "Show 3 more")
+    assert more.get_attribute("aria-expanded") == "false"
+    more.focus()
+    visit.page.keyboard.press("Enter")
+    visit.until("document.querySelectorAll('#troubles > li').length", 7)
+    assert more.get_attribute("aria-expanded") == "true"
+
+
+def test_a_relay_that_is_silent_greys_the_axes(visit: Visit) -> None:
+    stale = model(None, None, trouble(kind="relay-silent", where="gateway"))
+    stale["gateway"]["snapshot_age_s"] = 2.1
+    visit.stage.show(stale)
+    visit.until("getComputedStyle(document.getElementById('axes')).filter", "grayscale(1)")
+    visit.stage.show(model())
+    visit.until("getComputedStyle(document.getElementById('axes')).filter", "none")
+
+
+def test_lines_and_their_controllers_say_how_they_are(visit: Visit) -> None:
+    down = line(
+        state="down", timeouts=31, crc_errors=4, drives={"address": "192.168.0.20:502", "failure": "refused"}
+    )
+    down["controllers"][0] |= {"state": "down", "failure": "no such device"}
+    down["controllers"][1] |= {"connections": []}
+    visit.stage.show(model(None, {"xyz": down}))
+    visit.until_text("article.line .state", "Down")
+    visit.until_text("article.line .drives", "Drives at 192.168.0.20:502: refused")
+    counts = visit.page.locator("article.line .counts > div").all_text_contents()
+    assert counts[1:] == ["Time-outs31", "CRC errors4", "Exceptions2", "Refused0", "Late0"]
+    states = visit.page.locator("article.line .controller-state").all_text_contents()
+    assert states == ["port closed: no such device", "not connected"]
+
+
+def test_exchanges_are_counted_each_second(visit: Visit) -> None:
+    visit.page.wait_for_selector("article.line")
+    # the page's own clock: 100 exchanges in each 200 ms are 500 in each second
+    rates = visit.page.evaluate(
+        """async () => {
+          const { LineCard } = await import("./page/line_cards.js");
+          const card = new LineCard("xyz");
+          return [0, 1, 2, 3, 4, 30].map((step) => card.rateOf(100 * step, 200 * step));
+        }"""
+    )
+    assert rates == [None, None, None, 500, 500, 500]
+
+
+def test_times_are_drawn_beside_their_budget(visit: Visit) -> None:
+    # of the counts 120, 5080, 3900, 800, 85, 13 and 2, the last two took longer than 1000 µs
+    visit.until("document.querySelectorAll('#latency .bar').length", 7)
+    visit.until("document.querySelectorAll('#latency .bar.over').length", 2)
+    visit.until_text("#latency .budget-words", "budget 1 ms")
+    rows = visit.page.locator("#latency tbody tr").all()
+    assert [row.locator("th, td").all_text_contents() for row in rows] == [
+        ["axis x", "96.2", "311", "940", "1\u202f902", "1\u202f000", "15"],
+        ["line xyz", "96.2", "311", "940", "1\u202f902", "–", "15"],
+    ]
+    visit.page.select_option("#latency-of", "line xyz")
+    visit.until("document.querySelectorAll('#latency .bar.over').length", 0)
+
+
+def test_nothing_is_drawn_as_long_as_nothing_was_measured(visit: Visit) -> None:
+    none = {"p50": 0.0, "p99": 0.0, "p999": 0.0, "max": 0.0, "max_minute": 0.0}
+    fresh = axis()
+    fresh["latency"] = {**fresh["latency"], "gateway_us": none}
+    visit.stage.show(model({"x": fresh}, {"xyz": line(gateway_us={**none, "below": [0] * 15})}))
+    visit.page.locator("#latency .no-curve").wait_for()
+    assert visit.page.locator("#latency svg.drawing").is_hidden()
+    visit.stage.show(model())
+    visit.until("document.querySelectorAll('#latency .bar').length", 7)
+    assert visit.page.locator("#latency svg.drawing").is_visible()
+
+
+def test_axes_come_and_go(visit: Visit) -> None:
+    visit.stage.show(model({"x": axis(), "y": axis(), "z": axis()}))
+    visit.until(
+        "[...document.querySelectorAll('article.axis h3')].map((one) => one.textContent)",
+        ["Axis x", "Axis y", "Axis z"],
+    )
+    visit.complaints.clear()  # y and z have no curve here: the browser says so
+    visit.stage.show(model({"y": axis()}))
+    visit.until("[...document.querySelectorAll('article.axis h3')].map((one) => one.textContent)", ["Axis y"])
+    visit.stage.show(model({}))
+    visit.until("document.getElementById('no-axes').hidden", False)
+    visit.complaints.clear()
+
+
+def test_only_what_changed_is_touched(visit: Visit) -> None:
+    names = [f"a{index}" for index in range(32)]
+    visit.stage.tables |= dict.fromkeys(names, curve())
+    everything = {name: standing_at(-120.0) for name in names}
+    visit.stage.show(model(everything))
+    visit.until("document.querySelectorAll('article.axis[data-curve=yes]').length", 32)
+    visit.until("document.querySelectorAll('article.axis .mark[visibility=visible]').length", 32)
+    visit.page.evaluate(
+        """() => {
+          window.touched = new Set();
+          new MutationObserver((seen) => seen.forEach(({ target }) =>
+            window.touched.add((target.closest ?? target.parentElement.closest).call(
+              target.closest ? target : target.parentElement, "article, section, header")
+              .querySelector("h1, h2, h3").textContent)))
+            .observe(document.body, {
+              subtree: true, childList: true, attributes: true, characterData: true,
+            });
+        }"""
+    )
+    visit.stage.show(model({**everything, "a7": standing_at(-121.0)}))
+    visit.until_text("article.axis:nth-child(8) .digits", "−121.000")
+    visit.until("[...window.touched].filter((name) => name.startsWith('Ax'))", ["Axis a7"])

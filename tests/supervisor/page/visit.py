@@ -1,0 +1,92 @@
+"""One look at the page with a browser."""
+
+import json
+from collections.abc import Mapping
+from typing import Any, Final
+
+from playwright.sync_api import Browser, Locator
+
+from tests.supervisor.page.stage import Stage
+
+WAIT_MS: Final = 20_000
+SIZE: Final = {"width": 1280, "height": 800}
+ALONG: Final = """(() => {
+  const svg = document.querySelector("article.axis svg.drawing");
+  const line = svg.querySelector(".line-forward").getBBox();
+  const x = svg.querySelector(".mark").transform.baseVal[0].matrix.e;
+  return Math.round(((x - line.x) / line.width) * 100) / 100;
+})()"""
+PLACE: Final = """() => {
+  const svg = document.querySelector("article.axis svg.drawing");
+  const line = svg.querySelector(".line-forward").getBBox();
+  const mark = svg.querySelector(".mark");
+  const x = mark.transform.baseVal[0].matrix.e;
+  const y = Number(mark.querySelector(".mark-dot").getAttribute("cy"));
+  return [(x - line.x) / line.width, (y - line.y) / line.height, mark.getAttribute("class")];
+}"""
+
+
+class Visit:
+    """The page of a stage in a browser of its own settings."""
+
+    def __init__(self, browser: Browser, stage: Stage, options: Mapping[str, Any]) -> None:
+        self.complaints: list[str] = []
+        """What the browser's console says."""
+        self.elsewhere: list[str] = []
+        """Addresses that were asked for outside the gateway."""
+        self.stage = stage
+        self._context = browser.new_context(**{"viewport": SIZE, **options})
+        self.page = self._context.new_page()
+        self.page.set_default_timeout(WAIT_MS)
+        self.page.on("console", lambda message: self.complaints.append(message.text))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("request", lambda request: self._asked(request.url))
+        self.page.goto(stage.address)
+        self.page.wait_for_selector("#axes article, #no-axes:not([hidden])")
+
+    def _asked(self, url: str) -> None:
+        if not url.startswith(self.stage.address):
+            self.elsewhere.append(url)
+
+    def close(self) -> None:
+        """Leave."""
+        self._context.close()
+
+    def until(self, script: str, wanted: object) -> None:
+        """Wait until an expression has a value; fail with what it has else."""
+        try:
+            self.page.wait_for_function(
+                f"wanted => JSON.stringify({script}) === wanted", arg=_compact(wanted), timeout=WAIT_MS
+            )
+        except Exception as error:
+            raise AssertionError(
+                f"{script}: {self.page.evaluate(f'() => {script}')!r}, not {wanted!r}"
+            ) from error
+
+    def until_text(self, selector: str, wanted: str) -> None:
+        """Wait until an element has this text."""
+        self.until(f"document.querySelector({selector!r})?.textContent", wanted)
+
+    def until_along(self, share: float) -> None:
+        """Wait until the machine is drawn so far along the forward line."""
+        self.page.wait_for_selector("article.axis .mark[transform]")
+        self.until(ALONG, share)
+
+    def place(self) -> tuple[float, float, str]:
+        """Where the machine is drawn, as shares of the forward line's width and height, and its class."""
+        along, down, name = self.page.evaluate(PLACE)
+        return along, down, name
+
+    def find(self, role: Any, name: str) -> Locator:
+        """Find what a screen reader finds."""
+        return self.page.get_by_role(role, name=name, exact=True)
+
+    def any_of(self, role: Any) -> Locator:
+        """Find all of one role."""
+        return self.page.get_by_role(role)
+
+
+def _compact(value: object) -> str:
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)  # as JavaScript writes it
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))

@@ -1,0 +1,57 @@
+"""What a reader of the status gets: the newest model, the newest events, and how many it missed."""
+
+import asyncio
+
+from gateway.ipc.notes import Note, Severity
+from gateway.supervisor.feeds import EVENTS_KEPT, Feeds, News
+
+
+def note(number: int) -> Note:
+    return Note(Severity.WARNING, "drive-silent", {"line": "xyz", "n": number}, 1_000_000_000.25)
+
+
+async def test_a_reader_that_is_behind_gets_the_newest_model_and_the_newest_events() -> None:
+    feeds = Feeds()
+    with feeds.open() as feed:
+        for number in range(EVENTS_KEPT + 3):
+            feeds.tell(note(number))
+            feeds.publish({"number": number})
+        news = await feed.next()
+    assert news.model == {"number": EVENTS_KEPT + 2}
+    assert [told.number for told in news.events] == list(range(4, EVENTS_KEPT + 4))
+    assert news.dropped == 3
+
+
+async def test_nothing_comes_twice() -> None:
+    feeds = Feeds()
+    with feeds.open() as feed:
+        feeds.tell(note(1))
+        assert len((await feed.next()).events) == 1
+        waiting = asyncio.ensure_future(feed.next())
+        await asyncio.sleep(0)
+        assert not waiting.done()
+        feeds.publish({})
+        assert await waiting == News((), {}, 0)
+
+
+async def test_whoever_comes_later_gets_the_model_there_is_and_can_look_at_what_happened() -> None:
+    feeds = Feeds()
+    feeds.publish({"a": 1})
+    feeds.tell(note(7))
+    with feeds.open() as feed:
+        assert (await feed.next()).model == {"a": 1}
+    assert [told.note.fields["n"] for told in feeds.recent] == [7]
+    feeds.publish({"a": 2})  # nobody reads any more
+
+
+def test_an_event_as_data_has_its_own_fields_beside_what_all_have() -> None:
+    feeds = Feeds()
+    feeds.tell(note(7))
+    assert feeds.recent[0].as_data() == {
+        "number": 1,
+        "time": "2001-09-09T01:46:40.250+00:00",
+        "event": "drive-silent",
+        "severity": "warning",
+        "line": "xyz",
+        "n": 7,
+    }

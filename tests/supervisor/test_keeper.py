@@ -1,0 +1,174 @@
+"""What counts of a tables folder in which files move; no relay runs, everything goes into the state."""
+
+import resource
+from pathlib import Path
+
+import pytest
+
+from gateway.ipc.compiled_plan import last_plan
+from gateway.supervisor.book import Book
+from gateway.supervisor.sights import look
+from gateway.supervisor.stillness import Sight
+from gateway.supervisor.tables import Keeper
+from tests.processes.bench import CONFIG, STEEPER, TABLE
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "x.tab").write_text(TABLE)
+    config = tmp_path / "gateway.toml"
+    config.write_text(CONFIG.format(drives=1, port=2))
+    return config
+
+
+@pytest.fixture
+def keeper(config: Path) -> Keeper:
+    keeper = Keeper(config)
+    assert keeper.reload().problems == ()
+    assert largest(config) == 0.1
+    return keeper
+
+
+@pytest.fixture
+def pair(config: Path) -> Path:
+    """Two axes of a group, each with its table."""
+    text = config.read_text()
+    second = text[text.index("[axis.x]") :].replace("axis.x", "axis.y").replace("x.tab", "y.tab")
+    second = second.replace("unit_id = 1", "unit_id = 2")
+    config.write_text(f'{text}{second}[group.beam]\naxes = ["x", "y"]\n')
+    table(config, "y").write_text(TABLE.replace("AXIS X", "AXIS Y"))
+    return config
+
+
+def largest(config: Path) -> float | None:
+    """Return the largest correction of the table that a relay would start with."""
+    found = last_plan(config.parent / "state")
+    assert found is not None
+    table = found.plan.lines[0].axes[0].table
+    return None if table is None else table.max_correction()
+
+
+def sight(config: Path) -> Sight:
+    return look(config.parent / "tables", ["x.tab"])["x.tab"]
+
+
+def table(config: Path, axis: str = "x") -> Path:
+    return config.parent / "tables" / f"{axis}.tab"
+
+
+def test_a_file_that_changed_since_it_was_seen_to_stand_still_waits(config: Path, keeper: Keeper) -> None:
+    before = sight(config)
+    table(config).write_text(STEEPER)
+    outcome = keeper.refresh({"x.tab": before})
+    assert outcome.waiting == {"x"}
+    assert not outcome.sights
+    assert largest(config) == 0.1
+    now = sight(config)
+    assert keeper.refresh({"x.tab": now}).sights == {"x.tab": now}
+    assert largest(config) == 0.2
+
+
+def test_a_file_that_moves_waits_however_good_it_is(config: Path, keeper: Keeper) -> None:
+    table(config).write_text(STEEPER)
+    assert keeper.refresh({"x.tab": None}).waiting == {"x"}
+    assert keeper.reload({"x.tab": None}).waiting == {"x"}
+    assert largest(config) == 0.1
+
+
+def test_who_asks_gets_what_is_there(config: Path, keeper: Keeper) -> None:
+    table(config).write_text(STEEPER)
+    assert keeper.reload().waiting == frozenset()
+    assert largest(config) == 0.2
+
+
+def test_a_supervisor_that_starts_while_the_file_is_away_takes_nothing_away(config: Path) -> None:
+    assert Keeper(config).reload().problems == ()
+    table(config).unlink()
+    later = Keeper(config)
+    outcome = later.reload({})
+    assert outcome.waiting == {"x"}
+    assert outcome.problems == ()
+    assert largest(config) == 0.1
+    assert later.refresh({"x.tab": Sight(is_there=False)}).absent == {"x"}
+    assert largest(config) is None
+
+
+def test_a_first_file_that_moves_is_not_compiled_and_is_tried_again(config: Path) -> None:
+    keeper = Keeper(config)
+    outcome = keeper.reload({"x.tab": None})
+    assert (outcome.is_refused, outcome.is_owed) == (True, True)
+    assert "x.tab: it is being saved" in outcome.problems[0]
+    assert last_plan(config.parent / "state") is None
+    assert keeper.retry({"x.tab": sight(config)}).problems == ()
+    assert largest(config) == 0.1
+
+
+def test_a_refused_configuration_says_all_and_tells_nothing_of_files(config: Path, keeper: Keeper) -> None:
+    config.write_text(config.read_text().replace('table = "x.tab"', 'table = "x.tab"\nmax_correction = 0.05'))
+    outcome = keeper.reload()
+    assert (outcome.is_refused, outcome.has_read, outcome.is_owed) == (True, False, False)
+    assert "max_correction" in outcome.problems[0]
+    assert outcome.all_problems == outcome.problems
+
+
+def test_what_the_disk_refused_is_owed_as_it_was_asked_for(config: Path, keeper: Keeper) -> None:
+    text = config.read_text()
+    config.write_text(text.replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5'))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
+    try:
+        outcome = keeper.reload()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert (outcome.is_refused, outcome.is_owed) == (True, True)
+    config.write_text("half edited")
+    outcome = keeper.retry({"x.tab": sight(config)})
+    assert (outcome.problems, outcome.changed) == ((), ("axis.x.gain",))
+
+
+def test_a_relay_that_comes_back_makes_nobody_read_the_configuration(config: Path, keeper: Keeper) -> None:
+    text = config.read_text()
+    config.write_text(text.replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5'))
+    outcome = keeper.meet({"x.tab": sight(config)})
+    assert (outcome.problems, outcome.changed) == ((), ())
+    assert keeper.loaded is not None
+    assert keeper.loaded.document.text == text
+
+
+def test_a_relay_that_comes_with_another_configuration_is_followed(config: Path, keeper: Keeper) -> None:
+    text = config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5')
+    config.write_text(text)
+    assert Keeper(config).reload().changed == ("axis.x.gain",)  # as check --compile would
+    config.write_text("half edited")
+    assert keeper.meet({"x.tab": sight(config)}).problems == ()
+    assert keeper.loaded is not None
+    assert keeper.loaded.document.text == text
+
+
+def shown(keeper: Keeper) -> dict[str, tuple[str, str | None]]:
+    """Return state and error of each axis's file after a reload, as the status has them."""
+    book, outcome = Book(), keeper.reload()
+    book.enter(keeper.names, outcome)
+    overlays = {axis: entry.overlay() for axis, entry in book.entries(frozenset()).items()}
+    return {axis: (found["status"], found["error"]) for axis, found in overlays.items()}
+
+
+def test_a_good_file_that_its_group_holds_back_is_not_called_active(pair: Path) -> None:
+    keeper = Keeper(pair)
+    assert shown(keeper) == {"x": ("active", None), "y": ("active", None)}
+    table(pair, "y").write_text("bad")
+    status = shown(keeper)
+    assert (status["x"], status["y"][0]) == (("active", None), "rejected")  # what x has is what its file says
+    table(pair).write_text(STEEPER)
+    status = shown(keeper)
+    why = "axis.x.table: not used: y.tab of its group is missing or bad; "
+    why += "mend that: axes of a group are corrected together or not at all"
+    assert status["x"] == ("rejected", f"{table(pair)}: {why}")
+    assert largest(pair) == 0.1
+    table(pair, "y").unlink()
+    assert shown(keeper) == {"x": ("removed", f"{table(pair)}: {why}"), "y": ("removed", None)}
+    assert largest(pair) is None
+    table(pair, "y").write_text(TABLE.replace("AXIS X", "AXIS Y"))
+    assert shown(keeper) == {"x": ("active", None), "y": ("active", None)}
+    assert largest(pair) == 0.2

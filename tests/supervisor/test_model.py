@@ -1,0 +1,165 @@
+"""The whole status model, and what is wrong according to it."""
+
+import re
+from copy import deepcopy
+from typing import Any
+
+import pytest
+
+from gateway.config.problems import Problem
+from gateway.supervisor.book import Book
+from gateway.supervisor.model import whole_model
+from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.trouble import STALE_S
+
+AXIS: dict[str, Any] = {
+    "compensation": "active",
+    "table": {"file": "x.tab", "points": 3, "status": "active", "error": None, "compiled": "ab"},
+    "latency": {"is_over_budget": False, "budget_us": 1000.0},
+}
+SNAPSHOT: dict[str, Any] = {
+    "gateway": {"name": "mill-1", "version": "1", "relay": "up", "snapshot_age_s": 0.0, "uptime_s": 5.0},
+    "lines": {"xyz": {"state": "up", "drives": {"address": "127.0.0.1:502", "failure": None}}},
+    "axes": {"x": AXIS},
+}
+WELL: dict[str, Any] = {
+    name: {"problem": None} for name in ("configuration", "tables_folder", "http", "mqtt")
+}
+REJECTED = Problem("tables/x.tab", "axis.x.table", "no number", "a number", 7)
+
+
+def model(
+    snapshot: dict[str, Any] | None = SNAPSHOT,
+    outcome: Outcome | None = None,
+    *,
+    moving: frozenset[str] = frozenset(),
+    age_s: float | None = 0.1,
+    is_up: bool = True,
+    supervisor: dict[str, Any] = WELL,
+) -> dict[str, Any]:
+    book = Book()
+    book.enter({"x": "x.tab"}, outcome or Outcome())
+    return whole_model(
+        "mill-1",
+        snapshot,
+        is_relay_up=is_up,
+        snapshot_age_s=age_s,
+        tables=book.entries(moving),
+        supervisor=supervisor,
+    )
+
+
+def kinds(found: dict[str, Any]) -> list[tuple[str, str, str]]:
+    return [(trouble["severity"], trouble["kind"], trouble["where"]) for trouble in found["troubles"]]
+
+
+def begins_with_a_word(remedy: str) -> bool:
+    """Neither a key nor a command may stand first: the page writes the first letter large."""
+    return not re.match(r"pitch-gateway|\S+ = ", remedy)
+
+
+def with_axis(**changes: Any) -> dict[str, Any]:
+    snapshot = deepcopy(SNAPSHOT)
+    snapshot["axes"]["x"].update(changes)
+    return snapshot
+
+
+def test_a_gateway_that_is_well_has_no_troubles_and_says_what_the_relay_says() -> None:
+    found = model()
+    assert found["troubles"] == []
+    assert found["lines"] == SNAPSHOT["lines"]
+    table = found["axes"]["x"]["table"]
+    assert table == {**AXIS["table"], "problems": []}
+    assert SNAPSHOT["axes"]["x"]["table"] == AXIS["table"]  # what was handed in is not changed
+
+
+def test_a_rejected_file_says_its_first_problem_and_keeps_what_the_relay_has() -> None:
+    found = model(outcome=Outcome(rejected={"x": (REJECTED,)}))
+    table = found["axes"]["x"]["table"]
+    assert (table["status"], table["points"]) == ("rejected", 3)
+    assert table["error"] == "tables/x.tab:7: axis.x.table: no number; a number"
+    assert table["problems"][0]["line"] == 7
+    assert kinds(found) == [("error", "table-rejected", "axis x")]
+    assert found["troubles"][0]["what"] == f"{table['error']} (the last good table of 3 points stays)"
+
+
+def test_a_file_that_was_removed_counts_more_than_what_it_leads_to() -> None:
+    found = model(with_axis(compensation="no-table"), Outcome(absent=frozenset("x")))
+    assert found["axes"]["x"]["table"]["status"] == "removed"
+    assert kinds(found) == [("warning", "table-removed", "axis x")]
+
+
+def test_a_file_that_is_being_saved_is_waited_for_without_alarm() -> None:
+    found = model(moving=frozenset("x"))
+    assert found["axes"]["x"]["table"]["status"] == "waiting"
+    assert found["troubles"] == []
+
+
+def test_a_bad_file_that_is_being_saved_again_keeps_its_problem_until_it_has_been_read() -> None:
+    found = model(outcome=Outcome(rejected={"x": (REJECTED,)}), moving=frozenset("x"))
+    assert found["axes"]["x"]["table"]["status"] == "waiting"
+    assert found["axes"]["x"]["table"]["error"]
+
+
+@pytest.mark.parametrize(
+    ("compensation", "severity"),
+    [("blocked", "error"), ("unreferenced", "warning"), ("off", "warning"), ("shadow", "warning")],
+)
+def test_an_axis_that_is_not_corrected_is_a_trouble(compensation: str, severity: str) -> None:
+    found = model(with_axis(compensation=compensation))
+    assert kinds(found) == [(severity, compensation, "axis x")]
+    assert begins_with_a_word(found["troubles"][0]["remedy"])
+
+
+@pytest.mark.parametrize("compensation", ["blocked", "off"])
+def test_a_rejected_file_does_not_hide_that_the_axis_is_not_corrected(compensation: str) -> None:
+    found = model(with_axis(compensation=compensation), Outcome(rejected={"x": (REJECTED,)}))
+    assert {kind for _, kind, _ in kinds(found)} == {"table-rejected", compensation}
+
+
+@pytest.mark.parametrize("compensation", ["active", "blending", "no-table"])
+def test_an_axis_that_does_what_it_should_is_none(compensation: str) -> None:
+    assert kinds(model(with_axis(compensation=compensation))) == []
+
+
+def test_errors_come_first() -> None:
+    snapshot = with_axis(compensation="unreferenced", latency={"is_over_budget": True, "budget_us": 500.0})
+    snapshot["lines"]["xyz"] = {"state": "down", "drives": {"address": "a:1", "failure": "refused"}}
+    found = model(snapshot)
+    assert kinds(found) == [
+        ("error", "line-down", "line xyz"),
+        ("warning", "unreferenced", "axis x"),
+        ("warning", "over-budget", "axis x"),
+    ]
+    assert found["troubles"][0]["what"] == "the drives at a:1 cannot be reached: refused"
+
+
+def test_a_relay_that_is_gone_or_silent_is_an_error() -> None:
+    gone = model(is_up=False, age_s=60.0)
+    assert kinds(gone) == [("error", "relay-down", "gateway")]
+    assert gone["gateway"]["relay"] == "down"
+    assert gone["gateway"]["snapshot_age_s"] == 60.0
+    assert kinds(model(age_s=STALE_S)) == []
+    assert kinds(model(age_s=STALE_S + 0.1)) == [("error", "relay-silent", "gateway")]
+
+
+def test_before_the_relay_was_reached_there_is_a_model_too() -> None:
+    found = model(None, is_up=False, age_s=None)
+    assert (found["lines"], found["axes"], found["gateway"]["name"]) == ({}, {}, "mill-1")
+    assert kinds(found) == [("error", "relay-down", "gateway")]
+
+
+@pytest.mark.parametrize("where", ["configuration", "tables_folder", "http", "mqtt"])
+def test_what_troubles_the_supervisor_is_a_warning(where: str) -> None:
+    found = model(supervisor={**WELL, where: {"problem": "it is so"}})
+    assert kinds(found) == [("warning", where, where.replace("_", " "))]
+    assert found["troubles"][0]["what"] == "it is so"
+
+
+def test_every_trouble_says_what_to_do() -> None:
+    snapshot = with_axis(compensation="blocked", latency={"is_over_budget": True, "budget_us": 500.0})
+    problems = {name: {"problem": "so"} for name in WELL}
+    found = model(snapshot, is_up=False, supervisor=problems)
+    assert len(found["troubles"]) == 7
+    assert all(trouble["remedy"] and trouble["what"] for trouble in found["troubles"])
+    assert all(begins_with_a_word(trouble["remedy"]) for trouble in found["troubles"])

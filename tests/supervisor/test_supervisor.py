@@ -1,0 +1,44 @@
+"""The supervisor as a whole, where something goes wrong that nobody thought of."""
+
+import asyncio
+from pathlib import Path
+
+from gateway.config.load import load
+from gateway.ipc.compiled_plan import shape_of
+from gateway.ipc.messages import Ping, Pong, Status, decode_request, encode
+from gateway.ipc.notes import Note
+from gateway.ipc.place import socket_path
+from gateway.supervisor.supervisor import Supervisor
+from tests.processes.bench import CONFIG, TABLE
+
+
+async def test_a_mistake_of_ours_is_told_and_ends_nothing(tmp_path: Path) -> None:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "x.tab").write_text(TABLE)
+    (tmp_path / "state").mkdir(mode=0o700)
+    config = tmp_path / "gateway.toml"
+    config.write_text(CONFIG.format(drives=1, port=2))
+    pong = Pong(name="trial", gateway_version="0", pid=1, shape=shape_of(load(config).plan))
+
+    async def relay_of_nobodys(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Answer as a relay of this shape whose status has no axes at all."""
+        request = decode_request(await reader.readline())
+        writer.write(encode(pong if isinstance(request, Ping) else Status(status={"axes": {}})))
+        writer.close()
+
+    notes: list[Note] = []
+    supervisor = Supervisor(config, tmp_path / "state", notes.append)
+    listening = await asyncio.start_unix_server(relay_of_nobodys, socket_path(tmp_path / "state"))
+    async with listening:
+        running = asyncio.create_task(supervisor.run())
+        for _ in range(2):  # the second time it is there as before
+            outcome = await asyncio.wait_for(supervisor.reload(), 30.0)
+            assert "the supervisor made a mistake: KeyError: 'x' (tables.py:" in outcome.problems[0]
+        assert not running.done()
+        model = supervisor.feeds.model
+        assert model is not None
+        assert "made a mistake" in model["supervisor"]["tables_folder"]["problem"]
+        assert model["axes"] == {}
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+    assert "reload-refused" in [note.event for note in notes]

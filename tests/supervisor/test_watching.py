@@ -1,0 +1,55 @@
+"""The watch over the tables folder: what it lets be read, and when it looks again."""
+
+import asyncio
+from pathlib import Path
+
+from gateway.supervisor.sights import look
+from gateway.supervisor.watching import Watch
+
+NAMES = {"x": "x.tab"}
+
+
+def test_following_the_same_files_again_does_not_cut_the_rest_short(tmp_path: Path) -> None:
+    async def rests() -> bool:
+        watch = Watch()
+        watch.follow(tmp_path, NAMES)
+        await watch.rest()  # woken once, by the files that are new
+        watch.follow(tmp_path, NAMES)
+        resting = asyncio.create_task(watch.rest())
+        for _ in range(5):
+            await asyncio.sleep(0)
+        is_resting = not resting.done()
+        resting.cancel()
+        return is_resting
+
+    assert asyncio.run(rests())
+
+
+def test_a_file_counts_as_it_was_seen_once_it_was_taken(tmp_path: Path) -> None:
+    async def still() -> None:
+        (tmp_path / "x.tab").write_text("one")
+        watch = Watch()
+        watch.follow(tmp_path, NAMES)
+        assert watch.still == {}
+        await watch.look()
+        assert watch.still == {"x.tab": None}
+        seen = look(tmp_path, ["x.tab"])
+        watch.take(seen)
+        assert watch.still == seen
+        watch.take({}, waiting={"x"})
+        assert watch.moving == {"x"}
+
+    asyncio.run(still())
+
+
+def test_what_was_seen_in_another_folder_says_nothing(tmp_path: Path) -> None:
+    async def still() -> None:
+        (tmp_path / "other").mkdir()
+        (tmp_path / "x.tab").write_text("one")
+        watch = Watch()
+        watch.follow(tmp_path, NAMES)
+        await watch.look()
+        watch.follow(tmp_path / "other", NAMES)
+        assert (dict(watch.still), dict(watch.sights)) == ({}, {})
+
+    asyncio.run(still())

@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# Programs that the tests run for real: an MQTT broker, a browser, what makes certificates, and promtool.
+# As root on Debian they are installed where they are missing; anywhere else it is said what is missing.
+set -euo pipefail
+
+PATH="$PATH:/usr/sbin:/sbin"
+missing=()
+for pair in mosquitto:mosquitto chromium:chromium openssl:openssl promtool:prometheus; do
+    command -v "${pair%%:*}" >/dev/null || missing+=("${pair##*:}")
+done
+[ "${#missing[@]}" = 0 ] && exit 0
+
+if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+    echo "installing for the tests: ${missing[*]} ..." >&2
+    export DEBIAN_FRONTEND=noninteractive
+    # None of them is to run as a service: each test starts its own.
+    mask=
+    if [ -d /run/systemd/system ] && command -v systemctl >/dev/null; then
+        systemctl mask --runtime mosquitto.service prometheus.service >/dev/null 2>&1 && mask=yes
+    fi
+    apt-get update -qq && apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+    [ -z "$mask" ] || systemctl unmask --runtime mosquitto.service prometheus.service >/dev/null 2>&1
+else
+    echo "missing for the tests: ${missing[*]} (as root: apt-get install ${missing[*]})" >&2
+    exit 1
+fi
