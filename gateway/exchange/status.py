@@ -12,6 +12,21 @@ SHOWN_NS: Final = 2 * NS_PER_S
 """Age up to which a reading is shown as where the axis is: it may have moved since, also by other hands."""
 
 
+COMPENSATION_STATES: Final = (
+    "active",
+    "blending",
+    "shadow",
+    "off",
+    "unreferenced",
+    "no-table",
+    "outside",
+    "blocked",
+)
+"""Everything that :func:`compensation_state` returns (DESIGN section 11)."""
+DIRECTION_STATES: Final = ("forward", "backward", "unknown", "unsure")
+"""Everything that :func:`direction_state` returns."""
+
+
 def line_status(line: LineExchange) -> dict[str, object]:
     """Return one line's part of the status model."""
     counters = line.counters

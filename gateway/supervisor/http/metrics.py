@@ -15,21 +15,11 @@ from prometheus_client.metrics_core import (
 )
 from prometheus_client.registry import Collector
 
+from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES
 from gateway.supervisor.book import FileState
 from gateway.supervisor.feeds import Feeds
 
 US_PER_S: Final = 1e6
-COMPENSATION: Final = (
-    "active",
-    "blending",
-    "shadow",
-    "off",
-    "unreferenced",
-    "no-table",
-    "outside",
-    "blocked",
-)
-DIRECTIONS: Final = ("forward", "backward", "unknown", "unsure")
 TABLE_STATES: Final = (*(state.value for state in FileState), "none")
 COMPONENTS: Final = ("configuration", "tables_folder", "http", "mqtt")
 LINE_COUNTERS: Final = {
@@ -183,8 +173,13 @@ def _latency(
 def _of_axes(axes: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Metric]:
     yield from _positions(axes)
     for rest, says, states, found in (
-        ("compensation", "State of the compensation: 1 at the one it is in.", COMPENSATION, _compensation),
-        ("direction", "Direction of the readback map: 1 at the one it is.", DIRECTIONS, _direction),
+        (
+            "compensation",
+            "Compensation: 1 at the state it is in.",
+            COMPENSATION_STATES,
+            _compensation,
+        ),
+        ("direction", "Direction of the readback map: 1 at the one it is.", DIRECTION_STATES, _direction),
         ("table_state", "State of the table file: 1 at the one it is in.", TABLE_STATES, _table_state),
     ):
         label = "direction" if rest == "direction" else "state"

@@ -3,20 +3,12 @@
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from gateway.compensation.settings import AxisSettings
-from gateway.ipc.notes import Severity
 from gateway.ipc.plan import GatewayPlan
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.outcome import Outcome
-
-
-class Say(Protocol):
-    """Takes an event, for the log and for all who listen."""
-
-    def __call__(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
-        """Note that something happened."""
+from gateway.supervisor.saying import Say
 
 
 @dataclass(frozen=True, slots=True)

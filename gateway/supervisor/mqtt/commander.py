@@ -11,8 +11,8 @@ from paho.mqtt.reasoncodes import ReasonCode
 from gateway.ipc.notes import Severity
 from gateway.supervisor.mqtt.commands import BURST, PER_S, Allowance, Answer, Orders, carry_out
 from gateway.supervisor.mqtt.messages import encode
-from gateway.supervisor.mqtt.saying import Say
 from gateway.supervisor.mqtt.topics import COMMANDS, Topics
+from gateway.supervisor.saying import Say
 
 FAILURE: Final = 0x80
 """From here on a reason code says no (MQTT 5.0, 2.4; MQTT 3.1.1, 3.9.3)."""

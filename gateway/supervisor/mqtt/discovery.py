@@ -9,23 +9,13 @@ their short forms (``dev``, ``o``, ``cmps``, ``p``), as that page shows them.
 from math import ceil
 from typing import Any, Final
 
+from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES
 from gateway.supervisor.mqtt.messages import Payload
 from gateway.supervisor.mqtt.settings import Settings
 
 MAKER: Final = "pitch-gateway"
 QUIET_INTERVALS: Final = 5
 SHORTEST_EXPIRY_S: Final = 15
-COMPENSATION: Final = (
-    "active",
-    "blending",
-    "shadow",
-    "off",
-    "unreferenced",
-    "no-table",
-    "outside",
-    "blocked",
-)
-DIRECTION: Final = ("forward", "backward", "unknown", "unsure")
 TABLE: Final = ("active", "waiting", "rejected", "removed", "none")
 UNITS: Final = {"mm": "mm", "inch": "in", "degree": "°"}
 """As Home Assistant writes them; the first two are units of its class ``distance``."""
@@ -99,23 +89,6 @@ def _gateway(settings: Settings, model: Payload) -> Payload:
 def _axis(settings: Settings, model: Payload, name: str, units: str) -> Payload:
     topics = settings.topics
     device = f"{topics.id}_axis_{name}"
-    state, table = topics.axis(name), topics.table(name)
-    expires = {"expire_after": max(SHORTEST_EXPIRY_S, ceil(settings.interval_s * QUIET_INTERVALS))}
-    length: dict[str, Any] = {
-        "unit_of_measurement": UNITS[units],
-        "state_class": "measurement",
-        "suggested_display_precision": 4,
-        **({} if units == "degree" else {"device_class": "distance"}),
-        **expires,
-    }
-    mine = f"value_json.troubles | selectattr('where', 'equalto', 'axis {name}') | list"
-    positions = {
-        "correction": "Correction",
-        "nominal_setpoint": "Nominal setpoint",
-        "corrected_setpoint": "Corrected setpoint",
-        "nominal_actual": "Nominal position",
-        "corrected_actual": "Corrected position",
-    }
     return {
         **_about(model),
         "dev": {
@@ -134,30 +107,53 @@ def _axis(settings: Settings, model: Payload, name: str, units: str) -> Payload:
             },
         ],
         "availability_mode": "all",
-        "cmps": {
-            **{key: _sensor(device, key, words, state, length) for key, words in positions.items()},
-            "compensation": _choice(
-                device, "compensation", "Compensation", state, options=COMPENSATION, more=expires
-            ),
-            "direction": _choice(device, "direction", "Direction", state, options=DIRECTION, more=expires),
-            "table": {
-                **_choice(device, "table", "Table", table, options=TABLE, more={}),
-                "value_template": "{{ value_json.status }}",
-                "json_attributes_topic": table,
-                "entity_category": "diagnostic",
-            },
-            "latency_p99": {
-                **_sensor(device, "latency_p99", "Latency p99", state, expires),
-                "value_template": "{{ value_json.latency.gateway_us.p99 }}",
-                "unit_of_measurement": "µs",
-                "state_class": "measurement",
-                "entity_category": "diagnostic",
-                "icon": "mdi:timer-outline",
-            },
-            "problem": _binary(
-                device, "problem", "Problem", topics.info, condition=mine, more={"device_class": "problem"}
-            ),
+        "cmps": _axis_components(settings, device, name, units),
+    }
+
+
+def _axis_components(settings: Settings, device: str, name: str, units: str) -> dict[str, Any]:
+    """Return what Home Assistant shows of an axis; positions are in ``units``, times in µs."""
+    topics = settings.topics
+    state, table = topics.axis(name), topics.table(name)
+    expires = {"expire_after": max(SHORTEST_EXPIRY_S, ceil(settings.interval_s * QUIET_INTERVALS))}
+    length: dict[str, Any] = {
+        "unit_of_measurement": UNITS[units],
+        "state_class": "measurement",
+        "suggested_display_precision": 4,
+        **({} if units == "degree" else {"device_class": "distance"}),
+        **expires,
+    }
+    mine = f"value_json.troubles | selectattr('where', 'equalto', 'axis {name}') | list"
+    positions = {
+        "correction": "Correction",
+        "nominal_setpoint": "Nominal setpoint",
+        "corrected_setpoint": "Corrected setpoint",
+        "nominal_actual": "Nominal position",
+        "corrected_actual": "Corrected position",
+    }
+    return {
+        **{key: _sensor(device, key, words, state, length) for key, words in positions.items()},
+        "compensation": _choice(
+            device, "compensation", "Compensation", state, options=COMPENSATION_STATES, more=expires
+        ),
+        "direction": _choice(device, "direction", "Direction", state, options=DIRECTION_STATES, more=expires),
+        "table": {
+            **_choice(device, "table", "Table", table, options=TABLE, more={}),
+            "value_template": "{{ value_json.status }}",
+            "json_attributes_topic": table,
+            "entity_category": "diagnostic",
         },
+        "latency_p99": {
+            **_sensor(device, "latency_p99", "Latency p99", state, expires),
+            "value_template": "{{ value_json.latency.gateway_us.p99 }}",
+            "unit_of_measurement": "µs",
+            "state_class": "measurement",
+            "entity_category": "diagnostic",
+            "icon": "mdi:timer-outline",
+        },
+        "problem": _binary(
+            device, "problem", "Problem", topics.info, condition=mine, more={"device_class": "problem"}
+        ),
     }
 
 

@@ -16,9 +16,9 @@ from gateway.supervisor.mqtt.ending import apart, end
 from gateway.supervisor.mqtt.outbox import Outbox
 from gateway.supervisor.mqtt.reasons import why
 from gateway.supervisor.mqtt.retained import RETAINED_NAME, Ledger
-from gateway.supervisor.mqtt.saying import Say
 from gateway.supervisor.mqtt.sending import Sender, Tally
 from gateway.supervisor.mqtt.settings import Settings
+from gateway.supervisor.saying import Say
 
 FIRST_WAIT_S: Final = 1.0
 LONGEST_WAIT_S: Final = 60.0

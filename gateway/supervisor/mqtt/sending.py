@@ -18,8 +18,8 @@ from gateway.supervisor.mqtt.messages import (
 )
 from gateway.supervisor.mqtt.outbox import Outbox
 from gateway.supervisor.mqtt.retained import Ledger
-from gateway.supervisor.mqtt.saying import Say
 from gateway.supervisor.mqtt.settings import Settings
+from gateway.supervisor.saying import Say
 
 NOTHING: Final = b""
 """A retained message without content takes the one that the broker keeps away (MQTT 5.0, 3.3.1.3)."""

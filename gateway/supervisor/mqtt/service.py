@@ -9,8 +9,8 @@ from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.ending import end
 from gateway.supervisor.mqtt.outbox import Outbox
 from gateway.supervisor.mqtt.publisher import Publisher
-from gateway.supervisor.mqtt.saying import Say
 from gateway.supervisor.mqtt.settings import Settings
+from gateway.supervisor.saying import Say
 
 STATUS_WITHOUT: Final[dict[str, Any]] = {
     "problem": None,

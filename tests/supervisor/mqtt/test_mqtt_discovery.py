@@ -9,7 +9,8 @@ import jsonschema
 import pytest
 
 from gateway.compensation.units import Units
-from gateway.supervisor.mqtt.discovery import COMPENSATION, DIRECTION, TABLE, UNITS, discovery_messages
+from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES
+from gateway.supervisor.mqtt.discovery import TABLE, UNITS, discovery_messages
 from gateway.supervisor.mqtt.messages import Payload, moving_message, moving_topics, retained_messages
 from gateway.supervisor.mqtt.settings import Settings
 from tests.mosquitto import broker_in, payload_of, watching
@@ -92,7 +93,7 @@ def test_units_of_each_kind_of_axis(tmp_path: Path) -> None:
 def test_the_choices_are_those_that_the_status_can_show() -> None:
     """DESIGN's words: as docs/mqtt.md lists them."""
     document = (Path(__file__).parents[3] / "docs" / "mqtt.md").read_text()
-    for words in (COMPENSATION, DIRECTION, TABLE):
+    for words in (COMPENSATION_STATES, DIRECTION_STATES, TABLE):
         assert ", ".join(f"`{word}`" for word in words) in document
 
 

@@ -1,4 +1,4 @@
-"""How the publisher tells of what happens to it."""
+"""How what serves the status tells of what happens to itself."""
 
 from typing import Protocol
 
