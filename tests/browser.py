@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-import pytest
 from playwright.sync_api import Browser, sync_playwright
 
 CHROMIUM: Final = Path("/usr/bin/chromium")
@@ -22,9 +21,8 @@ FLAGS: Final = (
 
 @contextlib.contextmanager
 def started_browser() -> Iterator[Browser]:
-    """Start the system's chromium, and stop it at the end; the test is skipped where there is none."""
-    if not CHROMIUM.exists():
-        pytest.skip(f"needs {CHROMIUM} (Debian package chromium)")
+    """Start the system's chromium, and stop it at the end; the test fails where there is none."""
+    assert CHROMIUM.exists(), f"{CHROMIUM} is not installed: apt-get install chromium"
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
         try:
