@@ -8,6 +8,7 @@ from typing import Final
 from gateway.compensation.settings import AxisSettings, Gain, Setpoints
 from gateway.compensation.table import CorrectionTable
 from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan
+from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.modbus.registers import BitField, PositionField
 
 HOMED_BIT: Final = "homed"
@@ -66,6 +67,7 @@ class ControllerPlan:
     """After this the controller has given up on a request (W5, W7)."""
     serial: bool = False
     """RTU controllers get silence where TCP ones get exceptions 0x0A and 0x0B."""
+    rights: Rights = UNLIMITED
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ from gateway.ipc.state_folder import (
 )
 
 FORMAT: Final = "pitch-gateway plan"
-VERSION: Final = 2
+VERSION: Final = 3
 OTHERS_KEPT: Final = 4
 """Tables of no axis that stay in the state folder all the same."""
 
