@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.line_events import CONNECTION_REFUSED
 from gateway.transport.tcp import Refusal
 
 EVERY_S: Final = 60.0
@@ -17,7 +19,7 @@ class Refusals:
     """Notes the first refusal of a host for a reason, and then one a minute with how many there were."""
 
     def __init__(
-        self, note: Callable[[str, str], None], clock_s: Callable[[], float] = time.monotonic
+        self, note: Callable[[EventEntry, str], None], clock_s: Callable[[], float] = time.monotonic
     ) -> None:
         self._note = note
         self._clock_s = clock_s
@@ -36,4 +38,4 @@ class Refusals:
         self._noted_s[key] = now_s
         times = f", {self._counts[key]} times since the last note" if self._counts[key] > 1 else ""
         self._counts[key] = 0
-        self._note("connection-refused", f"{host}: {why.value}{times}")
+        self._note(CONNECTION_REFUSED, f"{host}: {why.value}{times}")

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gateway.catalogue.entry import EventEntry, Severity
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import CorrectionTable
 from gateway.config.gateway_model import HttpSection
 from gateway.ipc.compiled_table import compiled, digest_of
-from gateway.ipc.notes import Severity
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
 from gateway.ipc.state_folder import table_path, write_whole
 from gateway.supervisor.feeds import Feeds
@@ -247,8 +247,8 @@ async def serving(
         served.reloads += 1
         return outcome or Outcome()
 
-    def say(event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
-        served.said.append((event, fields))
+    def say(event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
+        served.said.append((event.name, fields))
 
     window = Window(feeds, state, lambda axis: settings, reload, say)
     service = HttpService(window, tcp, local)

@@ -114,7 +114,7 @@ async def test_a_local_socket_that_cannot_be_is_a_problem_and_no_end(tmp_path: P
         state,
         lambda axis: None,
         asyncio.Future,
-        lambda event, *_, **fields: said.append(event),
+        lambda event, *_, **fields: said.append(event.name),
     )
     service = service_module.HttpService(window)
     port = free_port()
@@ -139,7 +139,7 @@ async def test_the_place_of_another_is_left_alone(tmp_path: Path) -> None:
             tmp_path,
             lambda axis: None,
             asyncio.Future,
-            lambda event, *_, **fields: said.append(event),
+            lambda event, *_, **fields: said.append(event.name),
         )
         running = asyncio.create_task(service_module.HttpService(window).run())
         await until(lambda: said == ["http-not-open"])

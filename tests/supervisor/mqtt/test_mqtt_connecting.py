@@ -15,6 +15,7 @@ import pytest
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.reasoncodes import ReasonCode
 
+from gateway.catalogue.process_events import SUPERVISING
 from gateway.supervisor.mqtt.connection import _Client
 from gateway.supervisor.mqtt.publisher import FIRST_WAIT_S, LONGEST_WAIT_S, wait_s
 from gateway.supervisor.mqtt.reasons import why
@@ -123,7 +124,7 @@ async def test_a_broker_that_stalls_costs_nothing_but_its_connection(
             await site.until_said("mqtt-connected")
             assert broker.process is not None
             broker.process.send_signal(signal.SIGSTOP)
-            site.say("something")  # QoS 1: its acknowledgement does not come
+            site.say(SUPERVISING)  # QoS 1: its acknowledgement does not come
             await site.until_said("mqtt-lost")
             broker.process.send_signal(signal.SIGCONT)
             await site.until_said("mqtt-connected", times=2)
