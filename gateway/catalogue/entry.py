@@ -39,3 +39,46 @@ def entries_of(module: ModuleType) -> Iterator[EventEntry]:
     for value in values.values():
         if isinstance(value, EventEntry):
             yield value
+
+
+@dataclass(frozen=True, slots=True)
+class TroubleEntry:
+    """Something that is wrong now, as banner, terminal and alerts show it until it is right."""
+
+    kind: str
+    severity: Severity
+    """``error``: positions do not pass, or not corrected; ``warning``: they do, and somebody should look."""
+    meaning: str
+    cause: str
+    remedy: str
+    """Begins with a verb: the page begins its sentence with it, and no key or command stands a capital."""
+
+
+@dataclass(frozen=True, slots=True)
+class RefusalEntry:
+    """Why the gateway itself answers a request with an exception."""
+
+    code: int
+    says: str
+    """How the detail of its event begins, … for what differs; empty where no event has one."""
+    cause: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class StartEntry:
+    """Why a process does not start."""
+
+    says: str
+    """How the sentence on standard error begins after the key or the file, … for what differs."""
+    cause: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class StateEntry:
+    """A word of the status."""
+
+    name: str
+    meaning: str
+    remedy: str = NOTHING_TO_DO
