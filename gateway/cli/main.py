@@ -13,6 +13,7 @@ from gateway.cli import (
     disable,
     drives,
     enable,
+    explain,
     init,
     probe,
     record,
@@ -47,6 +48,7 @@ app.command("budget")(budget.budget)
 app.command("probe")(probe.probe)
 app.command("signtest")(signtest.signtest)
 app.command("status")(status.status)
+app.command("explain")(explain.explain)
 app.command("enable")(enable.enable)
 app.command("disable")(disable.disable)
 app.command("reference")(reference.reference)
