@@ -50,7 +50,7 @@ pictures: setup test-programs ## take the pictures of the page that the document
 docs: setup ## write what the documents have from the code: keys, events, errors, drives
 	@$(BIN)/python -m tools.docs
 
-fmt: setup ## the only target that edits
+fmt: setup ## the only target that edits code
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
