@@ -6,7 +6,6 @@ from gateway.config.reference.text import Said, Texts
 
 AXIS: Final[Texts] = {
     "line": Said(
-        meaning="the line that its drive is on",
         kind="name",
     ),
     "unit_id": Said(
@@ -17,20 +16,20 @@ AXIS: Final[Texts] = {
     ),
     "drive": Said(
         meaning=(
-            'a profile that comes with the gateway (`"oriental-az"`; `pitch-gateway drives` lists them), '
-            'or a file of your own (`"./my-drive.toml"`, relative to this file); see '
+            'a profile that comes with the gateway (`"oriental-az"`; `pitch-gateway drives` lists '
+            'them), or a file of your own (`"./my-drive.toml"`, relative to this file); see '
             "[drives.md](drives.md). Warned of: a line of a kind that the drive does not have"
         ),
         kind="name or path",
     ),
     "registers": Said(
-        meaning="registers of its drive, see below; refused beside `drive`",
+        more="See below; refused beside `drive`",
         default="required without `drive`",
     ),
     "units": Said(
         meaning=(
-            "unit of every length of this axis. A table in the other unit of length is converted; angles "
-            "and lengths never are"
+            "unit of every length of this axis. A table in the other unit of length is converted; "
+            "angles and lengths never are"
         ),
     ),
     "counts_per_unit": Said(
@@ -38,9 +37,6 @@ AXIS: Final[Texts] = {
             "counts of the drive in one unit, negative where the drive counts down while the axis goes "
             "forward"
         ),
-    ),
-    "machine_offset": Said(
-        meaning="machine position of the controller's own zero",
     ),
     "travel": Said(
         meaning="machine positions between which the axis moves. Its ends must fit the command registers",
@@ -60,16 +56,13 @@ AXIS: Final[Texts] = {
         default="none: 1:1",
     ),
     "table_options": Said(
-        meaning="see below",
+        more="See below",
     ),
     "compensation": Said(
         meaning="`shadow` computes and shows everything and writes 1:1",
     ),
-    "gain": Said(
-        meaning="share of the table that is applied",
-    ),
     "referenced": Said(
-        meaning="how it is known that the axis knows where it is, see below",
+        more="See below",
     ),
     "home_approach": Said(
         meaning=(
@@ -81,21 +74,17 @@ AXIS: Final[Texts] = {
         meaning="`targets`: the drive profiles each move; `stream`: a setpoint in every cycle",
     ),
     "max_speed": Said(
-        meaning="highest speed of the axis",
         kind="units/s ≥ 0",
-        default="`0`: not known",
     ),
     "hysteresis": Said(
         meaning=(
-            "`stream`: smallest motion that is a reversal; the setpoint has to come back by as much before "
-            "the branch changes. `targets`: every target that differs from the last one is a motion in its "
-            "direction, however short it is; `hysteresis` is only how far a measured position may lie "
-            "beside another and still be the same place. Refused when as long as travel or table"
+            "`stream`: smallest motion that is a reversal; the setpoint has to come back by as much "
+            "before the branch changes. `targets`: every target that differs from the last one is a "
+            "motion in its direction, however short it is; `hysteresis` is only how far a measured "
+            "position may lie beside another and still be the same place. Refused when as long as "
+            "travel or table"
         ),
         default="2 counts, at least 0.001 mm",
-    ),
-    "reversal": Said(
-        meaning="blend between the branches at a reversal",
     ),
     "reload": Said(
         meaning=(
@@ -105,13 +94,10 @@ AXIS: Final[Texts] = {
         kind="`{ distance = LENGTH }`",
         default="`1` mm",
     ),
-    "outside": Said(
-        meaning="what holds beyond the ends of the table",
-    ),
     "modulo": Said(
         meaning=(
-            "one turn of a rotary axis. The table must cover exactly one turn with equal corrections at "
-            'both ends; without a table `units` must be `"degree"`'
+            "one turn of a rotary axis. The table must cover exactly one turn with equal corrections "
+            'at both ends; without a table `units` must be `"degree"`'
         ),
     ),
     "max_correction": Said(
@@ -127,12 +113,12 @@ AXIS: Final[Texts] = {
     "lost_ms": Said(
         meaning=(
             "a drive that left requests unanswered for longer than this, from the first to the last of "
-            "them, may have been switched off: what is known about its registers and its last target is "
-            "forgotten, and `referenced` has to be shown again. One lost reply is no silence"
+            "them, may have been switched off: what is known about its registers and its last target "
+            "is forgotten, and `referenced` has to be shown again. One lost reply is no silence"
         ),
     ),
     "backlash": Said(
-        meaning="constant lost motion, only beside a table of one direction",
+        more="Only beside a table of one direction",
         kind="`{ width = LENGTH, kind = … }`",
     ),
     "added_frames": Said(
@@ -140,40 +126,42 @@ AXIS: Final[Texts] = {
     ),
     "budget_us": Said(
         meaning=(
-            "what the gateway itself may take for one exchange of this axis: from the last byte in to the "
-            "first byte out, of the request and of the reply together. Wires and drives are not in it"
+            "what the gateway itself may take for one exchange of this axis: from the last byte in to "
+            "the first byte out, of the request and of the reply together. Wires and drives are not in "
+            "it"
         ),
     ),
     "deadline_ms": Said(
         meaning=(
-            "age at which a target or its trigger is late, counted from its last byte from the controller "
-            "to its first byte to the drive. A stop is never late"
+            "age at which a target or its trigger is late, counted from its last byte from the "
+            "controller to its first byte to the drive. A stop is never late"
         ),
         default="none",
     ),
     "late": Said(
         meaning=(
-            "what happens to a late target: it goes all the same, because a move must not end short; or it "
-            "is refused, because a stale setpoint is worse than none. Refused without `deadline_ms`"
+            "what happens to a late target: it goes all the same, because a move must not end short; "
+            "or it is refused, because a stale setpoint is worse than none. Refused without "
+            "`deadline_ms`"
         ),
         default='`"forward"` with `setpoints = "targets"`, `"reject"` with `"stream"`',
     ),
     "unmapped": Said(
         meaning=(
-            "what happens to writes to `position_like` registers while the axis is corrected: exception 2, "
-            "or they pass as they are"
+            "what happens to writes to `position_like` registers while the axis is corrected: "
+            "exception 2, or they pass as they are"
         ),
     ),
     "stored_moves": Said(
         meaning=(
-            "what happens to moves to positions that the drive keeps, and to triggers of targets that were "
-            "not written through the gateway: exception 4, or they run as they are"
+            "what happens to moves to positions that the drive keeps, and to triggers of targets that "
+            "were not written through the gateway: exception 4, or they run as they are"
         ),
     ),
     "relative_unknown": Said(
         meaning=(
-            "what happens to distances from a place that nobody knows: exception 6, or they pass as they "
-            "are and are reported"
+            "what happens to distances from a place that nobody knows: exception 6, or they pass as "
+            "they are and are reported"
         ),
     ),
 }
@@ -181,8 +169,8 @@ AXIS: Final[Texts] = {
 TABLE_OPTIONS: Final[Texts] = {
     "file_counts_per_unit": Said(
         meaning=(
-            "version 1: encoder counts per unit of the control that the file was made for, negative for "
-            "its Dir Rev"
+            "version 1: encoder counts per unit of the control that the file was made for, negative "
+            "for its Dir Rev"
         ),
     ),
     "v1_layout": Said(

@@ -6,46 +6,41 @@ from gateway.config.reference.text import Said, Texts
 
 LINE: Final[Texts] = {
     "drives": Said(
-        meaning="where the drives are, see below",
-    ),
-    "controllers": Said(
-        meaning="one `[[line.NAME.controllers]]` for each controller",
+        more="See below",
     ),
     "response_timeout_ms": Said(
-        meaning=(
-            "how long a drive may take to answer. The gateway never gives up before its controllers would"
-        ),
+        more="The gateway never gives up before its controllers would",
     ),
     "drain_ms": Said(
         meaning=(
-            "RTU drives: silence that must follow a time-out before the next request, so that a late reply "
-            "answers nothing else. Refused with `tcp` drives, whose replies carry a number"
+            "RTU drives: silence that must follow a time-out before the next request, so that a late "
+            "reply answers nothing else. Refused with `tcp` drives, whose replies carry a number"
         ),
         default="`response_timeout_ms`",
     ),
     "turnaround_ms": Said(
-        meaning="pause after a broadcast (Modbus over serial line V1.02, 2.4.1)",
+        more="As in Modbus over serial line V1.02, 2.4.1",
     ),
     "gap_ms": Said(
         meaning=(
-            "silence before each request, beyond the standard's 3.5 characters. The longest of this and of "
-            "the `registers.gap_ms` of its axes holds for the line"
+            "silence before each request, beyond the standard's 3.5 characters. The longest of this "
+            "and of the `registers.gap_ms` of its axes holds for the line"
         ),
     ),
     "quiet_ms": Said(
         meaning=(
-            "a request of a `monitor` goes directly after an exchange of a `motion` controller has ended, "
-            "or after `quiet_ms` without one: the next motion command then finds the line free. Longer "
-            "than the pauses inside one cycle of the motion controller, shorter than its cycle"
+            "a request of a `monitor` goes directly after an exchange of a `motion` controller has "
+            "ended, or after `quiet_ms` without one: the next motion command then finds the line free. "
+            "Longer than the pauses inside one cycle of the motion controller, shorter than its cycle"
         ),
     ),
     "monitor_max_wait_ms": Said(
         meaning=(
-            "a request of a `monitor` that has waited for as long goes at the next gap, though it does not "
-            "fit. All monitors of a line share this: only one such request in `monitor_max_wait_ms`, and "
-            "only a tenth of the line's time for all of them. Where many monitors do not fit, give them a "
-            "longer `timeout_ms` or let them ask less often. Warned of: a `timeout_ms` of such a "
-            "controller that is not longer"
+            "a request of a `monitor` that has waited for as long goes at the next gap, though it does "
+            "not fit. All monitors of a line share this: only one such request in "
+            "`monitor_max_wait_ms`, and only a tenth of the line's time for all of them. Where many "
+            "monitors do not fit, give them a longer `timeout_ms` or let them ask less often. Warned "
+            "of: a `timeout_ms` of such a controller that is not longer"
         ),
     ),
 }
@@ -53,27 +48,21 @@ LINE: Final[Texts] = {
 DRIVES: Final[Texts] = {
     "rtu": Said(
         meaning=(
-            "serial port with Modbus RTU. A name from `/dev/serial/by-id` stays the same when adapters are "
-            "replugged"
+            "serial port with Modbus RTU. A name from `/dev/serial/by-id` stays the same when adapters "
+            "are replugged"
         ),
     ),
-    "tcp": Said(
-        meaning="Modbus TCP",
-    ),
-    "rtu_over_tcp": Said(
-        meaning="serial device server that carries raw RTU frames",
-    ),
     "baudrate": Said(
-        meaning="only with `rtu`",
+        more="Only with `rtu`",
     ),
     "parity": Said(
-        meaning="only with `rtu`",
+        more="Only with `rtu`",
     ),
     "stop_bits": Said(
-        meaning="only with `rtu`",
+        more="Only with `rtu`",
     ),
     "data_bits": Said(
-        meaning="only with `rtu`; RTU needs 8",
+        more="Only with `rtu`",
     ),
     "echo": Said(
         meaning=(
@@ -83,16 +72,13 @@ DRIVES: Final[Texts] = {
     ),
     "low_latency": Said(
         meaning=(
-            "only with `rtu`: the driver of the port is set to hand bytes over at once, where it can (see "
-            "[operations.md](operations.md)); `false`: it is left as it is, and only shown"
+            "only with `rtu`: the driver of the port is set to hand bytes over at once, where it can "
+            "(see [operations.md](operations.md)); `false`: it is left as it is, and only shown"
         ),
     ),
 }
 
 CONTROLLERS: Final[Texts] = {
-    "name": Said(
-        meaning="once in its line",
-    ),
     "rtu": Said(
         meaning="serial port that the controller is wired to",
     ),
@@ -101,12 +87,9 @@ CONTROLLERS: Final[Texts] = {
     ),
     "role": Said(
         meaning=(
-            "`motion` may do everything and goes first; `operator` may read, and stop the axes; `monitor` "
-            "may only read. What a role may not do is answered with exception 1"
+            "`motion` may do everything and goes first; `operator` may read, and stop the axes; "
+            "`monitor` may only read. What a role may not do is answered with exception 1"
         ),
-    ),
-    "timeout_ms": Said(
-        meaning="after which this controller gives up on a request",
     ),
     "allow": Said(
         meaning=(

@@ -5,48 +5,45 @@ from typing import Final
 from gateway.config.reference.text import Said, Texts
 
 REGISTERS: Final[Texts] = {
-    "command": Said(
-        meaning="what the controller writes; read back it gives the nominal value too",
-    ),
     "actual": Said(
         meaning=(
-            "measured positions. Where writing one tells the drive that it stands somewhere else, it has "
-            "`set_position = true`"
+            "measured positions. Where writing one tells the drive that it stands somewhere else, it "
+            "has `set_position = true`"
         ),
     ),
     "limits": Said(
         meaning=(
-            "positions that the drive compares its own with: software limits, areas. They are corrected "
-            "like a position there, half way between the two directions. A limit of 0 passes as it is, "
-            "because for many drives it means that there is none; one of which a part is written alone is "
-            "refused"
+            "positions that the drive compares its own with: software limits, areas. They are "
+            "corrected like a position there, half way between the two directions. A limit of 0 passes "
+            "as it is, because for many drives it means that there is none; one of which a part is "
+            "written alone is refused"
         ),
     ),
     "aliases": Said(
         meaning=(
-            "further addresses at which positions are read. They are turned back like `actual`; writing "
-            "one while the axis is corrected is refused with exception 2"
+            "further addresses at which positions are read. They are turned back like `actual`; "
+            "writing one while the axis is corrected is refused with exception 2"
         ),
     ),
     "position_like": Said(
         meaning=(
-            "registers that hold positions which are not mapped (mirrors, stored targets, home offsets): "
-            "written while the axis is corrected they are refused with exception 2 (see `unmapped`); read "
-            "they pass as they are"
+            "registers that hold positions which are not mapped (mirrors, stored targets, home "
+            "offsets): written while the axis is corrected they are refused with exception 2 (see "
+            "`unmapped`); read they pass as they are"
         ),
     ),
     "remap": Said(
         meaning=(
-            "registers that move other registers about, or change the order of their words: writing one "
-            "ends the compensation of its unit until the gateway is started again"
+            "registers that move other registers about, or change the order of their words: writing "
+            "one ends the compensation of its unit until the gateway is started again"
         ),
     ),
     "mode": Said(
-        meaning="how an absolute position is told from a distance, see below",
+        more="See below",
         default="absolute",
     ),
     "trigger": Said(
-        meaning="registers or coils whose values make the drive act, see below",
+        more="Coils too, see below",
     ),
     "staged": Said(
         meaning=(
@@ -56,29 +53,28 @@ REGISTERS: Final[Texts] = {
     ),
     "starts_on": Said(
         meaning=(
-            "words that start the motion as soon as they are written, whatever their value: the word of a "
-            "position that is looked at, or a speed beside it. The other words wait for it"
+            "words that start the motion as soon as they are written, whatever their value: the word "
+            "of a position that is looked at, or a speed beside it. The other words wait for it"
         ),
     ),
     "bits": Said(
-        meaning="`homed`, `done`, `moving`, `alarm`: what the drive tells about its state, see below",
+        more="`homed`, `done`, `moving`, `alarm`: what the drive tells about its state, see below",
     ),
     "addressing": Said(
         meaning=(
-            '`"objects"`: an address is the index of an object with a width of its own. Two registers at '
-            "0x6064 do not touch 0x6065, and a frame holds whole objects one after the other"
+            '`"objects"`: an address is the index of an object with a width of its own. Two registers '
+            "at 0x6064 do not touch 0x6065, and a frame holds whole objects one after the other"
         ),
     ),
     "objects": Said(
         meaning=(
             'with `addressing = "objects"`: how many registers (1 to 4) an object takes that is not a '
-            "position, as in `{ address = 0x6081, words = 2 }`. Needed only where a frame holds more than "
-            "one object; 1 where nothing is said"
+            "position, as in `{ address = 0x6081, words = 2 }`. Needed only where a frame holds more "
+            "than one object; 1 where nothing is said"
         ),
         kind="list of `{ address, words }`",
     ),
     "read": Said(
-        meaning="how the gateway reads a position by itself",
         kind='`"fc03"`, `"fc04"`, `"mei"`',
     ),
     "write": Said(
@@ -87,9 +83,6 @@ REGISTERS: Final[Texts] = {
             "then needs `staged = true`: otherwise the first word would already move the axis"
         ),
         kind='`"fc16"`, `"fc06"`, `"mei"`',
-    ),
-    "gap_ms": Said(
-        meaning="silence that this drive needs before a request",
     ),
     "response_ms": Said(
         meaning=(
@@ -100,37 +93,34 @@ REGISTERS: Final[Texts] = {
 }
 
 POSITION: Final[Texts] = {
-    "address": Said(
-        meaning="its first register",
-    ),
     "words": Said(
-        meaning="which word of a longer number comes first. The wrong order turns 10000 into 655360000",
+        more="The wrong order turns 10000 into 655360000",
     ),
     "access": Said(
         meaning=(
-            "where a drive shows something else at an address than was written there, two positions share "
-            'the address: one is `"read"`, the other `"write"`'
+            "where a drive shows something else at an address than was written there, two positions "
+            'share the address: one is `"read"`, the other `"write"`'
         ),
     ),
     "block": Said(
         meaning=(
-            "the position stands only in frames that begin at this address. For drives whose addresses are "
-            "commands: a frame of four registers at 0x00F5 is one command, and one at 0x00F4 is another, "
-            "although the registers overlap"
+            "the position stands only in frames that begin at this address. For drives whose addresses "
+            "are commands: a frame of four registers at 0x00F5 is one command, and one at 0x00F4 is "
+            "another, although the registers overlap"
         ),
     ),
     "set_position": Said(
-        meaning="only in `actual`: writing it tells the drive that it stands somewhere else",
+        more="Only in `actual`",
     ),
     "mode": Said(
-        meaning="only in `command`: how this position is meant, where it is not as the map says",
+        more="Only in `command`",
         default="as `mode` of the map",
     ),
     "paths": Said(
         meaning=(
             "only in `command` (as its only entry), `position_like` and `remap`: `count` (1 to 256) "
-            "positions of the same kind, each `stride` registers after the one before; in `command` the "
-            "address of `mode` moves along with them"
+            "positions of the same kind, each `stride` registers after the one before; in `command` "
+            "the address of `mode` moves along with them"
         ),
         kind="`{ count, stride }`",
     ),
@@ -138,7 +128,6 @@ POSITION: Final[Texts] = {
 
 BIT: Final[Texts] = {
     "bit": Said(
-        meaning="the bit of the register",
         kind="0 (lowest) to 15",
         default="required with a register",
     ),
@@ -157,62 +146,41 @@ MODE: Final[Texts] = {
     ),
     "address": Said(
         meaning=(
-            "the register that holds the mode: needed with `sticky` and `in-frame`, not allowed with the "
-            "others"
+            "the register that holds the mode: needed with `sticky` and `in-frame`, not allowed with "
+            "the others"
         ),
     ),
     "mask": Said(
-        meaning="the bits of the register that count; the values below have no others",
-    ),
-    "absolute": Said(
-        meaning="an absolute position",
-    ),
-    "relative": Said(
-        meaning="a distance from the last target",
+        more="The values below have no others",
     ),
     "relative_to_commanded": Said(
         meaning=(
             "a distance from where the drive's own profile stands at that moment. Right also where the "
-            "manual does not say what a distance counts from: the gateway then wants a standing axis, at "
-            "which all three are the same"
+            "manual does not say what a distance counts from: the gateway then wants a standing axis, "
+            "at which all three are the same"
         ),
-    ),
-    "relative_to_actual": Said(
-        meaning="a distance from the measured position",
-    ),
-    "follow": Said(
-        meaning="from now on each position moves the axis as soon as it is written",
     ),
     "stop": Said(
         meaning="it stops the axis, and the position in the frame means nothing",
-    ),
-    "home": Said(
-        meaning="homing",
-    ),
-    "stored": Said(
-        meaning="a move to a position that the drive keeps",
     ),
     "other_motion": Said(
         meaning="jog, velocity, torque: the position in the frame means nothing",
     ),
     "otherwise": Said(
-        meaning="what every value means that is not listed. `unknown`: passed on unchanged and counted",
+        more="`unknown`: passed on unchanged and counted",
         kind='one of the names above, `"ignore"`, `"unknown"`',
-    ),
-    "resets_to": Said(
-        meaning="content to which the drive sets the register by itself after each move",
     ),
 }
 
 TRIGGER: Final[Texts] = {
     "address": Said(
-        meaning="the register; exactly one of `address` and `coil`",
+        more="Exactly one of `address` and `coil`",
     ),
     "coil": Said(
         meaning="the coil; its values are 0 and 1",
     ),
     "mask": Said(
-        meaning="the bits that count; the values below have no others",
+        more="The values below have no others",
     ),
     "rising": Said(
         meaning=(
@@ -226,20 +194,11 @@ TRIGGER: Final[Texts] = {
             "`absolute`, the three `relative` and `start`"
         ),
     ),
-    "start": Said(
-        meaning="starts a move of the kind that `mode` says",
-    ),
-    "set_position": Said(
-        meaning="the drive is told that it stands somewhere else",
-    ),
-    "ignore": Said(
-        meaning="does nothing that matters here",
-    ),
     "follow_next": Said(
         meaning=(
-            "as `follow`, for values that run nothing themselves: only what is written from then on. While "
-            "the register holds a value that is not listed, positions pass unchanged and are counted as "
-            "unknown"
+            "as `follow`, for values that run nothing themselves: only what is written from then on. "
+            "While the register holds a value that is not listed, positions pass unchanged and are "
+            "counted as unknown"
         ),
     ),
 }

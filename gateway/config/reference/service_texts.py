@@ -6,14 +6,13 @@ from gateway.config.reference.text import Said, Texts
 
 GATEWAY: Final[Texts] = {
     "tables": Said(
-        meaning="folder with the `.tab` files, relative to the configuration file",
         kind="path",
     ),
     "state": Said(
         meaning=(
             "folder of what the gateway keeps, relative to the configuration file: the compiled "
-            "configuration and tables, `axis-NAME.record`, with which an axis goes on after a restart, and "
-            "while it runs `relay.sock`, over which commands and the supervisor find it (see "
+            "configuration and tables, `axis-NAME.record`, with which an axis goes on after a restart, "
+            "and while it runs `relay.sock`, over which commands and the supervisor find it (see "
             "[operations.md](operations.md)). Made where it is missing; one for each gateway"
         ),
         kind="path",
@@ -23,27 +22,24 @@ GATEWAY: Final[Texts] = {
 RELAY: Final[Texts] = {
     "fifo": Said(
         meaning=(
-            "real-time priority (SCHED_FIFO): goes before everything without one. 0: as the process was "
-            "started"
+            "real-time priority (SCHED_FIFO): goes before everything without one. 0: as the process "
+            "was started"
         ),
     ),
     "cpus": Said(
         meaning=(
-            "CPUs to run on, each once; `[]`: any. When one of them is not there, at the start, none of "
-            "them is kept to"
+            "CPUs to run on, each once; `[]`: any. When one of them is not there, at the start, none "
+            "of them is kept to"
         ),
-    ),
-    "lock_memory": Said(
-        meaning="its memory is kept from being paged out",
     ),
 }
 
 HTTP: Final[Texts] = {
     "listen": Said(
         meaning=(
-            'address of the page and of everything else that is served over HTTP ([http](http.md)); `""`: '
-            "none over TCP. Read-only. Beyond this machine it is warned of: whoever reaches it can read "
-            "the status"
+            "address of the page and of everything else that is served over HTTP ([http](http.md)); "
+            '`""`: none over TCP. Read-only. Beyond this machine it is warned of: whoever reaches it '
+            "can read the status"
         ),
         kind='`"HOST:PORT"`, `"[IPv6]:PORT"` or `""`',
     ),
@@ -51,22 +47,19 @@ HTTP: Final[Texts] = {
 
 MQTT: Final[Texts] = {
     "port": Said(
-        meaning="the broker's port; brokers have TLS at 8883 as a rule",
+        more="Brokers have TLS at 8883 as a rule",
     ),
     "base_topic": Said(
         meaning=(
-            "what every topic begins with, followed by the name of the gateway. Levels between slashes; "
-            "refused: `+`, `#`, control characters, an empty level, a `$` in front"
+            "what every topic begins with, followed by the name of the gateway. Levels between "
+            "slashes; refused: `+`, `#`, control characters, an empty level, a `$` in front"
         ),
         kind="topic",
     ),
-    "interval_s": Said(
-        meaning="time between two messages of an axis",
-    ),
     "version": Said(
         meaning=(
-            "of MQTT. Every broker speaks 3.1.1; 5 says more exactly why it refuses something, and lets "
-            "who commands say where the answer shall go"
+            "of MQTT. Every broker speaks 3.1.1; 5 says more exactly why it refuses something, and "
+            "lets who commands say where the answer shall go"
         ),
     ),
     "client_id": Said(
@@ -77,7 +70,7 @@ MQTT: Final[Texts] = {
         meaning="after one and a half times this without a word the broker takes the gateway for dead",
     ),
     "username": Said(
-        meaning="who the gateway is. Warned of: without `tls`, to another machine",
+        more="Warned of: without `tls`, to another machine",
         default="none",
     ),
     "password_file": Said(
@@ -89,9 +82,9 @@ MQTT: Final[Texts] = {
     ),
     "tls": Said(
         meaning=(
-            '`{}` trusts the authorities of the system; `{ ca = "ca.pem" }` those in a file; with `cert` '
-            "and `key`, both in PEM, the gateway shows a certificate of its own. The key must not be "
-            "encrypted. Paths are relative to this file"
+            '`{}` trusts the authorities of the system; `{ ca = "ca.pem" }` those in a file; with '
+            "`cert` and `key`, both in PEM, the gateway shows a certificate of its own. The key must "
+            "not be encrypted. Paths are relative to this file"
         ),
         default="none: no TLS",
     ),
@@ -102,14 +95,14 @@ MQTT: Final[Texts] = {
     ),
     "commands": Said(
         meaning=(
-            "`true`: who may write to the broker's `BASE/NAME/command/…` may reload, enable, disable and "
-            "set gains. Nothing moves an axis by itself"
+            "`true`: who may write to the broker's `BASE/NAME/command/…` may reload, enable, disable "
+            "and set gains. Nothing moves an axis by itself"
         ),
     ),
 }
 
 GROUP: Final[Texts] = {
     "axes": Said(
-        meaning="the axes of the group, at least two",
+        more="At least two",
     ),
 }

@@ -81,7 +81,7 @@ def rows(table: KeyTable) -> list[Row]:
                 key,
                 said.kind or kind_text(model, key),
                 said.default or default_text(field),
-                said.meaning or field.description or "",
+                said.meaning or ". ".join(filter(None, (field.description, said.more))),
             )
         )
     return found

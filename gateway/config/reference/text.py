@@ -10,6 +10,8 @@ class Said:
 
     meaning: str = ""
     """In place of the description, which is short because errors show it."""
+    more: str = ""
+    """Behind the description, as a sentence of its own."""
     kind: str = ""
     """What may stand there, where the type of the field does not say it well."""
     default: str = ""
