@@ -44,6 +44,10 @@ class EventKind(Enum):
     """The budget is kept again."""
     LATE_REPLY = "late-reply"
     """A drive sent a frame that answers nothing: late, or twice."""
+    REQUEST_REFUSED = "request-refused"
+    """A controller asked for what its role or its rights do not allow, or too often."""
+    SECOND_WRITER = "second-writer"
+    """A controller wanted to move an axis that another one moves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,3 +57,5 @@ class Event:
     kind: EventKind
     axis: str | None = None
     detail: str = ""
+    more: tuple[tuple[str, object], ...] = ()
+    """Further fields, by name."""

@@ -43,7 +43,7 @@ class Journal:
         """Append an event of a line's exchange."""
         severity = Severity.INFO if event.kind in QUIET_KINDS else Severity.WARNING
         axis = {"axis": event.axis} if event.axis else {}
-        self.note(severity, event.kind.value, line=line, **axis, detail=event.detail)
+        self.note(severity, event.kind.value, line=line, **axis, **dict(event.more), detail=event.detail)
 
     def record_not_used(self, line: str, axis: str, detail: str) -> None:
         """Append that the record of an axis does not count, or is not kept."""
