@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import json
-import socket
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +21,7 @@ from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.http.window import Window
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.outcome import Outcome
+from tests.ports import free_port
 
 PATIENCE_S = 20.0
 BOUNDS_US = [5, 10, 100, 1000]
@@ -215,12 +215,6 @@ class Served:
         answer = await line.hear(has_body=method != "HEAD")
         line.close()
         return answer
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port: int = free.getsockname()[1]
-        return port
 
 
 async def until(condition: Callable[[], bool]) -> None:

@@ -14,7 +14,8 @@ from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketPlace
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http import service as service_module
 from gateway.supervisor.http.window import Window
-from tests.supervisor.http.http_bench import Served, free_port, serving, until
+from tests.ports import free_port
+from tests.supervisor.http.http_bench import Served, serving, until
 
 
 async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

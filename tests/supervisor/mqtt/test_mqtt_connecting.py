@@ -19,7 +19,8 @@ from gateway.supervisor.mqtt.connection import _Client
 from gateway.supervisor.mqtt.publisher import FIRST_WAIT_S, LONGEST_WAIT_S, wait_s
 from gateway.supervisor.mqtt.reasons import why
 from tests.certificates import authority, signed_by
-from tests.mosquitto import Broker, broker_in, free_port, mosquitto_passwd, watching
+from tests.mosquitto import Broker, broker_in, mosquitto_passwd, watching
+from tests.ports import free_port
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, model, publishing, settings
 
 VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])

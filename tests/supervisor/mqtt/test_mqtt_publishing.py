@@ -145,7 +145,7 @@ async def test_a_gateway_that_is_stopped_says_so_itself(tmp_path: Path) -> None:
                 await site.until_said("mqtt-connected")
                 await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"online")
             await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"offline")
-        assert "Client pitch-gateway-mill-1 disconnected." in broker.log
+        broker.until_logged("Client pitch-gateway-mill-1 disconnected.")
 
 
 async def test_a_broker_that_comes_back_gets_what_is_so_now_and_the_newest_events(tmp_path: Path) -> None:

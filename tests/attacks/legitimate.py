@@ -1,0 +1,154 @@
+"""A gateway with a controller that works, and somebody who attacks: what he gets, and what it costs."""
+
+import contextlib
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tests.attacks.controller import Work
+from tests.child import started
+from tests.ports import free_port
+from tests.processes.bench import CONFIG, ROOT, TABLE, Running, running
+
+MOVES = 100
+"""Moves of the controller without an attack, and at least during one."""
+
+
+class Legitimate:
+    """The controller of ``tests.attacks.controller``, from outside."""
+
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
+        self._process = process
+        self.drives = int(self._read())
+
+    def connect(self, port: int, *files: Path) -> None:
+        """Connect to the gateway; with a CA, a certificate and its key over TLS."""
+        self._say(" ".join(["connect", str(port), *map(str, files)]))
+        self._read()
+
+    def work(self, moves: int = MOVES) -> Work:
+        """Have it do so many moves."""
+        self._say(f"work {moves}")
+        return Work(**json.loads(self._read()))
+
+    @contextlib.contextmanager
+    def working(self, into: list[Work]) -> Iterator[None]:
+        """Have it work meanwhile, and :data:`MOVES` moves more; what came of both goes ``into`` a list."""
+        self._say("carry-on")
+        yield
+        self._say("")
+        into.append(Work(**json.loads(self._read())))
+        into.append(self.work())
+
+    def _say(self, line: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{line}\n")
+        self._process.stdin.flush()
+
+    def _read(self) -> str:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        assert line, "the legitimate controller ended"
+        return line
+
+
+@contextlib.contextmanager
+def legitimate() -> Iterator[Legitimate]:
+    command = [sys.executable, "-m", "tests.attacks.controller"]
+    pipe = subprocess.PIPE
+    with started(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as process:
+        yield Legitimate(process)
+
+
+@dataclass
+class Ground:
+    """Where an attack takes place: the folder of a gateway that runs, its ports, its log."""
+
+    folder: Path
+    port: int
+    """Of the controller ``cnc``, by which the legitimate one works."""
+    drives: int
+    others: dict[str, int] = field(default_factory=dict)
+    """Further ports that the configuration of an attack asked for, by a name of its own."""
+    gateway: Running | None = None
+    legitimate: Legitimate | None = None
+
+    def free(self, name: str) -> int:
+        """Return a port for something else, the same for the same name."""
+        return self.others.setdefault(name, free_port())
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """What the log has said so far; all of it once the gateway has ended."""
+        assert self.gateway is not None
+        return self.gateway.notes
+
+
+@dataclass(frozen=True)
+class Attack:
+    """Something that somebody tries who may not."""
+
+    name: str
+    strike: Callable[[Ground], str]
+    """Does it once, asserts what it got, and says so in a few words for the table."""
+    event: str
+    """What the log says of it."""
+    configuration: Callable[[Ground, str], str] = lambda _ground, text: text
+    """Makes the configuration for it of the usual one."""
+    connect: Callable[[Ground, Legitimate], None] = lambda ground, legitimate: legitimate.connect(ground.port)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of an attack."""
+
+    attack: Attack
+    got: str
+    calm: Work
+    meanwhile: Work
+    events: list[dict[str, Any]]
+
+    def check(self) -> None:
+        """Assert what holds for every attack: it is in the log, and the controller noticed nothing."""
+        names = {note["event"] for note in self.events}
+        assert self.attack.event in names, sorted(names)
+        for work in (self.calm, self.meanwhile):
+            assert (work.lost, work.wrong) == (0, [])
+            assert work.moves >= MOVES
+
+
+def tried(attack: Attack, folder: Path, seconds: float = 0.0) -> Outcome:
+    """Try an attack once, or again and again for ``seconds``, while the controller works."""
+    with legitimate() as controller:
+        ground = Ground(folder, free_port(), controller.drives, legitimate=controller)
+        (folder / "tables").mkdir()
+        (folder / "tables" / "x.tab").write_text(TABLE)
+        text = CONFIG.format(drives=ground.drives, port=ground.port)
+        config = folder / "gateway.toml"
+        config.write_text(attack.configuration(ground, text))
+        with running("run", str(config)) as gateway:
+            ground.gateway = gateway
+            seen: set[str] = set()
+            while not {"line-up", "relay-reached"} <= seen:
+                seen.add(gateway.next()["event"])
+            attack.connect(ground, controller)
+            calm = controller.work(MOVES if not seconds else int(seconds * 100))
+            works: list[Work] = []
+            ends_s = time.monotonic() + seconds
+            with controller.working(works):
+                got = attack.strike(ground)
+                while time.monotonic() < ends_s:
+                    got = attack.strike(ground)
+            assert gateway.end() == 0, gateway.notes
+            meanwhile = works[0] if seconds else _both(*works)
+            return Outcome(attack, got, calm, meanwhile, gateway.notes)
+
+
+def _both(one: Work, other: Work) -> Work:
+    """Only counts add up; nobody asserts times in a test."""
+    return Work(one.moves + other.moves, one.lost + other.lost, one.wrong + other.wrong)
