@@ -79,15 +79,16 @@ class Places:
         """Whether nobody has one."""
         return not self._guests
 
-    def take(self, guest: Guest, now_ns: int) -> bool:
-        """Give a newcomer a place, perhaps that of another one; return whether there is one."""
-        if len(self._guests) >= self._max:
-            other = self._who_makes_room(guest.host, now_ns)
-            if other is None:
-                return False
+    def has_room_for(self, host: str, now_ns: int) -> bool:
+        """Whether there is a place for a newcomer, perhaps that of another one."""
+        return len(self._guests) < self._max or self._who_makes_room(host, now_ns) is not None
+
+    def take(self, guest: Guest, now_ns: int) -> None:
+        """Give a newcomer the place that there is for it."""
+        other = self._who_makes_room(guest.host, now_ns) if len(self._guests) >= self._max else None
+        if other is not None:
             self._close(other, Closing.MADE_ROOM)
         self._guests.append(guest)
-        return True
 
     def leave(self, guest: Guest) -> None:
         """Note that a connection is gone."""

@@ -214,10 +214,11 @@ class TcpListener:
         # Who may not connect at all learns nothing about how many do.
         if not self._is_allowed(channel.host):
             return self._refuse(channel.host, Refusal.NOT_ALLOWED)
+        if not self._places.has_room_for(channel.host, channel.opened_ns):
+            return self._refuse(channel.host, Refusal.TOO_MANY)
         if not self._rate.takes(channel.host, channel.opened_ns):
             return self._refuse(channel.host, Refusal.TOO_FAST)
-        if not self._places.take(channel, channel.opened_ns):
-            return self._refuse(channel.host, Refusal.TOO_MANY)
+        self._places.take(channel, channel.opened_ns)
         self._channels.add(channel)
         if self._sweeping is None:
             self._sweep_later()
