@@ -95,10 +95,10 @@ def _check_positions(findings: Findings, controller: ControllerSection, key: Key
                 last = field.end - 1
                 is_apart = last < span.first or span.last < field.address
                 if not is_apart and not span.first <= field.address <= last <= span.last:
+                    cut, whole = f"{span.first:04X}-0x{span.last:04X}", f"{field.address:04X}-0x{last:04X}"
                     findings.refuse(
                         (*key, "writable", index),
-                        f"0x{span.first:04X}-0x{span.last:04X} cuts a command position of axis {name} in two, "
-                        f"0x{field.address:04X}-0x{last:04X}",
+                        f"0x{cut} holds a part of a command position of axis {name}, which is 0x{whole}",
                         "take all of its addresses, or none",
                     )
 
