@@ -37,7 +37,8 @@ def check_rights(findings: Findings, sections: Sections) -> None:
 
 def _check_lists(findings: Findings, controller: ControllerSection, key: KeyPath) -> None:
     for name in LISTS:
-        if name in controller.model_fields_set and not getattr(controller, name):
+        is_empty = name in controller.model_fields_set and not getattr(controller, name)
+        if is_empty and not findings.is_refused((*key, name)):  # else what stood in it was refused
             findings.refuse(
                 (*key, name),
                 "an empty list, which would allow everything",
