@@ -7,7 +7,7 @@ from gateway.exchange.dispatch import Units
 from gateway.exchange.endings import Endings
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import UNSEEN, Denial, Gate
-from gateway.exchange.life import Exchange
+from gateway.exchange.life import QUEUE_LIMIT, Exchange
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.ports import ControllerPort
@@ -81,6 +81,12 @@ class Admission:
             detail = "a request that does more than read and stop, from an operator"
         self._deny(exchange, Denial(ExceptionCode.ILLEGAL_FUNCTION, "role", detail), now_ns)
 
+    def deny_queue(self, exchange: Exchange, now_ns: int) -> None:
+        """Refuse what has no room left to wait in."""
+        self._ends.note_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
+        detail = f"{QUEUE_LIMIT} of its requests wait already"
+        self._deny(exchange, Denial(ExceptionCode.SERVER_DEVICE_BUSY, "", detail), now_ns)
+
     def _deny(self, exchange: Exchange, denial: Denial, now_ns: int) -> None:
         port = exchange.port
         assert port is not None
@@ -93,7 +99,8 @@ class Admission:
                 ("unit_id", exchange.unit_id),
                 ("key", denial.key),
             )
-            detail = f"{port.writer} may not do this: {denial.detail} ({denial.key}){times(count)}"
+            key = f" ({denial.key})" if denial.key else ""
+            detail = f"{port.writer} may not do this: {denial.detail}{key}{times(count)}"
             self._on_event(Event(EventKind.REQUEST_REFUSED, None, detail, more))
         self._ends.deny(exchange, denial.code)
 

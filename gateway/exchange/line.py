@@ -130,7 +130,7 @@ class LineExchange:
         elif stops:
             self._overtake(exchange, stops, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
-            self._ends.refuse_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
+            self._admission.deny_queue(exchange, now_ns)
         else:
             self._gaps.is_watching |= not exchange.is_motion
             self._waiting.add(exchange)

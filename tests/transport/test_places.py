@@ -36,7 +36,7 @@ class Door:
     def __init__(self, **limits: float) -> None:
         self.closed: list[tuple[str, Closing]] = []
         self.places = Places(
-            ConnectionLimits(max_connections=4, **limits),  # type: ignore[arg-type]
+            ConnectionLimits(max_connections=4, **limits),
             patience_ns=3 * NS_PER_S,
             on_closed=lambda host, why: self.closed.append((host, why)),
         )
