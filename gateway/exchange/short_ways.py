@@ -134,7 +134,7 @@ class WriteWay(Way):
         axis, shadow, pdu = self._axis, self._shadow, exchange.pdu
         compensation = axis.compensation
         port = exchange.port
-        if port is None or port.writer != self._hold.writer:
+        if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
             return None  # another one moved it last, or nobody
         if not compensation.is_steady or len(pdu) != self._size or not self._is_usual(now_ns):
             return None
@@ -167,6 +167,8 @@ class WriteWay(Way):
 
     def left(self, exchange: Exchange) -> None:
         """See ``Way``. A stream does not wait for its record, which is good for one setpoint either way."""
+        assert exchange.port is not None
+        self._hold.writer = exchange.port.writer
         self._hold.last_ns = exchange.sent_ns
         if self._axis.compensation.is_stream:
             self._remember(exchange)

@@ -277,6 +277,16 @@ def test_w10_any_writer_may_where_the_axis_says_so() -> None:
     assert "second-writer" not in bench.kinds()
 
 
+def test_w10_any_writer_may_by_turns_on_the_short_way_too() -> None:
+    bench = Bench(axis_plan(has_one_writer=False))
+    ports = [controller("cnc"), controller("panel")]
+    for number in range(6):
+        port = ports[number % 2]
+        move(bench, port, 1_000 * number)
+        assert writer(bench) == port.writer
+        assert abs(bench.memory.get(COMMAND) - 1_000 * number) <= 10
+
+
 def test_w10_a_group_is_held_as_a_whole() -> None:
     plans = [staged_plan(name=name, unit_id=n) for n, name in enumerate(("y1", "y2", "z"), start=1)]
     bench = StagedBench(*plans, groups=[("y1", "y2")])
