@@ -62,8 +62,8 @@ class Admission:
         if denial is None:
             return True
         exchange = Exchange(port, transaction_id, unit_id, pdu, now_ns)
-        if port.plan.role is Role.MOTION and not only_reads(pdu):
-            self._writers.lose(exchange, denial.code)
+        if port.plan.role is Role.MOTION:
+            self._ends.note_unsent(exchange, denial.code)
         self._deny(exchange, denial, now_ns)
         return False
 

@@ -21,6 +21,8 @@ NEVER_ASKED_NS: Final = 5 * NS_PER_S
 """One that never asked for anything makes room sooner."""
 QUIET_OF_MANY_NS: Final = NS_PER_S
 """A host that has two connections more than the newcomer makes room after so long without a request."""
+LOOK_EVERY_NS: Final = NS_PER_S // 10
+"""How often it is looked for somebody who makes room for one host: a flood must not keep the loop busy."""
 SWEEP_S: Final = 1.0
 """How often connections are looked at that have to end."""
 
@@ -73,6 +75,8 @@ class Places:
         self._patience_ns = patience_ns
         self._on_closed = on_closed
         self._guests: list[Guest] = []
+        self._refused = ("", 0)
+        """The newest newcomer for whom nobody made room, and when."""
 
     @property
     def is_empty(self) -> bool:
@@ -81,7 +85,15 @@ class Places:
 
     def has_room_for(self, host: str, now_ns: int) -> bool:
         """Whether there is a place for a newcomer, perhaps that of another one."""
-        return len(self._guests) < self._max or self._who_makes_room(host, now_ns) is not None
+        if len(self._guests) < self._max:
+            return True
+        refused_host, refused_ns = self._refused
+        if host == refused_host and now_ns - refused_ns < LOOK_EVERY_NS:
+            return False
+        has_room = self._who_makes_room(host, now_ns) is not None
+        if not has_room:
+            self._refused = host, now_ns
+        return has_room
 
     def take(self, guest: Guest, now_ns: int) -> None:
         """Give a newcomer the place that there is for it."""
