@@ -107,7 +107,8 @@ def _line_text(name: str, line: LineSetup) -> str:
     for number, controller in enumerate(line.controllers, start=1):
         text += [f"[[line.{name}.controllers]]", f'name = "cnc{number}"']
         text += [f'rtu = "{controller.tty}"', serial] if controller.tty else []
-        text += [f'tcp = "127.0.0.1:{controller.tcp_port}"'] if controller.tcp_port else []
+        if controller.tcp_port:
+            text += [f'tcp = "127.0.0.1:{controller.tcp_port}"', "connects_per_s = 1000000"]
         text.append("")
     return "\n".join(text)
 
@@ -124,6 +125,7 @@ def _axis_text(line: int, unit: int, has_table: bool) -> str:
         f"travel = [0.0, {TRAVEL_MM}]",
         'referenced = "absolute"',
         'setpoints = "stream"',
+        'writers = "any"',
         *table,
         "",
         f"[axis.{name}.registers]",

@@ -164,3 +164,23 @@ LATE_REPLY: Final = EventEntry(
     "the drive answers later than `response_timeout_ms`, or twice, or another master is on the line",
     "raise `response_timeout_ms`, and see that no other master talks on the line",
 )
+REQUEST_REFUSED: Final = EventEntry(
+    "request-refused",
+    Severity.WARNING,
+    "a controller asked for what its role or its rights do not allow, or too often; told at most once a "
+    "minute for "
+    "each controller and reason, with how often it happened",
+    "a controller with another task than its configuration thinks, a scanner, or somebody who tries",
+    "look at `peer`, `function_code` and `unit_id`; the detail names the key of the controller that says so",
+)
+SECOND_WRITER: Final = EventEntry(
+    "second-writer",
+    Severity.WARNING,
+    "a controller wanted to move an axis that another one moves, and was refused with exception 6; told at "
+    "most once "
+    "a minute for each axis and controller",
+    "a panel that jogs while the program runs, two programs at once, or somebody who tries",
+    "let one of them finish: `writer` of the axis in `status` says who holds it; where both are to move it, "
+    "set "
+    '`writers = "any"`',
+)

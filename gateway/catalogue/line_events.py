@@ -38,8 +38,19 @@ CONNECTION_REFUSED: Final = EventEntry(
     "connection-refused",
     Severity.WARNING,
     "a connection to a controller's address was closed at once; told once a minute for each host",
-    "a host that `allow` does not name, or more connections than are taken",
+    "a host that `allow` does not name, or more connections than `max_connections` and `connects_per_s` take",
     "add the host to `allow` if it may connect; else find out what runs on it",
+)
+CONNECTION_CLOSED: Final = EventEntry(
+    "connection-closed",
+    Severity.WARNING,
+    "a connection that had been accepted was closed: it asked for nothing, did not finish a request, or "
+    "made room; "
+    "told once a minute for each host",
+    "a controller that keeps connections it does not use, or somebody who only wants to take the places",
+    "let the controller close what it does not use; raise `max_connections` or `idle_timeout_s` where they "
+    "are too "
+    "low for it",
 )
 CONNECTION_MALFORMED: Final = EventEntry(
     "connection-malformed",

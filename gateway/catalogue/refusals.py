@@ -27,6 +27,12 @@ REFUSALS: Final = (
         "give the controller another `role`, or let it read only",
     ),
     RefusalEntry(
+        0x01,
+        "",
+        "`function_codes` or `read_only` of the controller do not allow the request; event `request-refused`",
+        "see which key its detail names, and whether the controller may do that",
+    ),
+    RefusalEntry(
         0x02,
         "register … holds a position that is not mapped",
         "a register listed under `position_like` was written while the axis is corrected",
@@ -55,6 +61,12 @@ REFUSALS: Final = (
         "a … at … runs over an object of unknown width",
         "a frame holds several objects, and the width of one of them is not known",
         "list the object with its `words` under `objects`, or use frames of one object",
+    ),
+    RefusalEntry(
+        0x02,
+        "",
+        "an address that is not in `readable` or `writable` of the controller; event `request-refused`",
+        "see which address its detail names, and whether the controller may touch it",
     ),
     RefusalEntry(
         0x03,
@@ -155,6 +167,18 @@ REFUSALS: Final = (
     ),
     RefusalEntry(
         0x06,
+        "",
+        "more requests in a second than `requests_per_s` of the controller allows; event `request-refused`",
+        "let the controller ask less often, or raise the key",
+    ),
+    RefusalEntry(
+        0x06,
+        "",
+        "another controller or host moves the axis; event `second-writer`",
+        'let one of them finish, or set `writers = "any"` where both are to move it',
+    ),
+    RefusalEntry(
+        0x06,
         "it waited … ms, deadline_ms = …: refused",
         "a target or trigger came too late to the front of the queue",
         'compare with `pitch-gateway budget CONFIG`; `late = "forward"` sends it all the same',
@@ -182,6 +206,12 @@ REFUSALS: Final = (
         "",
         "there is no way to the drives: the line is down. On a serial controller's port silence instead",
         "see `line-down` and `drives-not-reached`",
+    ),
+    RefusalEntry(
+        0x0A,
+        "",
+        "a unit id that is not in `unit_ids` of the controller. On a serial controller's port silence instead",
+        "see `request-refused`, and whether the controller may speak to that drive",
     ),
     RefusalEntry(
         0x0A,

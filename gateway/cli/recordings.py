@@ -2,12 +2,13 @@
 
 import tempfile
 import tomllib
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 import gateway
-from gateway.ipc.traffic import FORMAT, Header
+from gateway.ipc.traffic import FORMAT, WITHOUT_PEERS, Header
 from gateway.relay.replay import ReplayError
 
 if TYPE_CHECKING:
@@ -48,10 +49,10 @@ def plan_of(header: Header) -> "GatewayPlan":
     """
     from gateway.config.load import load
 
-    if header.format != FORMAT:
+    if header.format not in (FORMAT, WITHOUT_PEERS):
         raise ReplayError(
             f"a recording of format {header.format}, made by release {header.gateway_version}; "
-            f"this release replays format {FORMAT}"
+            f"this release replays formats {WITHOUT_PEERS} and {FORMAT}"
         )
     with tempfile.TemporaryDirectory(prefix="pitch-gateway-replay-") as name:
         folder = Path(name)
@@ -66,6 +67,15 @@ def plan_of(header: Header) -> "GatewayPlan":
         (folder / TABLES_FOLDER).mkdir(exist_ok=True)
         config.write_bytes(_portable(header.config, moved).encode("utf-8"))
         return load(config).plan
+
+
+def for_any_writer(plan: "GatewayPlan") -> "GatewayPlan":
+    """Return the plan of a recording that knows no hosts: as then, everybody may move every axis."""
+    lines = (
+        replace(line, axes=tuple(replace(axis, has_one_writer=False) for axis in line.axes))
+        for line in plan.lines
+    )
+    return replace(plan, lines=tuple(lines))
 
 
 def _plain(text: str) -> str:

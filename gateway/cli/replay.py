@@ -70,8 +70,8 @@ def replay(
 
 
 def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) -> "ReplayResult":
-    from gateway.cli.recordings import plan_of
-    from gateway.ipc.traffic import End, Header
+    from gateway.cli.recordings import for_any_writer, plan_of
+    from gateway.ipc.traffic import WITHOUT_PEERS, End, Header
     from gateway.relay.readable import Reader
     from gateway.relay.replay import Replay, ReplayError
 
@@ -80,6 +80,8 @@ def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) 
     if first is None or not isinstance(first[1], Header):
         raise ReplayError("no recording: it does not begin with a header")
     plan = plan_of(first[1]) if config is None else load_or_exit(config).plan
+    if first[1].format == WITHOUT_PEERS:
+        plan = for_any_writer(plan)
     reader = Reader(plan)
     again = Replay(plan, line, _show_event if show else None)
     for number, entry in entries:

@@ -22,7 +22,13 @@ from gateway.config.values import (
 )
 from gateway.drives.registers import RegisterMap
 from gateway.drives.strict import ByName, ListOf, StrictModel
-from gateway.exchange.plan import DEFAULT_BUDGET_US, CompensationMode, Late, Reference
+from gateway.exchange.plan import (
+    DEFAULT_BUDGET_US,
+    DEFAULT_WRITER_HOLD_S,
+    CompensationMode,
+    Late,
+    Reference,
+)
 from gateway.tabfile import HomeSide, V1Layout
 
 
@@ -58,6 +64,13 @@ class StoredMoves(Enum):
 
     REFUSE = "refuse"
     UNCORRECTED = "uncorrected"
+
+
+class Writers(Enum):
+    """How many controllers may move an axis at a time."""
+
+    ONE = "one"
+    ANY = "any"
 
 
 class FagorSense(Enum):
@@ -161,6 +174,13 @@ class AxisSection(StrictModel):
     )
     added_frames: ByName[AddedFrames] = Field(
         default=AddedFrames.AUTO, description="frames that the gateway adds by itself"
+    )
+    writers: ByName[Writers] = Field(
+        default=Writers.ONE, description="how many controllers may move the axis at a time: one or any"
+    )
+    writer_hold_s: Annotated[float, Field(gt=0.0, le=86_400.0)] = Field(
+        default=DEFAULT_WRITER_HOLD_S,
+        description="seconds without a move after which another controller may move the axis",
     )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped
+from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped, Writers
 from gateway.config.drive_files import NamedProfile
 from gateway.config.line_model import ControllerSection
 from gateway.config.sections import Sections
@@ -53,9 +53,13 @@ def line_plan(
 
 def _controller_link(controller: ControllerSection) -> ControllerLink:
     plan = ControllerPlan(
-        controller.name, controller.role, controller.timeout_ms, serial=controller.rtu is not None
+        controller.name,
+        controller.role,
+        controller.timeout_ms,
+        serial=controller.rtu is not None,
+        rights=controller.rights,
     )
-    return ControllerLink(plan, controller.endpoint, controller.allow)
+    return ControllerLink(plan, controller.endpoint, controller.allow, controller.limits)
 
 
 def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: NamedProfile | None) -> AxisPlan:
@@ -94,6 +98,8 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         safe_read=registers.safe_read,
         added_frames=axis.added_frames is AddedFrames.AUTO,
         exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,
+        has_one_writer=axis.writers is Writers.ONE,
+        writer_hold_s=axis.writer_hold_s,
         drive=drive.name if drive is not None and drive.is_shipped else "",
         table_name=(axis.table or "") if table is None else table.path.name,
         table_format="" if table is None else table.source.format,

@@ -7,6 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from gateway.config.rights_model import RightsKeys
 from gateway.config.values import (
     Device,
     Milliseconds,
@@ -17,10 +18,12 @@ from gateway.config.values import (
     Tcp,
 )
 from gateway.drives.strict import ByName, ListOf, StrictModel
-from gateway.exchange.plan import LineTiming, Role
+from gateway.exchange.plan import LineTiming
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
 
 SERIAL_KEYS = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "echo", "low_latency"})
+TCP_KEYS = frozenset({"allow", "max_connections", "connects_per_s", "idle_timeout_s"})
 _TIMING = LineTiming()
 _SERIAL = SerialEndpoint("")
 
@@ -95,8 +98,9 @@ def broken_rule(model: type[_SerialSettings], keys: Collection[str]) -> str:
     stray = sorted(SERIAL_KEYS & set(keys))
     if stray and given != ["rtu"]:
         return f"{', '.join(stray)} belong to a serial port (rtu): leave out beside {given[0]}"
-    if "allow" in keys and given == ["rtu"]:
-        return "allow belongs to tcp: leave it out beside rtu"
+    stray = sorted(TCP_KEYS & set(keys))
+    if stray and given == ["rtu"]:
+        return f"{', '.join(stray)} {'belongs' if len(stray) == 1 else 'belong'} to tcp: leave out beside rtu"
     return ""
 
 
@@ -121,17 +125,32 @@ class DrivesEndpoint(_SerialSettings):
         return replace(self.serial_endpoint(self.rtu or ""), echo=self.echo)
 
 
-class ControllerSection(_SerialSettings):
+class ControllerSection(RightsKeys, _SerialSettings):
     """One controller: where it connects and what it may do."""
 
     name: Name = Field(description="name of the controller, once in its line")
-    role: ByName[Role] = Field(default=Role.MOTION, description="what the controller may do")
     timeout_ms: Milliseconds = Field(
         default=1000.0, description="milliseconds after which this controller gives up on a request"
     )
     allow: ListOf[Network] = Field(
         default=(), description="networks that may connect; none named: whoever reaches the port"
     )
+    max_connections: Annotated[int, Field(ge=1, le=1024)] = Field(
+        default=DEFAULT_LIMITS.max_connections, description="connections at once over tcp"
+    )
+    connects_per_s: Annotated[float, Field(gt=0.0, le=1e6)] = Field(
+        default=DEFAULT_LIMITS.connects_per_s,
+        description="connections that one host may open in a second over tcp, in the mean",
+    )
+    idle_timeout_s: Annotated[float, Field(gt=0.0, le=1e6)] | None = Field(
+        default=None,
+        description="seconds after which a connection over tcp is closed that asks for nothing; none: never",
+    )
+
+    @property
+    def limits(self) -> ConnectionLimits:
+        """The limits of its connections in plain data."""
+        return ConnectionLimits(self.max_connections, self.connects_per_s, self.idle_timeout_s or 0.0)
 
     @property
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:

@@ -16,6 +16,7 @@ from gateway.config.check_lines import check_lines
 from gateway.config.check_motion import check_motion
 from gateway.config.check_mqtt import check_mqtt
 from gateway.config.check_references import check_references
+from gateway.config.check_rights import check_rights
 from gateway.config.check_roles import check_roles
 from gateway.config.check_state import check_state
 from gateway.config.check_ways import check_ways
@@ -143,6 +144,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     check_references(findings, sections)
     check_motion(findings, sections)
     check_roles(findings, sections)
+    check_rights(findings, sections)
     check_late(findings, sections)
     check_groups(findings, sections)
     check_drives(findings, sections, drives)

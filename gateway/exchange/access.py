@@ -14,6 +14,8 @@ from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, FunctionCode
 COIL_ON: Final = 0xFF
 MEI_HEAD: Final = 12
 """Bytes of a general reference before its data."""
+HEAD_BYTES: Final = bytes({1: 5, 2: 5, 3: 5, 4: 5, 6: 3, 16: 6}.get(function, 0) for function in range(256))
+"""By function code: how many bytes of a PDU say which registers it touches; 0: more than its head says it."""
 
 
 class Access(NamedTuple):

@@ -19,6 +19,7 @@ from gateway.counts import Counts
 from gateway.drives.motion import Form
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
+from gateway.exchange.hold import Hold
 from gateway.exchange.motion_state import MotionState
 from gateway.exchange.plan import (
     DONE_BIT,
@@ -73,6 +74,8 @@ class AxisExchange:
     reference: ReferenceState = field(init=False)
     is_enabled: bool = field(init=False)
     """Whether a person or the configuration wants the table to be applied."""
+    hold: Hold = field(init=False)
+    """Who moves it."""
     is_ended: bool = False
     """A remapping register of its unit was written (M10)."""
     is_held_back: bool = False
@@ -108,6 +111,7 @@ class AxisExchange:
         self.limit_shadows = [Shadow(field_) for field_ in self.plan.limits]
         self.motion = MotionState(self.plan.motion)
         self.reference = ReferenceState(self.plan.referenced)
+        self.hold = Hold(self.plan.writer_hold_s, is_shared=not self.plan.has_one_writer)
         self.is_enabled = self.plan.compensation is not CompensationMode.OFF
         self._choose_correction()
         if self.is_referenced:

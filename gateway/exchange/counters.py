@@ -1,6 +1,6 @@
 """Counters of one line."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(slots=True)
@@ -15,6 +15,8 @@ class LineCounters:
     late_targets: int = 0
     """Targets and triggers that waited longer than their axis's deadline."""
     refused: int = 0
+    refused_by: dict[str, int] = field(default_factory=dict)
+    """The same by the name of the controller."""
     withdrawn: int = 0
     broadcasts: int = 0
     added_reads: int = 0

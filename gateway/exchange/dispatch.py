@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.drives.motion import Action
-from gateway.exchange.access import ACCESS, Access
+from gateway.exchange.access import ACCESS, HEAD_BYTES, Access
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import why_not_passed
 from gateway.exchange.axis import AxisExchange
@@ -15,7 +15,7 @@ from gateway.exchange.preliminaries import next_frame
 from gateway.exchange.preparing import prepare
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import Request
-from gateway.exchange.short_ways import HEAD_BYTES, find_way
+from gateway.exchange.short_ways import find_way
 from gateway.exchange.unit import UnitMap
 from gateway.exchange.way import Way
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
@@ -54,6 +54,8 @@ class Units:
         }
         self.have_rules = any(unit.has_rules for unit in self._units.values())
         """Whether any frame may mean something else than positions to be gone to at once."""
+        self.broadcast_unit_ids = frozenset(unit_ids) if is_serial else None
+        """The mapped unit ids that a broadcast reaches; None where nothing is broadcast."""
         self._ways: dict[int, dict[bytes, Way | None]] = {}
         self._remembered_ways = self._ways_left = remembered_ways
 

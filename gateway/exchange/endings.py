@@ -1,17 +1,20 @@
 """How an exchange ends for its controller: answered, failed, refused, withdrawn; what that leaves behind."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from gateway.exchange.access import only_reads
+from gateway.exchange.answering import answer, note_discrete
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.groups import end_remapped
 from gateway.exchange.life import Exchange
-from gateway.exchange.losses import lose, note_unsent
+from gateway.exchange.losses import lose
 from gateway.exchange.news import AxisNews
-from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu
+from gateway.exchange.writers import Writers
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
 
 LOST: Final = ExceptionCode.SERVER_DEVICE_FAILURE
 NO_RESPONSE: Final = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
@@ -22,9 +25,15 @@ class Endings:
     """The ends of a line's exchanges."""
 
     def __init__(
-        self, units: Units, counters: LineCounters, news: AxisNews, on_event: Callable[[Event], None]
+        self,
+        units: Units,
+        writers: Writers,
+        counters: LineCounters,
+        news: AxisNews,
+        on_event: Callable[[Event], None],
     ) -> None:
         self._units = units
+        self._writers = writers
         self._counters = counters
         self._news = news
         self._on_event = on_event
@@ -36,6 +45,19 @@ class Endings:
             return
         if not (port.plan.serial and exchange.unit_id == BROADCAST_UNIT_ID):  # nobody answers a broadcast
             port.send_reply(exchange.transaction_id, exchange.unit_id, pdu)
+
+    def answer(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
+        """Give the controller a drive's reply, turned back, and take note of what it says."""
+        self._counters.exchanges += 1
+        self._counters.exceptions += is_exception(pdu)
+        if not exchange.rewritings:
+            self.reply(exchange, pdu)
+            note_discrete(self._units.get(exchange.unit_id), exchange.pdu, pdu, now_ns)
+            return
+        for rewriting in exchange.rewritings:
+            answer(rewriting, pdu, now_ns, partial(self.reply, exchange))
+            self._counters.unmapped_reads += rewriting.reads_unmapped
+        self.end_if_remapped(exchange)
 
     def fail(self, exchange: Exchange, code: ExceptionCode) -> None:
         """Say that a drive cannot be had: an exception on TCP, silence on a serial line (W7)."""
@@ -49,8 +71,22 @@ class Endings:
 
     def refuse(self, exchange: Exchange, code: int) -> None:
         """Answer what the gateway itself refuses, on serial lines too (W7)."""
-        self._counters.refused += 1
+        self._count_refused(exchange)
         self.reply(exchange, exception_pdu(exchange.pdu[0], code))
+
+    def deny(self, exchange: Exchange, code: int) -> None:
+        """Answer what a controller has no right to: what it may not reach is as good as absent (W7)."""
+        if code == ExceptionCode.GATEWAY_PATH_UNAVAILABLE:
+            self._count_refused(exchange)
+            self.fail(exchange, ExceptionCode.GATEWAY_PATH_UNAVAILABLE)
+        else:
+            self.refuse(exchange, code)
+
+    def _count_refused(self, exchange: Exchange) -> None:
+        self._counters.refused += 1
+        if exchange.port is not None:
+            name = exchange.port.plan.name
+            self._counters.refused_by[name] = self._counters.refused_by.get(name, 0) + 1
 
     def refuse_unsent(self, exchange: Exchange, code: int) -> None:
         """Refuse a request that might have moved something: it never reached the drive (M3)."""
@@ -73,7 +109,7 @@ class Endings:
     def note_unsent(self, exchange: Exchange, code: int) -> None:
         """Take note of a request that never reached the drive (M3)."""
         if exchange.port is not None and not only_reads(exchange.pdu):
-            note_unsent(self._units, exchange, code)
+            self._writers.lose(exchange, code)
             self._news.look(self._units.axes_of(exchange.unit_id))
 
     def lost(self, exchange: Exchange, now_ns: int) -> None:

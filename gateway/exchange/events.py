@@ -29,6 +29,8 @@ class EventKind(Enum):
     BUDGET_OVERRUN = "budget-overrun"
     BUDGET_KEPT = "budget-kept"
     LATE_REPLY = "late-reply"
+    REQUEST_REFUSED = "request-refused"
+    SECOND_WRITER = "second-writer"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,3 +40,5 @@ class Event:
     kind: EventKind
     axis: str | None = None
     detail: str = ""
+    more: tuple[tuple[str, object], ...] = ()
+    """Further fields, by name."""

@@ -10,12 +10,11 @@ States of the line:
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 
 from gateway.exchange import control
 from gateway.exchange.added_frames import reads_at_start
-from gateway.exchange.admission import judge
-from gateway.exchange.answering import answer, note_broadcast, note_discrete
+from gateway.exchange.admission import Admission, judge
+from gateway.exchange.answering import note_broadcast
 from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.counters import LineCounters
@@ -35,6 +34,7 @@ from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.remembering import note_leaving
 from gateway.exchange.rest import Rest
 from gateway.exchange.silence import SilentUnits
+from gateway.exchange.writers import Writers
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, is_exception
 from gateway.times import NS_PER_MS
 
@@ -60,7 +60,9 @@ class LineExchange:
         self._link = link
         self._on_event = on_event
         self._news = AxisNews(self.axes, on_event)
-        self._ends = Endings(self._units, self.counters, self._news, on_event)
+        self._writers = Writers(self.axes, self._units, on_event)
+        self._ends = Endings(self._units, self._writers, self.counters, self._news, on_event)
+        self._admission = Admission(self._units, self._ends, self._writers, on_event)
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
         self.rest = Rest(timing)
         self._waiting = WaitingExchanges()
@@ -100,6 +102,8 @@ class LineExchange:
             self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
+        if port.gate is not None and not self._admission.lets_in(port, transaction_id, unit_id, pdu, now_ns):
+            return
         is_motion = port.plan.role is Role.MOTION
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
@@ -118,7 +122,7 @@ class LineExchange:
         assert port is not None
         is_allowed, stops = judge(self._units, exchange, is_free=is_free)
         if not is_allowed:
-            self._ends.refuse(exchange, ExceptionCode.ILLEGAL_FUNCTION)
+            self._admission.deny_role(exchange, now_ns)
         elif not self.is_up:
             self._ends.fail_unsent(exchange)
         elif is_free and stops:
@@ -126,7 +130,7 @@ class LineExchange:
         elif stops:
             self._overtake(exchange, stops, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
-            self._ends.refuse_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
+            self._admission.deny_queue(exchange, now_ns)
         else:
             self._gaps.is_watching |= not exchange.is_motion
             self._waiting.add(exchange)
@@ -148,6 +152,7 @@ class LineExchange:
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
         self._give_up(port, "its connection closed", now_ns)
+        self._admission.gone(port)
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
@@ -201,23 +206,11 @@ class LineExchange:
             self._current = None
             self._learn(exchange, pdu, now_ns)
         else:
-            self._answer(exchange, pdu, now_ns)
+            self._ends.answer(exchange, pdu, now_ns)
             self._current = None
             if exchange.port is not None:
                 self.meter.note(exchange, exchange.port, pdu, now_ns)
         return axes
-
-    def _answer(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
-        self.counters.exchanges += 1
-        self.counters.exceptions += is_exception(pdu)
-        if not exchange.rewritings:
-            self._ends.reply(exchange, pdu)
-            note_discrete(self._units.get(exchange.unit_id), exchange.pdu, pdu, now_ns)
-            return
-        for rewriting in exchange.rewritings:
-            answer(rewriting, pdu, now_ns, partial(self._ends.reply, exchange))
-            self.counters.unmapped_reads += rewriting.reads_unmapped
-        self._ends.end_if_remapped(exchange)
 
     def _learn(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
         """Take note of the reply to a frame of the gateway's own, and go on with what it was for."""
@@ -343,6 +336,9 @@ class LineExchange:
                 if exchange.draft is not None:
                     way.left(exchange)
                 return
+        if not self._writers.may_move(exchange, now_ns):
+            self._ends.refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
+            return
         for axis in self._units.axes_of(exchange.unit_id):
             axis.end_silence(is_answer=False)
         try:
@@ -358,6 +354,7 @@ class LineExchange:
             return
         self.counters.unknown_modes += sum(map(note_leaving, exchange.rewritings))
         self._send(exchange, pdu, exchange.unit_id, now_ns)
+        self._writers.moved(exchange, now_ns)
 
     def _send(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
         exchange.wire_unit_id = unit_id

@@ -1,6 +1,6 @@
 """Requests that were lost on the way, and replies to the gateway's own frames."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.exchange import parts
 from gateway.exchange.added_frames import Purpose, learn, note_restaged
@@ -18,6 +18,14 @@ from gateway.times import NS_PER_S
 
 RESTAGED_EVERY_NS: Final = 60 * NS_PER_S
 """How often restaging is reported; all of it is counted."""
+
+
+class Unsent(NamedTuple):
+    """A request that never reached the drive."""
+
+    unit_id: int
+    pdu: bytes
+    arrived_ns: int
 
 
 def note_learned(exchange: Exchange, reply: bytes, counters: LineCounters, now_ns: int) -> int | None:
@@ -65,6 +73,20 @@ def lose(exchange: Exchange, code: int, now_ns: int) -> None:
         frame.rendering.shadow.tear()
         frame.axis.motion.block(code)
         frame.axis.tell(EventKind.AXIS_BLOCKED, "nobody knows whether the staged target was written anew")
+
+
+def lose_of_axis(units: Units, axis: AxisExchange, lost: Unsent, code: int) -> None:
+    """Note for one axis that a request never reached its drive, as :func:`note_unsent` does for all."""
+    access = access_of(lost.pdu)
+    for unit in units.reached(lost.unit_id):
+        if access is not None and access.write_quantity:
+            for hit in unit.written(access.write_address, access.write_quantity).fields:
+                if hit.place.axis is axis:
+                    parts.note_lost(hit, lost.pdu, access, lost.arrived_ns)
+        if unit.has_rules:
+            for meaning in meanings(unit, lost.pdu, access):
+                if meaning.axis is axis:
+                    block(meaning, code)
 
 
 def note_unsent(units: Units, exchange: Exchange, code: int) -> None:

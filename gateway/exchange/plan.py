@@ -16,6 +16,10 @@ DONE_BIT: Final = "done"
 MOVING_BIT: Final = "moving"
 ALARM_BIT: Final = "alarm"
 
+DEFAULT_WRITER_HOLD_S: Final = 5.0
+"""Longer than a program pauses between two moves and than a controller takes to connect again; shorter than
+the way from one panel to the next."""
+
 DEFAULT_BUDGET_US: Final = 1000.0
 """About ten times what the relay takes in the median on a small Linux machine: an overrun is news."""
 
@@ -118,6 +122,10 @@ class AxisPlan:
     added_frames: bool = True
     exception_writes_nothing: bool = False
     """The profile says ``exception = "nothing-written"`` (M7)."""
+    has_one_writer: bool = True
+    """Only one controller may move it at a time."""
+    writer_hold_s: float = DEFAULT_WRITER_HOLD_S
+    """After so long without a frame that moves it its writer holds it no more."""
     drive: str = ""
     """Name of the shipped profile that the registers came from; the simulator's endpoint goes by it."""
     table_name: str = ""

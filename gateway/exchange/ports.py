@@ -6,6 +6,7 @@ whoever implements these.
 
 from typing import Protocol
 
+from gateway.exchange.gate import UNSEEN, Gate
 from gateway.exchange.plan import ControllerPlan
 
 
@@ -25,10 +26,25 @@ class Unmeasured:
 
     stamps = Stamps()
     wire_ns_per_byte = 0
+    peer = ""
+    writer = ""
+    gate: Gate | None = UNSEEN
+
+
+def writer_name(controller: str, peer: str) -> str:
+    """Return what a controller at a host is known by: it stays the same when it connects again.
+
+    >>> writer_name("cnc", "192.168.0.7"), writer_name("cnc", "")
+    ('cnc (192.168.0.7)', 'cnc')
+    """
+    return f"{controller} ({peer})" if peer else controller
 
 
 class ControllerPort(Protocol):
     """One connection of one controller: a serial port, or one accepted TCP connection."""
+
+    gate: Gate | None
+    """What it may ask for; None: whatever its role allows. The exchange's own; a new port has ``UNSEEN``."""
 
     @property
     def plan(self) -> ControllerPlan:
@@ -38,6 +54,16 @@ class ControllerPort(Protocol):
     @property
     def stamps(self) -> Stamps:
         """When its newest frame left."""
+        ...
+
+    @property
+    def peer(self) -> str:
+        """The host that it connects from; empty on a serial port."""
+        ...
+
+    @property
+    def writer(self) -> str:
+        """See :func:`writer_name`."""
         ...
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:

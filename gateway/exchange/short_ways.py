@@ -25,9 +25,6 @@ from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable, PositionField
 
-HEAD_BYTES: Final = bytes({1: 5, 2: 5, 3: 5, 4: 5, 6: 3, 16: 6}.get(function, 0) for function in range(256))
-"""By function code: how many bytes of a PDU say which registers it touches; 0: its frames go the long way."""
-
 NOBODY: Final[frozenset[str]] = frozenset()
 """Names of the axes that a read sends somewhere."""
 
@@ -108,6 +105,7 @@ class WriteWay(Way):
         "_axis",
         "_echo",
         "_end",
+        "_hold",
         "_pack",
         "_place",
         "_scale",
@@ -122,6 +120,7 @@ class WriteWay(Way):
         assert hit.place.shadow is not None
         self._place = place
         self._axis = hit.place.axis
+        self._hold = self._axis.hold
         self._shadow = hit.place.shadow
         codec = hit.place.field.codec
         self._pack, self._unpack, self._scale = codec.pack, codec.unpack, hit.place.field.scale
@@ -134,6 +133,9 @@ class WriteWay(Way):
         """See ``Way``."""
         axis, shadow, pdu = self._axis, self._shadow, exchange.pdu
         compensation = axis.compensation
+        port = exchange.port
+        if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
+            return None  # another one moved it last, or nobody
         if not compensation.is_steady or len(pdu) != self._size or not self._is_usual(now_ns):
             return None
         start, end = self._start, self._end
@@ -165,6 +167,9 @@ class WriteWay(Way):
 
     def left(self, exchange: Exchange) -> None:
         """See ``Way``. A stream does not wait for its record, which is good for one setpoint either way."""
+        assert exchange.port is not None
+        self._hold.writer = exchange.port.writer
+        self._hold.last_ns = exchange.sent_ns
         if self._axis.compensation.is_stream:
             self._remember(exchange)
 

@@ -77,6 +77,7 @@ def axis_status(axis: AxisExchange, now_ns: int) -> dict[str, Any]:
         "corrected_setpoint": units(None if accepted is None else accepted.corrected_counts),
         "nominal_actual": units(None if actual is None else axis.nominal_of(actual.counts)),
         "corrected_actual": units(None if actual is None else actual.counts),
+        "writer": axis.hold.writer if axis.hold.is_held(now_ns) else None,
         "table": _table_status(axis),
     }
 

@@ -5,6 +5,7 @@ from ipaddress import IPv4Network, IPv6Network
 
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,6 +15,7 @@ class ControllerLink:
     plan: ControllerPlan
     endpoint: TcpEndpoint | SerialEndpoint
     allow: tuple[IPv4Network | IPv6Network, ...] = ()
+    limits: ConnectionLimits = DEFAULT_LIMITS
 
 
 @dataclass(frozen=True, slots=True)

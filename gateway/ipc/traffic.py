@@ -8,7 +8,9 @@ from typing import Final
 
 import msgspec
 
-FORMAT: Final = 1
+FORMAT: Final = 2
+WITHOUT_PEERS: Final = 1
+"""Format of recordings that do not tell hosts apart: they were made before an axis had one writer."""
 
 
 class WrongEntryError(Exception):
@@ -49,6 +51,8 @@ class Request(_Input, frozen=True, tag="request"):
     transaction: int
     unit: int
     pdu: str
+    peer: str = ""
+    """Host of the controller; empty on a serial port."""
 
 
 class Gone(_Input, frozen=True, tag="gone"):

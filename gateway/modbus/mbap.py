@@ -79,6 +79,11 @@ class MbapDecoder:
                 return [(transaction_id, unit_id, data[HEADER_SIZE:])]
         return self._split(data)
 
+    @property
+    def is_between_frames(self) -> bool:
+        """Whether everything that came was whole."""
+        return not self._buffer
+
     def reset(self) -> None:
         """Forget the beginning of a frame: the connection is a new one, or its sender has given up."""
         self.counters.dropped_bytes += len(self._buffer)

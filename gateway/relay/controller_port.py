@@ -7,8 +7,9 @@ of the loop between the last byte of a request and the write towards the drive.
 import time
 from collections.abc import Callable
 
+from gateway.exchange.gate import UNSEEN, Gate
 from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import Stamps
+from gateway.exchange.ports import Stamps, writer_name
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
@@ -36,10 +37,19 @@ class MbapControllerPort:
         self._patience_ns = int(plan.timeout_ms * NS_PER_MS)
         self._received_ns = 0
         self.stamps = Stamps()
+        self.peer = ""
+        self.writer = plan.name
+        self.gate: Gate | None = UNSEEN
+        self.asked_ns = 0
+        """When its last whole request came; 0: never."""
+        self.unfinished_ns = 0
+        """Since when a request is not whole; 0: none is."""
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
         self._channel = channel
+        self.peer = host_of(channel.peer)
+        self.writer = writer_name(self.plan.name, self.peer)
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``. Garbage costs what came with it; the next good frame is answered.
@@ -50,8 +60,13 @@ class MbapControllerPort:
             self._decoder.reset()
         self._received_ns = now_ns
         bad_headers = self._decoder.counters.bad_headers
-        for transaction_id, unit_id, pdu in self._decoder.feed(data):
+        requests = self._decoder.feed(data)
+        for transaction_id, unit_id, pdu in requests:
             self._exchange.request(self, transaction_id, unit_id, pdu, now_ns)
+        if requests:
+            self.asked_ns = now_ns
+            self.unfinished_ns = 0
+        self.unfinished_ns = 0 if self._decoder.is_between_frames else self.unfinished_ns or now_ns
         if self._decoder.counters.bad_headers != bad_headers and self._channel is not None:
             self._on_malformed(self._channel.peer)
 
@@ -84,6 +99,13 @@ class RtuControllerPort:
         self._timer: Timer | None = None
         self._sender: PacedSender | None = None
         self.stamps = Stamps()
+        self.peer = ""
+        self.writer = plan.name
+        self.gate: Gate | None = UNSEEN
+        self.asked_ns = 0
+        """When its last whole request came; 0: never."""
+        self.unfinished_ns = 0
+        """Always 0: silence ends what is not whole."""
 
     async def drained(self) -> None:
         """Wait until no reply waits for its silence any more."""
@@ -93,6 +115,8 @@ class RtuControllerPort:
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
         self._decoder.reset()
+        self.peer = host_of(channel.peer)
+        self.writer = writer_name(self.plan.name, self.peer)
         self._timer = Timer(self._silent)
         self._sender = PacedSender(0, self._gap_ns)
         self.stamps = self._sender.stamps
@@ -134,3 +158,14 @@ class RtuControllerPort:
     def _pass_on(self, requests: list[tuple[int, bytes]], now_ns: int) -> None:
         for unit_id, pdu in requests:
             self._exchange.request(self, 0, unit_id, pdu, now_ns)
+        if requests:
+            self.asked_ns = now_ns
+
+
+def host_of(peer: str) -> str:
+    """Return the host of a peer's address; empty for a serial port.
+
+    >>> host_of("192.168.0.7:40001"), host_of("[fd00::7]:40001"), host_of("/dev/ttyUSB0")
+    ('192.168.0.7', 'fd00::7', '')
+    """
+    return "" if peer.startswith("/") else peer.rpartition(":")[0].strip("[]")

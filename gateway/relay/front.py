@@ -4,7 +4,12 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.catalogue.entry import EventEntry
-from gateway.catalogue.line_events import CONNECTION_MALFORMED, PORT_NOT_OPEN, SERIAL_LATENCY
+from gateway.catalogue.line_events import (
+    CONNECTION_CLOSED,
+    CONNECTION_MALFORMED,
+    PORT_NOT_OPEN,
+    SERIAL_LATENCY,
+)
 from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
@@ -12,6 +17,7 @@ from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
 from gateway.relay.refusals import Refusals
 from gateway.relay.timed import TimedExchange
+from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.framing import frame_silence_ns, request_decoder
@@ -20,6 +26,10 @@ from gateway.transport.tcp import TcpListener
 
 NOTED_PEERS: Final = 256
 """So many peers are named once each for what they sent; all are counted."""
+
+
+HALF_FRAME_GRACE_NS: Final = 2 * NS_PER_S
+"""A request that is not whole for so long after its controller has given up on it ends the connection."""
 
 
 class TcpFront:
@@ -40,7 +50,16 @@ class TcpFront:
         self._counters = MbapCounters()
         self._noted_peers: set[str] = set()
         self._refusals = Refusals(self._note)
-        self._listener = TcpListener(endpoint, link.allow, self._port, self._refusals.add)
+        self._closings = Refusals(self._note, event=CONNECTION_CLOSED)
+        self._listener = TcpListener(
+            endpoint,
+            link.allow,
+            self._port,
+            self._refusals.add,
+            limits=link.limits,
+            patience_ns=int(link.plan.timeout_ms * NS_PER_MS) + HALF_FRAME_GRACE_NS,
+            on_closed=self._closings.add,
+        )
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:

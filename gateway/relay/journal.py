@@ -36,7 +36,7 @@ class Journal:
     def exchange_event(self, line: str, event: Event) -> None:
         """Append an event of a line's exchange."""
         axis = {"axis": event.axis} if event.axis else {}
-        self.note(ENTRIES[event.kind], line=line, **axis, detail=event.detail)
+        self.note(ENTRIES[event.kind], line=line, **axis, **dict(event.more), detail=event.detail)
 
     def record_not_used(self, line: str, axis: str, detail: str) -> None:
         """Append that the record of an axis does not count, or is not kept."""

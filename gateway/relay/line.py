@@ -170,7 +170,12 @@ class Line:
                 "latency": self._drives.latency,
             },
             "controllers": [
-                {**front.status(), **self._latency.controller(front.plan.name)} for front in self._fronts
+                {
+                    **front.status(),
+                    "refused": self._exchange.counters.refused_by.get(front.plan.name, 0),
+                    **self._latency.controller(front.plan.name),
+                }
+                for front in self._fronts
             ],
         }
 

@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 from gateway.compensation.settings import Gain
 from gateway.exchange.control import Limits, TableChange
+from gateway.exchange.gate import UNSEEN, Gate
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, DriveLink, Stamps
@@ -53,6 +54,9 @@ class _RecordedPort:
 
     def __init__(self, port: ControllerPort, number: int, line: str, recorder: Recorder) -> None:
         self.plan: ControllerPlan = port.plan
+        self.peer = port.peer
+        self.writer = port.writer
+        self.gate: Gate | None = UNSEEN
         self.number = number
         self._port = port
         self._line = line
@@ -86,7 +90,14 @@ class RecordedExchange(TimedExchange):
         recorded = self._port(port)
         self._recorder.put(
             traffic.Request(
-                self._line, now_ns, recorded.number, port.plan.name, transaction_id, unit_id, pdu.hex()
+                self._line,
+                now_ns,
+                recorded.number,
+                port.plan.name,
+                transaction_id,
+                unit_id,
+                pdu.hex(),
+                port.peer,
             )
         )
         super().request(recorded, transaction_id, unit_id, pdu, now_ns)

@@ -6,6 +6,7 @@ from typing import Final
 
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.line_events import CONNECTION_REFUSED
+from gateway.transport.places import Closing
 from gateway.transport.tcp import Refusal
 
 EVERY_S: Final = 60.0
@@ -15,18 +16,29 @@ HOSTS: Final = 256
 OTHERS: Final = "further hosts"
 
 
+Why = Refusal | Closing
+
+
 class Refusals:
-    """Notes the first refusal of a host for a reason, and then one a minute with how many there were."""
+    """Notes the first refusal of a host for a reason, and then one a minute with how many there were.
+
+    ``event``: what such a note is called; connections that were closed later are told of in the same way.
+    """
 
     def __init__(
-        self, note: Callable[[EventEntry, str], None], clock_s: Callable[[], float] = time.monotonic
+        self,
+        note: Callable[[EventEntry, str], None],
+        clock_s: Callable[[], float] = time.monotonic,
+        *,
+        event: EventEntry = CONNECTION_REFUSED,
     ) -> None:
         self._note = note
+        self._event = event
         self._clock_s = clock_s
-        self._noted_s: dict[tuple[str, Refusal], float] = {}
-        self._counts: dict[tuple[str, Refusal], int] = {}
+        self._noted_s: dict[tuple[str, Why], float] = {}
+        self._counts: dict[tuple[str, Why], int] = {}
 
-    def add(self, host: str, why: Refusal) -> None:
+    def add(self, host: str, why: Why) -> None:
         """Count a refusal, and note it where one is due."""
         if (host, why) not in self._counts and len(self._counts) >= HOSTS:
             host = OTHERS
@@ -38,4 +50,4 @@ class Refusals:
         self._noted_s[key] = now_s
         times = f", {self._counts[key]} times since the last note" if self._counts[key] > 1 else ""
         self._counts[key] = 0
-        self._note(CONNECTION_REFUSED, f"{host}: {why.value}{times}")
+        self._note(self._event, f"{host}: {why.value}{times}")

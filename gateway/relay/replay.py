@@ -11,7 +11,7 @@ from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import Unmeasured
+from gateway.exchange.ports import Unmeasured, writer_name
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import WrongTableError, checked
 from gateway.ipc.plan import GatewayPlan, LinePlan
@@ -56,8 +56,10 @@ class ReplayResult:
 class _Port(Unmeasured):
     """A controller's connection; its replies are outputs."""
 
-    def __init__(self, plan: ControllerPlan, number: int, line: "_Line") -> None:
+    def __init__(self, plan: ControllerPlan, peer: str, number: int, line: "_Line") -> None:
         self.plan = plan
+        self.peer = peer
+        self.writer = writer_name(plan.name, peer)
         self._number = number
         self._line = line
 
@@ -162,7 +164,7 @@ class _Line(Unmeasured):
                     f"line {self.plan.name} has no controller {entry.controller}, which the recording has: "
                     f"there are {', '.join(self._controllers)}; replay it with a configuration that names it"
                 )
-            port = self._ports[entry.port] = _Port(plan, entry.port, self)
+            port = self._ports[entry.port] = _Port(plan, entry.peer, entry.port, self)
         return port
 
 

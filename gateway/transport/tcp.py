@@ -18,12 +18,12 @@ from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.keeper import Keeper
+from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits, ConnectRate
+from gateway.transport.places import SWEEP_S, Asking, Closing, Places
 
 RECEIVE_BYTES: Final = 4096
 """More than fifteen of the largest Modbus/TCP frames (260 bytes)."""
 CONNECT_TIMEOUT_S: Final = 3.0
-MAX_CONNECTIONS: Final = 64
-"""Per listener. A monitor that opens connections and never closes them must not eat all descriptors."""
 KEEPALIVE_IDLE_S: Final = 10
 KEEPALIVE_INTERVAL_S: Final = 3
 KEEPALIVE_COUNT: Final = 3
@@ -102,10 +102,14 @@ class _AcceptedChannel(TcpChannel):
         super().__init__(receiver)
         self._listener = listener
         self._admitted = False
+        self.host = ""
+        self.opened_ns = time.monotonic_ns()
+        self.asking = receiver if isinstance(receiver, Asking) else None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         peername = transport.get_extra_info("peername")
-        self._admitted = self._listener.admit(self, peername[0] if peername else "")
+        self.host = peername[0] if peername else ""
+        self._admitted = self._listener.admit(self)
         if self._admitted:
             super().connection_made(transport)
         else:
@@ -121,14 +125,16 @@ class Refusal(Enum):
     """Why a connection was not let in."""
 
     NOT_ALLOWED = "not in `allow`"
-    TOO_MANY = f"too many connections: {MAX_CONNECTIONS} at once"
+    TOO_MANY = "too many connections at once (max_connections)"
+    TOO_FAST = "too many connections in a second (connects_per_s)"
 
 
 class TcpListener:
     """Accepts connections; each one gets a receiver of its own.
 
-    ``allow`` names the networks whose addresses are let in (empty: all), :data:`MAX_CONNECTIONS` how many at
-    once; others are closed at once, counted in ``refused`` and told to ``on_refused``, with the reason.
+    ``allow`` names the networks whose addresses are let in (empty: all), ``limits`` how many at once and in a
+    second; others are closed at once, counted in ``refused`` and told to ``on_refused``, with the reason.
+    ``patience_ns`` and ``on_closed`` are as in :class:`Places`.
     """
 
     def __init__(
@@ -137,7 +143,14 @@ class TcpListener:
         allow: Iterable[IPv4Network | IPv6Network],
         make_receiver: Callable[[], Receiver],
         on_refused: Callable[[str, Refusal], None],
+        *,
+        limits: ConnectionLimits = DEFAULT_LIMITS,
+        patience_ns: int = 0,
+        on_closed: Callable[[str, Closing], None] = lambda _host, _why: None,
     ) -> None:
+        self._rate = ConnectRate(limits)
+        self._places = Places(limits, patience_ns, on_closed)
+        self._sweeping: asyncio.TimerHandle | None = None
         self._endpoint = endpoint
         self._allow = tuple(allow)
         self._make_receiver = make_receiver
@@ -178,6 +191,8 @@ class TcpListener:
 
     def stop_accepting(self) -> None:
         """Take no more connections; those that are open stay."""
+        if self._sweeping is not None:
+            self._sweeping.cancel()
         if self._server is not None:
             self._server.close()
 
@@ -194,19 +209,34 @@ class TcpListener:
         if self._server is not None:
             await self._server.wait_closed()
 
-    def admit(self, channel: TcpChannel, host: str) -> bool:
-        """Whether a new connection from ``host`` is let in."""
+    def admit(self, channel: _AcceptedChannel) -> bool:
+        """Whether a new connection is let in."""
         # Who may not connect at all learns nothing about how many do.
-        if not self._is_allowed(host):
-            return self._refuse(host, Refusal.NOT_ALLOWED)
-        if len(self._channels) >= MAX_CONNECTIONS:
-            return self._refuse(host, Refusal.TOO_MANY)
+        if not self._is_allowed(channel.host):
+            return self._refuse(channel.host, Refusal.NOT_ALLOWED)
+        if not self._places.has_room_for(channel.host, channel.opened_ns):
+            return self._refuse(channel.host, Refusal.TOO_MANY)
+        if not self._rate.takes(channel.host, channel.opened_ns):
+            return self._refuse(channel.host, Refusal.TOO_FAST)
+        self._places.take(channel, channel.opened_ns)
         self._channels.add(channel)
+        if self._sweeping is None:
+            self._sweep_later()
         return True
 
-    def forget(self, channel: TcpChannel) -> None:
+    def forget(self, channel: _AcceptedChannel) -> None:
         """Note that a connection is gone."""
         self._channels.discard(channel)
+        self._places.leave(channel)
+
+    def _sweep_later(self) -> None:
+        self._sweeping = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
+
+    def _sweep(self) -> None:
+        self._sweeping = None
+        self._places.sweep(time.monotonic_ns())
+        if not self._places.is_empty:
+            self._sweep_later()
 
     def _refuse(self, host: str, why: Refusal) -> bool:
         self.refused += 1

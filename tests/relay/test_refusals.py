@@ -27,10 +27,8 @@ def test_a_flood_from_one_host_is_one_note_a_minute_with_its_count() -> None:
     notes.now_s += 0.1
     notes.refusals.add("10.0.0.1", Refusal.TOO_MANY)
     # The first was noted at once; then 999 + 1 + 1.
-    assert notes.details == [
-        "connection-refused 10.0.0.1: too many connections: 64 at once",
-        "connection-refused 10.0.0.1: too many connections: 64 at once, 1001 times since the last note",
-    ]
+    sentence = "connection-refused 10.0.0.1: too many connections at once (max_connections)"
+    assert notes.details == [sentence, f"{sentence}, 1001 times since the last note"]
 
 
 def test_each_host_and_each_reason_is_noted() -> None:

@@ -10,7 +10,8 @@ import pytest
 
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import RefusedError
-from gateway.transport.tcp import MAX_CONNECTIONS, Refusal, TcpChannel, TcpConnector, TcpListener
+from gateway.transport.limits import MAX_CONNECTIONS
+from gateway.transport.tcp import Refusal, TcpChannel, TcpConnector, TcpListener
 
 if TYPE_CHECKING:
     from tests.transport.conftest import Eventually, Recorder
@@ -110,7 +111,7 @@ async def test_connections_are_limited(make_recorder: "type[Recorder]", eventual
     reader, extra = await connect(listener.addresses[0])
     await eventually(lambda: bool(refused))
     assert refused == [("127.0.0.1", Refusal.TOO_MANY)]
-    assert Refusal.TOO_MANY.value == "too many connections: 64 at once"
+    assert Refusal.TOO_MANY.value == "too many connections at once (max_connections)"
     assert listener.refused == 1
     assert len(listener.peers) == MAX_CONNECTIONS
     for writer in [*writers, extra]:

@@ -124,6 +124,22 @@ AXIS: Final[Texts] = {
     "added_frames": Said(
         meaning="`never`: the gateway sends no frame of its own, and what needs one is refused",
     ),
+    "writers": Said(
+        meaning=(
+            "`one`: whoever moves the axis holds it, and what would move it from another controller or host "
+            "gets "
+            "exception 6 (event `second-writer`). Stops always pass. `any`: all may move it at any time, "
+            "and answer "
+            "for what comes of it"
+        ),
+    ),
+    "writer_hold_s": Said(
+        meaning=(
+            "so long after its last frame that moves the axis its writer still holds it; it lets go at once "
+            "when its "
+            "last connection closes"
+        ),
+    ),
     "budget_us": Said(
         meaning=(
             "what the gateway itself may take for one exchange of this axis: from the last byte in to "

@@ -91,6 +91,46 @@ CONTROLLERS: Final[Texts] = {
             "`monitor` may only read. What a role may not do is answered with exception 1"
         ),
     ),
+    "read_only": Said(more="No stop either"),
+    "unit_ids": Said(
+        meaning=(
+            "unit ids that it may speak to. On a serial line a broadcast (0) reaches every drive: it takes "
+            "0 and the "
+            "unit ids of all axes of the line"
+        ),
+        default="all",
+    ),
+    "function_codes": Said(meaning="function codes that it may use", default="all"),
+    "readable": Said(
+        meaning=(
+            'addresses that it may read, as in `[0x0520, "0x0606-0x0607"]`; a request has to stay inside '
+            "one of them. "
+            "Registers, coils and inputs alike"
+        ),
+        kind="list of addresses",
+        default="all",
+    ),
+    "writable": Said(
+        meaning="addresses that it may write; in the same way", kind="list of addresses", default="all"
+    ),
+    "requests_per_s": Said(
+        meaning=(
+            "requests in a second over all its connections, in the mean; after a pause as many at once as "
+            "in one second"
+        ),
+        default="no limit",
+    ),
+    "max_connections": Said(more="Only with `tcp`"),
+    "connects_per_s": Said(
+        meaning=(
+            "connections that one host may open in a second, in the mean; after a pause as many at once as "
+            "`max_connections`. Only with `tcp`"
+        ),
+    ),
+    "idle_timeout_s": Said(
+        meaning="a connection that sent no whole request for so long is closed. Only with `tcp`",
+        default="never",
+    ),
     "allow": Said(
         meaning=(
             'who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; with `[]` whoever reaches the '

@@ -1,0 +1,38 @@
+"""Who moves an axis: one writer at a time, until it has gone or has been quiet for long enough."""
+
+from typing import Final
+
+from gateway.times import NS_PER_S
+
+NEVER_NS: Final = -(10**18)
+"""Long before every time there is."""
+
+
+class Hold:
+    """The hold on one axis. A *writer* is a controller and the host that it connects from.
+
+    Whoever held it last stays its writer until another one takes it over: what the drive holds is from there.
+    """
+
+    __slots__ = ("_hold_ns", "is_shared", "last_ns", "writer")
+
+    def __init__(self, hold_s: float, *, is_shared: bool) -> None:
+        self._hold_ns = int(hold_s * NS_PER_S)
+        self.is_shared = is_shared
+        """Everybody may move it at any time."""
+        self.writer = ""
+        """Who moved it last; empty: nobody has."""
+        self.last_ns = NEVER_NS
+        """When its writer moved it last."""
+
+    def is_held(self, now_ns: int) -> bool:
+        """Whether its writer still holds it."""
+        return bool(self.writer) and now_ns - self.last_ns <= self._hold_ns
+
+    def is_barred(self, writer: str, now_ns: int) -> bool:
+        """Whether another writer holds it."""
+        return not self.is_shared and writer != self.writer and self.is_held(now_ns)
+
+    def release(self) -> None:
+        """Its writer has gone."""
+        self.last_ns = NEVER_NS

@@ -1,0 +1,38 @@
+"""What is told seldom: the first of a kind, and then one a minute with how many there were."""
+
+from typing import Final
+
+from gateway.times import NS_PER_S
+
+EVERY_NS: Final = 60 * NS_PER_S
+"""Whoever is refused tries again at once, for ever."""
+KINDS: Final = 256
+"""So many kinds are told apart, all others together: what somebody sends must not fill the memory."""
+
+
+class Seldom:
+    """Counts what happens, by kind."""
+
+    def __init__(self) -> None:
+        self._told_ns: dict[tuple[str, str], int] = {}
+        self._counts: dict[tuple[str, str], int] = {}
+
+    def due(self, kind: tuple[str, str], now_ns: int) -> int:
+        """Count one; return how many there were since this was due the last time, 0 where it is not due."""
+        if kind not in self._counts and len(self._counts) >= KINDS:
+            kind = ("", "")
+        count = self._counts[kind] = self._counts.get(kind, 0) + 1
+        if kind in self._told_ns and now_ns - self._told_ns[kind] < EVERY_NS:
+            return 0
+        self._told_ns[kind] = now_ns
+        self._counts[kind] = 0
+        return count
+
+
+def times(count: int) -> str:
+    """Return what stands behind the sentence about the last one of several; empty for one.
+
+    >>> times(1), times(12)
+    ('', ', 12 times since the last note')
+    """
+    return f", {count} times since the last note" if count > 1 else ""

@@ -1,0 +1,216 @@
+"""One writer at a time for each axis: whoever moves it holds it, and another one is refused (W9).
+
+What such a frame would have changed is lost to whoever sent it, and to nobody else: the axis of the one who
+holds it goes on. It comes to count when its sender takes the axis over (M3).
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from gateway.drives.motion import Action
+from gateway.exchange.access import MONITOR_FUNCTIONS, coils_written
+from gateway.exchange.axis import AxisExchange
+from gateway.exchange.dispatch import Units, access_of
+from gateway.exchange.events import Event, EventKind
+from gateway.exchange.life import Exchange
+from gateway.exchange.losses import Unsent, lose_of_axis, note_unsent
+from gateway.exchange.meaning import Meaning, meanings
+from gateway.exchange.ports import ControllerPort
+from gateway.exchange.seldom import Seldom, times
+from gateway.exchange.unit import NO_HITS, UnitMap
+from gateway.modbus.pdu import ExceptionCode
+
+LOST_BY_WRITER: Final = 32
+"""Requests of one writer to one axis that are remembered as lost; of more, everything of the axis is lost."""
+KEPT: Final = 256
+"""For so many axes and writers something is remembered; what came first is forgotten for the next."""
+
+_BUSY: Final = ExceptionCode.SERVER_DEVICE_BUSY
+_HEAD_BYTES: Final = 5
+
+
+class Writers:
+    """Who moves which axis of one line."""
+
+    def __init__(self, axes: Sequence[AxisExchange], units: Units, on_event: Callable[[Event], None]) -> None:
+        self._axes = axes
+        self._units = units
+        self._on_event = on_event
+        self._connections: dict[str, int] = {}
+        self._lost: dict[tuple[str, str], dict[tuple[int, bytes], Unsent]] = {}
+        """By axis and writer; the newest of each head."""
+        self._told = Seldom()
+
+    def came(self, port: ControllerPort) -> None:
+        """Note a connection that asks for something the first time."""
+        self._connections[port.writer] = self._connections.get(port.writer, 0) + 1
+
+    def gone(self, port: ControllerPort) -> None:
+        """Note that such a connection is gone: with the last one its writer lets go of every axis."""
+        left = self._connections.pop(port.writer, 1) - 1
+        if left > 0:
+            self._connections[port.writer] = left
+            return
+        for axis in self._axes:
+            if axis.hold.writer == port.writer:
+                axis.hold.release()
+
+    def may_move(self, exchange: Exchange, now_ns: int) -> bool:
+        """Return whether a request may go on as far as other writers are concerned; it takes its axes over.
+
+        Stops always may, and take nothing over (M3).
+        """
+        port = exchange.port
+        assert port is not None
+        writer = port.writer
+        for axis in self._units.axes_of(exchange.unit_id):
+            if axis.hold.writer != writer:
+                return self._may_take(exchange, port, now_ns)
+        return True
+
+    def moved(self, exchange: Exchange, now_ns: int) -> None:
+        """Note that a request has left: its writer goes on to hold what it moves."""
+        port = exchange.port
+        if port is None or exchange.pdu[0] in MONITOR_FUNCTIONS:
+            return
+        writer = port.writer
+        for unit in self._units.reached(exchange.unit_id):
+            for axis in _touched(unit, exchange.pdu):
+                if axis.hold.writer == writer:
+                    axis.hold.last_ns = now_ns
+
+    def lose(self, exchange: Exchange, code: int) -> None:
+        """Note that a request never reached the drive: at once for its own axes, else for later."""
+        port = exchange.port
+        assert port is not None
+        writer = port.writer
+        axes = self._units.axes_of(exchange.unit_id)
+        if all(axis.hold.is_shared or axis.hold.writer in ("", writer) for axis in axes):
+            note_unsent(self._units, exchange, code)
+            return
+        unsent = Unsent(exchange.unit_id, exchange.pdu, exchange.arrived_ns)
+        for unit in self._units.reached(exchange.unit_id):
+            for axis in _touched(unit, exchange.pdu):
+                if axis.hold.is_shared or axis.hold.writer in ("", writer):
+                    lose_of_axis(self._units, axis, unsent, code)
+                else:
+                    self._keep((axis.plan.name, writer), unsent)
+
+    def _keep(self, whose: tuple[str, str], unsent: Unsent) -> None:
+        lost = self._lost.get(whose)
+        if lost is None:
+            if len(self._lost) >= KEPT:
+                del self._lost[next(iter(self._lost))]
+            lost = self._lost[whose] = {}
+        if len(lost) <= LOST_BY_WRITER:  # one more says that there were too many
+            lost[unsent.unit_id, unsent.pdu[:_HEAD_BYTES]] = unsent
+
+    def _may_take(self, exchange: Exchange, port: ControllerPort, now_ns: int) -> bool:
+        """Judge a request to axes that another one moved last, or nobody."""
+        if exchange.pdu[0] in MONITOR_FUNCTIONS:
+            return True
+        wanted = self._wanted(exchange)
+        for axis, meaning in wanted:
+            for member in (axis, *axis.peers):
+                hold = member.hold
+                if hold.is_barred(port.writer, now_ns):
+                    self._refuse(exchange, port, member, f"{hold.writer} moves it", now_ns)
+                    return False
+            if _runs_of_another(axis, meaning, port.writer):
+                why = f"it would run what {axis.hold.writer} wrote: write the whole target again"
+                self._refuse(exchange, port, axis, why, now_ns)
+                return False
+        for axis, _ in wanted:
+            for member in (axis, *axis.peers):
+                self._take_over(member, port.writer, now_ns)
+        return True
+
+    def _wanted(self, exchange: Exchange) -> list[tuple[AxisExchange, Meaning | None]]:
+        """Return the axes that a request would move or prepare to move; not those that it stops."""
+        pdu = exchange.pdu
+        wanted: list[tuple[AxisExchange, Meaning | None]] = []
+        for unit in self._units.reached(exchange.unit_id):
+            found = meanings(unit, pdu, access_of(pdu)) if unit.has_rules else []
+            for axis in _touched(unit, pdu):
+                meaning = next((each for each in found if each.axis is axis), None)
+                if meaning is None or not meaning.is_stop:
+                    wanted.append((axis, meaning))
+        return wanted
+
+    def _refuse(
+        self, exchange: Exchange, port: ControllerPort, axis: AxisExchange, why: str, now_ns: int
+    ) -> None:
+        self.lose(exchange, _BUSY)
+        count = self._told.due((axis.plan.name, port.writer), now_ns)
+        if count:
+            more = (
+                ("holder", axis.hold.writer),
+                ("controller", port.plan.name),
+                ("peer", port.peer),
+                ("function_code", exchange.pdu[0]),
+                ("unit_id", exchange.unit_id),
+            )
+            detail = f"{port.writer} was refused: {why}{times(count)}"
+            self._on_event(Event(EventKind.SECOND_WRITER, axis.plan.name, detail, more))
+
+    def _take_over(self, axis: AxisExchange, writer: str, now_ns: int) -> None:
+        hold = axis.hold
+        if hold.writer != writer:
+            if hold.writer and not hold.is_shared:
+                _forget_targets(axis, hold.writer)
+            hold.writer = writer
+            self._apply_lost(axis, writer)
+        hold.last_ns = now_ns
+
+    def _apply_lost(self, axis: AxisExchange, writer: str) -> None:
+        """What was refused to a writer while another one held the axis counts from now on."""
+        lost = self._lost.pop((axis.plan.name, writer), {})
+        if len(lost) > LOST_BY_WRITER:
+            _lose_everything(axis)
+            return
+        for unsent in lost.values():
+            lose_of_axis(self._units, axis, unsent, _BUSY)
+
+
+def _touched(unit: UnitMap, pdu: bytes) -> tuple[AxisExchange, ...]:
+    """Return the axes whose registers a request writes that have to do with their motion."""
+    access = access_of(pdu)
+    hits = unit.written(access.write_address, access.write_quantity) if access else NO_HITS
+    coils = coils_written(pdu)
+    if not (hits.fields or hits.rules or coils):
+        return ()
+    return tuple(
+        axis
+        for axis in unit.axes
+        if any(hit.place.axis is axis for hit in hits.fields)
+        or any(hit.axis is axis for hit in hits.rules)
+        or any(trigger.is_coil and trigger.address in coils for trigger in axis.plan.motion.triggers)
+    )
+
+
+def _runs_of_another(axis: AxisExchange, meaning: Meaning | None, writer: str) -> bool:
+    """Whether a request runs a target that another one may have written."""
+    hold = axis.hold
+    if meaning is None or hold.is_shared or hold.writer in ("", writer):
+        return False
+    return meaning.runs_alone or (meaning.action is Action.UNKNOWN and not meaning.commands)
+
+
+def _forget_targets(axis: AxisExchange, former: str) -> None:
+    """What the former one wrote is no part of what the next one means: it writes whole targets (M3)."""
+    for shadow in axis.shadows:
+        shadow.tear()
+    motion = axis.motion
+    if motion.plan.waits_for_trigger and motion.staged is not None and motion.block(_BUSY):
+        detail = f"it was taken over from {former}: triggers are refused until a complete target was accepted"
+        axis.tell(EventKind.AXIS_BLOCKED, detail)
+
+
+def _lose_everything(axis: AxisExchange) -> None:
+    for shadow in axis.shadows:
+        shadow.tear()
+    for mode in axis.motion.plan.modes:
+        if mode is not None:
+            axis.motion.lose_mode(mode.address, _BUSY)
+    if axis.motion.plan.waits_for_trigger:
+        axis.motion.block(_BUSY)

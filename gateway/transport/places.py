@@ -1,0 +1,155 @@
+"""The places of a listener: who has one, who has to make room, and who has kept his for nothing.
+
+Whoever holds connections and asks for nothing must not lock out a controller for ever. When all places are
+taken, a newcomer gets the place of the connection that has been quiet longest, of the host that has most of
+them. A host that has them all makes room for others at once; among its own, and among hosts that have as many
+as each other, only after a while. So the one connection of a motion controller goes last, and never within
+:data:`QUIET_NS` of a request.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from enum import Enum
+from typing import Final, Protocol, runtime_checkable
+
+from gateway.times import NS_PER_S
+from gateway.transport.limits import ConnectionLimits
+
+QUIET_NS: Final = 30 * NS_PER_S
+"""A connection makes room after so long without a request."""
+NEVER_ASKED_NS: Final = 5 * NS_PER_S
+"""One that never asked for anything makes room sooner."""
+QUIET_OF_MANY_NS: Final = NS_PER_S
+"""A host that has two connections more than the newcomer makes room after so long without a request."""
+LOOK_EVERY_NS: Final = NS_PER_S // 10
+"""How often it is looked for somebody who makes room for one host: a flood must not keep the loop busy."""
+SWEEP_S: Final = 1.0
+"""How often connections are looked at that have to end."""
+
+
+class Closing(Enum):
+    """Why a connection was closed."""
+
+    IDLE = "it asked for nothing (idle_timeout_s)"
+    HALF_FRAME = "it did not finish a request"
+    MADE_ROOM = "it was quiet, and all places were taken: it made room for another one (max_connections)"
+
+
+@runtime_checkable
+class Asking(Protocol):
+    """What is known of a connection by whoever takes its bytes."""
+
+    asked_ns: int
+    """When its last whole request came; 0: never."""
+    unfinished_ns: int
+    """Since when a request is not whole; 0: none is."""
+
+
+class Guest(Protocol):
+    """An accepted connection."""
+
+    host: str
+    opened_ns: int
+
+    @property
+    def asking(self) -> Asking | None:
+        """What is known of it; None: nothing, and it may stay."""
+        ...
+
+    def abort(self) -> None:
+        """Close it at once."""
+        ...
+
+
+class Places:
+    """The connections of one listener.
+
+    ``patience_ns``: a request that is not whole after so long ends its connection; 0: never.
+    """
+
+    def __init__(
+        self, limits: ConnectionLimits, patience_ns: int, on_closed: Callable[[str, Closing], None]
+    ) -> None:
+        self._max = limits.max_connections
+        self._idle_ns = int(limits.idle_timeout_s * NS_PER_S)
+        self._patience_ns = patience_ns
+        self._on_closed = on_closed
+        self._guests: list[Guest] = []
+        self._refused = ("", 0)
+        """The newest newcomer for whom nobody made room, and when."""
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nobody has one."""
+        return not self._guests
+
+    def has_room_for(self, host: str, now_ns: int) -> bool:
+        """Whether there is a place for a newcomer, perhaps that of another one."""
+        if len(self._guests) < self._max:
+            return True
+        refused_host, refused_ns = self._refused
+        if host == refused_host and now_ns - refused_ns < LOOK_EVERY_NS:
+            return False
+        has_room = self._who_makes_room(host, now_ns) is not None
+        if not has_room:
+            self._refused = host, now_ns
+        return has_room
+
+    def take(self, guest: Guest, now_ns: int) -> None:
+        """Give a newcomer the place that there is for it."""
+        other = self._who_makes_room(guest.host, now_ns) if len(self._guests) >= self._max else None
+        if other is not None:
+            self._close(other, Closing.MADE_ROOM)
+        self._guests.append(guest)
+
+    def leave(self, guest: Guest) -> None:
+        """Note that a connection is gone."""
+        if guest in self._guests:
+            self._guests.remove(guest)
+
+    def sweep(self, now_ns: int) -> None:
+        """Close what has asked for nothing for too long, or never finishes a request."""
+        for guest in tuple(self._guests):
+            asking = guest.asking
+            if asking is None:
+                continue
+            is_late = self._patience_ns and asking.unfinished_ns
+            if is_late and now_ns - asking.unfinished_ns > self._patience_ns:
+                self._close(guest, Closing.HALF_FRAME)
+            elif self._idle_ns and _quiet_ns(guest, asking, now_ns) > self._idle_ns:
+                self._close(guest, Closing.IDLE)
+
+    def _close(self, guest: Guest, why: Closing) -> None:
+        self._guests.remove(guest)
+        self._on_closed(guest.host, why)
+        guest.abort()
+
+    def _who_makes_room(self, host: str, now_ns: int) -> Guest | None:
+        counts = Counter(guest.host for guest in self._guests)
+        most = max(counts.values())
+        is_many = most > counts[host] + 1
+        longest: tuple[int, Guest] | None = None
+        for guest in self._guests:
+            asking = guest.asking
+            # The newcomer's own host makes room itself where it has as many as any.
+            if asking is None or counts[guest.host] < most or (counts[host] == most and guest.host != host):
+                continue
+            quiet_ns = _quiet_ns(guest, asking, now_ns)
+            if quiet_ns < _least_ns(asking, is_many=is_many):
+                continue
+            if not asking.asked_ns:
+                quiet_ns += QUIET_NS  # before those that have asked for something
+            if longest is None or quiet_ns > longest[0]:
+                longest = quiet_ns, guest
+        return None if longest is None else longest[1]
+
+
+def _quiet_ns(guest: Guest, asking: Asking, now_ns: int) -> int:
+    return now_ns - max(guest.opened_ns, asking.asked_ns)
+
+
+def _least_ns(asking: Asking, *, is_many: bool) -> int:
+    """Return for how long a connection has to be quiet before it makes room."""
+    if asking.asked_ns:
+        return QUIET_OF_MANY_NS if is_many else QUIET_NS
+    return 0 if is_many else NEVER_ASKED_NS

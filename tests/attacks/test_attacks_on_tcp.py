@@ -1,0 +1,212 @@
+"""Floods, half frames, lies, scans and a second writer, over plain TCP, from a host of their own."""
+
+import contextlib
+import resource
+import select
+import socket
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gateway.modbus.mbap import encode_mbap
+from tests.attacks.controller import ADDRESS, PATIENCE_S, UNIT_ID
+from tests.attacks.legitimate import Attack, Ground, tried
+from tests.processes.bench import children
+
+ATTACKER, BYSTANDER = "127.0.0.9", "127.0.0.1"
+FLOOD = 500
+PIPELINED = 10_000
+SLOW = 60
+GROWTH_KIB = 4_096
+READ = b"\x03" + ADDRESS.to_bytes(2, "big") + b"\x00\x02"
+WRITE = b"\x10" + ADDRESS.to_bytes(2, "big") + b"\x00\x02\x04" + bytes(4)
+ENDLESS = bytes.fromhex("0001 0000 00fe 01 10 0064 0079 f2")
+"""The beginning of the longest request there is."""
+
+
+def connected(port: int, host: str = ATTACKER) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S, source_address=(host, 0))
+
+
+def received(connection: socket.socket, size: int) -> bytes:
+    found = b""
+    while len(found) < size:
+        piece = connection.recv(size - len(found))
+        assert piece, f"closed after {found.hex()}"
+        found += piece
+    return found
+
+
+def asked(connection: socket.socket, pdu: bytes, unit_id: int = UNIT_ID) -> bytes:
+    """Ask for something; return the PDU of the answer."""
+    connection.sendall(encode_mbap(7, unit_id, pdu))
+    head = received(connection, 7)
+    return received(connection, int.from_bytes(head[4:6], "big") - 1)
+
+
+def with_panel(*keys: str) -> Callable[[Ground, str], str]:
+    """Return what adds a controller ``panel`` beside the one that works."""
+
+    def changed(ground: Ground, text: str) -> str:
+        lines = ["[[line.xyz.controllers]]", 'name = "panel"', f'tcp = "127.0.0.1:{ground.free("panel")}"']
+        return text.replace("[axis.x]", "\n".join([*lines, *keys, "", "[axis.x]"]))
+
+    return changed
+
+
+def flood(ground: Ground) -> str:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 2 * FLOOD)), hard))
+    with contextlib.ExitStack() as stack:
+        connections = []
+        for _ in range(FLOOD):
+            with contextlib.suppress(ConnectionResetError):
+                connections.append(stack.enter_context(connected(ground.port)))
+        # Whoever has a host of his own gets in all the same, and is served.
+        bystander = stack.enter_context(connected(ground.port, BYSTANDER))
+        assert asked(bystander, READ)[:2] == b"\x03\x04"
+        poll = select.poll()
+        for connection in connections:
+            poll.register(connection, select.POLLIN)
+        still_open = len(connections) - len(poll.poll(0))
+    # 64 places: one is the controller's, one the newcomer's.
+    assert still_open <= 62
+    return f"at least {FLOOD - 62} of {FLOOD} closed at once; a newcomer from another host is served"
+
+
+def half_frames(ground: Ground) -> str:
+    began_s = time.monotonic()
+    with contextlib.ExitStack() as stack:
+        left = [stack.enter_context(connected(ground.port)) for _ in range(SLOW)]
+        for connection in left:
+            connection.sendall(ENDLESS)
+        while left:
+            assert time.monotonic() < began_s + 30.0
+            ended, _, _ = select.select(left, (), (), 0.3)
+            for connection in ended:
+                with contextlib.suppress(ConnectionResetError):
+                    assert connection.recv(300) == b""
+                left.remove(connection)
+            for connection in left:
+                with contextlib.suppress(ConnectionError):
+                    connection.sendall(b"\x00")
+    return f"{SLOW} of {SLOW} closed, a byte every 0.3 s notwithstanding"
+
+
+def pipelining(ground: Ground) -> str:
+    assert ground.gateway is not None
+    relay = children(ground.gateway.process)["gateway.relay"]
+    connection = socket.socket()
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    with connection:
+        connection.settimeout(30.0)
+        connection.bind((ATTACKER, 0))
+        connection.connect(("127.0.0.1", ground.free("panel")))
+        before_kib = resident_kib(relay)
+        codes: Counter[int] = Counter()
+        requests = b"".join(encode_mbap(n, UNIT_ID, READ) for n in range(PIPELINED))
+        connection.sendall(requests)
+        grown_kib = resident_kib(relay) - before_kib
+        connection.settimeout(PATIENCE_S)
+        answered: set[int] = set()
+        # What waits for longer than its controller does is withdrawn, and has no reply (W5).
+        with contextlib.suppress(TimeoutError):
+            while len(answered) < PIPELINED:
+                head = received(connection, 7)
+                reply = received(connection, int.from_bytes(head[4:6], "big") - 1)
+                assert reply[:2] == b"\x03\x04" or reply == b"\x83\x06"
+                number = int.from_bytes(head[:2], "big")
+                assert number not in answered
+                answered.add(number)
+                codes[reply[0]] += 1
+        assert asked(connection, READ)[:2] == b"\x03\x04"
+    assert grown_kib < GROWTH_KIB, f"{grown_kib} KiB"
+    assert codes[0x83] > PIPELINED // 2
+    return f"exception 6 to most of {PIPELINED}; less than {GROWTH_KIB // 1024} MiB of memory"
+
+
+def resident_kib(pid: int) -> int:
+    text = Path(f"/proc/{pid}/status").read_text()
+    return int(text.split("VmRSS:")[1].split(maxsplit=1)[0])
+
+
+LIES = [
+    "0001 0000 0000 01 03 0064 0002",
+    "0001 0000 0001 01 03 0064 0002",
+    "0001 0000 00ff 01 03 0064 0002" + "00" * 300,
+    "0001 0000 ffff 01 10 0064 0002 04" + "00" * 4000,
+    "0001 0001 0006 01 03 0064 0002",
+    "ffff ffff ffff ff ff ffff ffff",
+]
+
+
+def lying_lengths(ground: Ground) -> str:
+    for lie in LIES:
+        with connected(ground.port) as connection:
+            connection.sendall(bytes.fromhex(lie))
+            connection.shutdown(socket.SHUT_WR)
+            answer = b""
+            with contextlib.suppress(ConnectionResetError):
+                while piece := connection.recv(300):
+                    answer += piece
+            assert answer == b""
+    return f"{len(LIES)} of {len(LIES)} dropped"
+
+
+def scan(ground: Ground) -> str:
+    with connected(ground.free("panel")) as connection:
+        units = Counter(asked(connection, READ, unit_id)[:2] for unit_id in range(256))
+        functions = Counter(asked(connection, bytes((f,)) + READ[1:])[:2] for f in range(1, 128) if f != 3)
+        addresses = Counter(
+            asked(connection, b"\x03" + address.to_bytes(2, "big") + b"\x00\x02")
+            for address in range(0, 65_000, 1_000)
+        )
+    assert units == {b"\x03\x04": 1, b"\x83\x0a": 255}
+    assert sum(functions.values()) == 126
+    assert {code[1] for code in functions} == {1}
+    assert addresses == {b"\x83\x02": 65}
+    return "255 × exception 0x0A, 126 × 1, 65 × 2; none of it reached a drive"
+
+
+def second_writer(ground: Ground) -> str:
+    with connected(ground.port) as connection:
+        replies = Counter(asked(connection, WRITE) for _ in range(100))
+        assert replies == {b"\x90\x06": 100}
+        assert asked(connection, READ)[:2] == b"\x03\x04"
+    return "100 × exception 6; it may read"
+
+
+def writing_monitor(ground: Ground) -> str:
+    with connected(ground.free("panel")) as connection:
+        replies = Counter(asked(connection, WRITE) for _ in range(100))
+    assert replies == {b"\x90\x01": 100}
+    return "100 × exception 1"
+
+
+ATTACKS = [
+    Attack("connection flood, 500 at once", flood, "connection-refused"),
+    Attack("half frames (slowloris), 60 connections", half_frames, "connection-closed"),
+    Attack(
+        "pipelining flood, 10 000 requests of a monitor that reads no replies",
+        pipelining,
+        "request-refused",
+        with_panel('role = "monitor"'),
+    ),
+    Attack("oversize and lying lengths", lying_lengths, "connection-malformed"),
+    Attack(
+        "scans of unit ids, function codes and addresses",
+        scan,
+        "request-refused",
+        with_panel('role = "monitor"', "unit_ids = [1]", "function_codes = [3]", 'readable = ["100-101"]'),
+    ),
+    Attack("a second writer", second_writer, "second-writer"),
+    Attack("a monitor that writes", writing_monitor, "request-refused", with_panel('role = "monitor"')),
+]
+
+
+@pytest.mark.parametrize("attack", ATTACKS, ids=lambda attack: attack.name)
+def test_an_attack_gets_nothing_and_the_controller_notices_nothing(attack: Attack, tmp_path: Path) -> None:
+    tried(attack, tmp_path).check()

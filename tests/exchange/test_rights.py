@@ -1,0 +1,201 @@
+"""What a controller may ask for: function codes, unit ids, addresses, how often (W9)."""
+
+from dataclasses import replace
+
+import pytest
+
+from gateway.exchange.plan import ControllerPlan, Role
+from gateway.exchange.rights import RegisterSpan, Rights
+from tests.exchange.line_bench import COMMAND, MS, Bench, Port, axis_plan, monitor, write
+from tests.exchange.staged_bench import RUN_PDU, STOP_PDU, StagedBench, staged_plan
+
+POSITION = RegisterSpan(0x0606, 0x0607)
+PLACE = RegisterSpan(0x0520, 0x0521)
+
+
+def panel(rights: Rights, role: Role = Role.MOTION, *, serial: bool = False, peer: str = "10.0.0.2") -> Port:
+    port = Port(ControllerPlan("panel", role, serial=serial, rights=rights))
+    port.peer, port.writer = peer, f"panel ({peer})"
+    return port
+
+
+def asked(bench: Bench, port: Port, pdu: str, unit_id: int = 1) -> str:
+    """Ask as a controller; return the reply, empty for silence."""
+    bench.send(bytes.fromhex(pdu), port, unit_id)
+    bench.serve()
+    return port.take().hex() if port.replies else ""
+
+
+SPANS = Rights(readable=(PLACE, POSITION), writable=(POSITION,))
+READ_PLACE = "03 0520 0002"
+WRITE_POSITION = "10 0606 0002 04 0000 0000"
+CASES = [
+    # rights, request, reply of the gateway itself; empty: it reaches the drive
+    (Rights(function_codes=frozenset({3, 16})), READ_PLACE, ""),
+    (Rights(function_codes=frozenset({3, 16})), WRITE_POSITION, ""),
+    (Rights(function_codes=frozenset({3, 16})), "06 0606 0001", "8601"),
+    (Rights(function_codes=frozenset({3, 16})), "2b 0e 01 00", "ab01"),
+    (Rights(function_codes=frozenset({3, 16})), "64 01", "e401"),
+    (Rights(is_read_only=True), READ_PLACE, ""),
+    (Rights(is_read_only=True), WRITE_POSITION, "9001"),
+    (Rights(is_read_only=True), "17 0520 0002 0606 0001 02 0000", "9701"),
+    (Rights(is_read_only=True), "16 0606 0000 0000", "9601"),
+    (Rights(is_read_only=True), "05 0000 ff00", "8501"),
+    (Rights(is_read_only=True), "0f 0000 0001 01 01", "8f01"),
+    (Rights(is_read_only=True), "08 0001 0000", "8801"),
+    (SPANS, READ_PLACE, ""),
+    (SPANS, "04 0521 0001", ""),
+    (SPANS, "03 051f 0002", "8302"),
+    (SPANS, "03 0521 0002", "8302"),
+    (SPANS, "03 0520 0000", ""),  # the drive's to refuse
+    (SPANS, "03 0522 0000", "8302"),
+    (SPANS, "03 ffff 0002", "8302"),
+    (SPANS, "03 0520 0002 00", "8302"),  # longer than its function code allows: nobody knows what it reads
+    (SPANS, "01 0520 0003", "8102"),
+    (SPANS, WRITE_POSITION, ""),
+    (SPANS, "10 0606 0003 06 0000 0000 0000", "9002"),
+    (SPANS, "10 0606 0002 06 0000 0000 0000", "9002"),  # its counts contradict each other
+    (SPANS, "10 0606 0001 04 0000 0000", "9002"),
+    (SPANS, "06 0605 0000", "8602"),
+    (SPANS, "06 0608 0000", "8602"),
+    (SPANS, "16 0605 0000 0000", "9602"),
+    (SPANS, "05 0608 ff00", "8502"),
+    (SPANS, "0f 0606 0003 01 00", "8f02"),
+    (SPANS, "17 0520 0002 0606 0002 04 0000 0000", ""),
+    (SPANS, "17 0520 0003 0606 0002 04 0000 0000", "9702"),
+    (SPANS, "17 0520 0002 0605 0002 04 0000 0000", "9702"),
+    (SPANS, "07", ""),
+    (SPANS, "2b 0e 01 00", ""),
+    (SPANS, "2b 0d 01 0000 0606 00 00 00 00 02 0000", "ab01"),  # nobody can tell what it touches
+    (SPANS, "08 0001 0000", "8801"),
+    (SPANS, "64 0606", "e401"),
+    (SPANS, "18 0520", "9801"),
+    (replace(SPANS, function_codes=frozenset({0x64, 3})), "64 0606", ""),
+    (Rights(writable=(POSITION,)), "18 0520", ""),
+    (Rights(writable=(POSITION,)), "03 1234 0001", ""),
+    (Rights(readable=(PLACE,)), "06 1234 0001", ""),
+]
+
+
+@pytest.mark.parametrize(("rights", "request_pdu", "refusal"), CASES)
+def test_w9_what_rights_allow_reaches_the_drive_and_nothing_else(
+    rights: Rights, request_pdu: str, refusal: str
+) -> None:
+    bench = Bench(axis_plan())
+    port, seen = panel(rights), len(bench.seen)
+    for _ in range(3):  # a verdict that is remembered is the same
+        bench.wait(5_000)
+        reply = asked(bench, port, request_pdu)
+        assert reply == refusal if refusal else int(reply[:2], 16) & 0x7F == int(request_pdu[:2], 16)
+    assert (len(bench.seen) == seen) is bool(refusal)
+    assert bench.line.counters.refused_by.get("panel", 0) == (3 if refusal else 0)
+    assert bench.line.counters.refused == (3 if refusal else 0)
+    assert bench.kinds().count("request-refused") == (1 if refusal else 0)  # in a minute
+
+
+def test_w9_a_unit_id_that_is_not_allowed_is_absent() -> None:
+    bench = Bench(axis_plan(), axis_plan(name="y", unit_id=2))
+    rights = Rights(unit_ids=frozenset({2}))
+    assert asked(bench, panel(rights), READ_PLACE, 1) == "830a"
+    assert asked(bench, panel(rights), READ_PLACE, 2) == "030400000000"
+    assert asked(bench, panel(rights, serial=True), READ_PLACE, 1) == ""  # as of a drive that is not there
+    assert bench.line.counters.refused == 2
+    [event] = [event for event in bench.events if event.kind.value == "request-refused"]
+    assert dict(event.more) == {
+        "controller": "panel",
+        "peer": "10.0.0.2",
+        "function_code": 3,
+        "unit_id": 1,
+        "key": "unit_ids",
+    }
+    assert event.detail == "panel (10.0.0.2) may not do this: unit id 1 (unit_ids)"
+
+
+@pytest.mark.parametrize(
+    ("unit_ids", "is_sent"), [((1,), False), ((0, 1), False), ((0, 1, 2), True), ((1, 2), False), ((), True)]
+)
+def test_w9_a_broadcast_needs_every_unit_id(unit_ids: tuple[int, ...], *, is_sent: bool) -> None:
+    bench = Bench(axis_plan(), axis_plan(name="y", unit_id=2))
+    port = panel(Rights(unit_ids=frozenset(unit_ids)), serial=True)
+    asked(bench, port, "06 1000 0001", unit_id=0)
+    assert bench.seen == ([bytes.fromhex("06 1000 0001")] if is_sent else [])
+
+
+def test_w9_on_tcp_0_is_a_unit_id_like_others() -> None:
+    bench = Bench(axis_plan(unit_id=0), tcp_drive=True)
+    assert asked(bench, panel(Rights(unit_ids=frozenset({0}))), READ_PLACE, 0) == "030400000000"
+    assert asked(bench, panel(Rights(unit_ids=frozenset({1}))), READ_PLACE, 0) == "830a"
+
+
+def test_w9_requests_that_come_too_often_are_busy_and_stops_never_are() -> None:
+    bench = StagedBench(staged_plan())
+    port = panel(Rights(requests_per_s=10.0))
+    # After a pause as many as in one second, and the one whose turn it is.
+    for _ in range(11):
+        bench.send(bytes.fromhex(READ_PLACE), port)
+        bench.link.sent.clear()
+        bench.line.reply(1, bytes.fromhex("03 04 0000 0000"), bench.now_ns)
+    assert [pdu.hex() for _, _, pdu in port.replies] == ["030400000000"] * 11
+    port.replies.clear()
+    assert asked(bench, port, READ_PLACE) == "8306"
+    before = len(bench.drive.moves)
+    assert asked(bench, port, STOP_PDU.hex()) == STOP_PDU.hex()
+    assert bench.drive.moves[before:] == [("stop", 0)]
+    bench.now_ns += 99 * MS - 1 * MS  # the stop took 1 ms; a tenth of a second makes room for one
+    assert asked(bench, port, READ_PLACE) == "8306"
+    bench.now_ns += 1 * MS
+    assert asked(bench, port, READ_PLACE) == "030400000000"
+    assert asked(bench, port, READ_PLACE) == "8306"
+
+
+def test_w9_all_connections_of_a_controller_share_its_rate() -> None:
+    bench = Bench(axis_plan())
+    rights = Rights(requests_per_s=1.0)
+    replies = [asked(bench, panel(rights, peer=f"10.0.0.{n}"), READ_PLACE) for n in range(3)]
+    assert replies == ["030400000000", "030400000000", "8306"]
+
+
+def test_w9_a_stop_that_is_not_writable_is_refused_as_it_is_written() -> None:
+    bench = StagedBench(staged_plan())
+    assert asked(bench, panel(Rights(writable=(POSITION,))), STOP_PDU.hex()) == "8602"
+    assert bench.drive.moves == []
+
+
+def test_m3_the_trigger_of_a_target_that_came_too_often_is_refused() -> None:
+    bench = StagedBench(staged_plan())
+    port = panel(Rights(requests_per_s=1.0))
+    assert asked(bench, port, write(COMMAND, 5_000).hex()) == write(COMMAND, 5_000)[:5].hex()
+    assert asked(bench, port, RUN_PDU.hex()) == RUN_PDU.hex()
+    assert asked(bench, port, write(COMMAND, 9_000).hex()) == "9006"
+    bench.wait(3_000)
+    assert asked(bench, port, RUN_PDU.hex()) == "8606"  # it would run 5 000 again
+    assert [kind for kind, _ in bench.drive.moves] == ["absolute"]
+
+
+def test_w9_a_monitor_that_writes_is_told_of_once_a_minute() -> None:
+    bench = Bench(axis_plan())
+    port = monitor()
+    for _ in range(600):
+        assert asked(bench, port, WRITE_POSITION) == "9001"
+        bench.now_ns += 200 * MS
+    details = [event.detail for event in bench.events if event.kind.value == "request-refused"]
+    sentence = " may not do this: a request that may write, from a monitor (role)"
+    assert details == [sentence, f"{sentence}, 300 times since the last note"]
+    assert bench.seen == []
+
+
+def test_w9_a_scan_of_every_unit_id_and_function_code_reaches_nothing_and_keeps_little() -> None:
+    bench = Bench(axis_plan())
+    port = panel(Rights(unit_ids=frozenset({1}), function_codes=frozenset({3}), readable=(PLACE,)))
+    refused = 0
+    for unit_id in range(256):
+        for function in range(1, 128):
+            bench.send(bytes((function, 5, 0x21, 0, 2)), port, unit_id)
+            refused += 1
+    assert bench.seen == []
+    assert bench.link.sent == []
+    assert {pdu[1] for _, _, pdu in port.replies} == {0x01, 0x02, 0x0A}
+    assert len(port.replies) == bench.line.counters.refused == refused == 256 * 127
+    assert bench.kinds() == ["line-up", *["request-refused"] * 3]  # function_codes, unit_ids, readable
+    port.replies.clear()
+    assert asked(bench, port, READ_PLACE) == "030400000000"

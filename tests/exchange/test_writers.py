@@ -1,0 +1,341 @@
+"""One writer at a time for each axis (W10): who holds it, who is refused, what a take-over leaves behind."""
+
+from dataclasses import replace
+
+import pytest
+
+from gateway.drives.motion import Action, Deed
+from gateway.exchange.plan import ControllerPlan, Role
+from gateway.exchange.status import axis_status, compensation_state
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
+from tests.exchange.staged_bench import (
+    HOME_PDU,
+    JOG_PDU,
+    MODE,
+    RUN_PDU,
+    STAGED,
+    STOP_PDU,
+    ZERO_PDU,
+    StagedBench,
+    staged_plan,
+    sticky,
+)
+
+HOLD_MS = 5_000.0
+"""The default of ``writer_hold_s``."""
+MODE_RELATIVE = bytes.fromhex("06 0700 0002")
+MODE_ABSOLUTE = bytes.fromhex("06 0700 0001")
+
+
+def controller(name: str, peer: str = "", role: Role = Role.MOTION) -> Port:
+    port = Port(ControllerPlan(name, role))
+    port.peer, port.writer = peer, f"{name} ({peer})" if peer else name
+    return port
+
+
+def ask(bench: Bench, port: Port, pdu: bytes, unit_id: int = 1) -> bytes:
+    bench.send(pdu, port, unit_id)
+    bench.serve()
+    return port.take()
+
+
+def refusal(pdu: bytes) -> bytes:
+    return bytes((pdu[0] | 0x80, 6))
+
+
+def move(bench: Bench, port: Port, counts: float) -> None:
+    assert ask(bench, port, write(COMMAND, counts)) == write(COMMAND, counts)[:5]
+
+
+def writer(bench: Bench, number: int = 0) -> str | None:
+    found = axis_status(bench.line.axes[number], bench.now_ns)["writer"]
+    assert found is None or isinstance(found, str)
+    return found
+
+
+@pytest.mark.parametrize(
+    "pdu",
+    [
+        write(COMMAND, 7_000),
+        bytes.fromhex("06 0606 0001"),
+        bytes.fromhex("16 0606 0000 0001"),
+        bytes.fromhex("17 0520 0002 0606 0002 04 0000 0000"),
+        RUN_PDU,
+        JOG_PDU,
+        HOME_PDU,
+        ZERO_PDU,
+        bytes.fromhex("06 050E 0000"),
+    ],
+)
+def test_w10_another_controller_moves_nothing_of_an_axis_that_is_held(pdu: bytes) -> None:
+    bench = StagedBench(staged_plan(), serial=False)
+    cnc, panel = controller("cnc", "10.0.0.1"), controller("panel", "10.0.0.2")
+    move(bench, cnc, 50_000)
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    seen, moves = len(bench.seen), list(bench.drive.moves)
+    bench.wait(HOLD_MS - 10)
+    assert ask(bench, panel, pdu) == refusal(pdu)
+    assert (len(bench.seen), bench.drive.moves) == (seen, moves)
+    assert writer(bench) == "cnc (10.0.0.1)"
+    assert bench.line.counters.refused_by == {"panel": 1}
+    [event] = [event for event in bench.events if event.kind.value == "second-writer"]
+    assert (event.axis, event.detail) == (
+        "x",
+        "panel (10.0.0.2) was refused: cnc (10.0.0.1) moves it",
+    )
+    assert dict(event.more) == {
+        "holder": "cnc (10.0.0.1)",
+        "controller": "panel",
+        "peer": "10.0.0.2",
+        "function_code": pdu[0],
+        "unit_id": 1,
+    }
+    # The one who holds it goes on as if nothing had been.
+    assert compensation_state(bench.line.axes[0]) == "active"
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+
+
+def test_w10_two_hosts_on_one_listener_are_two_writers_and_connections_of_one_are_one() -> None:
+    bench = Bench(axis_plan())
+    first, second = controller("cnc", "10.0.0.1"), controller("cnc", "10.0.0.1")
+    other = controller("cnc", "10.0.0.2")
+    move(bench, first, 1_000)
+    move(bench, second, 2_000)
+    assert ask(bench, other, write(COMMAND, 3_000)) == refusal(write(COMMAND, 3_000))
+    assert bench.memory.get(COMMAND) in (2_000, 2_010)
+
+
+def test_w10_what_reads_or_touches_no_position_is_everybodys() -> None:
+    bench = StagedBench(staged_plan())
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 1_000)
+    assert ask(bench, panel, read(ACTUAL))[0] == 3
+    assert ask(bench, panel, bytes.fromhex("06 1000 0001")) == bytes.fromhex("06 1000 0001")
+    assert ask(bench, panel, bytes.fromhex("06 1000 0001"), unit_id=2) == bytes.fromhex("06 1000 0001")
+    assert writer(bench) == "cnc"
+
+
+def test_w10_a_stop_of_another_one_passes_and_takes_nothing_over() -> None:
+    bench = StagedBench(staged_plan())
+    cnc, panel = controller("cnc"), controller("panel")
+    operator = controller("pendant", role=Role.OPERATOR)
+    move(bench, cnc, 5_000)
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    for port in (panel, operator):
+        assert ask(bench, port, STOP_PDU) == STOP_PDU
+    assert [kind for kind, _ in bench.drive.moves] == ["absolute", "stop", "stop"]
+    assert writer(bench) == "cnc"
+    assert ask(bench, panel, JOG_PDU) == refusal(JOG_PDU)
+
+
+def test_w10_the_hold_ends_so_long_after_the_last_move_and_each_move_begins_it_anew() -> None:
+    bench = Bench(axis_plan(writer_hold_s=2.0))
+    cnc, panel = controller("cnc"), controller("panel")
+    for counts in (1_000, 2_000, 3_000):  # the first goes the long way, the others the short one
+        move(bench, cnc, counts)
+        bench.wait(1_900)
+    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+    bench.wait(110)
+    assert writer(bench) is None
+    move(bench, panel, 4_000)
+    assert writer(bench) == "panel"
+    assert ask(bench, cnc, write(COMMAND, 5_000)) == refusal(write(COMMAND, 5_000))
+    # A read of the one who holds it is no move.
+    bench.wait(1_500)
+    assert ask(bench, panel, read(ACTUAL))[0] == 3
+    bench.wait(600)
+    move(bench, cnc, 5_000)
+
+
+def test_w10_the_hold_ends_with_the_last_connection_of_its_writer() -> None:
+    bench = Bench(axis_plan(), serial=False)
+    first, second = controller("cnc", "10.0.0.1"), controller("cnc", "10.0.0.1")
+    panel = controller("panel", "10.0.0.2")
+    move(bench, first, 1_000)
+    assert ask(bench, second, read(ACTUAL))[0] == 3
+    bench.line.controller_gone(first, bench.now_ns)
+    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+    move(bench, second, 2_000)
+    bench.line.controller_gone(second, bench.now_ns)
+    assert writer(bench) is None
+    move(bench, panel, 3_000)
+
+
+def test_w10_a_controller_that_connects_again_is_the_same_writer() -> None:
+    bench = StagedBench(staged_plan())
+    cnc = controller("cnc", "10.0.0.1")
+    move(bench, cnc, 4_000)
+    bench.line.controller_gone(cnc, bench.now_ns)
+    assert ask(bench, controller("cnc", "10.0.0.1"), RUN_PDU) == RUN_PDU
+    assert [kind for kind, _ in bench.drive.moves] == ["absolute"]
+
+
+def test_w10_a_refused_frame_takes_nothing_from_the_one_who_holds_the_axis() -> None:
+    """Its target stands in the drive, and its trigger runs it (M3 is for the one who was refused)."""
+    bench = StagedBench(staged_plan())
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 4_000)
+    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+    assert ask(bench, panel, bytes.fromhex("06 0606 0001"))[1] == 6
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    [(kind, counts)] = bench.drive.moves
+    assert (kind, abs(counts - 4_000) <= 10) == ("absolute", True)
+
+
+def test_w10_requests_of_another_one_that_never_went_out_take_nothing_either() -> None:
+    bench = StagedBench(staged_plan(), serial=False)
+    cnc, panel = controller("cnc", "10.0.0.1"), controller("panel", "10.0.0.2")
+    move(bench, cnc, 4_000)
+    bench.send(read(ACTUAL), cnc)  # the line is busy
+    for number in range(40):
+        bench.send(write(COMMAND, 9_000 + number), panel)
+    assert {pdu.hex() for _, _, pdu in panel.replies} == {"9006"}  # the queue was full
+    bench.line.controller_gone(panel, bench.now_ns)
+    bench.serve()
+    cnc.replies.clear()
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+
+
+def test_m3_a_trigger_does_not_run_the_target_of_another_one_also_later() -> None:
+    bench = StagedBench(staged_plan())
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 4_000)
+    bench.wait(HOLD_MS + 1_000)
+    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
+    assert bench.drive.moves == []
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU  # nor was anything taken from the one who wrote it
+
+
+def test_m3_a_target_that_was_refused_to_a_second_writer_is_not_triggered_later() -> None:
+    bench = StagedBench(staged_plan())
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 4_000)
+    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+    bench.wait(HOLD_MS + 1_000)
+    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
+    move(bench, panel, 9_000)
+    assert ask(bench, panel, RUN_PDU) == RUN_PDU
+    [(_, counts)] = bench.drive.moves
+    assert abs(counts - 9_000) <= 10
+
+
+def test_m3_whoever_takes_an_axis_over_by_a_jog_does_not_run_what_stood_there() -> None:
+    bench = StagedBench(staged_plan())
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 4_000)
+    bench.wait(HOLD_MS + 1_000)
+    assert ask(bench, panel, JOG_PDU) == JOG_PDU
+    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
+    bench.wait(HOLD_MS + 1_000)
+    assert ask(bench, cnc, RUN_PDU) == refusal(RUN_PDU)  # and neither does the former one
+    move(bench, cnc, 6_000)
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert [kind for kind, _ in bench.drive.moves] == ["jog", "absolute"]
+
+
+def test_m1_parts_of_two_writers_never_make_one_position() -> None:
+    bench = Bench(axis_plan(added_frames=False))
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 0x0001_0000)
+    low, high = bytes.fromhex("06 0606 0005"), bytes.fromhex("06 0607 0000")
+    assert ask(bench, panel, high) == refusal(high)
+    bench.wait(HOLD_MS + 1_000)
+    before = bench.memory.get(COMMAND)
+    reply = ask(
+        bench, panel, low
+    )  # its other half was refused: it is not combined with that of the other one
+    assert reply[0] == 0x86
+    assert bench.memory.get(COMMAND) == before
+
+
+def test_m3_a_mode_that_was_refused_to_a_second_writer_has_to_come_again() -> None:
+    bench = StagedBench(staged_plan(motion=sticky()))
+    cnc, panel = controller("cnc"), controller("panel")
+    assert ask(bench, cnc, MODE_ABSOLUTE) == MODE_ABSOLUTE
+    move(bench, cnc, 4_000)
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    bench.settle(is_polled=False)
+    assert ask(bench, panel, MODE_RELATIVE) == refusal(MODE_RELATIVE)
+    bench.wait(HOLD_MS + 1_000)
+    # It means a distance, and the drive would take it for a place.
+    assert ask(bench, panel, write(COMMAND, 100)) == write(COMMAND, 100)[:5]
+    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
+    assert ask(bench, panel, MODE_RELATIVE) == MODE_RELATIVE
+    assert ask(bench, panel, RUN_PDU) == RUN_PDU
+    assert [kind for kind, _ in bench.drive.moves] == ["absolute", "relative"]
+    assert bench.drive.words[MODE] == 2
+
+
+def test_w10_any_writer_may_where_the_axis_says_so() -> None:
+    bench = StagedBench(staged_plan(has_one_writer=False))
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 4_000)
+    assert ask(bench, panel, RUN_PDU) == RUN_PDU
+    move(bench, panel, 5_000)
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert writer(bench) == "cnc"
+    assert "second-writer" not in bench.kinds()
+
+
+def test_w10_any_writer_may_by_turns_on_the_short_way_too() -> None:
+    bench = Bench(axis_plan(has_one_writer=False))
+    ports = [controller("cnc"), controller("panel")]
+    for number in range(6):
+        port = ports[number % 2]
+        move(bench, port, 1_000 * number)
+        assert writer(bench) == port.writer
+        assert abs(bench.memory.get(COMMAND) - 1_000 * number) <= 10
+
+
+def test_w10_a_group_is_held_as_a_whole() -> None:
+    plans = [staged_plan(name=name, unit_id=n) for n, name in enumerate(("y1", "y2", "z"), start=1)]
+    bench = StagedBench(*plans, groups=[("y1", "y2")])
+    cnc, panel = controller("cnc"), controller("panel")
+    assert ask(bench, cnc, write(COMMAND, 1_000), 1) == write(COMMAND, 1_000)[:5]
+    assert ask(bench, panel, write(COMMAND, 2_000), 2) == refusal(write(COMMAND, 2_000))
+    assert ask(bench, panel, write(COMMAND, 2_000), 3) == write(COMMAND, 2_000)[:5]
+    assert [writer(bench, n) for n in range(3)] == ["cnc", "cnc", "panel"]
+
+
+def test_w10_a_broadcast_trigger_asks_for_every_axis() -> None:
+    plans = [staged_plan(name=name, unit_id=n) for n, name in enumerate(("x", "y"), start=1)]
+    bench = StagedBench(*plans, serial=False)
+    cnc, panel = controller("cnc"), controller("panel")
+    assert ask(bench, cnc, write(COMMAND, 1_000), 1) == write(COMMAND, 1_000)[:5]
+    assert ask(bench, panel, write(COMMAND, 2_000), 2) == write(COMMAND, 2_000)[:5]
+    for port in (cnc, panel):
+        bench.send(RUN_PDU, port, 0)
+        assert port.take() == refusal(RUN_PDU)
+    assert bench.drive.moves == []
+    bench.send(STOP_PDU, panel, 0)
+    assert [unit_id for unit_id, _ in bench.link.sent] == [0]
+
+
+def test_w10_a_second_writer_is_told_of_once_a_minute() -> None:
+    bench = Bench(axis_plan())
+    cnc, panel = controller("cnc"), controller("panel")
+    for _ in range(90):
+        move(bench, cnc, 1_000)
+        assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+        bench.now_ns += 999 * MS  # the move took one
+    details = [event.detail for event in bench.events if event.kind.value == "second-writer"]
+    assert details == [
+        "panel was refused: cnc moves it",
+        "panel was refused: cnc moves it, 60 times since the last note",
+    ]
+
+
+def test_w10_more_refused_frames_than_are_kept_lose_everything_of_the_axis() -> None:
+    deeds = {**STAGED.triggers[0].deeds, **{n: Deed(Action.OTHER_MOTION) for n in range(2_000, 2_040)}}
+    plan = staged_plan(motion=replace(STAGED, triggers=(replace(STAGED.triggers[0], deeds=deeds),)))
+    bench = StagedBench(plan)
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 4_000)
+    for number in range(2_000, 2_040):
+        jog = bytes.fromhex("06 050E") + number.to_bytes(2, "big")
+        assert ask(bench, panel, jog) == refusal(jog)
+    bench.wait(HOLD_MS + 1_000)
+    assert ask(bench, panel, JOG_PDU) == JOG_PDU
+    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
+    move(bench, panel, 1_000)
+    assert ask(bench, panel, RUN_PDU) == RUN_PDU

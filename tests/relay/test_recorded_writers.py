@@ -1,0 +1,128 @@
+"""Who moves an axis is in a recording, so that its replay decides as it was decided."""
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import pytest
+
+from gateway.exchange.plan import ControllerPlan
+from gateway.exchange.rights import Rights
+from gateway.ipc import traffic
+from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
+from gateway.modbus.mbap import encode_mbap
+from gateway.relay.gateway import Relay
+from gateway.relay.recorder import Recorder
+from gateway.relay.replay import Replay
+from gateway.transport.endpoints import TcpEndpoint
+from tests.processes.bench import typed
+
+if TYPE_CHECKING:
+    from tests.relay.conftest import Bench, Tools
+
+LOOPBACK = TcpEndpoint("127.0.0.1", 0)
+WRITE = bytes.fromhex("10 0064 0002 04 0000 0000")
+CONFIG = """
+[line.xyz]
+drives = { tcp = "127.0.0.1:1" }
+
+[[line.xyz.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:1502"
+
+[[line.xyz.controllers]]
+name = "panel"
+tcp = "127.0.0.1:1503"
+
+[axis.x]
+line = "xyz"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 100.0]
+referenced = "absolute"
+registers.command = [{ address = 100, type = "int32" }]
+"""
+
+
+def echo(data: bytes) -> bytes:
+    return data[:4] + bytes((0, 6)) + data[6:12]
+
+
+def different(entries: list[traffic.Entry], plan: GatewayPlan) -> int:
+    replay = Replay(plan)
+    for number, entry in enumerate(entries, start=1):
+        replay.feed(number, entry)
+    return replay.result.different
+
+
+async def test_two_hosts_on_one_listener_are_two_writers_in_the_replay_too(
+    bench: "Bench", tools: "Tools", tmp_path: Path
+) -> None:
+    path = tmp_path / "record.jsonl"
+    _, where = await bench.drive("tcp", echo)
+    rights = Rights(function_codes=frozenset({16}))
+    link = ControllerLink(ControllerPlan("cnc", rights=rights), LOOPBACK)
+    plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (tools.axis(),), tools.quick),))
+    header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
+    relay = Relay(plan, bench.notes.append, recorder=Recorder(path, header))
+    await relay.start()
+    bench.stack.push_async_callback(relay.stop)
+    await tools.until_up(relay)
+    place = relay.address("line", "cnc")
+    answers = []
+    for host in ("127.0.0.1", "127.0.0.9", "127.0.0.1"):
+        reader, writer = await asyncio.open_connection(place.host, place.port, local_addr=(host, 0))
+        for pdu in (WRITE, bytes.fromhex("03 0064 0002")):
+            writer.write(encode_mbap(1, 1, pdu))
+            head = await reader.readexactly(7)
+            answers.append((await reader.readexactly(int.from_bytes(head[4:6], "big") - 1)).hex())
+        bench.stack.callback(writer.close)
+    await relay.stop()
+    assert answers == ["1000640002", "8301", "9006", "8301", "1000640002", "8301"]
+    entries = [traffic.decode(line) for line in path.read_bytes().splitlines(keepends=True)]
+    peers = {entry.peer for entry in entries if isinstance(entry, traffic.Request)}
+    assert peers == {"127.0.0.1", "127.0.0.9"}
+    assert different(entries, plan) == 0
+    # It is the host that makes the difference.
+    nameless = [
+        msgspec.structs.replace(entry, peer="") if isinstance(entry, traffic.Request) else entry
+        for entry in entries
+    ]
+    assert different(nameless, plan) >= 1
+
+
+def recording(path: Path, number: int) -> Path:
+    """Write what a release recorded that knew no writers: two controllers moved the axis by turns."""
+    entries: list[traffic.Entry] = [
+        traffic.Header(number, "0.0.1", "2026-01-01T00:00:00+00:00", "gateway.toml", CONFIG),
+        traffic.Up("xyz", 1_000_000),
+    ]
+    for port, name in enumerate(("cnc", "panel", "cnc"), start=1):
+        pdu = WRITE[:-1] + bytes((port,))
+        entries += [
+            traffic.Request("xyz", port * 10_000_000, port, name, 7, 1, pdu.hex()),
+            traffic.Sent("xyz", 1, pdu.hex()),
+            traffic.Reply("xyz", port * 10_000_000 + 1_000_000, 1, WRITE[:5].hex()),
+            traffic.Answered("xyz", port, 7, 1, WRITE[:5].hex()),
+        ]
+    entries.append(traffic.End(len(entries) - 1))
+    path.write_bytes(b"".join(map(traffic.encode, entries)).replace(b',"peer":""', b""))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "said"),
+    [
+        (traffic.WITHOUT_PEERS, 0, "7 inputs, 6 outputs: all as recorded"),
+        (traffic.FORMAT, 1, "differ"),
+        (3, 1, "a recording of format 3, made by release 0.0.1; this release replays formats 1 and 2"),
+    ],
+)
+def test_recordings_of_before_play_as_they_were_recorded(
+    tmp_path: Path, number: int, code: int, said: str
+) -> None:
+    done = typed("replay", str(recording(tmp_path / "old.jsonl", number)))
+    assert said in done.stdout + done.stderr
+    assert done.returncode == code
