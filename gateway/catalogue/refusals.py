@@ -210,7 +210,8 @@ REFUSALS: Final = (
     RefusalEntry(
         0x0A,
         "",
-        "a unit id that is not in `unit_ids` of the controller. On a serial controller's port silence instead",
+        "a unit id that `unit_ids` of the controller does not name. On a serial controller's port silence "
+        "instead",
         "see `request-refused`, and whether the controller may speak to that drive",
     ),
     RefusalEntry(
