@@ -76,8 +76,9 @@ class Writers:
         writer = port.writer
         for unit in self._units.reached(exchange.unit_id):
             for axis in _touched(unit, exchange.pdu):
-                if axis.hold.writer == writer:
-                    axis.hold.last_ns = now_ns
+                for member in (axis, *axis.peers):
+                    if member.hold.writer == writer:
+                        member.hold.last_ns = now_ns
 
     def lose(self, exchange: Exchange, code: int) -> None:
         """Note that a request never reached the drive: at once for its own axes, else for later."""

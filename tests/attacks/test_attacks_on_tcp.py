@@ -195,7 +195,12 @@ ATTACKS = [
         "request-refused",
         with_panel('role = "monitor"'),
     ),
-    Attack("oversize and lying lengths", lying_lengths, "connection-malformed"),
+    Attack(
+        "oversize and lying lengths",
+        lying_lengths,
+        "connection-malformed",
+        lambda _ground, text: text.replace('name = "cnc"', 'name = "cnc"\nconnects_per_s = 1000000'),
+    ),
     Attack(
         "scans of unit ids, function codes and addresses",
         scan,

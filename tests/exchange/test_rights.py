@@ -93,6 +93,23 @@ def test_w9_what_rights_allow_reaches_the_drive_and_nothing_else(
     assert bench.kinds().count("request-refused") == (1 if refusal else 0)  # in a minute
 
 
+@pytest.mark.parametrize(
+    ("good", "longer", "refusal"),
+    [
+        (READ_PLACE, READ_PLACE + "00", "8302"),
+        (WRITE_POSITION, WRITE_POSITION + "0000", "9002"),
+    ],
+)
+def test_w9_what_a_head_allows_holds_for_its_length_only(good: str, longer: str, refusal: str) -> None:
+    bench = Bench(axis_plan())
+    port = panel(SPANS)
+    assert int(asked(bench, port, good)[:2], 16) == int(good[:2], 16)
+    seen = len(bench.seen)
+    assert asked(bench, port, longer) == refusal
+    assert len(bench.seen) == seen
+    assert int(asked(bench, port, good)[:2], 16) == int(good[:2], 16)
+
+
 def test_w9_a_unit_id_that_is_not_allowed_is_absent() -> None:
     bench = Bench(axis_plan(), axis_plan(name="y", unit_id=2))
     rights = Rights(unit_ids=frozenset({2}))

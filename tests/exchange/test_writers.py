@@ -295,6 +295,11 @@ def test_w10_a_group_is_held_as_a_whole() -> None:
     assert ask(bench, panel, write(COMMAND, 2_000), 2) == refusal(write(COMMAND, 2_000))
     assert ask(bench, panel, write(COMMAND, 2_000), 3) == write(COMMAND, 2_000)[:5]
     assert [writer(bench, n) for n in range(3)] == ["cnc", "cnc", "panel"]
+    for _ in range(3):  # one of them moves on and holds the other one
+        bench.wait(HOLD_MS - 1_000)
+        assert ask(bench, cnc, write(COMMAND, 1_000), 1) == write(COMMAND, 1_000)[:5]
+    assert ask(bench, panel, write(COMMAND, 2_000), 2) == refusal(write(COMMAND, 2_000))
+    assert [writer(bench, n) for n in range(3)] == ["cnc", "cnc", None]
 
 
 def test_w10_a_broadcast_trigger_asks_for_every_axis() -> None:
