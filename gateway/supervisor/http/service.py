@@ -7,7 +7,7 @@ import socket
 from typing import Any, Final
 
 from gateway.config.check_lines import is_loopback
-from gateway.config.gateway_model import HttpSection
+from gateway.config.http_model import HttpSection
 from gateway.ipc.notes import Severity
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, SocketPlace
 from gateway.supervisor.http.application import LOCAL_PATHS, PATHS, Served

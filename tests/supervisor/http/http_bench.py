@@ -11,7 +11,7 @@ from typing import Any
 
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import CorrectionTable
-from gateway.config.gateway_model import HttpSection
+from gateway.config.http_model import HttpSection
 from gateway.ipc.compiled_table import compiled, digest_of
 from gateway.ipc.notes import Severity
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME

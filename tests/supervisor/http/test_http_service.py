@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.gateway_model import HttpSection
+from gateway.config.http_model import HttpSection
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketPlace
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http import service as service_module
