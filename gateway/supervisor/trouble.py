@@ -129,7 +129,7 @@ def _of_supervisor(supervisor: Mapping[str, Any]) -> Iterator[Trouble]:
     for where, remedy in (
         ("configuration", "run pitch-gateway check: it says what to do"),
         ("tables_folder", "what was in force stays; it is tried again every few seconds"),
-        ("http", "change [http] listen, then pitch-gateway reload"),
+        ("http", "mend [http] or what it names, then pitch-gateway reload"),
         ("mqtt", "check the broker and [mqtt]; the gateway tries again by itself"),
     ):
         problem = supervisor[where]["problem"]

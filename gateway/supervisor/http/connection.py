@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import socket
 import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import h11
@@ -11,7 +12,7 @@ from uvicorn import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
-from gateway.supervisor.http.answers import json_bytes
+from gateway.supervisor.http.answers import json_bytes, shortened
 from gateway.supervisor.http.limits import HEAD_BYTES, SEND_BUFFER_BYTES, WRITE_HIGH_BYTES
 
 if TYPE_CHECKING:
@@ -61,6 +62,9 @@ class Connection(H11Protocol):
         with contextlib.suppress(OSError):  # it has gone already
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         transport.set_write_buffer_limits(high=WRITE_HIGH_BYTES)
+        certificate = transport.get_extra_info("peercert")
+        if certificate:  # it was verified in the handshake
+            self.app_state["certificate"] = name_in(certificate)
         has_room = self._door.make_room()
         super().connection_made(transport)
         if not has_room:
@@ -89,6 +93,9 @@ class Connection(H11Protocol):
             self.transport.write(last_words("431 Request Header Fields Too Large", what))
         else:
             self.transport.write(last_words("400 Bad Request", "that is no request of HTTP/1.1"))
+        if not self.transport.can_write_eof():
+            self.transport.close()  # TLS has its own way of taking leave
+            return
         # Not closed at once: bytes that nobody read would have the system throw the answer away.
         self.transport.write_eof()
         self._leaving_since_s = time.monotonic()
@@ -134,6 +141,16 @@ class Connection(H11Protocol):
         """Make room for another connection."""
         self.connections.discard(self)
         self.transport.abort()
+
+
+def name_in(certificate: Mapping[str, Any]) -> str:
+    """Return whom a certificate is for, for the log.
+
+    >>> name_in({"subject": ((("organizationName", "Mills"),), (("commonName", "panel"),))})
+    'panel'
+    """
+    names = [value for part in certificate.get("subject", ()) for key, value in part if key == "commonName"]
+    return shortened(names[0]) if names else "without a name"
 
 
 def _is_past(since_s: float | None, longest_s: float, now_s: float) -> bool:

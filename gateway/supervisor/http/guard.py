@@ -9,6 +9,7 @@ from typing import Final
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from gateway.supervisor.http.access import Access
 from gateway.supervisor.http.answers import CONTENT_SECURITY_POLICY, problem, shortened
 from gateway.supervisor.http.limits import BODY_BYTES, HEAD_BYTES, TARGET_BYTES
 
@@ -41,9 +42,10 @@ class Rules:
 class Guard:
     """Stands before an application."""
 
-    def __init__(self, app: ASGIApp, rules: Rules) -> None:
+    def __init__(self, app: ASGIApp, rules: Rules, access: Access | None = None) -> None:
         self._app = app
         self._rules = rules
+        self._access = access
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
@@ -58,6 +60,8 @@ class Guard:
             await send(message)
 
         answer = self._refusal(scope)
+        if answer is None and self._access is not None:
+            answer = self._access.refusal(scope)
         await (answer or self._app)(scope, receive, send_with_headers)
 
     def _refusal(self, scope: Scope) -> Response | None:
