@@ -17,6 +17,7 @@ from gateway.ipc.notes import Severity
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
 from gateway.ipc.state_folder import table_path, write_whole
 from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.http.handshakes import HandshakeLimits
 from gateway.supervisor.http.limits import LOCAL, TCP, Limits
 from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.http.window import Window
@@ -236,6 +237,7 @@ async def serving(
     feeds: Feeds | None = None,
     tcp: Limits = TCP,
     local: Limits = LOCAL,
+    handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008
     settings: AxisSettings | None = None,
     outcome: Outcome | None = None,
 ) -> AsyncIterator[Served]:
@@ -251,7 +253,7 @@ async def serving(
         served.said.append((event, fields))
 
     window = Window(feeds, state, lambda axis: settings, reload, say)
-    service = HttpService(window, tcp, local)
+    service = HttpService(window, tcp, local, handshakes)
     served = Served(service, feeds, port, state)
     service.configure(HttpSection(listen=f"127.0.0.1:{port}"), Path())
     running = asyncio.create_task(service.run())
