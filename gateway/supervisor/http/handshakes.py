@@ -18,6 +18,14 @@ PAUSE_S: Final = 0.5
 BACKLOG: Final = 128
 
 
+_DISTRUST: Final = frozenset(
+    f"{version}_ALERT_{what}"
+    for version in ("SSLV3", "TLSV1", "TLSV13")
+    for what in ("BAD_CERTIFICATE", "CERTIFICATE_UNKNOWN", "CERTIFICATE_EXPIRED", "UNKNOWN_CA")
+)
+"""What a browser says before its user has been asked, and every client to which the authority is unknown."""
+
+
 @dataclass(frozen=True, slots=True)
 class HandshakeLimits:
     """How many handshakes may go on at once; for one more the oldest ends."""
@@ -126,6 +134,8 @@ def _why(error: OSError) -> str:
     """
     if isinstance(error, ssl.SSLCertVerificationError):
         return f"its certificate: {error.verify_message}"
+    if isinstance(error, ssl.SSLError) and error.reason in _DISTRUST:
+        return "the other side did not take the certificate of the page"
     if isinstance(error, ssl.SSLError):
         return f"no TLS: {(error.reason or 'not understood').lower().replace('_', ' ')}"
     if isinstance(error, ConnectionAbortedError):

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import logging
+import socket
 import ssl
 from pathlib import Path
 
@@ -97,6 +98,22 @@ async def test_old_tls_is_not_spoken(tmp_path: Path, certificates: Path, version
         context.maximum_version = ssl.TLSVersion.TLSv1_2
         _, writer = await asyncio.open_connection("127.0.0.1", visitor.served.port, ssl=context)
         writer.transport.abort()
+
+
+async def test_whoever_does_not_know_the_authority_is_named(tmp_path: Path, certificates: Path) -> None:
+    async with asking(tmp_path, certificates) as visitor:
+        context = ssl.create_default_context(cafile=certificates / "foreign.crt")
+
+        def shake_hands() -> None:
+            with socket.create_connection(("127.0.0.1", visitor.served.port), PATIENCE_S) as connection:
+                context.wrap_socket(connection, server_hostname="127.0.0.1")
+
+        with pytest.raises(ssl.SSLCertVerificationError):
+            await asyncio.to_thread(shake_hands)
+        await until(lambda: bool(visitor.events("http-refused")))
+        assert visitor.events("http-refused")[0]["detail"] == (
+            "the other side did not take the certificate of the page"
+        )
 
 
 async def test_what_is_no_tls_is_closed(
