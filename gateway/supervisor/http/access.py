@@ -73,6 +73,7 @@ class Access:
             return None
         visitor = self._by_certificate(scope) or self._by_session(scope)
         if visitor is None and scope["path"] not in OPEN_TO_ALL:
+            self._refusals.note(REFUSED, peer_of(scope), "no token, and no session", self._clock_s())
             return problem(401, "show a token: Authorization: Bearer …, or log in at /", CHALLENGE)
         scope["state"]["visitor"] = visitor
         return None
@@ -121,13 +122,6 @@ class Access:
         """Wait until a visitor would not be let in any more."""
         while self.is_still_in(visitor):  # noqa: ASYNC110 - a file tells nobody
             await asyncio.sleep(LOOK_S)
-
-    async def watch(self) -> None:
-        """Tell of refusals that were held back, until cancelled."""
-        while True:
-            await asyncio.sleep(LOOK_S)
-            self._tokens.look()
-            self._refusals.sweep(self._clock_s())
 
     def _by_certificate(self, scope: Scope) -> Visitor | None:
         name = scope["state"].get("certificate")

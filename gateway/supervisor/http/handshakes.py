@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
+from gateway.supervisor.http.refusals import Refused
 from gateway.supervisor.http.wrong_tries import site_of
 
 HANDSHAKE_S: Final = 10.0
@@ -46,7 +47,7 @@ class TlsListener:
         sockets: Iterable[socket.socket],
         context: ssl.SSLContext,
         protocol: Callable[[], asyncio.Protocol],
-        refused: Callable[[str, str], None],
+        refused: Refused,
         limits: HandshakeLimits,
     ) -> None:
         self._sockets = list(sockets)

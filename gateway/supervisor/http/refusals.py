@@ -1,6 +1,7 @@
 """Who was refused, on its way to the log: the first time at once, and then once a minute with how often."""
 
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,6 +12,14 @@ from gateway.supervisor.saying import Say
 EVERY_S: Final = 60.0
 MOST: Final = 1024
 """Of which something is kept; for one more the one that was heard of longest ago is forgotten."""
+
+
+Refused = Callable[[str, str], None]
+"""Is told of who was refused, by his address, and why."""
+
+
+def tell_nobody(_peer: str, _why: str) -> None:
+    """Tell nobody: on the Unix socket whoever asks is this machine's own."""
 
 
 @dataclass(slots=True)

@@ -14,7 +14,7 @@ from gateway.config.http_model import HttpSection
 from gateway.config.named_files import NamedFileError
 from gateway.ipc.notes import Severity
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, SocketPlace
-from gateway.supervisor.http.access import REFUSED, Access
+from gateway.supervisor.http.access import LOOK_S, REFUSED, Access
 from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, PATHS, Served
 from gateway.supervisor.http.door import Door
 from gateway.supervisor.http.guard import READS, Guard, Rules
@@ -121,19 +121,18 @@ class HttpService:
         """
         host = wanted.endpoint.host
         context = await asyncio.to_thread(wanted.context)
-        door = Door(self._limits["tcp"])
+        door = Door(self._limits["tcp"], self._refused)
         access = self._access(wanted)
         methods = READS if access is None else READS | {"POST"}
         there_is = PATHS if access is None else ASKING_PATHS
         rules = Rules(methods, host if is_loopback(host) else None, there_is)
-        door.serve(Guard(served.application(door, there_is, access), rules, access))
+        door.serve(Guard(served.application(door, there_is, access), rules, access, self._refused))
         loop = asyncio.get_running_loop()
         server = await loop.create_server(
             door.connection, host, wanted.endpoint.port, start_serving=context is None
         )
         watching = [asyncio.create_task(door.watch())]
-        if access is not None:
-            watching.append(asyncio.create_task(access.watch()))
+        watching.append(asyncio.create_task(self._watch()))
         if context is not None:
             listener = self._tls_listener(server, context, door)
             watching.append(asyncio.create_task(listener.run()))
@@ -154,12 +153,19 @@ class HttpService:
 
     def _tls_listener(self, server: asyncio.Server, context: ssl.SSLContext, door: Door) -> TlsListener:
         """Return what accepts on the sockets of a server that never begins to."""
-
-        def refused(site: str, why: str) -> None:
-            self._refusals.note(REFUSED, site, why, time.monotonic())
-
         sockets = [one.dup() for one in server.sockets]
-        return TlsListener(sockets, context, door.connection, refused, self._handshakes)
+        return TlsListener(sockets, context, door.connection, self._refused, self._handshakes)
+
+    def _refused(self, peer: str, why: str) -> None:
+        self._refusals.note(REFUSED, peer, why, time.monotonic())
+
+    async def _watch(self) -> None:
+        """Notice tokens that cannot be used any more, and tell of refusals that were held back."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            if self._tokens is not None:
+                self._tokens.look()
+            self._refusals.sweep(time.monotonic())
 
     def _token_unusable(self, why: str) -> None:
         self._window.say("token-unusable", Severity.WARNING, detail=f"{why}; nobody gets in by it")
