@@ -12,9 +12,10 @@ from typing import Any
 from tests.attacks.legitimate import Ground
 from tests.supervisor.http.doors import TOKEN, WRONG, bearer, make_certificates, write_token
 
-__all__ = ["ATTACKER", "TOKEN", "WRONG", "Answer", "Page", "bearer", "guarded", "page_of"]
+__all__ = ["ATTACKER", "READER", "TOKEN", "WRONG", "Answer", "Page", "bearer", "guarded", "page_of"]
 
 ATTACKER = "127.0.0.66"
+READER = "reader-0123456789abcdefghijklmnopqrstuv"
 PATIENCE_S = 20.0
 
 
@@ -22,9 +23,10 @@ def guarded(ground: Ground, text: str) -> str:
     """The usual configuration with a page that asks who looks."""
     make_certificates(ground.folder)
     write_token(ground.folder, TOKEN)
+    write_token(ground.folder, READER, "reader.token")
     page = (
         f'listen = "127.0.0.1:{ground.free("http")}"\n'
-        'tokens = [{ name = "people", file = "people.token" }]\n'
+        'tokens = [{ name = "people", file = "people.token" }, { name = "reader", file = "reader.token" }]\n'
         'tls = { certificate = "page.crt", key = "page.key", clients = "ca.crt" }\n'
     )
     assert text.count('listen = ""') == 1
@@ -107,12 +109,12 @@ def page_of(ground: Ground) -> Iterator[Page]:
     page = Page(ground)
     me = "127.0.0.1"
     with page.connect(me) as reader:
-        reader.sendall(f"GET /events?status HTTP/1.1\r\nHost: localhost\r\n{bearer(TOKEN)}\r\n\r\n".encode())
+        reader.sendall(f"GET /events?status HTTP/1.1\r\nHost: localhost\r\n{bearer(READER)}\r\n\r\n".encode())
         _until(reader, b"event: status\n")
         yield page
-        answer = page.ask("/status", bearer(TOKEN), source=me)
+        answer = page.ask("/status", bearer(READER), source=me)
         assert (answer.status, _gateway(answer)["relay"]) == (200, "up")
-        assert page.ask("/", bearer(TOKEN), source=me).status == 200
+        assert page.ask("/", bearer(READER), source=me).status == 200
         reader.settimeout(0.0)
         try:
             while reader.recv(65536):
