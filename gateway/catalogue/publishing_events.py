@@ -14,6 +14,31 @@ HTTP_NOT_OPEN: Final = EventEntry(
     "the port is taken, an address that this machine has not, a state folder that cannot be written",
     "change `[http] listen`, then `pitch-gateway reload CONFIG`; or end what has taken the port",
 )
+HTTP_REFUSED: Final = EventEntry(
+    "http-refused",
+    Severity.WARNING,
+    "somebody asked for the page who may not look, or in a way that is not answered; told at most once a "
+    "minute for each "
+    "address, with how often it happened",
+    "a browser before its log-in, a certificate that is not known here, a scanner, or somebody who tries",
+    "do nothing about a person who then logs in; else find out what runs at that address",
+)
+TOKEN_REFUSED: Final = EventEntry(
+    "token-refused",
+    Severity.WARNING,
+    "a token was wrong, or was not looked at after too many wrong ones; told at most once a minute for each "
+    "address. The "
+    "token is never shown",
+    "a token that was changed, a program with an old one, or somebody who guesses",
+    "give the program the token of today; else find out what runs at that address",
+)
+TOKEN_UNUSABLE: Final = EventEntry(
+    "token-unusable",
+    Severity.WARNING,
+    "the file of a token cannot be used any more: nobody gets in by it until it is mended",
+    "the file was removed, emptied, or may be read by every user",
+    "do what the detail says; the file is read again by itself",
+)
 HTTP_FAILED: Final = EventEntry(
     "http-failed",
     Severity.ERROR,

@@ -100,8 +100,8 @@ HTTP: Final = TroubleEntry(
     "http",
     Severity.WARNING,
     "the page cannot be served",
-    "the port is taken, or the address is none of this machine",
-    "change [http] listen, then pitch-gateway reload",
+    "the port is taken, the address is none of this machine, or a certificate, key or token cannot be used",
+    "mend [http] or what it names, then pitch-gateway reload",
 )
 MQTT: Final = TroubleEntry(
     "mqtt",

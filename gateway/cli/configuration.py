@@ -10,13 +10,16 @@ if TYPE_CHECKING:
     from gateway.ipc.plan import GatewayPlan
 
 
-def load_or_exit(config: Path, *, checks_times: bool = True) -> "Loaded":
-    """Load a configuration; what is wrong with it goes to stderr and ends the command with exit code 1."""
+def load_or_exit(config: Path, *, checks_times: bool = True, is_start: bool = False) -> "Loaded":
+    """Load a configuration; what is wrong with it goes to stderr and ends the command with exit code 1.
+
+    ``is_start``: this user is about to run it, as for ``config.load.load_document``.
+    """
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
 
     try:
-        loaded = load(config, checks_times=checks_times)
+        loaded = load(config, checks_times=checks_times, is_start=is_start)
     except ConfigErrors as errors:
         for problem in errors.problems:
             typer.echo(problem, err=True)
@@ -37,14 +40,14 @@ def compile_for_start_or_exit(config: Path) -> None:
     from gateway.ipc.compiled_plan import last_plan
 
     try:
-        loaded = load(config, forgives_tables=True)
+        loaded = load(config, forgives_tables=True, is_start=True)
     except ConfigErrors:
-        load_or_exit(config)  # says what is wrong with the tables too
+        load_or_exit(config, is_start=True)  # says what is wrong with the tables too
         raise
     last = last_plan(loaded.state_folder)
     settled = settle(loaded, last.plan if last else None, is_start=True)
     if settled.refused:
-        load_or_exit(config)
+        load_or_exit(config, is_start=True)
     for warning in loaded.warnings:
         typer.echo(f"warning: {warning}", err=True)
     for name, reading in loaded.readings.items():

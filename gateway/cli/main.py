@@ -27,6 +27,7 @@ from gateway.cli import (
     status,
     supervise,
     table,
+    token,
 )
 from gateway.cli.standard_streams import Output, OutputLostError
 from gateway.compiled import is_compiled
@@ -56,6 +57,7 @@ app.command("reload")(reload.reload)
 app.command("record")(record.record)
 app.command("replay")(replay.replay)
 app.command("init")(init.init)
+app.command("token")(token.token)
 app.command("simulate")(simulate.simulate)
 app.add_typer(table.app, name="table")
 app.add_typer(drives.app, name="drives")

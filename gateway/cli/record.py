@@ -47,7 +47,7 @@ def record(
     from gateway.relay.recorder import Recorder
     from gateway.relay.run import run_relay
 
-    loaded = load_or_exit(config)
+    loaded = load_or_exit(config, is_start=True)
     try:
         recorder = Recorder(file, header_of(loaded), max_mb * MEGA)
     except OSError as error:

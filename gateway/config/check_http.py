@@ -1,29 +1,97 @@
 """Whether the status page can be where it should be, and who can see it there."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Final
 
 from gateway.config.check_lines import WILDCARDS, controller_key, is_loopback, is_same
 from gateway.config.findings import Findings
-from gateway.config.gateway_model import HttpSection
+from gateway.config.http_files import TLS_KEY, read_token, server_context
+from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
+from gateway.config.named_files import NamedFileError, is_out_of_reach, warn_out_of_reach
 from gateway.config.problems import key_text
 from gateway.transport.endpoints import TcpEndpoint
 
 KEY: Final = ("http", "listen")
+TOKENS_KEY: Final = ("http", "tokens")
 
 
 def check_http(findings: Findings, http: HttpSection, lines: Mapping[str, LineSection]) -> None:
-    """Refuse an address that a controller connects to; warn of one that others than this machine reach."""
+    """Refuse an address that a controller connects to, and one beyond this machine where anybody may look."""
+    _check_names(findings, http)
     place = http.endpoint
     if place is None or findings.is_refused(KEY):
         return
     _check_controllers(findings, place, lines)
     if not is_loopback(place.host):
-        findings.warn(
+        _check_open(findings, http, place)
+
+
+def check_http_files(findings: Findings, http: HttpSection, folder: Path) -> None:
+    """Refuse files of tokens and of TLS that are missing, something else, or readable by every user."""
+    first: dict[str, str] = {}
+    for index, token in enumerate(http.tokens):
+        key = (*TOKENS_KEY, index, "file")
+        if is_out_of_reach(token.file):
+            warn_out_of_reach(findings, key, token.file)
+            continue
+        try:
+            text = read_token(key, token.file, folder)
+        except NamedFileError as error:
+            findings.refuse(key, error.found, error.remedy)
+            continue
+        if text in first:
+            found = f'the same token as that of "{first[text]}"'
+            findings.refuse(key, found, f"make another one with pitch-gateway token {token.file} --force")
+        first.setdefault(text, token.name)
+    _check_tls(findings, http, folder)
+
+
+def _check_tls(findings: Findings, http: HttpSection, folder: Path) -> None:
+    if http.tls is None:
+        return
+    named = {"certificate": http.tls.certificate, "key": http.tls.key, "clients": http.tls.clients}
+    away = [key for key, file in named.items() if file is not None and is_out_of_reach(file)]
+    for key in away:
+        warn_out_of_reach(findings, (*TLS_KEY, key), str(named[key]))
+    if not away:
+        try:
+            server_context(http.tls, folder, needs_client=False)
+        except NamedFileError as error:
+            findings.refuse(error.key, error.found, error.remedy)
+
+
+def _check_names(findings: Findings, http: HttpSection) -> None:
+    names = [token.name for token in http.tokens]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            key = (*TOKENS_KEY, index, "name")
+            findings.refuse(key, f'a second token "{name}"', "give each token its own name")
+
+
+def _check_open(findings: Findings, http: HttpSection, place: TcpEndpoint) -> None:
+    """Beyond this machine nobody looks without showing who he is, and nothing secret goes as plain text."""
+    if findings.is_refused(TOKENS_KEY) or findings.is_refused(TLS_KEY):
+        return  # as it is meant it may well be closed
+    local = "or listen on 127.0.0.1, where a proxy of yours can ask who it is"
+    if http.tls is None and http.tokens:
+        findings.refuse(
             KEY,
-            f"whoever reaches {place} can read the status of the gateway; nothing can be changed there",
-            "listen on 127.0.0.1, or let a firewall or a proxy decide who may",
+            f"whoever listens to the network at {place} could read the tokens and use them himself",
+            f"add [http.tls] with certificate and key, {local}",
+        )
+    elif http.tls is None:
+        findings.refuse(
+            KEY,
+            f"whoever reaches {place} could read the status of the gateway",
+            f"add tokens or clients, and [http.tls] with certificate and key, {local}",
+        )
+    elif not http.tokens and http.tls.clients is None:
+        findings.refuse(
+            KEY,
+            f"whoever reaches {place} could read the status of the gateway",
+            f"add tokens, or clients to [http.tls], {local}",
         )
 
 

@@ -27,7 +27,7 @@ class Use:
 
 def check_lines(findings: Findings, lines: Mapping[str, LineSection]) -> None:
     """Check all lines, each for itself and against the others."""
-    drives = [Use(_drives_key(name, line), line.drives.endpoint) for name, line in lines.items()]
+    drives = [Use(drives_key(name, line), line.drives.endpoint) for name, line in lines.items()]
     listeners = [
         Use(
             (*controller_key(findings, name, controller.name, i), "tcp" if controller.tcp else "rtu"),
@@ -45,7 +45,8 @@ def check_lines(findings: Findings, lines: Mapping[str, LineSection]) -> None:
     _check_addresses(findings, drives, listeners)
 
 
-def _drives_key(name: str, line: LineSection) -> KeyPath:
+def drives_key(name: str, line: LineSection) -> KeyPath:
+    """Return the key that says where the drives of a line are."""
     way = next(way for way in ("rtu", "tcp", "rtu_over_tcp") if getattr(line.drives, way) is not None)
     return ("line", name, "drives", way)
 

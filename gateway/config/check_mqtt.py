@@ -4,16 +4,17 @@ from ipaddress import ip_address
 from pathlib import Path
 
 from gateway.config.findings import Findings
-from gateway.config.mqtt_files import MqttFileError, may_be_read_by_others, read_password, tls_context
-from gateway.config.mqtt_model import MqttSection
+from gateway.config.mqtt_files import PASSWORD_KEY, read_password, tls_context
+from gateway.config.mqtt_model import MqttSection, TlsSection
+from gateway.config.named_files import NamedFileError, is_out_of_reach, warn_out_of_reach
 
 
 def check_mqtt(findings: Findings, mqtt: MqttSection | None, folder: Path) -> None:
-    """Refuse files that are missing or something else; warn of a password that others can read."""
+    """Refuse files that are missing, something else, or secret and readable by every user."""
     if mqtt is None:
         return
     if mqtt.password_file is not None:
-        _check_password(findings, mqtt, folder / mqtt.password_file)
+        _check_password(findings, mqtt, mqtt.password_file, folder)
     if mqtt.username is not None and mqtt.tls is None and not _is_here(mqtt.host):
         findings.warn(
             ("mqtt", "username"),
@@ -21,28 +22,36 @@ def check_mqtt(findings: Findings, mqtt: MqttSection | None, folder: Path) -> No
             "add tls, if the broker offers it",
         )
     if mqtt.tls is not None:
-        for name, other in (("cert", "key"), ("key", "cert")):
-            if getattr(mqtt.tls, name) is not None and getattr(mqtt.tls, other) is None:
-                findings.refuse(("mqtt", "tls", name), f"without {other}", f"give {other} too, or neither")
-                return
+        _check_tls(findings, mqtt.tls, folder)
+
+
+def _check_tls(findings: Findings, tls: TlsSection, folder: Path) -> None:
+    for name, other in (("cert", "key"), ("key", "cert")):
+        if getattr(tls, name) is not None and getattr(tls, other) is None:
+            findings.refuse(("mqtt", "tls", name), f"without {other}", f"give {other} too, or neither")
+            return
+    named = {key: file for key in ("ca", "cert", "key") if (file := getattr(tls, key)) is not None}
+    away = [key for key, file in named.items() if is_out_of_reach(file)]
+    for key in away:
+        warn_out_of_reach(findings, ("mqtt", "tls", key), named[key])
+    if not away:
         try:
-            tls_context(mqtt.tls, folder)
-        except MqttFileError as error:
+            tls_context(tls, folder)
+        except NamedFileError as error:
             findings.refuse(error.key, error.found, error.remedy)
 
 
-def _check_password(findings: Findings, mqtt: MqttSection, path: Path) -> None:
-    key = ("mqtt", "password_file")
+def _check_password(findings: Findings, mqtt: MqttSection, file: str, folder: Path) -> None:
     if mqtt.username is None:
-        findings.refuse(key, "without username", "give username too: MQTT 3.1.1 knows no password alone")
-        return
-    try:
-        read_password(path)
-    except MqttFileError as error:
-        findings.refuse(key, error.found, error.remedy)
-        return
-    if (mode := may_be_read_by_others(path)) is not None:
-        findings.warn(key, f"every user may read {path} (mode {mode})", f"chmod o-r {path}")
+        remedy = "give username too: MQTT 3.1.1 knows no password alone"
+        findings.refuse(PASSWORD_KEY, "without username", remedy)
+    elif is_out_of_reach(file):
+        warn_out_of_reach(findings, PASSWORD_KEY, file)
+    else:
+        try:
+            read_password(file, folder)
+        except NamedFileError as error:
+            findings.refuse(error.key, error.found, error.remedy)
 
 
 def _is_here(host: str) -> bool:

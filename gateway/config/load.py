@@ -10,11 +10,12 @@ from gateway.config.check_axes import check_axes
 from gateway.config.check_budget import check_budget
 from gateway.config.check_drives import check_drives
 from gateway.config.check_groups import check_groups
-from gateway.config.check_http import check_http
+from gateway.config.check_http import check_http, check_http_files
 from gateway.config.check_late import check_late
 from gateway.config.check_lines import check_lines
 from gateway.config.check_motion import check_motion
 from gateway.config.check_mqtt import check_mqtt
+from gateway.config.check_permissions import check_permissions
 from gateway.config.check_references import check_references
 from gateway.config.check_rights import check_rights
 from gateway.config.check_roles import check_roles
@@ -52,28 +53,52 @@ class Loaded:
     sections: Sections
 
 
-def load(path: Path, *, checks_times: bool = True, forgives_tables: bool = False) -> Loaded:
+def load(
+    path: Path,
+    *,
+    checks_times: bool = True,
+    forgives_tables: bool = False,
+    is_start: bool = False,
+    is_elsewhere: bool = False,
+) -> Loaded:
     """Do what :func:`load_document` does with a file.
 
     Raises:
         ConfigErrors: everything that is wrong with it, at once.
     """
-    document = read_document(path)
-    return load_document(document, checks_times=checks_times, forgives_tables=forgives_tables)
+    return load_document(
+        read_document(path),
+        checks_times=checks_times,
+        forgives_tables=forgives_tables,
+        is_start=is_start,
+        is_elsewhere=is_elsewhere,
+    )
 
 
-def load_document(document: Document, *, checks_times: bool = True, forgives_tables: bool = False) -> Loaded:
+def load_document(
+    document: Document,
+    *,
+    checks_times: bool = True,
+    forgives_tables: bool = False,
+    is_start: bool = False,
+    is_elsewhere: bool = False,
+) -> Loaded:
     """Read, check and build a configuration with all its tables.
 
     Without ``checks_times`` nothing is said about limits that the arithmetic of time proves wrong. With
     ``forgives_tables`` what is wrong with tables only stays in their readings, and their axes have none.
+    With ``is_start`` this user is about to run it, and what he may not open is refused. With
+    ``is_elsewhere`` it is another machine's: what that one has besides, as its secrets, is not asked for.
 
     Raises:
         ConfigErrors: everything that is wrong with it, at once.
     """
     findings = Findings(document)
     sections, drives = _check_but_tables(findings)
-    check_mqtt(findings, sections.mqtt, document.path.parent)
+    if not is_elsewhere:
+        check_mqtt(findings, sections.mqtt, document.path.parent)
+        check_http_files(findings, sections.http, document.path.parent)
+        check_permissions(findings, sections, is_start=is_start)
     return _with_tables(
         findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables
     )

@@ -6,6 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import BeforeValidator, Field
 
+from gateway.config.values import FileName
 from gateway.drives.strict import ByName, StrictModel
 
 LONGEST_TOPIC: Final = 200
@@ -55,9 +56,6 @@ class MqttVersion(Enum):
     V5 = "5"
 
 
-FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
-
-
 class TlsSection(StrictModel):
     """How the broker shows who it is, and the gateway who it is."""
 
@@ -98,7 +96,8 @@ class MqttSection(StrictModel):
     )
     password_file: FileName | None = Field(
         default=None,
-        description="file that holds the password and nothing else, relative to the configuration file",
+        description="file that holds the password and nothing else, relative to the configuration file, or "
+        "credential:NAME",
     )
     tls: TlsSection | None = Field(default=None, description="encrypt, and check who the broker is")
     discovery: Annotated[str, BeforeValidator(read_prefix)] = Field(

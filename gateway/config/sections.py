@@ -10,7 +10,8 @@ from pydantic import ValidationError
 from gateway.config.axis_model import AxisSection, GroupSection
 from gateway.config.explain import existing, explain, suggest
 from gateway.config.findings import Findings
-from gateway.config.gateway_model import GatewaySection, HttpSection
+from gateway.config.gateway_model import GatewaySection
+from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
 from gateway.config.mqtt_model import MqttSection
 from gateway.config.problems import shown

@@ -191,7 +191,7 @@ class Supervisor:
     def _configure(self, loaded: Loaded) -> None:
         """Follow what a configuration says: the same as before changes nothing."""
         self._follow(loaded.tables_folder)
-        self._http.configure(loaded.sections.http)
+        self._http.configure(loaded.sections.http, loaded.path.parent)
         mqtt = loaded.sections.mqtt
         folder = loaded.path.parent
         self._mqtt.follow(None if mqtt is None else settings_of(mqtt, loaded.plan.name, folder))

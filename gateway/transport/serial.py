@@ -23,6 +23,7 @@ from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError, TransportError
 from gateway.transport.keeper import Keeper
 from gateway.transport.low_latency import LatencySettings, flag_note, tune
+from gateway.transport.permissions import no_device
 
 RECEIVE_BYTES: Final = 1024
 """Four of the largest RTU frames (256 bytes)."""
@@ -310,9 +311,7 @@ def _why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportErro
     if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO):
         return AbsentError(f"{device} is not there; is the adapter plugged in? (ls -l /dev/serial/by-id)")
     if number in (errno.EACCES, errno.EPERM):
-        return RefusedError(
-            f"no permission for {device}; add the user to the group that owns it (ls -lL {device})"
-        )
+        return RefusedError("; ".join(no_device(endpoint)))
     if number in (errno.EAGAIN, errno.EBUSY):
         return RefusedError(
             f"{device} is in use by another program; stop it (fuser -v {device} names it), "

@@ -19,6 +19,7 @@ from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.keeper import Keeper
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits, ConnectRate
+from gateway.transport.permissions import is_permission, no_port
 from gateway.transport.places import SWEEP_S, Asking, Closing, Places
 
 RECEIVE_BYTES: Final = 4096
@@ -340,11 +341,8 @@ def _why_not_listening(endpoint: TcpEndpoint, error: OSError) -> str:
             f"{endpoint} is in use by another program; choose another port or stop that program "
             f"(ss -ltnp 'sport = :{endpoint.port}' names it)"
         )
-    if error.errno in (errno.EACCES, errno.EPERM):
-        return (
-            f"no permission to listen on {endpoint}; ports below 1024 need CAP_NET_BIND_SERVICE "
-            "(AmbientCapabilities= in the systemd unit), or choose a higher port"
-        )
+    if is_permission(error):
+        return "; ".join(no_port(endpoint))
     if error.errno == errno.EADDRNOTAVAIL:
         return f"{endpoint} is no address of this machine; `ip address` lists those it has"
     if isinstance(error, socket.gaierror):

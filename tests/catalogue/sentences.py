@@ -25,6 +25,10 @@ def said(node: ast.expr | None, function: ast.AST | None, modules: Iterable[ast.
         yield node.value
     elif isinstance(node, ast.JoinedStr):
         yield "".join(_part(part, function, modules) for part in node.values)
+    elif isinstance(node, ast.Tuple):  # what was found, and what to do
+        yield from said(node.elts[0], function, modules)
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "join":
+        yield from said(node.args[0], function, modules)
     elif isinstance(node, ast.Name) and function is not None:
         for inside in ast.walk(function):
             is_it = isinstance(inside, ast.Assign) and getattr(inside.targets[0], "id", "") == node.id

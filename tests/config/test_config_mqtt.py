@@ -109,6 +109,7 @@ def test_a_password_is_read_from_its_file_and_shown_nowhere(tmp_path: Path) -> N
 def test_password_files_that_hold_no_password(tmp_path: Path, content: bytes | None, said: str) -> None:
     if content is not None:
         (tmp_path / "pw").write_bytes(content)
+        (tmp_path / "pw").chmod(0o600)
     problem = only(refused(tmp_path, with_mqtt('username = "m"\npassword_file = "pw"')), "mqtt.password_file")
     assert said in problem.found
 
@@ -119,12 +120,12 @@ def test_a_password_without_a_name(tmp_path: Path) -> None:
     assert problem.found == "without username"
 
 
-def test_a_password_that_every_user_can_read_is_warned_of(tmp_path: Path) -> None:
+def test_a_password_that_every_user_can_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "pw").write_text("x")
     (tmp_path / "pw").chmod(0o644)
-    [warning] = loaded(tmp_path, with_mqtt('username = "m"\npassword_file = "pw"')).warnings
-    assert warning.key == "mqtt.password_file"
-    assert warning.found == f"every user may read {tmp_path / 'pw'} (mode 0644)"
+    problem = only(refused(tmp_path, with_mqtt('username = "m"\npassword_file = "pw"')), "mqtt.password_file")
+    assert problem.found == f"{tmp_path / 'pw'}: every user of this machine may read it (mode 0644)"
+    assert problem.remedy == f"chmod o-r {tmp_path / 'pw'}"
 
 
 @pytest.mark.parametrize(
@@ -139,6 +140,7 @@ def test_a_password_as_plain_text_over_a_network_is_warned_of(
 
 def test_a_password_file_that_goes_away_does_not_keep_tables_from_being_read(tmp_path: Path) -> None:
     (tmp_path / "pw").write_text("x")
+    (tmp_path / "pw").chmod(0o640)
     result = loaded(tmp_path, with_mqtt('username = "m"\npassword_file = "pw"'))
     (tmp_path / "pw").unlink()
     assert reread_tables(result).tables.keys() == {"x"}
@@ -150,6 +152,8 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     authority(folder, "ca")
     signed_by(folder, "ca", "mill", "DNS:mill-1")
     signed_by(folder, "ca", "other", "DNS:other")
+    (folder / "open.key").write_bytes((folder / "mill.key").read_bytes())
+    (folder / "open.key").chmod(0o644)
     (folder / "empty.pem").touch()
     (folder / "text.pem").write_text("no certificate\n")
     return folder
@@ -179,6 +183,11 @@ def test_certificates_that_belong_together(tmp_path: Path, certificates: Path) -
         ({"cert": "mill.crt", "key": "other.key"}, "cert", "key values mismatch"),
         ({"cert": "text.pem", "key": "mill.key"}, "cert", "cannot be used together"),
         ({"cert": "mill.crt", "key": "none.key"}, "key", "no such file"),
+        (
+            {"cert": "mill.crt", "key": "open.key"},
+            "key",
+            "every user of this machine may read it (mode 0644)",
+        ),
     ],
 )
 def test_certificates_that_cannot_be_used(

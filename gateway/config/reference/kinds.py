@@ -12,7 +12,6 @@ from gateway.compensation.settings import Gain, Outside
 from gateway.config import values
 from gateway.config.axis_values import GainValue, OutsideValue, ReversalValue
 from gateway.config.bounds import bounds_text
-from gateway.config.mqtt_model import FileName
 from gateway.config.rights_model import Span
 from gateway.drives.registers import PositionSpec
 from gateway.drives.words import Address, Word
@@ -38,7 +37,7 @@ _ALIASES: Final[tuple[tuple[Any, str], ...]] = (
     (GainValue, "0 to 1, or `{ forward = …, backward = … }`"),
     (OutsideValue, "see below"),
     (ReversalValue, "see below"),
-    (FileName, "path"),
+    (values.FileName, "path"),
     (Span, 'address or `"FIRST-LAST"`'),
     (Address, "0 to 65535"),
     (Word, "0 to 0xFFFF"),

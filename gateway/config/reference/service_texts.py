@@ -38,10 +38,28 @@ HTTP: Final[Texts] = {
     "listen": Said(
         meaning=(
             "address of the page and of everything else that is served over HTTP ([http](http.md)); "
-            '`""`: none over TCP. Read-only. Beyond this machine it is warned of: whoever reaches it '
-            "can read the status"
+            '`""`: none over TCP. Read-only'
         ),
         kind='`"HOST:PORT"`, `"[IPv6]:PORT"` or `""`',
+    ),
+    "tokens": Said(
+        meaning=(
+            '`[{ name = "prometheus", file = "prometheus.token" }]`: with one of these tokens somebody may '
+            "look. `name` is for the "
+            "log, `file` holds the token on one line and nothing else; `pitch-gateway token FILE` makes "
+            "one. Files are read again when "
+            "they change. Asked for over TCP everywhere, this machine included, never on the Unix socket"
+        ),
+        kind="list of tables, 16 at most",
+        default="none: nobody is asked for one",
+    ),
+    "tls": Said(
+        meaning=(
+            "`certificate` and its `key`, both in PEM, the key not encrypted; with `clients`, the "
+            "authorities that sign certificates of "
+            "clients, whoever has such a certificate may look, with or without a token. Read anew by `reload`"
+        ),
+        default="none: no TLS",
     ),
 }
 
@@ -75,8 +93,9 @@ MQTT: Final[Texts] = {
     ),
     "password_file": Said(
         meaning=(
-            "file with the password on one line and nothing else, relative to this file; read anew for "
-            "each connection. Needs `username`. Warned of: every user may read it"
+            "file with the password on one line and nothing else, relative to this file; or "
+            "`credential:NAME`; read anew "
+            "for each connection. Needs `username`"
         ),
         default="none",
     ),
@@ -84,7 +103,7 @@ MQTT: Final[Texts] = {
         meaning=(
             '`{}` trusts the authorities of the system; `{ ca = "ca.pem" }` those in a file; with '
             "`cert` and `key`, both in PEM, the gateway shows a certificate of its own. The key must "
-            "not be encrypted. Paths are relative to this file"
+            "not be encrypted. Paths are relative to this file, or `credential:NAME`"
         ),
         default="none: no TLS",
     ),

@@ -7,7 +7,8 @@ from typing import Final
 from pydantic import BaseModel
 
 from gateway.config.axis_model import AxisSection, GroupSection, TableOptions
-from gateway.config.gateway_model import GatewaySection, HttpSection
+from gateway.config.gateway_model import GatewaySection
+from gateway.config.http_model import HttpSection
 from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSection
 from gateway.config.mqtt_model import MqttSection
 from gateway.config.reference import axis_texts, line_texts, register_texts, service_texts

@@ -1,7 +1,8 @@
 """What is served: which path leads where."""
 
 import contextlib
-from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 from starlette.applications import Starlette
@@ -12,8 +13,10 @@ from starlette.routing import Route
 
 from gateway.catalogue.publishing_events import HTTP_FAILED
 from gateway.ipc.complaints import Complaints
+from gateway.supervisor.http.access import CHALLENGE, Access
 from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
 from gateway.supervisor.http.door import Door
+from gateway.supervisor.http.entrance import Entrance
 from gateway.supervisor.http.event_stream import MEDIA_TYPE, EventStream, Models, Wish
 from gateway.supervisor.http.metrics import Metrics
 from gateway.supervisor.http.page_files import PageFile, read_page
@@ -23,9 +26,11 @@ from gateway.supervisor.http.window import Window
 
 UNHEALTHY: Final = frozenset(("relay-down", "relay-silent", "line-down"))
 """Kinds of trouble with which no command reaches some drive."""
-PATHS: Final = ("/", "/status", "/healthz", "/metrics", "/events", "/tables/NAME", "/page/NAME")
-POSTS: Final = ("/reload",)
-LOCAL_PATHS: Final = (*PATHS, *POSTS)
+PATHS: Final = ("/", "/status", "/healthz", "/metrics", "/events", "/tables/NAME", "/page/NAME", "/session")
+LOCAL_PATHS: Final = (*PATHS, "/reload")
+ASKING_PATHS: Final = (*PATHS, "/login", "/logout")
+"""Where it is asked who looks."""
+POSTS: Final = frozenset(("/reload", "/login", "/logout"))
 NOTHING_YET: Final = "nothing is known yet: the supervisor has just been started"
 Answer = Callable[[Request], Awaitable[Response]]
 
@@ -45,28 +50,31 @@ class Served:
         """Begin nothing that takes long any more."""
         self._tables.close()
 
-    def application(self, door: Door, *, may_reload: bool) -> Starlette:
-        """Return the application of one listener; ``door`` counts those who stay."""
-        there_is = list(LOCAL_PATHS if may_reload else PATHS)
+    def application(self, door: Door, there_is: Sequence[str], access: Access | None = None) -> Starlette:
+        """Return the application of one listener; ``door`` counts those who stay, ``access`` knows them."""
+        entrance = Entrance(access)
         answers: dict[str, Answer] = {
             "/": self._index,
             "/status": self._status,
             "/healthz": self._healthz,
             "/metrics": self._metrics_page,
-            "/events": _Events(self._window, self._models, door).answer,
+            "/events": _Events(self._window, self._models, door, access).answer,
             "/tables/NAME": self._tables.answer,
             "/page/NAME": self._page_file,
             "/reload": self._reload,
+            "/session": entrance.session,
+            "/login": entrance.log_in,
+            "/logout": entrance.log_out,
         }
 
         async def missing(request: Request, _error: Exception) -> Response:
-            return not_there(request.url.path, there_is)
+            return not_there(request.scope["path"], there_is)
 
         async def other_method(request: Request, error: Exception) -> Response:
             assert isinstance(error, HTTPException)
             allowed = ", ".join(sorted((error.headers or {}).get("Allow", "GET").split(", ")))
-            what = f"{request.method} is not done at {request.url.path}, only {allowed}"
-            return problem(405, what, {"Allow": allowed}, there_is=there_is)
+            what = f"{request.method} is not done at {request.scope['path']}, only {allowed}"
+            return problem(405, what, {"Allow": allowed}, there_is=list(there_is))
 
         app = Starlette(
             routes=[
@@ -83,6 +91,9 @@ class Served:
         return app
 
     async def _index(self, request: Request) -> Response:
+        if is_stranger(request):
+            login = self._page["login.html"]
+            return Response(login.content, 401, {**NO_STORE, **CHALLENGE}, login.media_type)
         return self._page["index.html"].answer(request)
 
     async def _page_file(self, request: Request) -> Response:
@@ -97,6 +108,8 @@ class Served:
 
     async def _healthz(self, request: Request) -> Response:
         reasons = why_unhealthy(self._window.feeds.model)
+        if reasons and is_stranger(request):
+            return problem(503, "not well; whoever shows a token is told why")
         if reasons:
             return json_answer({"problems": reasons}, 503)
         return PlainTextResponse("ok\n", headers=NO_STORE)
@@ -110,7 +123,7 @@ class Served:
 
     async def _failed(self, request: Request, error: Exception) -> Response:
         """Answer where we made a mistake, and put it into the log."""
-        what = f"{shortened(request.url.path)}: {type(error).__name__}: {error}"
+        what = f"{shortened(request.scope['path'])}: {type(error).__name__}: {error}"
         self._complaints.add("failed", what)
         return problem(500, "the supervisor made a mistake; its log says which")
 
@@ -118,8 +131,9 @@ class Served:
 class _Events:
     """``/events`` of one listener."""
 
-    def __init__(self, window: Window, models: Models, door: Door) -> None:
+    def __init__(self, window: Window, models: Models, door: Door, access: Access | None) -> None:
         self._door = door
+        self._access = access
         self._stream = EventStream(window.feeds, models, door.limits)
 
     async def answer(self, request: Request) -> Response:
@@ -135,7 +149,8 @@ class _Events:
             wants_status="status" in asked or not chooses,
             last_id=request.headers.get("last-event-id", ""),
         )
-        return EndlessResponse(self._read(wish), NO_STORE, MEDIA_TYPE)
+        is_over = None if self._access is None else partial(self._access.until_out, request.state.visitor)
+        return EndlessResponse(self._read(wish), NO_STORE, MEDIA_TYPE, is_over)
 
     async def _read(self, wish: Wish) -> AsyncGenerator[bytes, None]:
         with self._door.event_reader() as has_room:
@@ -144,6 +159,11 @@ class _Events:
             async with contextlib.aclosing(self._stream.read(wish)) as parts:
                 async for part in parts:
                     yield part
+
+
+def is_stranger(request: Request) -> bool:
+    """Whether it is asked who looks, and this one has not said it."""
+    return getattr(request.state, "visitor", ...) is None
 
 
 def why_unhealthy(model: Mapping[str, Any] | None) -> list[str]:

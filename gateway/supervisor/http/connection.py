@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import socket
 import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import h11
@@ -11,7 +12,7 @@ from uvicorn import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
-from gateway.supervisor.http.answers import json_bytes
+from gateway.supervisor.http.answers import json_bytes, shortened
 from gateway.supervisor.http.limits import HEAD_BYTES, SEND_BUFFER_BYTES, WRITE_HIGH_BYTES
 
 if TYPE_CHECKING:
@@ -47,12 +48,23 @@ class Connection(H11Protocol):
         self._closing_since_s: float | None = None
         self._leaving_since_s: float | None = None
         """It has had its last words, and what it still sends is not looked at."""
+        self._has_begun = False
 
     @property
     def is_idle(self) -> bool:
         """Whether nothing is being answered."""
         cycle: RequestResponseCycle | None = self.cycle
         return cycle is None or cycle.response_complete
+
+    @property
+    def peer(self) -> str:
+        """The address of the other side."""
+        return self.client[0] if self.client else ""
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether a request has begun that is not whole yet."""
+        return self._has_begun and self._asking_since_s is not None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See ``asyncio.BaseProtocol``."""
@@ -61,10 +73,14 @@ class Connection(H11Protocol):
         with contextlib.suppress(OSError):  # it has gone already
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         transport.set_write_buffer_limits(high=WRITE_HIGH_BYTES)
+        certificate = transport.get_extra_info("peercert")
+        if certificate:  # it was verified in the handshake
+            self.app_state["certificate"] = name_in(certificate)
         has_room = self._door.make_room()
         super().connection_made(transport)
         if not has_room:
             self.connections.discard(self)
+            self._door.refused(self.peer, "too many connections at once")
             transport.write(last_words("503 Service Unavailable", "too many connections; try again later"))
             transport.close()
 
@@ -72,6 +88,7 @@ class Connection(H11Protocol):
         """See ``asyncio.Protocol``."""
         if self.transport.is_closing() or self._leaving_since_s is not None:
             return
+        self._has_begun = True
         super().data_received(data)
         if self.conn.their_state not in _ASKING:
             self._asking_since_s = None
@@ -88,10 +105,15 @@ class Connection(H11Protocol):
             what = f"the head of a request may have {HEAD_BYTES} bytes"
             self.transport.write(last_words("431 Request Header Fields Too Large", what))
         else:
-            self.transport.write(last_words("400 Bad Request", "that is no request of HTTP/1.1"))
-        # Not closed at once: bytes that nobody read would have the system throw the answer away.
-        self.transport.write_eof()
+            what = "that is no request of HTTP/1.1"
+            self.transport.write(last_words("400 Bad Request", what))
+        self._door.refused(self.peer, what)
         self._leaving_since_s = time.monotonic()
+        # Not closed at once: bytes that nobody read would have the system throw the answer away.
+        if self.transport.can_write_eof():
+            self.transport.write_eof()
+        elif len(waiting) <= HEAD_BYTES:  # TLS cannot close one way only, and hardly anything is unread here
+            self.transport.close()
 
     def on_response_complete(self) -> None:
         """See ``H11Protocol``."""
@@ -134,6 +156,16 @@ class Connection(H11Protocol):
         """Make room for another connection."""
         self.connections.discard(self)
         self.transport.abort()
+
+
+def name_in(certificate: Mapping[str, Any]) -> str:
+    """Return whom a certificate is for, for the log.
+
+    >>> name_in({"subject": ((("organizationName", "Mills"),), (("commonName", "panel"),))})
+    'panel'
+    """
+    names = [value for part in certificate.get("subject", ()) for key, value in part if key == "commonName"]
+    return shortened(names[0]) if names else "without a name"
 
 
 def _is_past(since_s: float | None, longest_s: float, now_s: float) -> bool:

@@ -11,6 +11,7 @@ from uvicorn.server import ServerState
 
 from gateway.supervisor.http.connection import Connection, silent_config
 from gateway.supervisor.http.limits import Limits
+from gateway.supervisor.http.refusals import Refused, tell_nobody
 
 
 def silence_uvicorn() -> None:
@@ -27,8 +28,9 @@ class Door:
     :meth:`watch` has to run while it is open, :meth:`close` ends it.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: Limits, refused: Refused = tell_nobody) -> None:
         self.limits = limits
+        self.refused = refused
         self.event_readers = 0
         self._state = ServerState()
 
@@ -53,7 +55,9 @@ class Door:
         idle = [one for one in connections if one.is_idle]
         if not idle:
             return False
-        min(idle, key=lambda one: one.quiet_since_s).give_way()
+        longest = min(idle, key=lambda one: one.quiet_since_s)
+        self.refused(longest.peer, "too many connections at once: the one that asked nothing for longest")
+        longest.give_way()
         return True
 
     @contextlib.contextmanager
@@ -73,6 +77,8 @@ class Door:
             now_s = time.monotonic()
             for one in self._connections:
                 if one.is_overdue(now_s):
+                    if one.is_slow:
+                        self.refused(one.peer, "a request that never came whole")
                     one.drop()
 
     async def close(self) -> None:

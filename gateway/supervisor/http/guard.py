@@ -9,11 +9,15 @@ from typing import Final
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from gateway.supervisor.http.access import Access, peer_of
 from gateway.supervisor.http.answers import CONTENT_SECURITY_POLICY, problem, shortened
 from gateway.supervisor.http.limits import BODY_BYTES, HEAD_BYTES, TARGET_BYTES
+from gateway.supervisor.http.refusals import Refused, tell_nobody
 
 READS: Final = frozenset(("GET", "HEAD"))
 VERSIONS: Final = frozenset(("1.0", "1.1"))
+NOT_THERE: Final = 404
+_NEVER: Final = frozenset((400, 405, 411, 413, 414, 415, 421, 431, 505))
 _CLOSE: Final = {"Connection": "close"}
 _ALWAYS: Final = (
     (b"content-security-policy", CONTENT_SECURITY_POLICY.encode("ascii")),
@@ -41,15 +45,24 @@ class Rules:
 class Guard:
     """Stands before an application."""
 
-    def __init__(self, app: ASGIApp, rules: Rules) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        rules: Rules,
+        access: Access | None = None,
+        refused: Refused = tell_nobody,
+    ) -> None:
         self._app = app
         self._rules = rules
+        self._access = access
+        self._refused = refused
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
+                self._tell(scope, message["status"])
                 message["headers"] = [
                     *message["headers"],
                     (b"date", formatdate(usegmt=True).encode("ascii")),
@@ -58,7 +71,15 @@ class Guard:
             await send(message)
 
         answer = self._refusal(scope)
+        if answer is None and self._access is not None:
+            answer = self._access.refusal(scope)
         await (answer or self._app)(scope, receive, send_with_headers)
+
+    def _tell(self, scope: Scope, status: int) -> None:
+        """Have the log know of a request that no page of ours and no program that knows us makes."""
+        path = scope["path"]
+        if status in _NEVER or (status == NOT_THERE and (not path.startswith("/tables/") or is_probe(path))):
+            self._refused(peer_of(scope), f"{status} for {scope['method'][:8]} {shortened(path)}")
 
     def _refusal(self, scope: Scope) -> Response | None:
         """Return why a request is not looked at; None where it may pass."""
@@ -88,6 +109,15 @@ class Guard:
             f"the request is meant for {shortened(', '.join(named)) or 'nobody'}, and this is {listen_host}"
         )
         return problem(421, what, _CLOSE)
+
+
+def is_probe(path: str) -> bool:
+    """Whether a path, decoded once, tries to lead out of what is served.
+
+    >>> [is_probe(path) for path in ("/tables/x", "/tables/../x", "//x", "/%2e%2e/x")]
+    [False, True, True, True]
+    """
+    return ".." in path or path.startswith("//") or any(sign in path for sign in "\\\0%")
 
 
 def _body_refusal(headers: list[tuple[bytes, bytes]]) -> Response | None:

@@ -4,18 +4,27 @@ import asyncio
 import contextlib
 import os
 import socket
+import ssl
+import time
+from pathlib import Path
 from typing import Any, Final
 
-from gateway.catalogue.publishing_events import HTTP_NOT_OPEN, HTTP_READY
+from gateway.catalogue.publishing_events import HTTP_NOT_OPEN, HTTP_READY, HTTP_REFUSED, TOKEN_UNUSABLE
 from gateway.config.check_lines import is_loopback
-from gateway.config.gateway_model import HttpSection
+from gateway.config.http_model import HttpSection
+from gateway.config.named_files import NamedFileError
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, SocketPlace
-from gateway.supervisor.http.application import LOCAL_PATHS, PATHS, Served
+from gateway.supervisor.http.access import LOOK_S, Access
+from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, PATHS, Served
 from gateway.supervisor.http.door import Door
 from gateway.supervisor.http.guard import READS, Guard, Rules
+from gateway.supervisor.http.handshakes import HandshakeLimits, TlsListener
 from gateway.supervisor.http.limits import LOCAL, TCP, Limits
+from gateway.supervisor.http.refusals import Refusals
+from gateway.supervisor.http.sessions import Sessions
+from gateway.supervisor.http.tokens import Tokens
+from gateway.supervisor.http.wanted import Wanted, wanted_by
 from gateway.supervisor.http.window import Window
-from gateway.transport.endpoints import TcpEndpoint
 
 FIRST_WAIT_S: Final = 0.5
 LONGEST_WAIT_S: Final = 30.0
@@ -27,27 +36,46 @@ class HttpService:
     :meth:`run` runs until cancelled; :meth:`configure` may be called before and at any time.
     """
 
-    def __init__(self, window: Window, tcp: Limits = TCP, local: Limits = LOCAL) -> None:
+    def __init__(
+        self,
+        window: Window,
+        tcp: Limits = TCP,
+        local: Limits = LOCAL,
+        handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008 - frozen
+    ) -> None:
         self._window = window
         self._limits = {"tcp": tcp, "local": local}
-        self._wanted: TcpEndpoint | None = None
+        self._handshakes = handshakes
+        self._section: HttpSection | None = None
+        self._wanted: Wanted | None = None
         self._changed = asyncio.Event()
         self._address: str | None = None
         self._tcp_problem: str | None = None
         self._local_problem: str | None = None
+        self._tokens: Tokens | None = None
+        self._sessions = Sessions()
+        self._refusals = Refusals(window.say)
 
-    def configure(self, section: HttpSection) -> None:
-        """Listen where a configuration says from now on; the same as before changes nothing."""
-        if section.endpoint != self._wanted:
-            self._wanted = section.endpoint
+    def configure(self, section: HttpSection, folder: Path) -> None:
+        """Serve as a configuration says from now on; the same as before changes nothing.
+
+        A section that was read anew has the files that it names looked at anew.
+        """
+        if section is self._section:
+            return
+        self._section = section
+        wanted = wanted_by(section, folder)
+        if wanted != self._wanted:
+            self._wanted = wanted
             self._changed.set()
 
     @property
     def status(self) -> dict[str, Any]:
         """Return the service's part of the status model, ``supervisor.http``."""
-        problems = [text for text in (self._tcp_problem, self._local_problem) if text]
+        of_tokens = [] if self._tokens is None else self._tokens.problems
+        problems = [text for text in (self._tcp_problem, self._local_problem, *of_tokens) if text]
         return {
-            "listen": "" if self._wanted is None else str(self._wanted),
+            "listen": "" if self._wanted is None else str(self._wanted.endpoint),
             "address": self._address,
             "problem": "; ".join(problems) or None,
         }
@@ -67,44 +95,81 @@ class HttpService:
         while True:
             wanted = self._wanted
             self._changed.clear()
-            self._tcp_problem = None
             if wanted is None:
+                self._tcp_problem = None
                 await self._changed.wait()
                 continue
             try:
                 await self._serve_tcp(served, wanted)
                 wait_s = FIRST_WAIT_S
-            except OSError as error:
-                self._tcp_problem = f"{wanted}: {_reason(error)}"
+            except (OSError, NamedFileError) as error:
+                why = _reason(error) if isinstance(error, OSError) else str(error)
+                self._tcp_problem = f"{wanted.endpoint}: {why}"
                 if wait_s == FIRST_WAIT_S:
-                    self._not_open(str(wanted), self._tcp_problem)
+                    self._not_open(str(wanted.endpoint), self._tcp_problem)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(wait_s):
                         await self._changed.wait()
                 wait_s = FIRST_WAIT_S if self._changed.is_set() else min(2.0 * wait_s, LONGEST_WAIT_S)
 
-    async def _serve_tcp(self, served: Served, wanted: TcpEndpoint) -> None:
-        """Serve until another address is wanted.
+    async def _serve_tcp(self, served: Served, wanted: Wanted) -> None:
+        """Serve until something else is wanted.
 
         Raises:
             OSError: it cannot be listened there.
+            NamedFileError: a certificate, or its key, cannot be used.
         """
-        door = Door(self._limits["tcp"])
-        rules = Rules(READS, wanted.host if is_loopback(wanted.host) else None, PATHS)
-        door.serve(Guard(served.application(door, may_reload=False), rules))
+        host = wanted.endpoint.host
+        context = await asyncio.to_thread(wanted.context)
+        door = Door(self._limits["tcp"], self._refused)
+        access = self._access(wanted)
+        methods = READS if access is None else READS | {"POST"}
+        there_is = PATHS if access is None else ASKING_PATHS
+        rules = Rules(methods, host if is_loopback(host) else None, there_is)
+        door.serve(Guard(served.application(door, there_is, access), rules, access, self._refused))
         loop = asyncio.get_running_loop()
-        server = await loop.create_server(door.connection, wanted.host, wanted.port)
-        self._address = f"http://{wanted}"
-        self._window.say(HTTP_READY, address=self._address)
-        await self._until_changed(server, door)
-
-    async def _until_changed(self, server: asyncio.Server, door: Door) -> None:
-        watching = asyncio.create_task(door.watch())
+        server = await loop.create_server(
+            door.connection, host, wanted.endpoint.port, start_serving=context is None
+        )
+        self._tcp_problem = None
+        watching = [asyncio.create_task(door.watch())]
+        watching.append(asyncio.create_task(self._watch()))
+        if context is not None:
+            listener = self._tls_listener(server, context, door)
+            watching.append(asyncio.create_task(listener.run()))
         try:
+            self._address = wanted.address
+            self._window.say(HTTP_READY, address=self._address)
             await self._changed.wait()
         finally:
-            self._address = None
-            await _close(server, door, watching)
+            self._address = self._tokens = None
+            await _close(server, door, *watching)
+
+    def _access(self, wanted: Wanted) -> Access | None:
+        """Return who may look; None: everybody who gets here."""
+        if not wanted.asks_who:
+            return None
+        self._tokens = Tokens(wanted.tokens, wanted.folder, self._token_unusable)
+        return Access(self._tokens, self._sessions, self._refusals, wanted.cookie)
+
+    def _tls_listener(self, server: asyncio.Server, context: ssl.SSLContext, door: Door) -> TlsListener:
+        """Return what accepts on the sockets of a server that never begins to."""
+        sockets = [one.dup() for one in server.sockets]
+        return TlsListener(sockets, context, door.connection, self._refused, self._handshakes)
+
+    def _refused(self, peer: str, why: str) -> None:
+        self._refusals.note(HTTP_REFUSED, peer, why, time.monotonic())
+
+    async def _watch(self) -> None:
+        """Notice tokens that cannot be used any more, and tell of refusals that were held back."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            if self._tokens is not None:
+                self._tokens.look()
+            self._refusals.sweep(time.monotonic())
+
+    def _token_unusable(self, why: str) -> None:
+        self._window.say(TOKEN_UNUSABLE, detail=f"{why}; nobody gets in by it")
 
     async def _keep_local(self, served: Served) -> None:
         wait_s = FIRST_WAIT_S
@@ -129,7 +194,7 @@ class HttpService:
         """Serve until cancelled."""
         door = Door(self._limits["local"])
         rules = Rules(READS | {"POST"}, there_is=LOCAL_PATHS)
-        door.serve(Guard(served.application(door, may_reload=True), rules))
+        door.serve(Guard(served.application(door, LOCAL_PATHS), rules))
         server = await asyncio.get_running_loop().create_unix_server(door.connection, sock=listening)
         watching = asyncio.create_task(door.watch())
         try:
@@ -145,10 +210,11 @@ class HttpService:
         )
 
 
-async def _close(server: asyncio.Server, door: Door, watching: "asyncio.Task[None]") -> None:
+async def _close(server: asyncio.Server, door: Door, *watching: "asyncio.Task[None]") -> None:
     server.close()
-    watching.cancel()
-    await asyncio.gather(watching, return_exceptions=True)
+    for task in watching:
+        task.cancel()
+    await asyncio.gather(*watching, return_exceptions=True)
     await door.close()
 
 

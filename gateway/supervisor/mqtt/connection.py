@@ -40,7 +40,7 @@ async def connected(settings: Settings) -> AsyncIterator[aiomqtt.Client]:
     """Yield a client that is connected; say goodbye at the end, as far as the broker listens.
 
     Raises:
-        MqttFileError: the password or a certificate cannot be used.
+        NamedFileError: the password or a certificate cannot be used.
         aiomqtt.MqttError: no connection, or it has been lost.
     """
     password = await asyncio.to_thread(settings.password)

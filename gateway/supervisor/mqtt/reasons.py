@@ -8,8 +8,8 @@ from typing import Final
 import aiomqtt
 from paho.mqtt.reasoncodes import ReasonCode
 
-from gateway.config.mqtt_files import MqttFileError
 from gateway.config.mqtt_model import MqttVersion
+from gateway.config.named_files import NamedFileError
 from gateway.supervisor.mqtt.settings import Settings
 
 TIMED_OUT: Final = "Operation timed out"
@@ -39,7 +39,7 @@ _REFUSED: Final[Mapping[str, str]] = {
 
 def why(error: BaseException, settings: Settings) -> str:
     """Return a sentence on what ended a connection, or kept it from being made."""
-    if isinstance(error, MqttFileError):
+    if isinstance(error, NamedFileError):
         return str(error)
     if isinstance(error, aiomqtt.MqttError) and str(error) == TIMED_OUT:
         need = (

@@ -24,10 +24,10 @@ class Settings:
     keepalive_s: int
     interval_s: float
     username: str | None
-    password_path: Path | None
+    password_file: str | None
     tls: TlsSection | None
     folder: Path
-    """That the files of :attr:`tls` are relative to."""
+    """That the files of :attr:`tls` and :attr:`password_file` are relative to."""
     discovery: str
     """Prefix of Home Assistant's discovery, ``""`` for none."""
     allows_commands: bool
@@ -39,11 +39,11 @@ class Settings:
         return f"{host}:{self.port}"
 
     def password(self) -> str | None:
-        """Return the password as its file has it now; blocks. Raises MqttFileError."""
-        return None if self.password_path is None else read_password(self.password_path)
+        """Return the password as its file has it now; blocks. Raises NamedFileError."""
+        return None if self.password_file is None else read_password(self.password_file, self.folder)
 
     def tls_context(self) -> ssl.SSLContext | None:
-        """Return what TLS needs, None without; blocks. Raises MqttFileError."""
+        """Return what TLS needs, None without; blocks. Raises NamedFileError."""
         return None if self.tls is None else tls_context(self.tls, self.folder)
 
 
@@ -58,7 +58,7 @@ def settings_of(section: MqttSection, name: str, folder: Path) -> Settings:
         keepalive_s=section.keepalive_s,
         interval_s=section.interval_s,
         username=section.username,
-        password_path=None if section.password_file is None else folder / section.password_file,
+        password_file=section.password_file,
         tls=section.tls,
         folder=folder,
         discovery=section.discovery,

@@ -8,13 +8,16 @@ from typing import Final
 
 FILES: Final = (
     "index.html",
+    "login.html",
     "page.css",
     "axes.css",
     "curves.css",
     "rooms.css",
+    "login.css",
     "icon.svg",
     "icon-trouble.svg",
     "theme.js",
+    "login.js",
     "page.js",
     "axis_card.js",
     "banner.js",
@@ -28,7 +31,10 @@ FILES: Final = (
     "line_cards.js",
     "model.js",
     "stream.js",
+    "session.js",
     "tables.js",
     "words.js",
 )
 """Every file of the page, by its name in this folder; nothing else is served."""
+LOGIN_FILES: Final = ("page.css", "login.css", "theme.js", "login.js", "icon.svg")
+"""What the page that asks for a token needs: strangers may have these, and nothing else of the page."""

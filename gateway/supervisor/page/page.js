@@ -9,6 +9,7 @@ import { span } from "./figures.js";
 import { Latency } from "./latency.js";
 import { LineCard } from "./line_cards.js";
 import { isFresh } from "./model.js";
+import { showSession } from "./session.js";
 import { Stream } from "./stream.js";
 import { Tables } from "./tables.js";
 
@@ -209,4 +210,5 @@ function offerColours() {
 }
 
 offerColours();
+void showSession();
 new Page();

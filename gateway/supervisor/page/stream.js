@@ -2,6 +2,7 @@
 // The gateway's stream of status and events; it says when nothing comes, and never stops trying.
 
 import { SILENT_MS } from "./model.js";
+import { askAgain } from "./session.js";
 
 const RETRY_MS = [500, 1000, 2000];
 const LOOK_MS = 500;
@@ -72,6 +73,10 @@ export class Stream {
   async ask() {
     try {
       const answer = await fetch(this.fallback, { cache: "no-store" });
+      if (answer.status === 401) {
+        askAgain(); // the session is over
+        return;
+      }
       if (answer.ok) {
         const model = await answer.json();
         this.hear(false);

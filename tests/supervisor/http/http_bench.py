@@ -11,11 +11,12 @@ from typing import Any
 from gateway.catalogue.entry import EventEntry, Severity
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import CorrectionTable
-from gateway.config.gateway_model import HttpSection
+from gateway.config.http_model import HttpSection
 from gateway.ipc.compiled_table import compiled, digest_of
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
 from gateway.ipc.state_folder import table_path, write_whole
 from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.http.handshakes import HandshakeLimits
 from gateway.supervisor.http.limits import LOCAL, TCP, Limits
 from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.http.window import Window
@@ -230,6 +231,7 @@ async def serving(
     feeds: Feeds | None = None,
     tcp: Limits = TCP,
     local: Limits = LOCAL,
+    handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008
     settings: AxisSettings | None = None,
     outcome: Outcome | None = None,
 ) -> AsyncIterator[Served]:
@@ -245,9 +247,9 @@ async def serving(
         served.said.append((event.name, fields))
 
     window = Window(feeds, state, lambda axis: settings, reload, say)
-    service = HttpService(window, tcp, local)
+    service = HttpService(window, tcp, local, handshakes)
     served = Served(service, feeds, port, state)
-    service.configure(HttpSection(listen=f"127.0.0.1:{port}"))
+    service.configure(HttpSection(listen=f"127.0.0.1:{port}"), Path())
     running = asyncio.create_task(service.run())
     try:
         await until(lambda: running.done() or (bool(served.said) and served.local.exists()))

@@ -14,7 +14,7 @@ CSP = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-PATHS = ["/", "/status", "/healthz", "/metrics", "/events", "/tables/NAME", "/page/NAME"]
+PATHS = ["/", "/status", "/healthz", "/metrics", "/events", "/tables/NAME", "/page/NAME", "/session"]
 
 
 async def test_the_status_is_the_newest_model(tmp_path: Path) -> None:

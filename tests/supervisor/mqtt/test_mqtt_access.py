@@ -97,6 +97,7 @@ async def test_a_gateway_hears_its_own_commands_and_nothing_else(broker: Broker)
 @pytest.mark.parametrize("version", ["3.1.1", "5"])
 async def test_the_gateway_has_everything_that_it_needs(tmp_path: Path, broker: Broker, version: str) -> None:
     (tmp_path / "password").write_text("one\n")
+    (tmp_path / "password").chmod(0o600)
     given = settings(
         broker.port,
         tmp_path,

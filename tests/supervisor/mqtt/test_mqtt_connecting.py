@@ -53,6 +53,7 @@ async def test_a_wrong_password_is_told_and_the_right_one_is_taken_without_a_res
     password_file(tmp_path, mill=SECRET)
     mine = tmp_path / "password"
     mine.write_text("a wrong one\n")
+    mine.chmod(0o600)
     with broker_in(tmp_path, WITH_PASSWORD.replace("FOLDER", str(tmp_path))) as broker:
         given = settings(broker.port, tmp_path, version=version, username="mill", password_file="password")
         async with publishing(given, tmp_path) as site:

@@ -116,6 +116,8 @@ class Stage:
             self._send(request, b"{}", "application/json", HTTPStatus.SERVICE_UNAVAILABLE)
         elif path == "/events":
             self._stream(request)
+        elif path == "/session":
+            self._send(request, b'{"by": null, "how": null, "ends_in_s": null}', "application/json")
         elif path == "/status":
             self._send(request, json.dumps(self._model).encode(), "application/json")
         elif path.startswith("/tables/") and path[8:] in self.tables:

@@ -1,0 +1,80 @@
+"""The files that ``[http]`` names: tokens, a certificate with its key, authorities of clients."""
+
+import os
+import re
+import ssl
+from pathlib import Path
+from typing import Final
+
+from gateway.config.http_model import HttpTlsSection
+from gateway.config.named_files import (
+    NamedFileError,
+    certificates_path,
+    key_path,
+    read_secret_line,
+    why_unusable,
+)
+from gateway.config.toml_lines import KeyPath
+
+SHORTEST_TOKEN: Final = 32
+FEWEST_CHARACTERS: Final = 8
+"""Different ones. Of 32 random hexadecimal digits there are 14 as a rule, and hardly ever fewer than 9; a
+letter that was held down has one."""
+_TOKEN: Final = re.compile(rf"[A-Za-z0-9._~+/=-]{{{SHORTEST_TOKEN},512}}")
+TLS_KEY: Final = ("http", "tls")
+
+
+def read_token(key: KeyPath, name: str, folder: Path) -> str:
+    """Return the token that is all a file holds.
+
+    Raises:
+        NamedFileError: it cannot be read, every user may read it, or nobody would call that random.
+    """
+    token = read_secret_line(key, name, folder, "token")
+    if not _TOKEN.fullmatch(token) or len(set(token)) < FEWEST_CHARACTERS:
+        raise NamedFileError(
+            key,
+            f"{name} holds no {SHORTEST_TOKEN} random characters or more (A-Z a-z 0-9 . _ ~ + / = -)",
+            f"make one with pitch-gateway token {name}",
+        )
+    return token
+
+
+def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> ssl.SSLContext:
+    """Return what the page needs to speak TLS. Reads files: it may block.
+
+    ``needs_client``: whoever has no certificate is not even answered.
+
+    Raises:
+        NamedFileError: a file is missing, is something else, every user may read the key, or it is not that
+            of the certificate.
+    """
+    certificate = certificates_path((*TLS_KEY, "certificate"), tls.certificate, folder)
+    private_key = key_path((*TLS_KEY, "key"), tls.key, folder)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION
+    try:
+        # OpenSSL would ask a terminal for the password of an encrypted key.
+        context.load_cert_chain(certificate, private_key, password=lambda: "")
+    except (ssl.SSLError, OSError) as error:
+        raise NamedFileError(
+            (*TLS_KEY, "certificate"),
+            f"{tls.certificate} and {tls.key} cannot be used together ({why_unusable(error)})",
+            "give a certificate and its own key, both in PEM, the key not encrypted",
+        ) from None
+    if tls.clients is not None:
+        _trust(context, certificates_path((*TLS_KEY, "clients"), tls.clients, folder), tls.clients)
+        context.verify_mode = ssl.CERT_REQUIRED if needs_client else ssl.CERT_OPTIONAL
+    return context
+
+
+def _trust(context: ssl.SSLContext, authorities: Path, name: str) -> None:
+    try:
+        context.load_verify_locations(os.fspath(authorities))
+    except (ssl.SSLError, OSError) as error:
+        raise NamedFileError(
+            (*TLS_KEY, "clients"),
+            f"{name}: no certificates ({why_unusable(error)})",
+            "give a file with certificates in PEM",
+        ) from None

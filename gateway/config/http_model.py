@@ -1,0 +1,67 @@
+"""``[http]``."""
+
+from typing import Annotated, Final
+
+from pydantic import AfterValidator, Field
+
+from gateway.config.values import ADDRESS_RULE, FileName, Name, parse_address
+from gateway.drives.strict import ListOf, StrictModel
+from gateway.transport.endpoints import TcpEndpoint
+
+MOST_TOKENS: Final = 16
+
+
+def check_listen(text: str) -> str:
+    """Check the address of the status page; empty for none.
+
+    Raises:
+        ValueError: it is neither an address nor empty.
+    """
+    if text:
+        try:
+            parse_address(text)
+        except ValueError as error:
+            rule = f'{ADDRESS_RULE}; or "" for none'
+            raise ValueError(rule if str(error) == ADDRESS_RULE else f'{error}; or "" for none') from None
+    return text
+
+
+class TokenSection(StrictModel):
+    """A token with which somebody may look."""
+
+    name: Name = Field(description="who or what has it, for the log")
+    file: FileName = Field(
+        description="file that holds the token and nothing else, relative to the configuration file, or "
+        "credential:NAME; pitch-gateway token makes one"
+    )
+
+
+class HttpTlsSection(StrictModel):
+    """How the gateway shows who it is, and who may look with a certificate."""
+
+    certificate: FileName = Field(
+        description="file with the certificate of the page, and those between it and its authority"
+    )
+    key: FileName = Field(description="file with the key of that certificate, or credential:NAME")
+    clients: FileName | None = Field(
+        default=None,
+        description="file with the authorities that sign certificates of clients: whoever has one may look",
+    )
+
+
+class HttpSection(StrictModel):
+    """The status page."""
+
+    listen: Annotated[str, AfterValidator(check_listen)] = Field(
+        default="127.0.0.1:8480", description='address of the page, "" for none'
+    )
+
+    tokens: Annotated[ListOf[TokenSection], Field(max_length=MOST_TOKENS)] = Field(
+        default=(), description="tokens with which somebody may look; none: nobody is asked for one"
+    )
+    tls: HttpTlsSection | None = Field(default=None, description="encrypt; needed beyond this machine")
+
+    @property
+    def endpoint(self) -> TcpEndpoint | None:
+        """Where the page is; None where it is off."""
+        return TcpEndpoint(*parse_address(self.listen)) if self.listen else None

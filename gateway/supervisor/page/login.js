@@ -1,0 +1,61 @@
+// @ts-check
+// Shows the token to the gateway, once. It goes in the body of a request, never into an address.
+
+const form = /** @type {HTMLFormElement} */ (document.getElementById("form"));
+const token = /** @type {HTMLInputElement} */ (document.getElementById("token"));
+const enter = /** @type {HTMLButtonElement} */ (document.getElementById("enter"));
+const reveal = /** @type {HTMLButtonElement} */ (document.getElementById("reveal"));
+const problem = /** @type {HTMLElement} */ (document.getElementById("problem"));
+
+/** @param {string} what */
+function say(what) {
+  problem.textContent = what;
+  token.setAttribute("aria-invalid", what ? "true" : "false");
+}
+
+/** @returns {Promise<string>} why not, "" when it was taken */
+async function logIn() {
+  const body = JSON.stringify({ token: token.value.trim() });
+  try {
+    const headers = { "Content-Type": "application/json" };
+    const answer = await fetch("login", { method: "POST", headers, body });
+    if (answer.ok) {
+      return "";
+    }
+    if (answer.status === 401) {
+      return "That is no token of this gateway.";
+    }
+    if (answer.status === 429) {
+      const seconds = Number(answer.headers.get("Retry-After")) || 60;
+      return `Too many wrong tokens came from here. Try again in ${seconds} seconds.`;
+    }
+    return `The gateway answered ${answer.status}. Try again later.`;
+  } catch {
+    return "The gateway does not answer.";
+  }
+}
+
+form.addEventListener("submit", (happening) => {
+  happening.preventDefault();
+  enter.disabled = true;
+  say("");
+  void logIn().then((why) => {
+    enter.disabled = false;
+    if (why === "") {
+      token.value = "";
+      location.reload();
+      return;
+    }
+    say(why);
+    token.select();
+    token.focus();
+  });
+});
+
+reveal.addEventListener("click", () => {
+  const isShown = token.type === "password";
+  token.type = isShown ? "text" : "password";
+  reveal.textContent = isShown ? "Hide" : "Show";
+  reveal.setAttribute("aria-pressed", String(isShown));
+  token.focus();
+});

@@ -1,0 +1,221 @@
+"""The page over TLS: certificates of both sides, renewed ones, and handshakes that never end."""
+
+import asyncio
+import contextlib
+import logging
+import socket
+import ssl
+from pathlib import Path
+
+import pytest
+
+from gateway.supervisor.http.handshakes import HandshakeLimits
+from gateway.supervisor.http.limits import Limits
+from tests.certificates import signed_by
+from tests.supervisor.http.doors import (
+    TOKEN,
+    asking,
+    bearer,
+    make_certificates,
+    section,
+    trusting,
+    write_token,
+)
+from tests.supervisor.http.http_bench import PATIENCE_S, until
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("certificates")
+    make_certificates(folder)
+    return folder
+
+
+async def test_a_token_over_tls(tmp_path: Path, certificates: Path) -> None:
+    async with asking(tmp_path, certificates) as visitor:
+        port = visitor.served.port
+        assert visitor.served.service.status["address"] == f"https://127.0.0.1:{port}"
+        assert (await visitor.ask("/status")).status == 401
+        assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
+        answer = await visitor.log_in()
+        cookie, *marks = answer.headers["set-cookie"].split("; ")
+        assert cookie.startswith(f"__Host-pitch-gateway-{port}=")
+        assert marks == ["Path=/", "Max-Age=43200", "HttpOnly", "SameSite=Strict", "Secure"]
+        assert (await visitor.ask("/status", f"Cookie: {cookie}")).status == 200
+        assert "strict-transport-security" not in answer.headers
+
+
+async def test_a_certificate_of_a_client_is_enough_beside_tokens(tmp_path: Path, certificates: Path) -> None:
+    async with asking(tmp_path, certificates, clients=True) as visitor:
+        assert (await visitor.ask("/status")).status == 401
+        assert (await visitor.ask("/status", client="panel")).status == 200
+        assert (await visitor.ask("/session", client="panel")).data == {
+            "by": "panel",
+            "how": "certificate",
+            "ends_in_s": None,
+        }
+        assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
+
+
+async def test_without_tokens_nobody_without_a_certificate_is_answered(
+    tmp_path: Path, certificates: Path
+) -> None:
+    async with asking(tmp_path, certificates, tokens=False, clients=True) as visitor:
+        assert (await visitor.ask("/status", client="panel")).status == 200
+        with contextlib.suppress(ConnectionError, ssl.SSLError):
+            line = await visitor.connect()
+            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert await line.rest() == b""
+        await until(lambda: bool(visitor.events("http-refused")))
+        [event] = visitor.events("http-refused")
+        assert event["detail"] == "no TLS: peer did not return a certificate"
+
+
+async def test_a_certificate_of_somebody_else_is_refused(tmp_path: Path, certificates: Path) -> None:
+    async with asking(tmp_path, certificates, clients=True) as visitor:
+        with contextlib.suppress(ConnectionError, ssl.SSLError):
+            line = await visitor.connect("thief")
+            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert await line.rest() == b""
+        await until(lambda: bool(visitor.events("http-refused")))
+        [event] = visitor.events("http-refused")
+        assert str(event["detail"]).startswith("its certificate: ")
+
+
+@pytest.mark.parametrize("version", [ssl.TLSVersion.TLSv1, ssl.TLSVersion.TLSv1_1])
+async def test_old_tls_is_not_spoken(tmp_path: Path, certificates: Path, version: ssl.TLSVersion) -> None:
+    async with asking(tmp_path, certificates) as visitor:
+        context = trusting(certificates)
+        with pytest.warns(DeprecationWarning, match="TLSv1"):
+            context.minimum_version = ssl.TLSVersion.TLSv1
+        context.set_ciphers("DEFAULT:@SECLEVEL=0")
+        with pytest.warns(DeprecationWarning, match="TLSv1"):
+            context.maximum_version = version
+        with pytest.raises((ssl.SSLError, ConnectionError)):
+            await asyncio.open_connection("127.0.0.1", visitor.served.port, ssl=context)
+        await until(lambda: bool(visitor.events("http-refused")))
+        context = trusting(certificates)
+        context.maximum_version = ssl.TLSVersion.TLSv1_2
+        _, writer = await asyncio.open_connection("127.0.0.1", visitor.served.port, ssl=context)
+        writer.transport.abort()
+
+
+async def test_whoever_does_not_know_the_authority_is_named(tmp_path: Path, certificates: Path) -> None:
+    async with asking(tmp_path, certificates) as visitor:
+        context = ssl.create_default_context(cafile=certificates / "foreign.crt")
+
+        def shake_hands() -> None:
+            with socket.create_connection(("127.0.0.1", visitor.served.port), PATIENCE_S) as connection:
+                context.wrap_socket(connection, server_hostname="127.0.0.1")
+
+        with pytest.raises(ssl.SSLCertVerificationError):
+            await asyncio.to_thread(shake_hands)
+        await until(lambda: bool(visitor.events("http-refused")))
+        assert visitor.events("http-refused")[0]["detail"] == (
+            "the other side did not take the certificate of the page"
+        )
+
+
+async def test_what_is_no_tls_is_closed(
+    tmp_path: Path, certificates: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with asking(tmp_path, certificates) as visitor:
+        line = await visitor.served.connect()
+        await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert b"HTTP/1.1" not in await line.rest()
+        await until(lambda: bool(visitor.events("http-refused")))
+        assert visitor.events("http-refused")[0]["detail"] == "no TLS: http request"
+        assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
+    assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []
+
+
+async def test_a_handshake_that_never_ends_is_ended(tmp_path: Path, certificates: Path) -> None:
+    limits = HandshakeLimits(time_s=0.05)
+    async with asking(tmp_path, certificates, handshakes=limits) as visitor:
+        line = await visitor.served.connect()
+        await line.say(b"\x16\x03\x01\x02\x00\x01")  # the beginning of a ClientHello
+        assert await line.rest() == b""
+        await until(lambda: bool(visitor.events("http-refused")))
+        assert visitor.events("http-refused")[0]["detail"] == "the TLS handshake never ended"
+
+
+@pytest.mark.parametrize("limits", [HandshakeLimits(at_once=8), HandshakeLimits(from_one_site=8)])
+async def test_the_oldest_of_too_many_handshakes_ends(
+    tmp_path: Path, certificates: Path, limits: HandshakeLimits
+) -> None:
+    async with asking(tmp_path, certificates, handshakes=limits) as visitor:
+        lines = [await visitor.served.connect() for _ in range(8)]
+        assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
+        assert await lines[0].rest() == b""
+        assert visitor.events("http-refused")[0]["detail"] == "too many TLS handshakes at once"
+        for _ in range(40):
+            await visitor.served.connect()
+        assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
+        await lines[7].rest()
+        assert visitor.served.connections() <= 8
+
+
+async def test_bad_requests_and_idle_ones_end_over_tls_too(tmp_path: Path, certificates: Path) -> None:
+    limits = Limits(whole_request_s=0.05, sweep_s=0.01)
+    async with asking(tmp_path, certificates, tcp=limits) as visitor:
+        line = await visitor.connect()
+        await line.say("nonsense\r\n\r\n")
+        assert (await line.hear()).status == 400
+        assert await line.rest() == b""
+        slow = await visitor.connect()
+        await slow.say("GET / HTTP/1.1\r\nHo")
+        assert await slow.rest() == b""
+
+
+async def test_events_over_tls_come_whole(tmp_path: Path, certificates: Path) -> None:
+    async with asking(tmp_path, certificates) as visitor:
+        line = await visitor.connect()
+        await line.say(f"GET /events HTTP/1.1\r\nHost: localhost\r\n{bearer(TOKEN)}\r\n\r\n")
+        await line.until(b"event: status\n")
+        visitor.served.feeds.publish({**(visitor.served.feeds.model or {}), "more": 1})
+        await line.until(b'"more":1}')
+
+
+async def test_a_renewed_certificate_is_shown_after_a_reload(tmp_path: Path, certificates: Path) -> None:
+    mine = tmp_path / "certificates"
+    mine.mkdir()
+    for name in ("ca.crt", "ca.key", "page.crt", "page.key"):
+        (mine / name).write_bytes((certificates / name).read_bytes())
+        (mine / name).chmod(0o600)
+    async with asking(tmp_path, mine) as visitor:
+
+        async def shown() -> bytes:
+            line = await visitor.connect()
+            found: bytes = line.writer.get_extra_info("ssl_object").getpeercert(binary_form=True)
+            return found
+
+        cookie = await visitor.cookie()
+        old = await shown()
+        same = section(visitor.served.port, mine)
+        visitor.served.service.configure(same, tmp_path)
+        assert await shown() == old
+        signed_by(mine, "ca", "page", "IP:127.0.0.1,DNS:localhost")
+        (mine / "page.key").chmod(0o600)
+        visitor.served.service.configure(same, tmp_path)  # tables were read anew, and not the configuration
+        assert await shown() == old
+        said = len(visitor.served.said)
+        visitor.served.service.configure(section(visitor.served.port, mine), tmp_path)
+        await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[said:]])
+        assert await shown() != old
+        assert (await visitor.ask("/status", cookie)).status == 200  # nobody has to log in for that
+
+
+async def test_a_certificate_that_is_gone_is_a_problem_that_says_so(
+    tmp_path: Path, certificates: Path
+) -> None:
+    async with asking(tmp_path) as visitor:
+        write_token(tmp_path, TOKEN)
+        visitor.served.service.configure(section(visitor.served.port, tmp_path / "none"), tmp_path)
+        await until(lambda: bool(visitor.events("http-not-open")))
+        assert "page.crt: no such file" in str(visitor.served.service.status["problem"])
+        visitor.served.service.configure(section(visitor.served.port, certificates), tmp_path)
+        visitor.certificates = certificates
+        async with asyncio.timeout(PATIENCE_S):
+            await until(lambda: visitor.served.service.status["problem"] is None)
+            await until(lambda: visitor.served.service.status["address"] is not None)
+        assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
