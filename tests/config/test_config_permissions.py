@@ -3,8 +3,9 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from tempfile import gettempdir
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -47,17 +48,17 @@ def said(config: Path, purpose: str, user: int | None) -> list[str]:
 
 
 @pytest.fixture
-def config(tmp_path: Path) -> Path:
+def config() -> Iterator[Path]:
     """A configuration that everybody may read, with a low port and a serial port of a group."""
-    for folder in (tmp_path, *(each for each in tmp_path.parents if Path(gettempdir()) in each.parents)):
+    with TemporaryDirectory() as name:  # those of pytest are for its own user, whatever their mode was
+        folder = Path(name)
         folder.chmod(0o755)
-    device = tmp_path / "ttyUSB0"
-    device.touch(0o660)
-    device.chmod(0o660)
-    os.chown(device, 0, 20)  # dialout, Debian's group of serial ports
-    return written(
-        tmp_path, edited(("127.0.0.1:1502", "127.0.0.1:1"), ("/dev/serial/by-id/usb-B", str(device)))
-    )
+        device = folder / "ttyUSB0"
+        device.touch(0o660)
+        device.chmod(0o660)
+        os.chown(device, 0, 20)  # dialout, Debian's group of serial ports
+        changes = (("127.0.0.1:1502", "127.0.0.1:1"), ("/dev/serial/by-id/usb-B", str(device)))
+        yield written(folder, edited(*changes))
 
 
 @AS_ROOT
