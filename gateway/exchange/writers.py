@@ -71,14 +71,12 @@ class Writers:
     def moved(self, exchange: Exchange, now_ns: int) -> None:
         """Note that a request has left: its writer goes on to hold what it moves."""
         port = exchange.port
-        if port is None or exchange.pdu[0] in MONITOR_FUNCTIONS:
-            return
-        writer = port.writer
-        for unit in self._units.reached(exchange.unit_id):
-            for axis in _touched(unit, exchange.pdu):
-                for member in (axis, *axis.peers):
-                    if member.hold.writer == writer:
-                        member.hold.last_ns = now_ns
+        assert port is not None
+        for rewriting in exchange.rewritings:
+            for meaning in rewriting.request.meanings:
+                _hold_on(meaning.axis, port.writer, now_ns)
+            for hit in rewriting.command_hits:
+                _hold_on(hit.place.axis, port.writer, now_ns)
 
     def lose(self, exchange: Exchange, code: int) -> None:
         """Note that a request never reached the drive: at once for its own axes, else for later."""
@@ -171,6 +169,14 @@ class Writers:
             return
         for unsent in lost.values():
             lose_of_axis(self._units, axis, unsent, _BUSY)
+
+
+def _hold_on(axis: AxisExchange, writer: str, now_ns: int) -> None:
+    if axis.hold.writer == writer:
+        axis.hold.last_ns = now_ns
+    for peer in axis.peers:
+        if peer.hold.writer == writer:
+            peer.hold.last_ns = now_ns
 
 
 def _touched(unit: UnitMap, pdu: bytes) -> tuple[AxisExchange, ...]:
