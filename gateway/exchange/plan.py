@@ -68,6 +68,8 @@ class ControllerPlan:
     serial: bool = False
     """RTU controllers get silence where TCP ones get exceptions 0x0A and 0x0B."""
     rights: Rights = UNLIMITED
+    certified: str = ""
+    """The role in the certificate of this connection, where roles come by certificates."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,19 +1,42 @@
 """The whole checked configuration in plain objects: what the relay runs from."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from ipaddress import IPv4Network, IPv6Network
 
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Role
+from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.tls_files import TlsFiles
+
+
+@dataclass(frozen=True, slots=True)
+class RoleRights:
+    """What a role of a certificate gives."""
+
+    role: Role
+    rights: Rights = UNLIMITED
+
+
+@dataclass(frozen=True, slots=True)
+class TlsPlan:
+    """Modbus/TCP Security on a listener: its files, and what each role may do; the others may not come in."""
+
+    files: TlsFiles
+    roles: Mapping[str, RoleRights]
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerLink:
-    """A controller and where it connects. ``allow`` empty: any address that reaches the listener."""
+    """A controller and where it connects. ``allow`` empty: any address that reaches the listener.
+
+    With ``tls`` what each connection may do comes with its certificate; ``plan`` has the most of it.
+    """
 
     plan: ControllerPlan
     endpoint: TcpEndpoint | SerialEndpoint
     allow: tuple[IPv4Network | IPv6Network, ...] = ()
+    tls: TlsPlan | None = None
 
 
 @dataclass(frozen=True, slots=True)

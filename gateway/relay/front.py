@@ -1,6 +1,7 @@
 """One configured controller: what it connects to, and the ports that it has open."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from gateway.exchange.plan import ControllerPlan
@@ -10,6 +11,7 @@ from gateway.modbus.mbap import MbapCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
 from gateway.relay.refusals import Refusals
+from gateway.relay.secure_door import SecureDoor
 from gateway.relay.timed import TimedExchange
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
@@ -39,7 +41,11 @@ class TcpFront:
         self._counters = MbapCounters()
         self._noted_peers: set[str] = set()
         self._refusals = Refusals(self._note)
-        self._listener = TcpListener(endpoint, link.allow, self._port, self._refusals.add)
+        self._door = None
+        if link.tls is not None:
+            note = partial(journal.note, line=line, controller=link.plan.name)
+            self._door = SecureDoor(link.plan, link.tls, self._port, self._refusals, note)
+        self._listener = TcpListener(endpoint, link.allow, self._receiver, self._refusals.add)
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
@@ -55,6 +61,8 @@ class TcpFront:
         Raises:
             TransportError: with the remedy.
         """
+        if self._door is not None:
+            self._door.open()
         await self._listener.open()
 
     def stop_accepting(self) -> None:
@@ -63,6 +71,8 @@ class TcpFront:
 
     async def close(self) -> None:
         """Close the listener and its connections."""
+        if self._door is not None:
+            self._door.close()
         await self._listener.close()
 
     def status(self) -> dict[str, object]:
@@ -75,12 +85,16 @@ class TcpFront:
             "refused_connections": self._listener.refused,
             "malformed": self._counters.bad_headers + self._counters.skipped_frames,
             "dropped_bytes": self._counters.dropped_bytes,
+            **({} if self._door is None else {"tls": self._door.status()}),
         }
 
-    def _port(self) -> Receiver:
+    def _receiver(self) -> Receiver:
+        return self._port(self.plan) if self._door is None else self._door.connection()
+
+    def _port(self, plan: ControllerPlan) -> Receiver:
         if self._endpoint.rtu:
-            return RtuControllerPort(self.plan, self._exchange, request_decoder(self._endpoint), gap_ns=0)
-        return MbapControllerPort(self.plan, self._exchange, self._counters, self._malformed)
+            return RtuControllerPort(plan, self._exchange, request_decoder(self._endpoint), gap_ns=0)
+        return MbapControllerPort(plan, self._exchange, self._counters, self._malformed)
 
     def _malformed(self, peer: str) -> None:
         if peer in self._noted_peers or len(self._noted_peers) >= NOTED_PEERS:

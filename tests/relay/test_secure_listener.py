@@ -1,0 +1,273 @@
+"""Modbus/TCP Security on a listener, on both loops: who is let in, as what, and what is told."""
+
+import asyncio
+import contextlib
+import ssl
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from cryptography import x509
+from pymodbus.client import AsyncModbusTlsClient
+
+from gateway.exchange.plan import ControllerPlan, Role
+from gateway.ipc.plan import ControllerLink, RoleRights, TlsPlan
+from gateway.modbus.mbap import encode_mbap
+from gateway.relay.gateway import Relay
+from gateway.transport.certificates import ROLE_OID
+from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.tls_files import TlsFiles
+from tests.certificates import Shop, client_context
+
+if TYPE_CHECKING:
+    from tests.relay.conftest import Bench, RawEnd, Tools
+
+LOOPS = ["asyncio", "uvloop"]
+WRITE = bytes.fromhex("10 0064 0002 04 0000C350")
+"""50 000 counts, for which the drive has to be told 50 050."""
+CORRECTED = bytes.fromhex("10 0064 0002 04 0000C382")
+WRITTEN = bytes.fromhex("10 0064 0002")
+READ_ACTUAL = bytes.fromhex("03 006E 0002")
+READ = bytes.fromhex("03 00C8 0001")
+Scenario = Callable[["Site"], Coroutine[Any, Any, None]]
+
+
+def answers(data: bytes) -> bytes:
+    """A drive that takes every write, stands at 50 050 counts, and whose other registers hold 7."""
+    if data[7] == 0x10:
+        pdu = WRITTEN
+    else:
+        pdu = bytes.fromhex("03 04 0000C382" if data[7:] == READ_ACTUAL else "03 02 0007")
+    return data[:4] + (len(pdu) + 1).to_bytes(2, "big") + data[6:7] + pdu
+
+
+class Site:
+    """A relay with a TLS listener, and who connects to it."""
+
+    def __init__(self, tools: "Tools", bench: "Bench", folder: Path) -> None:
+        self.tools, self.bench, self.folder = tools, bench, folder
+        self.shop = Shop(folder)
+        certificate, key = self.shop.server()
+        self.files = TlsFiles(str(certificate), str(key), str(self.shop.path), str(self.shop.revoke()))
+        self.drive: RawEnd
+        self.relay: Relay
+
+    async def start(self, **changes: str) -> None:
+        self.drive, where = await self.bench.drive("tcp", answers)
+        files = TlsFiles(**{**{name: getattr(self.files, name) for name in TlsFiles.__slots__}, **changes})
+        roles = {"Operator": RoleRights(Role.MOTION), "Beobachter Süd": RoleRights(Role.MONITOR)}
+        link = ControllerLink(
+            ControllerPlan("cnc", Role.MOTION, timeout_ms=500.0),
+            TcpEndpoint("127.0.0.1", 0),
+            tls=TlsPlan(files, roles),
+        )
+        self.relay = await self.bench.relay(where, (link,), (self.tools.axis(),))
+        await self.tools.until_up(self.relay)
+
+    @property
+    def port(self) -> int:
+        return self.relay.address("line", "cnc").port
+
+    @property
+    def status(self) -> dict[str, Any]:
+        status = self.tools.first_controller(self.relay)["tls"]
+        assert isinstance(status, dict)
+        return status
+
+    def told(self, event: str) -> list[str]:
+        return [str(note.fields["detail"]) for note in self.bench.notes if note.event == event]
+
+    async def connect(
+        self, shown: tuple[Path, Path] | None, context: ssl.SSLContext | None = None
+    ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        context = context or client_context(self.shop.path, shown)
+        return await asyncio.open_connection("127.0.0.1", self.port, ssl=context, server_hostname="127.0.0.1")
+
+    async def is_refused(
+        self, shown: tuple[Path, Path] | None, context: ssl.SSLContext | None = None
+    ) -> None:
+        """Connect in vain: an end before anything is answered, in the handshake or behind it."""
+        with contextlib.suppress(OSError):
+            reader, writer = await self.connect(shown, context)
+            writer.write(encode_mbap(1, 1, READ))
+            async with asyncio.timeout(5):
+                with contextlib.suppress(OSError):
+                    assert await reader.read(100) == b""
+            writer.close()
+            with contextlib.suppress(OSError):
+                await writer.wait_closed()
+        await self.tools.eventually(lambda: not self.tools.first_controller(self.relay)["connections"])
+
+
+async def ask(stream: tuple[asyncio.StreamReader, asyncio.StreamWriter], pdu: bytes) -> bytes:
+    reader, writer = stream
+    writer.write(encode_mbap(7, 1, pdu))
+    async with asyncio.timeout(5):
+        head = await reader.readexactly(7)
+        assert head[:4] == b"\0\x07\0\0"
+        return await reader.readexactly(int.from_bytes(head[4:6], "big") - 1)
+
+
+def on(loop: str, tools: "Tools", folder: Path, scenario: Scenario) -> None:
+    factory = pytest.importorskip("uvloop").new_event_loop if loop == "uvloop" else asyncio.new_event_loop
+
+    async def run() -> None:
+        bench = tools.bench()
+        async with bench.stack:
+            await scenario(Site(tools, bench, folder))
+
+    with asyncio.Runner(loop_factory=factory) as runner:
+        runner.run(run())
+
+
+@pytest.fixture
+async def site(tools: "Tools", bench: "Bench", tmp_path: Path) -> Site:
+    site = Site(tools, bench, tmp_path)
+    await site.start()
+    return site
+
+
+@pytest.mark.parametrize("version", [ssl.TLSVersion.TLSv1_2, ssl.TLSVersion.TLSv1_3])
+@pytest.mark.parametrize("loop", LOOPS)
+def test_a_controller_with_a_role_moves_the_corrected_drive(
+    tools: "Tools", tmp_path: Path, loop: str, version: ssl.TLSVersion
+) -> None:
+    async def scenario(site: Site) -> None:
+        await site.start()
+        shown = site.shop.controller("mill", "Operator")
+        context = client_context(site.shop.path, shown)
+        context.minimum_version = context.maximum_version = version
+        stream = await site.connect(shown, context)
+        site.drive.data = b""
+        assert await ask(stream, WRITE) == WRITTEN
+        assert site.drive.data[7:] == CORRECTED
+        [session] = site.status["sessions"]
+        assert (session["certified"], session["role"], session["subject"]) == (
+            "Operator",
+            "motion",
+            "CN=mill",
+        )
+        assert site.status["handshakes"] == 1
+        stream[1].close()
+        await stream[1].wait_closed()
+        await site.tools.eventually(lambda: site.status["sessions"] == [])
+
+    on(loop, tools, tmp_path, scenario)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_each_certificate_has_the_rights_of_its_own_role(tools: "Tools", tmp_path: Path, loop: str) -> None:
+    async def scenario(site: Site) -> None:
+        await site.start()
+        monitor = await site.connect(site.shop.controller("hmi", "Beobachter Süd"))
+        mover = await site.connect(site.shop.controller("mill", "Operator"))
+        assert await ask(monitor, WRITE) == b"\x90\x01"
+        assert await ask(mover, WRITE) == WRITTEN
+        assert await ask(monitor, READ) == bytes.fromhex("03 02 0007")
+        for stream in (monitor, mover):
+            stream[1].close()
+            await stream[1].wait_closed()
+
+    on(loop, tools, tmp_path, scenario)
+
+
+async def test_an_independent_client_moves_and_reads_back(site: Site) -> None:
+    context = client_context(site.shop.path, site.shop.controller("mill", "Operator"))
+    client = AsyncModbusTlsClient("127.0.0.1", port=site.port, sslctx=context)
+    assert await client.connect()
+    site.drive.data = b""
+    written = await client.write_registers(100, [0x0000, 0xC350], device_id=1)
+    assert not written.isError()
+    assert site.drive.data[7:] == CORRECTED
+    read = await client.read_holding_registers(110, count=2, device_id=1)
+    assert read.registers == [0x0000, 0xC350]  # 50 000: what it had asked for
+    client.close()
+
+
+ROLE = x509.ObjectIdentifier(ROLE_OID)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (None, f"it has no role (extension {ROLE_OID})"),
+        (b"\x0c\x04Gast", 'its role "Gast" is not in `roles`'),
+        (b"\x0c\x08Operator\x0c\x08Operator", "its role is not one UTF8String with 1 to 64 characters"),
+        (b"\x30\x0a\x0c\x08Operator", "its role is not one UTF8String with 1 to 64 characters"),
+        (b"\x13\x08Operator", "its role is not one UTF8String with 1 to 64 characters"),  # PrintableString
+        (
+            b"\x0c\x08\xff\xff\xff\xff\xff\xff\xff\xff",
+            "its role is not one UTF8String with 1 to 64 characters",
+        ),
+        (b"\x0c\x00", "its role is not one UTF8String with 1 to 64 characters"),
+    ],
+)
+async def test_without_one_known_role_nobody_comes_in(site: Site, value: bytes | None, said: str) -> None:
+    extensions = [] if value is None else [x509.UnrecognizedExtension(ROLE, value)]
+    shown = site.shop.leaf("stranger", extensions)
+    site.drive.data = b""
+    await site.is_refused(shown)
+    [detail] = site.told("certificate-refused")
+    serial = x509.load_pem_x509_certificate(shown[0].read_bytes()).serial_number
+    assert detail.startswith(f"127.0.0.1: {said}: 127.0.0.1:")
+    assert detail.endswith(f", CN=stranger, serial {serial:X}")
+    assert site.drive.data == b""
+    assert site.status["failed_handshakes"] == 1
+
+
+async def test_a_certificate_without_a_key_of_its_own_authority_is_refused(
+    site: Site, tmp_path: Path
+) -> None:
+    (tmp_path / "other").mkdir()
+    await site.is_refused(Shop(tmp_path / "other").controller("mill", "Operator"))
+    [detail] = site.told("certificate-refused")
+    assert "127.0.0.1: " in detail
+    assert "signature" in detail or "issuer" in detail
+
+
+async def test_who_shows_no_certificate_is_refused(site: Site) -> None:
+    await site.is_refused(None)
+    assert site.told("certificate-refused") == ["127.0.0.1: it showed no certificate"]
+
+
+async def test_a_revoked_certificate_is_refused_with_the_next_connection(site: Site) -> None:
+    shown = site.shop.controller("mill", "Operator")
+    before = await site.connect(shown)
+    site.shop.revoke(shown[0])
+    with contextlib.suppress(OSError):
+        reader, writer = await site.connect(shown)
+        with contextlib.suppress(OSError):
+            assert await reader.read(100) == b""
+        writer.close()
+    await site.tools.eventually(lambda: bool(site.told("certificate-refused")))
+    assert site.told("certificate-refused") == ["127.0.0.1: certificate revoked"]
+    assert len(site.told("certificates-renewed")) == 1
+    assert await ask(before, READ) == bytes.fromhex("03 02 0007")
+    before[1].close()
+
+
+async def test_a_certificate_of_the_gateway_that_is_renewed_is_shown_next(site: Site) -> None:
+    shown = site.shop.controller("mill", "Operator")
+    first = await site.connect(shown)
+    site.shop.server("server", "127.0.0.1", "mill-1.local")
+    second = await site.connect(shown)
+    names = [
+        [name for _, name in stream[1].get_extra_info("peercert")["subjectAltName"]]
+        for stream in (first, second)
+    ]
+    assert names == [["127.0.0.1"], ["127.0.0.1", "mill-1.local"]]
+    assert await ask(first, READ) == await ask(second, READ)
+    for stream in (first, second):
+        stream[1].close()
+
+
+async def test_files_that_became_bad_are_told_of_and_the_last_good_ones_stay(site: Site) -> None:
+    shown = site.shop.controller("mill", "Operator")
+    site.shop.spoil(Path(site.files.key))
+    stream = await site.connect(shown)
+    assert await ask(stream, READ) == bytes.fromhex("03 02 0007")
+    [detail] = site.told("certificates-not-renewed")
+    assert detail.startswith("tls.certificate: ")
+    assert detail.endswith("; those of before stay in force")
+    stream[1].close()
