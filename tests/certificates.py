@@ -87,11 +87,12 @@ class Shop:
         days = -ended.total_seconds() / 86_400 if ended else 2.0
         return self._write(name, make_leaf(self.authority, name, [purpose], extensions, now, days=days))
 
-    def revoke(self, *certificates: Path) -> Path:
-        """Write the list of what was revoked."""
+    def revoke(self, *certificates: Path, ago: timedelta = timedelta()) -> Path:
+        """Write the list of what was revoked, as it was some time ago."""
+        now = now_utc() - ago
         serials = [x509.load_pem_x509_certificate(each.read_bytes()).serial_number for each in certificates]
         path = self.folder / "crl.pem"
-        path.write_bytes(make_list(self.authority, [(one, now_utc()) for one in serials], now_utc()))
+        path.write_bytes(make_list(self.authority, [(one, now) for one in serials], now))
         return path
 
     def spoil(self, path: Path) -> None:

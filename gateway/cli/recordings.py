@@ -65,7 +65,7 @@ def plan_of(header: Header) -> "GatewayPlan":
             path.write_bytes(content.encode(ANY_BYTES))
         (folder / TABLES_FOLDER).mkdir(exist_ok=True)
         config.write_bytes(_portable(header.config, moved).encode("utf-8"))
-        return load(config).plan
+        return load(config, is_at_home=False).plan
 
 
 def _plain(text: str) -> str:

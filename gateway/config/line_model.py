@@ -7,6 +7,8 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from gateway.config.rights_model import RightsKeys
+from gateway.config.tls_model import ControllerTls, RoleName
 from gateway.config.values import (
     Device,
     Milliseconds,
@@ -132,6 +134,18 @@ class ControllerSection(_SerialSettings):
     allow: ListOf[Network] = Field(
         default=(), description="networks that may connect; none named: whoever reaches the port"
     )
+    tls: ControllerTls | None = Field(
+        default=None, description="speak TLS only, with those who have a certificate (Modbus/TCP Security)"
+    )
+    roles: dict[RoleName, RightsKeys] = Field(
+        default_factory=dict, description="with tls: what each role that a certificate may have gives"
+    )
+
+    @property
+    def roles_in_use(self) -> tuple[Role, ...]:
+        """What its connections may be, the one that may do most first."""
+        found = {each.role for each in self.roles.values()} if self.tls is not None else {self.role}
+        return tuple(role for role in Role if role in found) or (self.role,)
 
     @property
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:

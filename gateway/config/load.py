@@ -18,6 +18,7 @@ from gateway.config.check_mqtt import check_mqtt
 from gateway.config.check_references import check_references
 from gateway.config.check_roles import check_roles
 from gateway.config.check_state import check_state
+from gateway.config.check_tls import check_tls_files, check_tls_keys
 from gateway.config.check_ways import check_ways
 from gateway.config.document import Document, read_document
 from gateway.config.drive_files import NamedProfile, fit_drives
@@ -29,6 +30,7 @@ from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable
 from gateway.config.toml_lines import key_lines
 from gateway.ipc.plan import GatewayPlan
+from gateway.transport.certificates import now_utc
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,28 +53,41 @@ class Loaded:
     sections: Sections
 
 
-def load(path: Path, *, checks_times: bool = True, forgives_tables: bool = False) -> Loaded:
+def load(
+    path: Path, *, checks_times: bool = True, forgives_tables: bool = False, is_at_home: bool = True
+) -> Loaded:
     """Do what :func:`load_document` does with a file.
 
     Raises:
         ConfigErrors: everything that is wrong with it, at once.
     """
     document = read_document(path)
-    return load_document(document, checks_times=checks_times, forgives_tables=forgives_tables)
+    return load_document(
+        document, checks_times=checks_times, forgives_tables=forgives_tables, is_at_home=is_at_home
+    )
 
 
-def load_document(document: Document, *, checks_times: bool = True, forgives_tables: bool = False) -> Loaded:
+def load_document(
+    document: Document,
+    *,
+    checks_times: bool = True,
+    forgives_tables: bool = False,
+    is_at_home: bool = True,
+) -> Loaded:
     """Read, check and build a configuration with all its tables.
 
     Without ``checks_times`` nothing is said about limits that the arithmetic of time proves wrong. With
     ``forgives_tables`` what is wrong with tables only stays in their readings, and their axes have none.
+    Not ``is_at_home``: a copy out of a recording; certificates and passwords are not there, nor looked at.
 
     Raises:
         ConfigErrors: everything that is wrong with it, at once.
     """
     findings = Findings(document)
     sections, drives = _check_but_tables(findings)
-    check_mqtt(findings, sections.mqtt, document.path.parent)
+    if is_at_home:
+        check_mqtt(findings, sections.mqtt, document.path.parent)
+        check_tls_files(findings, sections, now_utc())
     return _with_tables(
         findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables
     )
@@ -137,6 +152,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     drives = fit_drives(findings, sections, findings.document.path.parent)
     refuse_what_is_not_built(findings)
     check_ways(findings)
+    check_tls_keys(findings)
     check_lines(findings, sections.lines)
     check_http(findings, sections.http, sections.lines)
     check_axes(findings, sections)

@@ -50,7 +50,7 @@ def default_late(setpoints: Setpoints) -> Late:
 
 
 class Role(Enum):
-    """What a controller may do. ``monitor`` may only read."""
+    """What a controller may do, the most first. ``monitor`` may only read."""
 
     MOTION = "motion"
     OPERATOR = "operator"
