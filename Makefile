@@ -1,5 +1,7 @@
 # Each target sets up what it needs on a fresh machine. `make` alone lists them.
 BIN := .venv/bin
+# Three at a time, because most of the long ones wait for programs that they started.
+PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile
 
 .DEFAULT_GOAL := help
 .PHONY: help setup test-programs demo test test-compiled check soak bench bench-quick pictures fmt clean
@@ -17,13 +19,13 @@ test-programs: # a broker and a browser
 	@tools/test_programs.sh
 
 test: setup test-programs check ## everything: checks, unit, property and end-to-end tests
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 test-compiled: setup test-programs ## the same tests with the hot path compiled; needs a C compiler
 	rm -rf build/compiled
 	$(BIN)/python tools/compiled.py build/compiled
 	cp -r bench deploy docs tables tests tools Makefile pyproject.toml *.md build/compiled/
-	cd build/compiled && $(CURDIR)/$(BIN)/python -m pytest tests
+	cd build/compiled && $(CURDIR)/$(PYTEST) tests
 
 check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/ruff format --check .

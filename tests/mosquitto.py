@@ -14,6 +14,8 @@ from typing import Any
 
 import aiomqtt
 
+from tests.ports import free_port
+
 PATIENCE_S = 30.0
 
 
@@ -29,11 +31,6 @@ def mosquitto_passwd() -> str:
     found = shutil.which("mosquitto_passwd")
     assert found, "mosquitto_passwd is not installed: apt-get install mosquitto"
     return found
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return int(free.getsockname()[1])
 
 
 ANYBODY = "listener {port} 127.0.0.1\nallow_anonymous true\n"
@@ -78,6 +75,13 @@ class Broker:
     @property
     def log(self) -> str:
         return self._log.read_text() if self._log.exists() else ""
+
+    def until_logged(self, text: str) -> None:
+        """Wait until the broker's log holds a text."""
+        until = time.monotonic() + PATIENCE_S
+        while text not in self.log:
+            assert time.monotonic() < until, self.log
+            time.sleep(0.01)
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@ from gateway.cli import (
     disable,
     drives,
     enable,
+    explain,
     init,
     probe,
     record,
@@ -48,6 +49,7 @@ app.command("budget")(budget.budget)
 app.command("probe")(probe.probe)
 app.command("signtest")(signtest.signtest)
 app.command("status")(status.status)
+app.command("explain")(explain.explain)
 app.command("enable")(enable.enable)
 app.command("disable")(disable.disable)
 app.command("reference")(reference.reference)

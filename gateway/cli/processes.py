@@ -14,8 +14,10 @@ from typing import Any, Final, NoReturn
 import typer
 
 import gateway
+from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.process_events import RELAY_ENDED, SUPERVISOR_ENDED, SUPERVISOR_STARTED
 from gateway.ipc.children import HELD_BACK, READY, RELOADS
-from gateway.ipc.notes import LogFormat, Note, Severity
+from gateway.ipc.notes import LogFormat, Note, note_of
 from gateway.ipc.state_folder import StateError, state_folder
 
 STOPS: Final = frozenset({signal.SIGTERM, signal.SIGINT})
@@ -136,7 +138,7 @@ class _Pair:
             if now_s >= self._supervisor_since_s + self._wait_s:
                 self._wait_s = min(2.0 * self._wait_s, LONGEST_WAIT_S)
                 self._start_supervisor()
-                self._say("supervisor-started")
+                self._say(SUPERVISOR_STARTED)
         elif self._supervisor.poll() is not None:
             if now_s - self._supervisor_since_s > LONG_LIFE_S:
                 self._wait_s = FIRST_WAIT_S
@@ -144,7 +146,7 @@ class _Pair:
             self._supervisor = None
             self._supervisor_since_s = now_s
             detail = f"the relay goes on; it is started again in {self._wait_s:g} s"
-            self._say("supervisor-ended", Severity.WARNING, status=status, detail=detail)
+            self._say(SUPERVISOR_ENDED, status=status, detail=detail)
 
     def _start_supervisor(self) -> None:
         if not self._is_stopping:
@@ -177,12 +179,12 @@ class _Pair:
             return 0  # it had not even begun
         if not self._is_stopping and code <= 0:
             detail = "positions pass no more: the gateway ends"
-            self._say("relay-ended", Severity.ERROR, status=_status(code), detail=detail)
+            self._say(RELAY_ENDED, status=_status(code), detail=detail)
             return 1
         return code if code >= 0 else 1
 
-    def _say(self, event: str, severity: Severity = Severity.INFO, **fields: Any) -> None:
-        self._write(Note(severity, event, fields, time.time()))
+    def _say(self, event: EventEntry, **fields: Any) -> None:
+        self._write(note_of(event, fields, time.time()))
 
 
 def _status(code: int) -> str:

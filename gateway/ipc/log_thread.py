@@ -13,13 +13,13 @@ from collections.abc import Callable
 from itertools import count
 from typing import Final, Self
 
-from gateway.ipc.notes import Note, Severity
+from gateway.catalogue.process_events import NOTES_DROPPED
+from gateway.ipc.notes import Note, note_of
 
 CAPACITY: Final = 1000
 """Notes that wait for the reader; of more the newest are kept."""
 CLOSE_S: Final = 1.0
 """So long an end waits for a reader that has stalled."""
-DROPPED: Final = "notes-dropped"
 
 
 class LogThread:
@@ -100,6 +100,6 @@ class LogThread:
     def _write_oldest(self) -> None:
         number, note = self._notes.popleft()
         if dropped := number - self._last - 1:
-            self._write(Note(Severity.WARNING, DROPPED, {"count": dropped}, note.wall_s))
+            self._write(note_of(NOTES_DROPPED, {"count": dropped}, note.wall_s))
         self._last = number
         self._write(note)

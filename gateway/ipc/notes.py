@@ -10,13 +10,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from enum import Enum
 
-
-class Severity(Enum):
-    """How loud a note is; the values are the levels of structlog."""
-
-    INFO = "info"
-    WARNING = "warning"
-    ERROR = "error"
+from gateway.catalogue.entry import EventEntry, Severity
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +21,13 @@ class Note:
     event: str
     fields: Mapping[str, object] = field(default_factory=dict)
     wall_s: float = 0.0
+
+
+def note_of(
+    entry: EventEntry, fields: Mapping[str, object], wall_s: float, severity: Severity | None = None
+) -> Note:
+    """Return a note of an event of the catalogue; ``severity`` where the catalogue leaves it open."""
+    return Note(severity or entry.severity, entry.name, fields, wall_s)
 
 
 class LogFormat(Enum):

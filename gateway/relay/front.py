@@ -4,8 +4,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final
 
+from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.line_events import CONNECTION_MALFORMED, PORT_NOT_OPEN, SERIAL_LATENCY
 from gateway.exchange.plan import ControllerPlan
-from gateway.ipc.notes import Severity
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
@@ -100,7 +101,7 @@ class TcpFront:
         if peer in self._noted_peers or len(self._noted_peers) >= NOTED_PEERS:
             return
         self._noted_peers.add(peer)
-        self._note("connection-malformed", f"{peer} sent something that is not Modbus/TCP; it was dropped")
+        self._note(CONNECTION_MALFORMED, f"{peer} sent something that is not Modbus/TCP; it was dropped")
 
 
 class SerialFront:
@@ -123,8 +124,8 @@ class SerialFront:
         self._serial = SerialPort(
             endpoint,
             self._port,
-            lambda why: note("port-not-open", why),
-            lambda why: note("serial-latency", why),
+            lambda why: note(PORT_NOT_OPEN, why),
+            lambda why: note(SERIAL_LATENCY, why),
         )
 
     @property
@@ -176,8 +177,8 @@ def make_front(line: str, link: ControllerLink, exchange: TimedExchange, journal
     return SerialFront(line, link, link.endpoint, exchange, journal)
 
 
-def _noter(journal: Journal, line: str, controller: str) -> Callable[[str, str], None]:
-    def note(event: str, detail: str) -> None:
-        journal.note(Severity.WARNING, event, line=line, controller=controller, detail=detail)
+def _noter(journal: Journal, line: str, controller: str) -> Callable[[EventEntry, str], None]:
+    def note(event: EventEntry, detail: str) -> None:
+        journal.note(event, line=line, controller=controller, detail=detail)
 
     return note

@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import gateway
+from gateway.catalogue import process_events as processes
+from gateway.catalogue import table_events as tables
+from gateway.catalogue.entry import EventEntry
 from gateway.compensation.settings import Gain
 from gateway.compiled import is_compiled
 from gateway.exchange.control import ControlError, Limits, TableChange
@@ -20,7 +23,7 @@ from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.complaints import Complaints
 from gateway.ipc.folder_problems import why_open_to_others
 from gateway.ipc.messages import Happened
-from gateway.ipc.notes import Note, Severity
+from gateway.ipc.notes import Note
 from gateway.ipc.place import ROOT_UID, SocketError
 from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.ipc.server import ControlServer, Desk
@@ -74,7 +77,7 @@ class Relay:
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
         self._shape = shape_of(plan)
         self._refused_tables = Complaints(
-            lambda detail: self._journal.note(Severity.WARNING, "table-refused", detail=detail)
+            lambda detail: self._journal.note(tables.TABLE_REFUSED, detail=detail)
         )
         self._find_table = find_table or (None if state is None else partial(find_table_in, state))
 
@@ -150,15 +153,14 @@ class Relay:
         self._collecting.start()
         for refused in schedule(self._plan.relay, self._scheduling_withdrawn):
             self._journal.note(
-                Severity.WARNING,
-                "scheduling-refused",
+                processes.SCHEDULING_REFUSED,
                 key=refused.key,
                 asked=refused.asked,
                 detail=refused.detail,
                 remedy=refused.remedy,
             )
         if self._plan.relay != RelayOptions():
-            self._journal.note(Severity.INFO, "scheduling", **in_force().status())
+            self._journal.note(processes.SCHEDULING, **in_force().status())
 
     async def stop(self) -> None:
         """Take no new requests, let the exchanges on the wires end, close everything."""
@@ -173,15 +175,15 @@ class Relay:
         Raises:
             ControlError: why it cannot be, and what to do.
         """
-        return self._commanded("enabled", self._line_of(axis).enable(axis))
+        return self._commanded(tables.ENABLED, self._line_of(axis).enable(axis))
 
     def disable(self, axis: str) -> tuple[str, ...]:
         """Switch the compensation of an axis off; as :meth:`enable`."""
-        return self._commanded("disabled", self._line_of(axis).disable(axis))
+        return self._commanded(tables.DISABLED, self._line_of(axis).disable(axis))
 
     def reference(self, axis: str) -> tuple[str, ...]:
         """Take an axis as referenced where it stands; as :meth:`enable`."""
-        return self._commanded("referenced", self._line_of(axis).reference(axis))
+        return self._commanded(tables.REFERENCED, self._line_of(axis).reference(axis))
 
     def set_tables(self, changes: Sequence[TableChange]) -> dict[str, str]:
         """Give axes of one line other tables, all or none; returns how each comes into force, by axis.
@@ -196,8 +198,7 @@ class Relay:
         comes = line.set_tables(changes)
         for change in changes:
             self._journal.note(
-                Severity.INFO,
-                "table-activated",
+                tables.TABLE_ACTIVATED,
                 axis=change.axis,
                 table=change.name,
                 points=len(change.table.positions),
@@ -213,7 +214,7 @@ class Relay:
     def clear_table(self, axis: str) -> dict[str, str]:
         """Take the table of an axis and its group away; as :meth:`set_tables`."""
         comes = self._line_of(axis).clear_table(axis)
-        self._commanded("table-removed", tuple(comes))
+        self._commanded(tables.TABLE_REMOVED, tuple(comes))
         return comes
 
     def set_gain(self, axis: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
@@ -222,7 +223,7 @@ class Relay:
         What the configuration says is for the axis alone.
         """
         comes = self._line_of(axis).set_gain(axis, gain, is_configured=is_configured)
-        self._commanded("gain-changed", tuple(comes), forward=gain.forward, backward=gain.backward)
+        self._commanded(tables.GAIN_CHANGED, tuple(comes), forward=gain.forward, backward=gain.backward)
         return comes
 
     def set_limits(self, axis: str, limits: Limits) -> tuple[str, ...]:
@@ -232,7 +233,7 @@ class Relay:
             ControlError: no such axis.
         """
         changed = self._line_of(axis).set_limits(axis, limits)
-        return self._commanded("limits-changed", changed, **asdict(limits))
+        return self._commanded(tables.LIMITS_CHANGED, changed, **asdict(limits))
 
     @property
     def busy_lines(self) -> dict[str, float]:
@@ -282,12 +283,12 @@ class Relay:
             self._turning = asyncio.get_running_loop().call_later(pause_s, self._turn)
 
     def _scheduling_withdrawn(self, why: str) -> None:
-        self._journal.note(Severity.WARNING, "scheduling-withdrawn", key="relay.fifo", detail=why)
+        self._journal.note(processes.SCHEDULING_WITHDRAWN, key="relay.fifo", detail=why)
 
-    def _commanded(self, what: str, axes: tuple[str, ...], **more: object) -> tuple[str, ...]:
+    def _commanded(self, what: EventEntry, axes: tuple[str, ...], **more: object) -> tuple[str, ...]:
         """Put it on record that somebody changed something."""
         if axes:
-            self._journal.note(Severity.INFO, what, axes=list(axes), **more, detail="by a command")
+            self._journal.note(what, axes=list(axes), **more, detail="by a command")
         return axes
 
     def _tell(self, note: Note) -> None:
@@ -314,7 +315,7 @@ class Relay:
             return [f"{self._recorder.path} exists: record into a new file, or remove this one"]
         except OSError as error:
             return [f"{self._recorder.path} cannot be written: {error.strerror or error}"]
-        self._recorder.on_lost = lambda why: self._journal.note(Severity.ERROR, "recording-ended", detail=why)
+        self._recorder.on_lost = lambda why: self._journal.note(processes.RECORDING_ENDED, detail=why)
         return []
 
     async def _open_control(self) -> list[str]:
@@ -325,7 +326,7 @@ class Relay:
                 answer=partial(self._named, "a command", partial(answer, self)),
                 hand_over=partial(hand_over, self, partial(self._activity.of, "a table")),
                 status=self.status,
-                complain=lambda detail: self._journal.note(Severity.WARNING, "socket-refused", detail=detail),
+                complain=lambda detail: self._journal.note(processes.SOCKET_REFUSED, detail=detail),
             )
             self._control = ControlServer(self._state, desk)
             self._journal.on_note = self._tell
@@ -338,9 +339,7 @@ class Relay:
     def _look_at_folder(self, state: Path) -> None:
         problem = why_open_to_others(state, frozenset((os.geteuid(), ROOT_UID)))
         if problem is not None:
-            self._journal.note(
-                Severity.WARNING, "state-folder-open", detail=problem.found, remedy=problem.remedy
-            )
+            self._journal.note(processes.STATE_FOLDER_OPEN, detail=problem.found, remedy=problem.remedy)
 
     def _named(self, name: str, work: Callable[..., _Result], *arguments: Any) -> _Result:
         """Do something for a client, and note how long it took."""

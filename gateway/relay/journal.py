@@ -8,20 +8,14 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
+from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.events import EVENTS
+from gateway.catalogue.exchange_events import RECORD_NOT_USED
 from gateway.exchange.events import Event, EventKind
 from gateway.ipc.log_thread import CAPACITY
-from gateway.ipc.notes import Note, Severity
+from gateway.ipc.notes import Note, note_of
 
-QUIET_KINDS: Final = frozenset(
-    {
-        EventKind.LINE_UP,
-        EventKind.DRIVE_ANSWERS,
-        EventKind.AXIS_REFERENCED,
-        EventKind.RESTORED,
-        EventKind.BUDGET_KEPT,
-    }
-)
-"""Good news; every other event of the exchange is a warning."""
+ENTRIES: Final = {kind: EVENTS[kind.value] for kind in EventKind}
 
 
 class Journal:
@@ -33,21 +27,20 @@ class Journal:
         self.on_note: Callable[[Note], None] = _tell_nobody
         """Gets every note, too, at the same price."""
 
-    def note(self, severity: Severity, event: str, **fields: object) -> None:
-        """Make a note; never blocks."""
-        note = Note(severity, event, fields, time.time())
+    def note(self, event: EventEntry, **fields: object) -> None:
+        """Make a note of an event of the catalogue; never blocks."""
+        note = note_of(event, fields, time.time())
         self._write(note)
         self.on_note(note)
 
     def exchange_event(self, line: str, event: Event) -> None:
         """Append an event of a line's exchange."""
-        severity = Severity.INFO if event.kind in QUIET_KINDS else Severity.WARNING
         axis = {"axis": event.axis} if event.axis else {}
-        self.note(severity, event.kind.value, line=line, **axis, detail=event.detail)
+        self.note(ENTRIES[event.kind], line=line, **axis, detail=event.detail)
 
     def record_not_used(self, line: str, axis: str, detail: str) -> None:
         """Append that the record of an axis does not count, or is not kept."""
-        self.note(Severity.WARNING, EventKind.RECORD_NOT_USED.value, line=line, axis=axis, detail=detail)
+        self.note(RECORD_NOT_USED, line=line, axis=axis, detail=detail)
 
     def recent(self) -> tuple[Note, ...]:
         """Return the newest notes where nobody writes them, oldest first."""

@@ -8,13 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.catalogue.line_events import DRIVES_NOT_REACHED, LINE_RESTS, SERIAL_LATENCY
 from gateway.compensation.settings import Gain
 from gateway.exchange.control import Limits, TableChange, limits_of
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
 from gateway.exchange.remembering import FindTable
 from gateway.exchange.status import axes_status, line_status
-from gateway.ipc.notes import Severity
 from gateway.ipc.plan import LinePlan
 from gateway.relay.activity import Activity
 from gateway.relay.axis_record import AxisRecord, record_path
@@ -115,8 +115,7 @@ class Line:
         if self._link.is_serial:
             self._timed.rest_first(time.monotonic_ns())
             self._journal.note(
-                Severity.WARNING,
-                "line-rests",
+                LINE_RESTS,
                 line=self.plan.name,
                 detail="the gateway before this one left something unanswered, and a drive may still answer "
                 f"it: waiting for {self._exchange.rest.drain_ms:g} ms of silence",
@@ -240,10 +239,10 @@ class Line:
             problems.append(f"{key}: {error.detail}")
 
     def _drives_failed(self, why: str) -> None:
-        self._journal.note(Severity.WARNING, "drives-not-reached", line=self.plan.name, detail=why)
+        self._journal.note(DRIVES_NOT_REACHED, line=self.plan.name, detail=why)
 
     def _drives_slow(self, why: str) -> None:
-        self._journal.note(Severity.WARNING, "serial-latency", line=self.plan.name, detail=why)
+        self._journal.note(SERIAL_LATENCY, line=self.plan.name, detail=why)
 
     def _longest_exchange_s(self) -> float:
         patience_ms = [link.plan.timeout_ms for link in self.plan.controllers]

@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.line_events import CONNECTION_REFUSED
 from gateway.transport.tcp import Refusal
 
 EVERY_S: Final = 60.0
@@ -17,18 +19,18 @@ class Refusals:
     """Notes the first refusal of a host for a reason, and then one a minute with how many there were."""
 
     def __init__(
-        self, note: Callable[[str, str], None], clock_s: Callable[[], float] = time.monotonic
+        self, note: Callable[[EventEntry, str], None], clock_s: Callable[[], float] = time.monotonic
     ) -> None:
         self._note = note
         self._clock_s = clock_s
-        self._noted_s: dict[tuple[str, str, str], float] = {}
-        self._counts: dict[tuple[str, str, str], int] = {}
+        self._noted_s: dict[tuple[EventEntry, str, str], float] = {}
+        self._counts: dict[tuple[EventEntry, str, str], int] = {}
 
     def add(self, host: str, why: Refusal) -> None:
         """Count a refusal, and note it where one is due."""
-        self.count("connection-refused", host, why.value)
+        self.count(CONNECTION_REFUSED, host, why.value)
 
-    def count(self, event: str, host: str, why: str, more: str = "") -> None:
+    def count(self, event: EventEntry, host: str, why: str, more: str = "") -> None:
         """As :meth:`add`, under another name; ``more`` is of this one alone, and is not counted by."""
         if (event, host, why) not in self._counts and len(self._counts) >= HOSTS:
             host = OTHERS

@@ -12,11 +12,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.catalogue import process_events as events
+from gateway.catalogue.entry import EventEntry
 from gateway.compiled import is_compiled
 from gateway.exchange.plan import CompensationMode
 from gateway.ipc.children import RELOADS
 from gateway.ipc.log_thread import LogThread
-from gateway.ipc.notes import Note, Severity
+from gateway.ipc.notes import Note, note_of
 from gateway.ipc.plan import GatewayPlan
 from gateway.relay.gateway import Relay
 from gateway.relay.recorder import Recorder
@@ -128,7 +130,7 @@ async def _serve(
     with contextlib.suppress(asyncio.CancelledError):
         await status
     await relay.stop()
-    log.say("stopped")
+    log.say(events.STOPPED)
 
 
 async def _with_log(thread: LogThread, serving: Coroutine[None, None, None]) -> None:
@@ -158,7 +160,7 @@ def _end_at_once(relay: Relay, log: "_Log") -> None:
     """End the process without waiting for anything; the system closes sockets and ports."""
     lines = list(relay.busy_lines)
     detail = f"a second signal; {UNFINISHED}" if lines else "a second signal"
-    log.say("stopped-at-once", Severity.WARNING, lines=lines, detail=detail)
+    log.say(events.STOPPED_AT_ONCE, lines=lines, detail=detail)
     log.thread.close(AT_ONCE_S)
     # Leaving the loop in order would wait for tasks, and for a thread that looks up a host name.
     os._exit(1)
@@ -170,34 +172,34 @@ class _Log:
     def __init__(self, thread: LogThread) -> None:
         self.thread = thread
 
-    def say(self, event: str, severity: Severity = Severity.INFO, **fields: Any) -> None:
-        self.thread.write(Note(severity, event, fields, time.time()))
+    def say(self, event: EventEntry, **fields: Any) -> None:
+        self.thread.write(note_of(event, fields, time.time()))
 
     def unexpected(self, _loop: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
         """Say what the loop would print itself, and block: a bug of ours, or no more descriptors."""
         error = context.get("exception")
         where = "".join(traceback.format_exception(error)) if isinstance(error, BaseException) else ""
-        self.say("unexpected", Severity.ERROR, detail=context.get("message", ""), traceback=where)
+        self.say(events.UNEXPECTED, detail=context.get("message", ""), traceback=where)
 
     def hangup(self) -> None:
-        self.say("hangup-ignored", detail=HANGUP_MEANS)
+        self.say(events.HANGUP_IGNORED, detail=HANGUP_MEANS)
 
     def stopping(self, relay: Relay) -> None:
         busy = relay.busy_lines
         waits = "no exchange is on a wire"
         if busy:
             waits = f"waits up to {max(busy.values()):g} s for the exchange on {', '.join(busy)} to end"
-        self.say("stopping", lines=list(busy), detail=f"{waits}; a second signal ends at once")
+        self.say(events.STOPPING, lines=list(busy), detail=f"{waits}; a second signal ends at once")
 
     def plan(self, plan: GatewayPlan, loop: asyncio.AbstractEventLoop) -> None:
         loop_name = type(loop).__module__.partition(".")[0]
-        self.say("starting", gateway=plan.name, loop=loop_name, compiled=is_compiled())
+        self.say(events.STARTING, gateway=plan.name, loop=loop_name, compiled=is_compiled())
         for line in plan.lines:
             controllers = [f"{link.plan.name} ({link.plan.role.value})" for link in line.controllers]
-            self.say("line", line=line.name, drives=str(line.drives), controllers=controllers)
+            self.say(events.LINE, line=line.name, drives=str(line.drives), controllers=controllers)
             for axis in line.axes:
                 self.say(
-                    "axis",
+                    events.AXIS,
                     line=line.name,
                     axis=axis.name,
                     unit_id=axis.unit_id,
@@ -205,7 +207,7 @@ class _Log:
                     table=axis.table_name or None,
                 )
                 if axis.compensation is CompensationMode.SHADOW:
-                    self.say("shadow", Severity.WARNING, axis=axis.name, detail=SHADOW_MEANS)
+                    self.say(events.SHADOW, axis=axis.name, detail=SHADOW_MEANS)
 
     def ready(self, relay: Relay) -> None:
         addresses = {
@@ -214,18 +216,18 @@ class _Log:
         }
         socket = {"socket": str(relay.control_socket)} if relay.control_socket else {}
         recording = {"recording": str(relay.recording)} if relay.recording else {}
-        self.say("ready", Severity.INFO, addresses=addresses, **socket, **recording)
+        self.say(events.READY, addresses=addresses, **socket, **recording)
 
     def status(self, status: Mapping[str, Mapping[str, object]]) -> None:
         for name, axis in status["axes"].items():
             assert isinstance(axis, Mapping)
-            self.say("status", axis=name, **_picked(axis, AXIS_FIELDS))
+            self.say(events.STATUS, axis=name, **_picked(axis, AXIS_FIELDS))
         for name, line in status["lines"].items():
             assert isinstance(line, Mapping)
             controllers = line["controllers"]
             assert isinstance(controllers, list)
             heard = {each["name"]: _picked(each, CONTROLLER_FIELDS) for each in controllers}
-            self.say("status", line=name, **_picked(line, LINE_FIELDS), controllers=heard)
+            self.say(events.STATUS, line=name, **_picked(line, LINE_FIELDS), controllers=heard)
 
 
 def _picked(status: Mapping[str, object], names: tuple[str, ...]) -> dict[str, Any]:

@@ -8,8 +8,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
+from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.line_events import CONNECTION_REFUSED
+from gateway.catalogue.tls_events import (
+    CERTIFICATE_REFUSED,
+    CERTIFICATES_NOT_RENEWED,
+    CERTIFICATES_RENEWED,
+    HANDSHAKE_FAILED,
+)
 from gateway.exchange.plan import ControllerPlan
-from gateway.ipc.notes import Severity
 from gateway.ipc.plan import TlsPlan
 from gateway.relay.refusals import Refusals
 from gateway.transport.channel import Receiver
@@ -26,7 +33,7 @@ REVOKED_MEANS = "new connections are held against them; those that are open stay
 class TellOf(Protocol):
     """``Journal.note`` with line and controller."""
 
-    def __call__(self, severity: Severity, event: str, **fields: object) -> None:
+    def __call__(self, event: EventEntry, /, **fields: object) -> None:
         """Make a note."""
         ...
 
@@ -117,7 +124,7 @@ class SecureDoor:
 
     def _tell_failure(self, failure: "Failure") -> None:
         self._failed += 1
-        event = "certificate-refused" if failure.is_certificate else "handshake-failed"
+        event = CERTIFICATE_REFUSED if failure.is_certificate else HANDSHAKE_FAILED
         whose = ""
         if failure.identity is not None:
             whose = f": {failure.peer}, {failure.identity.subject}, serial {failure.identity.serial}"
@@ -125,11 +132,11 @@ class SecureDoor:
 
     def _too_many(self, host: str, limit: str) -> None:
         self._failed += 1
-        self._refusals.count("connection-refused", host, limit)
+        self._refusals.count(CONNECTION_REFUSED, host, limit)
 
     def _renewed(self) -> None:
-        self._note(Severity.INFO, "certificates-renewed", detail=REVOKED_MEANS)
+        self._note(CERTIFICATES_RENEWED, detail=REVOKED_MEANS)
 
     def _not_renewed(self, error: TlsFileError) -> None:
         detail = f"tls.{error.key}: {error.found}; those of before stay in force"
-        self._note(Severity.WARNING, "certificates-not-renewed", detail=detail, remedy=error.remedy)
+        self._note(CERTIFICATES_NOT_RENEWED, detail=detail, remedy=error.remedy)

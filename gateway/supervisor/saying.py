@@ -2,12 +2,12 @@
 
 from typing import Protocol
 
-from gateway.ipc.notes import Severity
+from gateway.catalogue.entry import EventEntry, Severity
 
 
 class Say(Protocol):
     """Tells of an event: to the log, and to everyone who reads the feeds."""
 
-    def __call__(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
-        """Tell of it; does not block."""
+    def __call__(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
+        """Tell of it; does not block. ``severity`` only where the catalogue leaves it open."""
         ...

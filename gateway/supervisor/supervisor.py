@@ -9,11 +9,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.catalogue.entry import EventEntry, Severity
+from gateway.catalogue.process_events import RELAY_NOT_REACHED, RELAY_REACHED, SUPERVISING
+from gateway.catalogue.table_events import (
+    CONFIGURATION_CHANGED,
+    NOTHING_TO_RELOAD,
+    RELOAD_REFUSED,
+    TABLE_HANDED_OVER,
+    TABLE_MENDED,
+    TABLE_REJECTED,
+    TABLE_TAKEN_AWAY,
+    WATCHING_BY_LOOKS,
+)
 from gateway.compensation.settings import AxisSettings
 from gateway.config.load import Loaded
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Happened
-from gateway.ipc.notes import Note, Severity
+from gateway.ipc.notes import Note, note_of
 from gateway.ipc.place import socket_path
 from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book
@@ -72,7 +84,7 @@ class Supervisor:
 
     async def run(self) -> None:
         """Run until cancelled."""
-        self._say("supervising", config=str(self._config))
+        self._say(SUPERVISING, config=str(self._config))
         self._work_wanted.set()
         await self._all(
             self._link.run(),
@@ -193,21 +205,21 @@ class Supervisor:
 
     def _cannot_watch(self, why: str) -> None:
         detail = f"{why}; the folder is looked at every second all the same"
-        self._say("watching-by-looks", Severity.WARNING, folder=str(self._watch.folder), detail=detail)
+        self._say(WATCHING_BY_LOOKS, folder=str(self._watch.folder), detail=detail)
 
     def _report(self, outcome: Outcome, *, is_asked: bool) -> None:
         for axis, comes in outcome.comes.items():
-            what = "table-taken-away" if axis in outcome.gone else "table-handed-over"
+            what = TABLE_TAKEN_AWAY if axis in outcome.gone else TABLE_HANDED_OVER
             self._say(what, axis=axis, comes=comes)
         if outcome.changed:
-            self._say("configuration-changed", keys=list(outcome.changed))
+            self._say(CONFIGURATION_CHANGED, keys=list(outcome.changed))
         said = self._refused if outcome.is_refused else self._problems
         if outcome.problems and (is_asked or outcome.problems != said):
             detail = "what was in force stays"
-            self._say("reload-refused", Severity.ERROR, problems=list(outcome.problems), detail=detail)
+            self._say(RELOAD_REFUSED, problems=list(outcome.problems), detail=detail)
         elif is_asked and not outcome.comes and not outcome.changed and not outcome.all_problems:
             there = "nothing has changed" if outcome.is_running else "no gateway runs: kept for its start"
-            self._say("nothing-to-reload", detail=there)
+            self._say(NOTHING_TO_RELOAD, detail=there)
         if outcome.has_read:
             self._report_files(outcome)
 
@@ -219,8 +231,7 @@ class Supervisor:
                 self._rejected[axis] = said
                 first = problems[0]
                 self._say(
-                    "table-rejected",
-                    Severity.ERROR,
+                    TABLE_REJECTED,
                     axis=axis,
                     file=first.file,
                     line=first.line,
@@ -230,7 +241,7 @@ class Supervisor:
         for axis in self._rejected.keys() - outcome.rejected.keys() - outcome.waiting:
             del self._rejected[axis]
             if axis not in outcome.absent:
-                self._say("table-mended", axis=axis)
+                self._say(TABLE_MENDED, axis=axis)
 
     def _publish(self) -> None:
         loaded = self._keeper.loaded
@@ -262,12 +273,12 @@ class Supervisor:
         }
 
     def _reached(self) -> None:
-        self._say("relay-reached")
+        self._say(RELAY_REACHED)
         self._is_relay_new = True
         self._work_wanted.set()
 
     def _lost(self, why: str) -> None:
-        self._say("relay-not-reached", Severity.WARNING, detail=why)
+        self._say(RELAY_NOT_REACHED, detail=why)
         self._publish()
 
     def _happened(self, happened: Happened) -> None:
@@ -277,8 +288,8 @@ class Supervisor:
         if self._tells_events:
             self._write(note)
 
-    def _say(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
-        note = Note(severity, event, {**fields, "process": "supervisor"}, time.time())
+    def _say(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
+        note = note_of(event, {**fields, "process": "supervisor"}, time.time(), severity)
         self.feeds.tell(note)
         self._write(note)
         self._publish()  # whoever hears of it finds it in the status

@@ -7,6 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+from gateway.catalogue import troubles as kinds
+from gateway.catalogue.entry import TroubleEntry
+
 STALE_S: Final = 2.0
 """Snapshots come five times a second: after this the relay is there but says nothing."""
 
@@ -17,12 +20,10 @@ class Trouble:
 
     kind: str
     severity: str
-    """``error``: positions do not pass, or not corrected; ``warning``: they do, and somebody should look."""
     where: str
     """``gateway``, ``line NAME``, ``axis NAME``, ``mqtt``, ``http``, ``configuration`` or ``tables``."""
     what: str
     remedy: str
-    """Begins with a verb: the page begins its sentence with it, and no key or command stands a capital."""
 
     def as_data(self) -> dict[str, str]:
         """Return it as plain data."""
@@ -40,98 +41,47 @@ def troubles(model: Mapping[str, Any]) -> list[Trouble]:
     return sorted(found, key=lambda trouble: trouble.severity != "error")
 
 
+def _found(entry: TroubleEntry, where: str, what: str) -> Trouble:
+    return Trouble(entry.kind, entry.severity.value, where, what, entry.remedy)
+
+
 def _of_relay(gateway: Mapping[str, Any]) -> Iterator[Trouble]:
     if gateway["relay"] != "up":
-        yield Trouble(
-            "relay-down",
-            "error",
-            "gateway",
-            "the relay is not running: no command reaches a drive",
-            "look at its log, then start the gateway",
-        )
+        yield _found(kinds.RELAY_DOWN, "gateway", kinds.RELAY_DOWN.meaning)
     elif gateway["snapshot_age_s"] is not None and gateway["snapshot_age_s"] > STALE_S:
-        yield Trouble(
-            "relay-silent",
-            "error",
-            "gateway",
-            f"the relay has said nothing for {gateway['snapshot_age_s']:.0f} s",
-            "look at the load of the machine and at the relay's log",
-        )
+        what = f"the relay has said nothing for {gateway['snapshot_age_s']:.0f} s"
+        yield _found(kinds.RELAY_SILENT, "gateway", what)
 
 
 def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     if line["state"] == "up":
         return
     failure = line["drives"]["failure"]
-    yield Trouble(
-        "line-down",
-        "error",
-        f"line {name}",
-        f"the drives at {line['drives']['address']} cannot be reached{f': {failure}' if failure else ''}",
-        "check the power of the drives, the cable and the adapter",
-    )
+    what = f"the drives at {line['drives']['address']} cannot be reached{f': {failure}' if failure else ''}"
+    yield _found(kinds.LINE_DOWN, f"line {name}", what)
 
 
-_OF_COMPENSATION: Final = {
-    "blocked": (
-        "error",
-        "a target was lost on the way to the drive: starts are refused until a whole one arrives",
-        "let the controller send the target again",
-    ),
-    "unreferenced": ("warning", "not referenced: positions pass uncorrected", "home the axis"),
-    "off": (
-        "warning",
-        "the compensation is off: positions pass uncorrected",
-        "switch it on with pitch-gateway enable",
-    ),
-    "shadow": (
-        "warning",
-        "shadow mode: corrections are shown and not applied",
-        'to apply them set compensation = "on" in the configuration',
-    ),
-    "outside": ("warning", "the last target lies outside the table", "measure the whole travel"),
-}
+_OF_COMPENSATION: Final = {entry.kind: entry for entry in kinds.OF_COMPENSATION}
 
 
 def _of_axis(name: str, axis: Mapping[str, Any]) -> Iterator[Trouble]:
     where, table = f"axis {name}", axis["table"]
     if table["status"] == "rejected":
         stays = f"the last good table of {table['points']} points stays" if table["points"] else "no table"
-        yield Trouble(
-            "table-rejected",
-            "error",
-            where,
-            f"{table['error']} ({stays})",
-            "mend the file: it is read again as soon as it is saved",
-        )
+        yield _found(kinds.TABLE_REJECTED, where, f"{table['error']} ({stays})")
     elif table["status"] == "removed":
-        yield Trouble(
-            "table-removed",
-            "warning",
-            where,
-            table["error"] or f"{table['file']} is not there: positions pass uncorrected",
-            "put the file back, or take it out of the configuration",
-        )
-    if axis["compensation"] in _OF_COMPENSATION and table["status"] != "removed":
-        severity, what, remedy = _OF_COMPENSATION[axis["compensation"]]
-        yield Trouble(axis["compensation"], severity, where, what, remedy)
+        what = table["error"] or f"{table['file']} is not there: positions pass uncorrected"
+        yield _found(kinds.TABLE_REMOVED, where, what)
+    entry = _OF_COMPENSATION.get(axis["compensation"])
+    if entry is not None and table["status"] != "removed":
+        yield _found(entry, where, entry.meaning)
     if axis["latency"]["is_over_budget"]:
-        yield Trouble(
-            "over-budget",
-            "warning",
-            where,
-            f"the gateway takes longer than budget_us = {axis['latency']['budget_us']:g}",
-            "look at the load of the machine; pitch-gateway budget shows what the line can hold",
-        )
+        what = f"the gateway takes longer than budget_us = {axis['latency']['budget_us']:g}"
+        yield _found(kinds.OVER_BUDGET, where, what)
 
 
 def _of_supervisor(supervisor: Mapping[str, Any]) -> Iterator[Trouble]:
-    for where, remedy in (
-        ("configuration", "run pitch-gateway check: it says what to do"),
-        ("tables_folder", "what was in force stays; it is tried again every few seconds"),
-        ("http", "change [http] listen, then pitch-gateway reload"),
-        ("mqtt", "check the broker and [mqtt]; the gateway tries again by itself"),
-    ):
-        problem = supervisor[where]["problem"]
+    for entry in kinds.OF_SUPERVISOR:
+        problem = supervisor[entry.kind]["problem"]
         if problem:
-            yield Trouble(where, "warning", where.replace("_", " "), problem, remedy)
+            yield _found(entry, entry.kind.replace("_", " "), problem)

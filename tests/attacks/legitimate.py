@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import socket
 import subprocess
 import sys
 import time
@@ -13,16 +12,11 @@ from typing import Any
 
 from tests.attacks.controller import Work
 from tests.child import started
+from tests.ports import free_port
 from tests.processes.bench import CONFIG, ROOT, TABLE, Running, running
 
 MOVES = 100
 """Moves of the controller without an attack, and at least during one."""
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port: int = free.getsockname()[1]
-    return port
 
 
 class Legitimate:

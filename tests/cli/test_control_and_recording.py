@@ -16,6 +16,7 @@ import pytest
 
 from gateway.modbus.mbap import encode_mbap
 from tests.child import started
+from tests.ports import free_port
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
@@ -74,12 +75,6 @@ def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
         cwd=ROOT,
         stdin=subprocess.DEVNULL,
     )
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port: int = free.getsockname()[1]
-        return port
 
 
 def acknowledge(drive: socket.socket) -> None:

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from gateway.catalogue.entry import Severity
 from gateway.ipc.log_thread import CAPACITY, LogThread
-from gateway.ipc.notes import Note, Severity
+from gateway.ipc.notes import Note
 
 PIPE = 4096
 PATIENCE_S = 30.0

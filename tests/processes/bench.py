@@ -16,6 +16,7 @@ from typing import Any
 from gateway.ipc.place import socket_path
 from gateway.modbus.mbap import encode_mbap
 from tests.child import started
+from tests.ports import free_port
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
@@ -141,8 +142,7 @@ class Site:
 
     def serve_page(self) -> str:
         """Have the status served over TCP too; returns where."""
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            address = f"127.0.0.1:{free.getsockname()[1]}"
+        address = f"127.0.0.1:{free_port()}"
         self.config.write_text(self.config.read_text().replace('listen = ""', f'listen = "{address}"'))
         return f"http://{address}"
 
@@ -153,8 +153,7 @@ class Site:
 @contextlib.contextmanager
 def site_in(folder: Path) -> Iterator[Site]:
     """Lay out a configuration with a drive that answers."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     with socket.create_server(("127.0.0.1", 0)) as listening:
         yield Site(folder, listening.getsockname()[1], port, Drive(listening))
 

@@ -13,6 +13,7 @@ from typing import Final
 
 from gateway.modbus.mbap import encode_mbap
 from tests.child import started
+from tests.ports import free_port
 from tests.processes.bench import COMMAND, ROOT, SECONDS, Running, running
 
 TABLES: Final = ROOT / "tables" / "demo"
@@ -51,13 +52,6 @@ registers.actual = [{{ address = 200, type = "int32" }}]
 """
 
 
-def free_ports(count: int) -> list[int]:
-    """Return ports that nobody has just now."""
-    with contextlib.ExitStack() as stack:
-        servers = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(count)]
-        return [server.getsockname()[1] for server in servers]
-
-
 class Mill:
     """A mill that runs: its configuration, its gateway, and where it is served."""
 
@@ -65,7 +59,7 @@ class Mill:
         self.folder = folder
         self.tables = folder / "tables"
         self.tables.mkdir()
-        http, drives, self.controller_port, panel = free_ports(4)
+        http, drives, self.controller_port, panel = (free_port() for _ in range(4))
         self.address = f"http://127.0.0.1:{http}/"
         text = HEAD.format(http=http, drives=drives, controller=self.controller_port, panel=panel)
         for unit_id, (name, (low, high)) in enumerate(TRAVELS.items(), start=1):

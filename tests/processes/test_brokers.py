@@ -4,7 +4,6 @@ import asyncio
 import json
 import os
 import signal
-import socket
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import pytest
 
 from tests.mosquitto import PATIENCE_S, broker_in, mosquitto_passwd, payload_of, watching
+from tests.ports import free_port
 from tests.processes.bench import Master, Site, children, gateway_of, wait_until_dead
 
 ROOT = "pitch-gateway/trial"
@@ -124,8 +124,7 @@ def test_a_wrong_password_is_told_and_costs_no_move(site: Site, tmp_path: Path) 
 
 
 def test_a_broker_that_never_was_costs_nothing(site: Site) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     watched = Watched(site, port)
     with gateway_of(site) as (gateway, master):
         gateway.until("mqtt-lost")

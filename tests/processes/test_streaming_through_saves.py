@@ -7,7 +7,6 @@ saved over the one in force, and every fifth is bad.
 import asyncio
 import hashlib
 import math
-import socket
 import threading
 from collections.abc import Callable
 from contextlib import AsyncExitStack
@@ -20,6 +19,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
 from gateway.ipc.place import socket_path
 from gateway.modbus.mbap import encode_mbap
+from tests.ports import free_port
 from tests.processes.bench import Running, running
 from tests.processes.saving import in_place, old_moved_away, renamed_over, symlink_swapped
 
@@ -153,8 +153,7 @@ async def test_fifty_saves_of_each_kind_cost_the_drive_no_step_and_the_controlle
     drives = Drives()
     async with AsyncExitStack() as stack:
         server = await stack.enter_async_context(await asyncio.start_server(drives.serve, "127.0.0.1", 0))
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            port = free.getsockname()[1]
+        port = free_port()
         text = CONFIG.format(drives=server.sockets[0].getsockname()[1], port=port)
         for unit_id, axis in enumerate(AXES, start=1):
             (tables / f"{axis}.tab").write_text(table(axis, 0.1))

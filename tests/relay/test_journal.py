@@ -6,9 +6,11 @@ import sys
 
 import pytest
 
+from gateway.catalogue.entry import Severity
+from gateway.catalogue.process_events import STATUS
 from gateway.exchange.events import Event, EventKind
 from gateway.ipc.log_thread import CAPACITY, LogThread
-from gateway.ipc.notes import LogFormat, Note, Severity, note_writer
+from gateway.ipc.notes import LogFormat, Note, note_writer
 from gateway.relay.journal import Journal
 from gateway.relay.run import _Log
 
@@ -16,7 +18,7 @@ from gateway.relay.run import _Log
 def test_without_a_writer_the_newest_notes_are_kept() -> None:
     journal = Journal(None)
     for number in range(CAPACITY + 5):
-        journal.note(Severity.INFO, "tick", number=number)
+        journal.note(STATUS, number=number)
     notes = journal.recent()
     assert len(notes) == CAPACITY
     assert notes[-1].fields == {"number": CAPACITY + 4}

@@ -22,6 +22,7 @@ from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import PositionField, RegisterType
 from tests.child import started
 from tests.exchange.line_bench import Memory, read, write
+from tests.ports import free_port
 
 ROOT = Path(__file__).parents[2]
 RUN = [sys.executable, "-c", "from gateway.cli.main import main; main()", "run"]
@@ -117,8 +118,7 @@ class Machine:
         self.folder = folder
         self.drive = drive
         self.readings: list[float] = []
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            self._port: int = free.getsockname()[1]
+        self._port: int = free_port()
         self._stack = contextlib.ExitStack()
         self._notes: list[dict[str, Any]] = []
         self._process: subprocess.Popen[str] | None = None

@@ -6,7 +6,6 @@ import gc
 import json
 import os
 import re
-import socket
 import sys
 import time
 import weakref
@@ -18,6 +17,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Ping, Pong, Status
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.collecting import BUSY_CHECK_S, CHECK_EVERY_S
+from tests.ports import free_port
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools
@@ -50,8 +50,7 @@ class Ring:
 @contextlib.asynccontextmanager
 async def running(folder: Path, relay: str) -> AsyncIterator[tuple[int, dict[str, list[dict[str, Any]]]]]:
     """A gateway in a process of its own, with its log up to what it says of its scheduling."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     config = folder / "gateway.toml"
     config.write_text(CONFIG.format(relay=relay, port=port))
     process = await asyncio.create_subprocess_exec(

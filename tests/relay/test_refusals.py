@@ -10,7 +10,9 @@ class Notes:
     def __init__(self) -> None:
         self.now_s = 1000.0
         self.details: list[str] = []
-        self.refusals = Refusals(lambda event, detail: self.details.append(f"{event} {detail}"), self.clock_s)
+        self.refusals = Refusals(
+            lambda event, detail: self.details.append(f"{event.name} {detail}"), self.clock_s
+        )
 
     def clock_s(self) -> float:
         return self.now_s

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
+from tests.ports import free_port
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench
@@ -85,8 +86,7 @@ async def test_it_says_ready_serves_and_stops_cleanly(
         "tcp", lambda data: data[:4] + bytes([0, len(reply) + 1]) + data[6:7] + reply
     )
     config = tmp_path / "gateway.toml"
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     config.write_text(CONFIG.format(drives=getattr(where, "port", 0), port=port))
     async with running(config, "--status-every", "0.05") as process:
         assert "unchanged" in (await event(process, "shadow"))["detail"]
@@ -110,8 +110,7 @@ async def test_a_second_signal_ends_at_once_and_says_what_was_not_finished(
 ) -> None:
     silent, where = await bench.drive("tcp")
     config = tmp_path / "gateway.toml"
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     text = CONFIG.format(drives=getattr(where, "port", 0), port=port)
     config.write_text(text.replace("[line.xyz]", "[line.xyz]\nresponse_timeout_ms = 3600000"))
     async with running(config) as process:
@@ -143,8 +142,7 @@ async def test_the_log_is_in_the_order_of_its_times_and_status_lines_count_every
         "tcp", lambda data: data[:4] + bytes([0, len(reply) + 1]) + data[6:7] + reply
     )
     config = tmp_path / "gateway.toml"
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     config.write_text(CONFIG.format(drives=getattr(where, "port", 0), port=port))
     notes: list[dict[str, Any]] = []
     async with running(config, "--status-every", "0.05") as process:

@@ -2,7 +2,8 @@
 
 import asyncio
 
-from gateway.ipc.notes import Note, Severity
+from gateway.catalogue.entry import Severity
+from gateway.ipc.notes import Note
 from gateway.supervisor.feeds import EVENTS_KEPT, Feeds, News
 
 

@@ -10,8 +10,8 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
+from gateway.catalogue.publishing_events import HTTP_FAILED
 from gateway.ipc.complaints import Complaints
-from gateway.ipc.notes import Severity
 from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
 from gateway.supervisor.http.door import Door
 from gateway.supervisor.http.event_stream import MEDIA_TYPE, EventStream, Models, Wish
@@ -38,7 +38,7 @@ class Served:
         self._models = Models()
         self._metrics = Metrics(window.feeds)
         self._tables = Tables(window)
-        self._complaints = Complaints(lambda what: window.say("http-failed", Severity.ERROR, detail=what))
+        self._complaints = Complaints(lambda what: window.say(HTTP_FAILED, detail=what))
         self._page: Mapping[str, PageFile] = read_page()
 
     def close(self) -> None:

@@ -6,9 +6,9 @@ import os
 import socket
 from typing import Any, Final
 
+from gateway.catalogue.publishing_events import HTTP_NOT_OPEN, HTTP_READY
 from gateway.config.check_lines import is_loopback
 from gateway.config.gateway_model import HttpSection
-from gateway.ipc.notes import Severity
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, SocketPlace
 from gateway.supervisor.http.application import LOCAL_PATHS, PATHS, Served
 from gateway.supervisor.http.door import Door
@@ -95,7 +95,7 @@ class HttpService:
         loop = asyncio.get_running_loop()
         server = await loop.create_server(door.connection, wanted.host, wanted.port)
         self._address = f"http://{wanted}"
-        self._window.say("http-ready", address=self._address)
+        self._window.say(HTTP_READY, address=self._address)
         await self._until_changed(server, door)
 
     async def _until_changed(self, server: asyncio.Server, door: Door) -> None:
@@ -139,8 +139,7 @@ class HttpService:
 
     def _not_open(self, where: str, why: str) -> None:
         self._window.say(
-            "http-not-open",
-            Severity.WARNING,
+            HTTP_NOT_OPEN,
             listen=where,
             detail=f"{why}; it is tried again, and everything else goes on",
         )

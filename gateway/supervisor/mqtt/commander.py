@@ -8,7 +8,8 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
-from gateway.ipc.notes import Severity
+from gateway.catalogue.entry import Severity
+from gateway.catalogue.publishing_events import MQTT_COMMAND, MQTT_COMMAND_IGNORED
 from gateway.supervisor.mqtt.commands import BURST, PER_S, Allowance, Answer, Orders, carry_out
 from gateway.supervisor.mqtt.messages import encode
 from gateway.supervisor.mqtt.topics import COMMANDS, Topics
@@ -66,7 +67,7 @@ class Commander:
         data = answer.as_data()
         if ignored:
             data["ignored_before"] = ignored
-        self._say("mqtt-command", severity, **data)
+        self._say(MQTT_COMMAND, severity, **data)
         topic = getattr(message.properties, "ResponseTopic", None)
         if topic is None or not self._may_answer(topic):
             return
@@ -85,8 +86,7 @@ class Commander:
         if known not in self._retained_seen:
             self._retained_seen.add(known)
             self._say(
-                "mqtt-command-ignored",
-                Severity.WARNING,
+                MQTT_COMMAND_IGNORED,
                 command=command[:64],
                 detail="it was published as retained: it would be obeyed again at every start. Take it away "
                 f"with: mosquitto_pub -r -n -t '{topic[:256]}', and publish commands without retain",

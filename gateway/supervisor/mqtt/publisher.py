@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import aiomqtt
 
-from gateway.ipc.notes import Severity
+from gateway.catalogue.publishing_events import MQTT_COMMANDS_NOT_HEARD, MQTT_CONNECTED, MQTT_LOST
 from gateway.supervisor.mqtt.commander import Commander
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.connection import connected
@@ -112,13 +112,13 @@ class Publisher:
         self._connects += 1
         self._is_connected = True
         self._problem = problem
-        self._say("mqtt-connected", broker=self._settings.broker, version=self._settings.version.value)
+        self._say(MQTT_CONNECTED, broker=self._settings.broker, version=self._settings.version.value)
         if problem is not None:
-            self._say("mqtt-commands-not-heard", Severity.WARNING, detail=problem)
+            self._say(MQTT_COMMANDS_NOT_HEARD, detail=problem)
 
     def _lose(self, reason: str) -> None:
         """Say it once for each reason, not with every attempt."""
         was_connected, self._is_connected = self._is_connected, False
         is_news, self._problem = was_connected or reason != self._problem, reason
         if is_news:  # and the status says it already
-            self._say("mqtt-lost", Severity.WARNING, broker=self._settings.broker, detail=reason)
+            self._say(MQTT_LOST, broker=self._settings.broker, detail=reason)

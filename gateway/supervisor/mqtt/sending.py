@@ -5,7 +5,7 @@ from typing import Final
 
 import aiomqtt
 
-from gateway.ipc.notes import Severity
+from gateway.catalogue.publishing_events import MQTT_TOPICS_NOT_NOTED
 from gateway.supervisor.mqtt.discovery import discovery_messages
 from gateway.supervisor.mqtt.messages import (
     ONLINE,
@@ -99,7 +99,7 @@ class Sender:
             await asyncio.to_thread(self._ledger.note, topics)
         except OSError as error:
             detail = f"{error}; should an axis be taken away, its retained messages stay at the broker"
-            self._say("mqtt-topics-not-noted", Severity.WARNING, detail=detail)
+            self._say(MQTT_TOPICS_NOT_NOTED, detail=detail)
 
     async def _send_moving(self, model: Payload) -> None:
         for topic, place in moving_topics(self._settings.topics, model).items():

@@ -3,17 +3,16 @@
 import asyncio
 import contextlib
 import json
-import socket
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gateway.catalogue.entry import EventEntry, Severity
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import CorrectionTable
 from gateway.config.gateway_model import HttpSection
 from gateway.ipc.compiled_table import compiled, digest_of
-from gateway.ipc.notes import Severity
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
 from gateway.ipc.state_folder import table_path, write_whole
 from gateway.supervisor.feeds import Feeds
@@ -22,6 +21,7 @@ from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.http.window import Window
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.outcome import Outcome
+from tests.ports import free_port
 
 PATIENCE_S = 20.0
 BOUNDS_US = [5, 10, 100, 1000]
@@ -217,12 +217,6 @@ class Served:
         return answer
 
 
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port: int = free.getsockname()[1]
-        return port
-
-
 async def until(condition: Callable[[], bool]) -> None:
     async with asyncio.timeout(PATIENCE_S):
         while not condition():  # noqa: ASYNC110 - nobody is told
@@ -247,8 +241,8 @@ async def serving(
         served.reloads += 1
         return outcome or Outcome()
 
-    def say(event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
-        served.said.append((event, fields))
+    def say(event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
+        served.said.append((event.name, fields))
 
     window = Window(feeds, state, lambda axis: settings, reload, say)
     service = HttpService(window, tcp, local)

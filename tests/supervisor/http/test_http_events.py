@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.ipc.notes import Note, Severity
+from gateway.catalogue.entry import Severity
+from gateway.ipc.notes import Note
 from gateway.supervisor.feeds import EVENTS_KEPT
 from gateway.supervisor.http.limits import Limits
 from tests.supervisor.http.http_bench import Line, Served, model, serving, until

@@ -14,7 +14,8 @@ from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketPlace
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http import service as service_module
 from gateway.supervisor.http.window import Window
-from tests.supervisor.http.http_bench import Served, free_port, serving, until
+from tests.ports import free_port
+from tests.supervisor.http.http_bench import Served, serving, until
 
 
 async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,7 +115,7 @@ async def test_a_local_socket_that_cannot_be_is_a_problem_and_no_end(tmp_path: P
         state,
         lambda axis: None,
         asyncio.Future,
-        lambda event, *_, **fields: said.append(event),
+        lambda event, *_, **fields: said.append(event.name),
     )
     service = service_module.HttpService(window)
     port = free_port()
@@ -139,7 +140,7 @@ async def test_the_place_of_another_is_left_alone(tmp_path: Path) -> None:
             tmp_path,
             lambda axis: None,
             asyncio.Future,
-            lambda event, *_, **fields: said.append(event),
+            lambda event, *_, **fields: said.append(event.name),
         )
         running = asyncio.create_task(service_module.HttpService(window).run())
         await until(lambda: said == ["http-not-open"])

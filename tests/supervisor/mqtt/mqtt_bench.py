@@ -8,9 +8,10 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
+from gateway.catalogue.entry import EventEntry, Severity
 from gateway.config.mqtt_model import MqttSection
 from gateway.ipc.messages import Done, Reply, Request
-from gateway.ipc.notes import Note, Severity
+from gateway.ipc.notes import note_of
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.mqtt.commands import Orders
@@ -98,8 +99,8 @@ class Site:
         self.after_reload: Settings | None = given
         self._told = asyncio.Event()
 
-    def say(self, event: str, severity: Severity = Severity.INFO, **fields: object) -> None:
-        self.feeds.tell(Note(severity, event, fields, time.time()))
+    def say(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
+        self.feeds.tell(note_of(event, fields, time.time(), severity))
         self._told.set()
 
     async def _reload(self) -> Outcome:

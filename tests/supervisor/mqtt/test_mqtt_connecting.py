@@ -15,11 +15,13 @@ import pytest
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.reasoncodes import ReasonCode
 
+from gateway.catalogue.process_events import SUPERVISING
 from gateway.supervisor.mqtt.connection import _Client
 from gateway.supervisor.mqtt.publisher import FIRST_WAIT_S, LONGEST_WAIT_S, wait_s
 from gateway.supervisor.mqtt.reasons import why
 from tests.certificates import authority, signed_by
-from tests.mosquitto import Broker, broker_in, free_port, mosquitto_passwd, watching
+from tests.mosquitto import Broker, broker_in, mosquitto_passwd, watching
+from tests.ports import free_port
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, model, publishing, settings
 
 VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])
@@ -123,7 +125,7 @@ async def test_a_broker_that_stalls_costs_nothing_but_its_connection(
             await site.until_said("mqtt-connected")
             assert broker.process is not None
             broker.process.send_signal(signal.SIGSTOP)
-            site.say("something")  # QoS 1: its acknowledgement does not come
+            site.say(SUPERVISING)  # QoS 1: its acknowledgement does not come
             await site.until_said("mqtt-lost")
             broker.process.send_signal(signal.SIGCONT)
             await site.until_said("mqtt-connected", times=2)
@@ -315,6 +317,7 @@ connection.ANSWER_S = 0.5
 
 async def main():
     port, folder = int(sys.argv[1]), Path(sys.argv[2])
+    asyncio.get_running_loop().slow_callback_duration = 60.0  # a busy machine is no news
     async with publishing(settings(port, folder, tls={"ca": "ca.crt"}), Path(sys.argv[3])) as site:
         print((await site.until_said("mqtt-lost"))["detail"])
 

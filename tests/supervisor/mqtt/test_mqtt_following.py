@@ -3,6 +3,7 @@
 import asyncio
 from pathlib import Path
 
+from gateway.catalogue.process_events import SUPERVISING
 from gateway.supervisor.mqtt.service import STATUS_WITHOUT
 from tests.mosquitto import broker_in, payload_of, watching
 from tests.supervisor.mqtt.mqtt_bench import ROOT, data_of, model, publishing, settings
@@ -53,8 +54,10 @@ async def test_a_reload_that_changes_the_topics_is_answered_all_the_same(tmp_pat
             await watcher.client.publish(f"{ROOT}/command/reload", '{"id": 3}', qos=1)
             await watcher.until("plant/mill-1/availability")
             await site.until_said("mqtt-connected", times=2)
-            site.say("last")
-            await watcher.until("plant/mill-1/event", lambda payload: data_of(payload)["event"] == "last")
+            site.say(SUPERVISING)
+            await watcher.until(
+                "plant/mill-1/event", lambda payload: data_of(payload)["event"] == "supervising"
+            )
     heard = [data_of(payload_of(m)) for m in watcher.heard if m.topic.value.endswith("/event")]
     # One whose acknowledgement was cut off is sent again, with the same number.
     events = list({event["number"]: event for event in heard}.values())
@@ -64,5 +67,5 @@ async def test_a_reload_that_changes_the_topics_is_answered_all_the_same(tmp_pat
         "mqtt-connected",
         "mqtt-command",
         "mqtt-connected",
-        "last",
+        "supervising",
     ]

@@ -9,7 +9,9 @@ from pathlib import Path
 import aiomqtt
 import pytest
 
-from gateway.ipc.notes import Note, Severity
+from gateway.catalogue.entry import Severity
+from gateway.catalogue.process_events import SUPERVISING
+from gateway.ipc.notes import Note
 from gateway.supervisor.feeds import EVENTS_KEPT
 from tests.child import started
 from tests.mosquitto import broker_in, payload_of, watching
@@ -145,7 +147,7 @@ async def test_a_gateway_that_is_stopped_says_so_itself(tmp_path: Path) -> None:
                 await site.until_said("mqtt-connected")
                 await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"online")
             await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"offline")
-        assert "Client pitch-gateway-mill-1 disconnected." in broker.log
+        broker.until_logged("Client pitch-gateway-mill-1 disconnected.")
 
 
 async def test_a_broker_that_comes_back_gets_what_is_so_now_and_the_newest_events(tmp_path: Path) -> None:
@@ -198,8 +200,8 @@ async def test_what_is_not_there_any_more_is_taken_from_the_broker_also_after_a_
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as watcher:
                 await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["axes"] == {})
-                site.say("mark")  # goes after whatever else came of that model
-                await watcher.until(f"{ROOT}/event", lambda payload: b'"mark"' in payload)
+                site.say(SUPERVISING)  # goes after whatever else came of that model
+                await watcher.until(f"{ROOT}/event", lambda payload: b'"supervising"' in payload)
                 assert not [m for m in watcher.heard if not payload_of(m)]
                 site.feeds.publish(model())
                 await watcher.until(f"{ROOT}/axis/x")

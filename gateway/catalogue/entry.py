@@ -1,0 +1,84 @@
+"""What an entry of the catalogue is made of."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from types import ModuleType
+from typing import Final
+
+NOTHING_TO_DO: Final = "nothing to do"
+
+
+class Severity(Enum):
+    """How loud a note is; the values are the levels of structlog."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+@dataclass(frozen=True, slots=True)
+class EventEntry:
+    """An event: something that happened, as it stands in the log and in everything that is told of it."""
+
+    name: str
+    severity: Severity
+    meaning: str
+    """What it says, as the end of a sentence; with the keys that it carries where they need a word."""
+    cause: str
+    """What usually brings it about."""
+    remedy: str = NOTHING_TO_DO
+    """What to do about it; begins with a verb."""
+    also: Severity | None = None
+    """What else it may be: whoever tells of it knows."""
+
+
+def entries_of(module: ModuleType) -> Iterator[EventEntry]:
+    """Yield the events that a module of the catalogue defines, in the order of the file."""
+    values: Mapping[str, object] = vars(module)
+    for value in values.values():
+        if isinstance(value, EventEntry):
+            yield value
+
+
+@dataclass(frozen=True, slots=True)
+class TroubleEntry:
+    """Something that is wrong now, as banner, terminal and alerts show it until it is right."""
+
+    kind: str
+    severity: Severity
+    """``error``: positions do not pass, or not corrected; ``warning``: they do, and somebody should look."""
+    meaning: str
+    cause: str
+    remedy: str
+    """Begins with a verb: the page begins its sentence with it, and no key or command stands a capital."""
+
+
+@dataclass(frozen=True, slots=True)
+class RefusalEntry:
+    """Why the gateway itself answers a request with an exception."""
+
+    code: int
+    says: str
+    """How the detail of its event begins, … for what differs; empty where no event has one."""
+    cause: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class StartEntry:
+    """Why a process does not start."""
+
+    says: str
+    """How the sentence on standard error begins after the key or the file, … for what differs."""
+    cause: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class StateEntry:
+    """A word of the status."""
+
+    name: str
+    meaning: str
+    remedy: str = NOTHING_TO_DO

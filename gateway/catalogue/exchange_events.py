@@ -1,0 +1,166 @@
+"""Traffic: what happens between controllers, axes and drives.
+
+``exchange.events.EventKind`` has the names of these; the exchange tells of them with a detail.
+"""
+
+from typing import Final
+
+from gateway.catalogue.entry import EventEntry, Severity
+
+LINE_UP: Final = EventEntry(
+    "line-up",
+    Severity.INFO,
+    "the way to the drives of a line is open: requests pass",
+    "the start, or the end of a `line-down`",
+)
+LINE_DOWN: Final = EventEntry(
+    "line-down",
+    Severity.WARNING,
+    "the way to the drives of a line is lost; on TCP requests are answered with exception 0x0A, on RTU with "
+    "silence",
+    "an adapter was unplugged, or the connection to the drives or their device server was closed",
+    "check cable, adapter and power of the drives; the gateway opens the way again by itself",
+)
+DRIVE_SILENT: Final = EventEntry(
+    "drive-silent",
+    Severity.WARNING,
+    "a drive did not answer in time, after one that did; told once until it answers again",
+    "the drive is off or in its start, a loose wire, a disturbed line, another unit id, or a "
+    "`response_timeout_ms` shorter than the drive needs",
+    "look at the drive and its wires; `timeouts` of the line in `status` tells how often it happens",
+)
+DRIVE_ANSWERS: Final = EventEntry(
+    "drive-answers",
+    Severity.INFO,
+    "a drive that was silent answers again",
+    "the end of a `drive-silent`",
+)
+AXIS_REFERENCED: Final = EventEntry(
+    "axis-referenced",
+    Severity.INFO,
+    "the axis knows where it is: from its next target on it is corrected",
+    "homing, the homed bit, a position that was set, or `pitch-gateway reference`",
+)
+REFERENCE_LOST: Final = EventEntry(
+    "reference-lost",
+    Severity.WARNING,
+    "nobody knows any more where the axis is: positions pass 1:1 in both directions",
+    "the homed bit went away, an alarm, a drive that was silent for `lost_ms`, homing that began, or a "
+    "standing axis that shows another position; the detail says which",
+    "home the axis; where the drive has no way to show it, `pitch-gateway reference CONFIG AXIS`",
+)
+DIRECTION_UNSURE: Final = EventEntry(
+    "direction-unsure",
+    Severity.WARNING,
+    "where the axis is could not be told: it keeps the branch of the table that it had",
+    "the axis moved while a new target came, or its actual position cannot be read",
+    "map `actual` and `bits.done` of the drive, set `max_speed`, and leave `safe_read` on",
+)
+COMPENSATION_ENDED: Final = EventEntry(
+    "compensation-ended",
+    Severity.WARNING,
+    "the axis is not corrected any more until the gateway is started again",
+    "a register listed under `remap` was written, which moves other registers about or turns their words",
+    "check that the drive's registers are as the configuration says, then start the gateway again",
+)
+REFUSED_VALUE: Final = EventEntry(
+    "refused-value",
+    Severity.WARNING,
+    "a request was answered with an exception by the gateway itself, and did not reach the drive",
+    "a position beyond `travel`, the register or the table, a part of a position whose rest is not known, or "
+    "a write around the correction; the detail says which",
+    "look under the exception that the controller got; the refusals are listed there",
+)
+AXIS_BLOCKED: Final = EventEntry(
+    "axis-blocked",
+    Severity.WARNING,
+    "a target was lost on the way to the drive: the triggers of the axis are refused until it has accepted a "
+    "complete one; stops pass",
+    "the drive refused or did not answer a write, or a request of the controller was refused",
+    "let the controller write the whole target again",
+)
+AXIS_RELEASED: Final = EventEntry(
+    "axis-released",
+    Severity.WARNING,
+    "the drive has accepted a complete target: the triggers of the axis pass again",
+    "the end of an `axis-blocked`",
+)
+RESTAGED: Final = EventEntry(
+    "restaged",
+    Severity.WARNING,
+    "a staged target was written once more before its trigger, with the correction that holds now",
+    "the axis stood elsewhere when the target was triggered than when it was written, or the table changed",
+)
+UNKNOWN_MODE: Final = EventEntry(
+    "unknown-mode",
+    Severity.WARNING,
+    "a frame meant something that the register map does not know: it passed untouched",
+    "the controller uses a mode or a trigger value that is listed nowhere",
+    "look the value up in the drive's manual and list it under its meaning, or under `ignore`",
+)
+STORED_MOVE: Final = EventEntry(
+    "stored-move",
+    Severity.WARNING,
+    "the start of a position that was not written through the gateway was refused, with exception 4",
+    "the controller runs a position that the drive keeps, or one that was written before the gateway started",
+    'let the controller write the target, or set `stored_moves = "uncorrected"`',
+)
+BASE_UNKNOWN: Final = EventEntry(
+    "base-unknown",
+    Severity.WARNING,
+    "a relative move came while nobody knew where it starts: refused with exception 6, or passed unchanged "
+    'with `relative_unknown = "pass"`',
+    "a stop, a jog, homing, an alarm or a lost connection before it, and no register that tells the place of "
+    "an axis that stands",
+    "map `commanded` or `actual` with `bits.done` or `bits.moving`, or let the controller begin with an "
+    "absolute move",
+)
+RESTORED: Final = EventEntry(
+    "restored",
+    Severity.INFO,
+    "the axis goes on where its record of the run before says that it was",
+    "a start of the gateway while the drive stood still",
+)
+RECORD_NOT_USED: Final = EventEntry(
+    "record-not-used",
+    Severity.WARNING,
+    "the record of the run before does not count, or none can be kept: the axis starts as for the first time",
+    "the axis was moved meanwhile, table or scale were changed, it is not referenced, or the file cannot be "
+    "used; the detail says which",
+    "see [what a restart knows](#what-a-restart-knows); most reasons pass with the first target",
+)
+WITHDRAWN: Final = EventEntry(
+    "withdrawn",
+    Severity.WARNING,
+    "a request was not sent, because its controller had given up on it",
+    "the line is too slow for what all controllers want of it, or a controller closed its connection",
+    "compare with `pitch-gateway budget CONFIG`; give the controller a longer time-out or a slower cycle",
+)
+LATE_TARGET: Final = EventEntry(
+    "late-target",
+    Severity.WARNING,
+    "a target or trigger had waited longer than `deadline_ms`; sent, or refused with exception 6",
+    "the line was taken by other requests, or a drive was silent",
+    "compare with `pitch-gateway budget CONFIG`; let monitors ask less often",
+)
+BUDGET_OVERRUN: Final = EventEntry(
+    "budget-overrun",
+    Severity.WARNING,
+    "an exchange took more gateway time than `budget_us`, after many that did not; the detail names the "
+    "slowest step",
+    "the machine is busy with something else",
+    "look at its load; `fifo` and `cpus` of `[relay]` put the gateway before everything else",
+)
+BUDGET_KEPT: Final = EventEntry(
+    "budget-kept",
+    Severity.INFO,
+    "`budget_us` is kept again",
+    "the end of a `budget-overrun`",
+)
+LATE_REPLY: Final = EventEntry(
+    "late-reply",
+    Severity.WARNING,
+    "a drive sent a frame that answers nothing, which was dropped",
+    "the drive answers later than `response_timeout_ms`, or twice, or another master is on the line",
+    "raise `response_timeout_ms`, and see that no other master talks on the line",
+)

@@ -1,0 +1,50 @@
+"""Lines and controllers: ports, connections, and who was let in."""
+
+from typing import Final
+
+from gateway.catalogue.entry import EventEntry, Severity
+
+DRIVES_NOT_REACHED: Final = EventEntry(
+    "drives-not-reached",
+    Severity.WARNING,
+    "the serial port or the address of the drives cannot be opened; told once for each reason, and "
+    "tried again until it works",
+    "an adapter that is not plugged in, a drive or device server that is off, a wrong path or address, a "
+    "network that is down",
+    "do what the detail says; nothing has to be started again",
+)
+PORT_NOT_OPEN: Final = EventEntry(
+    "port-not-open",
+    Severity.WARNING,
+    "the serial port of a controller cannot be opened; told once for each reason, and tried again",
+    "an adapter that is not plugged in, or one that another program has taken",
+    "plug it in, or end the other program; nothing has to be started again",
+)
+SERIAL_LATENCY: Final = EventEntry(
+    "serial-latency",
+    Severity.WARNING,
+    "the driver of a serial port keeps bytes back for longer than it has to; the port works",
+    "the latency timer of an FTDI adapter or the trigger level of a UART, which only root may change",
+    "put the udev rule of the detail in place: see "
+    "[latency settings](#what-a-serial-port-adds-latency-settings)",
+)
+LINE_RESTS: Final = EventEntry(
+    "line-rests",
+    Severity.WARNING,
+    "an RTU line is given silence before anything is sent on it",
+    "the gateway before this one was killed, or stopped while a drive still owed a reply",
+)
+CONNECTION_REFUSED: Final = EventEntry(
+    "connection-refused",
+    Severity.WARNING,
+    "a connection to a controller's address was closed at once; told once a minute for each host",
+    "a host that `allow` does not name, more connections than are taken, or too many TLS handshakes",
+    "add the host to `allow` if it may connect; else find out what runs on it",
+)
+CONNECTION_MALFORMED: Final = EventEntry(
+    "connection-malformed",
+    Severity.WARNING,
+    "somebody sent bytes that are not Modbus/TCP, which were dropped; told once for each peer",
+    "a scanner, a web browser, or a controller that speaks RTU over TCP",
+    "find out what runs at that address, and see that `allow` names the controllers only",
+)

@@ -1,0 +1,140 @@
+"""Finding what a word or a sentence of the gateway means, whichever part of the catalogue has it."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from difflib import get_close_matches
+from typing import Final
+
+from gateway.catalogue.entry import EventEntry, RefusalEntry
+from gateway.catalogue.events import EVENTS
+from gateway.catalogue.refusals import REFUSALS, TITLES
+from gateway.catalogue.starts import STARTS
+from gateway.catalogue.states import STATES
+from gateway.catalogue.troubles import TROUBLES
+
+FEWEST_LETTERS: Final = 8
+"""Of a piece of a sentence: with fewer it would be found in many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """One entry, whatever it is about; what an entry of its kind has not is empty."""
+
+    kind: str
+    """``event``, ``trouble``, ``state``, ``exception`` or ``start``."""
+    name: str
+    severity: str
+    meaning: str
+    cause: str
+    remedy: str
+
+    def as_data(self) -> dict[str, str]:
+        """Return it as plain data."""
+        return asdict(self)
+
+
+def look_up(asked: str) -> list[Explanation]:
+    """Return everything that is called so; an exception by its code, a sentence by how it begins.
+
+    >>> [(found.kind, found.severity) for found in look_up("table-rejected")]
+    [('event', 'error'), ('trouble', 'error')]
+    >>> {found.name for found in look_up("0x0B")}
+    {'exception 0x0B'}
+    >>> look_up("nothing of that kind")
+    []
+    """
+    text = asked.strip()
+    found = [entry for entry in _named() if entry.name == text.lower()]
+    if code := re.fullmatch(r"(?:exception )?(?:0x)?0?([0-9a-f])", text.lower()):
+        found += [_refusal(entry) for entry in REFUSALS if entry.code == int(code[1], 16)]
+    return found or [entry for entry in _sentences() if _fits(text, entry.name)]
+
+
+def names() -> list[str]:
+    """Return every word that can be asked for, each once."""
+    return list(dict.fromkeys(entry.name for entry in _named()))
+
+
+def near(asked: str) -> list[str]:
+    """Return words that were probably meant, the nearest first."""
+    return get_close_matches(asked.strip().lower(), names(), n=3, cutoff=0.6)
+
+
+def everything() -> dict[str, list[Explanation]]:
+    """Return the whole catalogue, by kind."""
+    parts: dict[str, list[Explanation]] = {}
+    for entry in (
+        *_named(),
+        *map(_refusal, REFUSALS),
+        *(entry for entry in _sentences() if entry.kind == "start"),
+    ):
+        kept = parts.setdefault(entry.kind, [])
+        if entry not in kept:
+            kept.append(entry)
+    return parts
+
+
+def plain(text: str) -> str:
+    """Return a text of the catalogue for a terminal: a link is its words.
+
+    >>> plain("see [what a restart knows](#what-a-restart-knows)")
+    'see what a restart knows'
+    """
+    return re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", text)
+
+
+def severities(entry: EventEntry) -> str:
+    """Return how loud an event is, in words.
+
+    >>> severities(EVENTS["mqtt-command"])
+    'info or warning'
+    """
+    return " or ".join(each.value for each in (entry.severity, entry.also) if each is not None)
+
+
+def code_of(entry: RefusalEntry) -> str:
+    """Return an exception code as documents write it.
+
+    >>> code_of(REFUSALS[0])
+    '0x01'
+    """
+    return f"0x{entry.code:02X}"
+
+
+def _named() -> Iterator[Explanation]:
+    for event in EVENTS.values():
+        yield _made("event", event.name, severities(event), event.meaning, event.cause, event.remedy)
+    for trouble in TROUBLES.values():
+        severity = trouble.severity.value
+        yield _made("trouble", trouble.kind, severity, trouble.meaning, trouble.cause, trouble.remedy)
+    for key, states in STATES.items():
+        for state in states:
+            yield _made("state", state.name, "", f"{key}: {state.meaning}", "", state.remedy)
+
+
+def _refusal(entry: RefusalEntry) -> Explanation:
+    meaning = TITLES[entry.code] + (f": {entry.says}" if entry.says else "")
+    return _made("exception", f"exception {code_of(entry)}", "", meaning, entry.cause, entry.remedy)
+
+
+def _sentences() -> Iterator[Explanation]:
+    for entry in STARTS:
+        yield _made("start", entry.says, "", "the gateway does not start", entry.cause, entry.remedy)
+    for refusal in REFUSALS:
+        if refusal.says:
+            what = f"exception {code_of(refusal)}: {TITLES[refusal.code]}"
+            yield _made("exception", refusal.says, "", what, refusal.cause, refusal.remedy)
+
+
+def _made(kind: str, name: str, *texts: str) -> Explanation:
+    severity, meaning, cause, remedy = map(plain, texts)
+    return Explanation(kind, name, severity, meaning, cause, remedy)
+
+
+def _fits(text: str, says: str) -> bool:
+    """Whether a sentence that somebody saw holds what an entry says, or a piece of it is a piece of that."""
+    parts: Mapping[str, str] = {part: re.escape(part) for part in says.split("…")}
+    if re.search(".+".join(parts.values()), text):
+        return True
+    return len(text) >= FEWEST_LETTERS and text.lower() in says.lower()

@@ -1,0 +1,63 @@
+"""HTTP and MQTT: what serves and publishes the status."""
+
+from typing import Final
+
+from gateway.catalogue.entry import EventEntry, Severity
+
+HTTP_READY: Final = EventEntry(
+    "http-ready", Severity.INFO, "the page is served at `address`", "a start, or another `[http] listen`"
+)
+HTTP_NOT_OPEN: Final = EventEntry(
+    "http-not-open",
+    Severity.WARNING,
+    "the page, or the socket `supervisor.sock`, cannot be opened; tried again, everything else goes on",
+    "the port is taken, an address that this machine has not, a state folder that cannot be written",
+    "change `[http] listen`, then `pitch-gateway reload CONFIG`; or end what has taken the port",
+)
+HTTP_FAILED: Final = EventEntry(
+    "http-failed",
+    Severity.ERROR,
+    "a request over HTTP could not be answered: the client got status 500",
+    "a mistake in the gateway",
+    "keep the log and report it",
+)
+MQTT_CONNECTED: Final = EventEntry(
+    "mqtt-connected", Severity.INFO, "the broker has let the gateway in", "a start, or the end of `mqtt-lost`"
+)
+MQTT_LOST: Final = EventEntry(
+    "mqtt-lost",
+    Severity.WARNING,
+    "there is no connection to the broker; told once for each reason, and tried again after up to a minute",
+    "the broker is off, refuses user or certificate, or another client has the same `client_id`",
+    "do what the detail says; change `[mqtt]`, then `pitch-gateway reload CONFIG`",
+)
+MQTT_COMMANDS_NOT_HEARD: Final = EventEntry(
+    "mqtt-commands-not-heard",
+    Severity.WARNING,
+    "the broker does not let the gateway read its commands; publishing goes on",
+    "the broker's access list",
+    "allow the topic of the detail in the broker's access list",
+)
+MQTT_COMMAND: Final = EventEntry(
+    "mqtt-command",
+    Severity.INFO,
+    "a command came over MQTT, and this is its answer; a warning where it was refused",
+    "a client of the broker published it",
+    "where it was refused do what `problems` says",
+    also=Severity.WARNING,
+)
+MQTT_COMMAND_IGNORED: Final = EventEntry(
+    "mqtt-command-ignored",
+    Severity.WARNING,
+    "a command that the broker keeps was ignored: it would be obeyed again at every start",
+    "it was published with the retain flag",
+    "take it away as the detail says, and publish commands without retain",
+)
+MQTT_TOPICS_NOT_NOTED: Final = EventEntry(
+    "mqtt-topics-not-noted",
+    Severity.WARNING,
+    "the list of what the broker keeps for the gateway could not be written: messages of an axis that "
+    "is taken away would stay there",
+    "the state folder is full or cannot be written",
+    "make room in the state folder",
+)

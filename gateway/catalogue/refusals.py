@@ -1,0 +1,205 @@
+"""Exceptions that the gateway itself answers. What a drive answers passes as it is, also with these codes."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from gateway.catalogue.entry import RefusalEntry
+
+TITLES: Final[Mapping[int, str]] = {
+    0x01: "illegal function",
+    0x02: "illegal data address",
+    0x03: "illegal data value",
+    0x04: "server device failure",
+    0x06: "server device busy",
+    0x0A: "gateway path unavailable",
+    0x0B: "gateway target device failed to respond",
+}
+"""As the Modbus application protocol V1.1b3, section 7, names them."""
+
+_WHOLE: Final = "write all of the position in one frame"
+_MAPPED: Final = 'map the register, or set `unmapped = "pass"` if nothing moves by it'
+
+REFUSALS: Final = (
+    RefusalEntry(
+        0x01,
+        "",
+        "a `monitor` wrote something, or an `operator` something that is no stop",
+        "give the controller another `role`, or let it read only",
+    ),
+    RefusalEntry(
+        0x02,
+        "register … holds a position that is not mapped",
+        "a register listed under `position_like` was written while the axis is corrected",
+        _MAPPED,
+    ),
+    RefusalEntry(
+        0x02,
+        "register … reports a position",
+        "a register listed under `actual`, `commanded` or `aliases` was written while the axis is corrected",
+        "leave it to the drive; where writing it sets the position, map it with `set_position = true`",
+    ),
+    RefusalEntry(
+        0x02,
+        "this write cuts a position",
+        "a frame holds a part of a position, and the whole would be longer than the drive takes",
+        "write the position in a frame of its own; check `max_registers`",
+    ),
+    RefusalEntry(
+        0x02,
+        "this read cuts a position",
+        "a frame reads a part of a position, and the whole would be longer than the drive answers",
+        "read the position in a frame of its own; check `max_registers`",
+    ),
+    RefusalEntry(
+        0x02,
+        "a … at … runs over an object of unknown width",
+        "a frame holds several objects, and the width of one of them is not known",
+        "list the object with its `words` under `objects`, or use frames of one object",
+    ),
+    RefusalEntry(
+        0x03,
+        "the counts of a write to … contradict each other",
+        "the number of registers and the number of bytes of a write do not belong together",
+        "correct the controller's program: the frame is malformed",
+    ),
+    RefusalEntry(
+        0x04,
+        "corrected machine position … leaves the travel",
+        "the target is beyond `travel` by more than `travel_margin`, with its correction",
+        "correct the target, or `travel` where it is not that of the machine",
+    ),
+    RefusalEntry(
+        0x04,
+        "machine position … lies outside the table",
+        'the target is outside the table, and `outside = "refuse"`',
+        "measure the whole travel, or choose what holds outside with `outside`",
+    ),
+    RefusalEntry(
+        0x04,
+        "… does not fit …",
+        "the corrected position, or the distance, is larger than its register can hold",
+        "check `counts_per_unit` and `zero_counts`; else the target is one that the drive cannot go to",
+    ),
+    RefusalEntry(
+        0x04,
+        "… is not a position",
+        "a float register was written with nan or infinity",
+        "correct the controller's program; check `type` and `words` of the position",
+    ),
+    RefusalEntry(
+        0x04,
+        "… is not a distance",
+        "a float register was written with nan or infinity",
+        "correct the controller's program; check `type` and `words` of the position",
+    ),
+    RefusalEntry(
+        0x04,
+        "part of the position at … was written and the rest is not known",
+        "one word of a position was written before the gateway knew the others, and it may not read them",
+        f"{_WHOLE}, or let the gateway read (`safe_read`)",
+    ),
+    RefusalEntry(
+        0x04,
+        "part of the position at … was written and the rest is not certain",
+        "one word of a position was written, and the correction may have changed the other one",
+        _WHOLE,
+    ),
+    RefusalEntry(
+        0x04,
+        "a part of the position at … was lost before",
+        "one of several writes of a position was refused or not answered",
+        "write all of the position again",
+    ),
+    RefusalEntry(
+        0x04,
+        "a part of the limit at … was written",
+        "one word of a limit was written",
+        "write all of the limit in one frame",
+    ),
+    RefusalEntry(
+        0x04,
+        "a trigger, but a target, its mode or a part of it was lost before",
+        "the axis is `blocked`: a write before the trigger did not reach the drive. The code is that of "
+        "the loss, as a rule 4, 6, 0x0A or 0x0B",
+        "write target and mode again, then trigger",
+    ),
+    RefusalEntry(
+        0x04,
+        "a trigger, and its target was not written through the gateway",
+        "the drive holds a target from before the gateway was started, or from another master",
+        'write the target again, or set `stored_moves = "uncorrected"`',
+    ),
+    RefusalEntry(
+        0x04,
+        "it runs a position that the drive keeps",
+        "a trigger or mode that is listed under `stored`",
+        'let the controller write targets, or set `stored_moves = "uncorrected"`',
+    ),
+    RefusalEntry(
+        0x04,
+        "the distance has to be written anew, and writing it starts the move",
+        "a staged distance was triggered from elsewhere than where it was written for",
+        "write the distance in the frame that runs it",
+    ),
+    RefusalEntry(
+        0x04,
+        "the staged target has to be written anew for its trigger",
+        'the correction has changed since the target was written, and `added_frames = "never"`',
+        'set `added_frames = "auto"`',
+    ),
+    RefusalEntry(
+        0x04,
+        "",
+        "the reply of the drive cannot be turned back into what the controller asked for",
+        "check `type`, `words` and `scale` of the positions with `pitch-gateway probe CONFIG`",
+    ),
+    RefusalEntry(
+        0x06,
+        "it waited … ms, deadline_ms = …: refused",
+        "a target or trigger came too late to the front of the queue",
+        'compare with `pitch-gateway budget CONFIG`; `late = "forward"` sends it all the same',
+    ),
+    RefusalEntry(
+        0x06,
+        "a relative move, and …",
+        "nobody knows where the distance starts from",
+        "begin with an absolute move, map `actual` and `bits.done`, or set `relative_unknown`",
+    ),
+    RefusalEntry(
+        0x06,
+        "",
+        "a stop of the axis came while the request waited, and withdrew it; event `withdrawn`",
+        "send the target again if it is still wanted",
+    ),
+    RefusalEntry(
+        0x06,
+        "",
+        "the controller has more requests waiting on the line than are kept for one connection",
+        "wait for replies before sending more",
+    ),
+    RefusalEntry(
+        0x0A,
+        "",
+        "there is no way to the drives: the line is down. On a serial controller's port silence instead",
+        "see `line-down` and `drives-not-reached`",
+    ),
+    RefusalEntry(
+        0x0A,
+        "unit id … is not mapped",
+        "on Modbus/TCP unit ids 0 and 255 may reach any drive, and one behind them is corrected",
+        "let the controller use the `unit_id` of the axis",
+    ),
+    RefusalEntry(
+        0x0A,
+        "a broadcast cannot carry a position",
+        "a position was written to unit id 0, and each axis corrects it differently",
+        "write the position to each axis",
+    ),
+    RefusalEntry(
+        0x0B,
+        "",
+        "the drive did not answer in time. On a serial controller's port silence instead",
+        "see `drive-silent`",
+    ),
+)
+"""In the order of their codes."""

@@ -1,0 +1,121 @@
+"""What can be wrong right now: kinds of trouble, as ``supervisor.trouble`` finds them in the status."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from gateway.catalogue.entry import Severity, TroubleEntry
+
+RELAY_DOWN: Final = TroubleEntry(
+    "relay-down",
+    Severity.ERROR,
+    "the relay is not running: no command reaches a drive",
+    "it was not started, could not start, or ended",
+    "look at its log, then start the gateway",
+)
+RELAY_SILENT: Final = TroubleEntry(
+    "relay-silent",
+    Severity.ERROR,
+    "the relay has said nothing for some seconds",
+    "the machine is overloaded, or the relay was stopped",
+    "look at the load of the machine and at the relay's log",
+)
+LINE_DOWN: Final = TroubleEntry(
+    "line-down",
+    Severity.ERROR,
+    "the drives of a line cannot be reached",
+    "power, cable, adapter, or the address in the configuration",
+    "check the power of the drives, the cable and the adapter",
+)
+BLOCKED: Final = TroubleEntry(
+    "blocked",
+    Severity.ERROR,
+    "a target was lost on the way to the drive: starts are refused until a whole one arrives",
+    "the drive refused or did not answer a write, or a request of the controller was refused",
+    "let the controller send the target again",
+)
+UNREFERENCED: Final = TroubleEntry(
+    "unreferenced",
+    Severity.WARNING,
+    "not referenced: positions pass uncorrected",
+    "the axis was not homed since it was switched on, or lost its reference",
+    "home the axis",
+)
+OFF: Final = TroubleEntry(
+    "off",
+    Severity.WARNING,
+    "the compensation is off: positions pass uncorrected",
+    'somebody switched it off, `compensation = "off"`, or a register that moves others about was written',
+    "switch it on with pitch-gateway enable",
+)
+SHADOW: Final = TroubleEntry(
+    "shadow",
+    Severity.WARNING,
+    "shadow mode: corrections are shown and not applied",
+    '`compensation = "shadow"`',
+    'to apply them set compensation = "on" in the configuration',
+)
+OUTSIDE: Final = TroubleEntry(
+    "outside",
+    Severity.WARNING,
+    "the last target lies outside the table",
+    "the table is shorter than the travel of the axis",
+    "measure the whole travel",
+)
+TABLE_REJECTED: Final = TroubleEntry(
+    "table-rejected",
+    Severity.ERROR,
+    "a table file is bad: the last good table stays, where there was one",
+    "a mistake in the file, or one that does not fit the axis",
+    "mend the file: it is read again as soon as it is saved",
+)
+TABLE_REMOVED: Final = TroubleEntry(
+    "table-removed",
+    Severity.WARNING,
+    "a table file is not there: positions pass uncorrected",
+    "the file was renamed or taken away",
+    "put the file back, or take it out of the configuration",
+)
+OVER_BUDGET: Final = TroubleEntry(
+    "over-budget",
+    Severity.WARNING,
+    "the gateway takes longer than `budget_us` for the exchanges of an axis",
+    "the machine is busy with something else",
+    "look at the load of the machine; pitch-gateway budget shows what the line can hold",
+)
+CONFIGURATION: Final = TroubleEntry(
+    "configuration",
+    Severity.WARNING,
+    "the configuration in its file could not be taken: the one before it is in force",
+    "a mistake in it, or a key that needs a restart",
+    "run pitch-gateway check: it says what to do",
+)
+TABLES_FOLDER: Final = TroubleEntry(
+    "tables_folder",
+    Severity.WARNING,
+    "not all tables are where they belong, or their folder does not answer",
+    "a network file system that hangs, a state folder that is full, a relay that did not take a table",
+    "do what it says: it is tried again every few seconds, and what was in force stays",
+)
+HTTP: Final = TroubleEntry(
+    "http",
+    Severity.WARNING,
+    "the page cannot be served",
+    "the port is taken, or the address is none of this machine",
+    "change [http] listen, then pitch-gateway reload",
+)
+MQTT: Final = TroubleEntry(
+    "mqtt",
+    Severity.WARNING,
+    "the broker cannot be reached, or refuses something",
+    "the broker is off, or refuses user, certificate or topic",
+    "check the broker and [mqtt]; the gateway tries again by itself",
+)
+
+TROUBLES: Final[Mapping[str, TroubleEntry]] = {
+    entry.kind: entry for entry in tuple(globals().values()) if isinstance(entry, TroubleEntry)
+}
+"""Every kind of trouble, in the order of this file."""
+OF_COMPENSATION: Final = (BLOCKED, UNREFERENCED, OFF, SHADOW, OUTSIDE)
+"""Those that are called as a state of the compensation, and say nothing but what that means."""
+OF_SUPERVISOR: Final = (CONFIGURATION, TABLES_FOLDER, HTTP, MQTT)
+"""Those that are called as the key of ``supervisor`` in the status that has their ``problem``."""

@@ -1,0 +1,74 @@
+"""``pitch-gateway explain NAME``."""
+
+import json
+from typing import Annotated
+
+import typer
+
+
+def _complete(incomplete: str) -> list[str]:
+    from gateway.catalogue.lookup import names
+
+    return [name for name in names() if name.startswith(incomplete)]
+
+
+def explain(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME",
+            help="An event, trouble, state, exception code, or a sentence of the log; none: all of them.",
+            show_default=False,
+            autocompletion=_complete,
+        ),
+    ] = None,
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Say what an event, an error or a state means, what usually causes it, and what to do.
+
+    It knows every event of the log, of MQTT and of the page; the states of an axis; the exceptions that the
+    gateway itself answers to a controller, by code or by their sentence in the log; and why a relay does not
+    start. docs/operations.md has the same.
+
+    Exit code 1 when nothing is called so.
+
+    Examples:
+        pitch-gateway explain drive-silent
+
+        pitch-gateway explain 0x04
+
+        pitch-gateway explain "it has not been compiled yet"
+
+        pitch-gateway explain --json | jq '.event[].name'
+    """
+    from gateway.catalogue.lookup import everything, look_up, near
+
+    if name is None:
+        parts = everything()
+        if as_json:
+            data = {kind: [entry.as_data() for entry in entries] for kind, entries in parts.items()}
+            typer.echo(json.dumps(data, indent=2, ensure_ascii=False))
+            return
+        for kind, entries in parts.items():
+            typer.echo(f"{kind}:")
+            for entry in entries:
+                typer.echo(f"  {entry.name:<24}  {entry.meaning}")
+        return
+    found = look_up(name)
+    if not found:
+        meant = ", ".join(near(name))
+        hint = f"did you mean {meant}?" if meant else "pitch-gateway explain lists what there is"
+        typer.echo(f'nothing is called "{name}"; {hint}', err=True)
+        raise typer.Exit(1)
+    if as_json:
+        typer.echo(json.dumps([entry.as_data() for entry in found], indent=2, ensure_ascii=False))
+        return
+    for number, entry in enumerate(found):
+        if number:
+            typer.echo()
+        severity = f", {entry.severity}" if entry.severity else ""
+        typer.echo(f"{entry.name} ({entry.kind}{severity})")
+        for word, text in (("means", entry.meaning), ("cause", entry.cause), ("remedy", entry.remedy)):
+            if text:
+                typer.echo(f"  {word + ':':<8}{text}")

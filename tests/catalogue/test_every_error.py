@@ -1,0 +1,87 @@
+"""Troubles, states, refusals and reasons not to start: the catalogue has all of them, and no others."""
+
+import ast
+
+import pytest
+
+from gateway.catalogue import troubles as kinds
+from gateway.catalogue.entry import RefusalEntry, StartEntry
+from gateway.catalogue.refusals import REFUSALS, TITLES
+from gateway.catalogue.starts import STARTS
+from gateway.catalogue.states import COMPENSATION, DIRECTION, TABLE_FILE
+from gateway.catalogue.troubles import TROUBLES
+from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES
+from gateway.modbus.pdu import ExceptionCode
+from gateway.supervisor.book import FileState
+from tests.catalogue.sentences import begins, raised, trees
+
+REFUSED = raised(trees("exchange"), frozenset({"RefusedRequestError"}), 2) | raised(
+    trees("exchange", "compensation", "modbus"),
+    frozenset({"RefusedPositionError", "OutOfTableError", "OutsideTravelError", "RegisterRangeError"}),
+    0,
+)
+NOT_STARTED = raised(
+    trees("ipc", "transport", "relay", "supervisor", "config/compile.py"),
+    frozenset({"StateError", "SocketError", "AbsentError", "RefusedError", "FolderProblem"}),
+    0,
+) | {
+    "… exists: record into a new file, or remove this one",
+    "… cannot be written: …",
+}
+PASSED_ON = {"…: …; …", "…: …", "gateway.state: …", "…: …; it was there a moment ago"}
+"""What another part of the gateway or the system has said, with the file in front."""
+
+
+def test_states_are_those_of_the_status() -> None:
+    assert {state.name for state in COMPENSATION} == set(COMPENSATION_STATES)
+    assert {state.name for state in DIRECTION} == set(DIRECTION_STATES)
+    assert {state.name for state in TABLE_FILE} == {"none", *(state.value for state in FileState)}
+
+
+def test_every_trouble_is_found_somewhere_and_none_is_made_up() -> None:
+    [tree] = trees("supervisor/trouble.py")
+    used = {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "kinds"
+    }
+    groups = {"OF_COMPENSATION": kinds.OF_COMPENSATION, "OF_SUPERVISOR": kinds.OF_SUPERVISOR}
+    found = {entry.kind for name in used & groups.keys() for entry in groups[name]}
+    found |= {getattr(kinds, name).kind for name in used - groups.keys()}
+    assert found == set(TROUBLES)
+    makers = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "Trouble"]
+    assert len(makers) == 1
+
+
+def test_troubles_of_a_compensation_are_called_as_its_states() -> None:
+    assert {entry.kind for entry in kinds.OF_COMPENSATION} <= set(COMPENSATION_STATES)
+
+
+def test_every_code_that_is_answered_has_a_title_and_a_reason() -> None:
+    used = {
+        getattr(ExceptionCode, node.attr)
+        for tree in trees("exchange")
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "ExceptionCode"
+    }
+    assert used == set(TITLES) == {entry.code for entry in REFUSALS}
+
+
+@pytest.mark.parametrize("sentence", sorted(REFUSED))
+def test_every_refusal_is_explained(sentence: str) -> None:
+    assert [entry for entry in REFUSALS if entry.says and begins(sentence, entry.says)]
+
+
+@pytest.mark.parametrize("entry", [e for e in REFUSALS if e.says], ids=lambda entry: entry.says[:50])
+def test_every_explained_refusal_is_one(entry: RefusalEntry) -> None:
+    assert [sentence for sentence in REFUSED if begins(sentence, entry.says)]
+
+
+@pytest.mark.parametrize("sentence", sorted(NOT_STARTED - PASSED_ON))
+def test_every_reason_not_to_start_is_explained(sentence: str) -> None:
+    assert [entry for entry in STARTS if begins(sentence, entry.says)]
+
+
+@pytest.mark.parametrize("entry", STARTS, ids=lambda entry: entry.says[:50])
+def test_every_explained_reason_not_to_start_is_one(entry: StartEntry) -> None:
+    assert [sentence for sentence in NOT_STARTED if begins(sentence, entry.says)]
