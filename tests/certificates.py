@@ -11,6 +11,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
+from gateway.cli.certificates.folder import read_authority
 from gateway.cli.certificates.making import (
     SKEW,
     Signed,
@@ -64,6 +65,14 @@ class Shop:
         self.folder = folder
         self.authority = make_authority(name, now_utc(), days)
         self.path = self._write(name, self.authority)[0]
+
+    @classmethod
+    def found(cls, folder: Path) -> "Shop":
+        """Return the shop that a folder already has."""
+        shop = cls.__new__(cls)
+        shop.folder, shop.path = folder, folder / "ca.pem"
+        shop.authority = read_authority(folder, now_utc())
+        return shop
 
     def server(self, name: str = "server", *hosts: str) -> tuple[Path, Path]:
         """Make the certificate of a gateway and its key."""

@@ -16,8 +16,8 @@ HANDSHAKE_FAILED: Final = EventEntry(
     "handshake-failed",
     Severity.WARNING,
     "a TLS handshake came to nothing; told once a minute for each host and reason",
-    "plain Modbus or an old TLS on a TLS port, or a peer that trusts another authority, hangs up or falls silent",
-    "let the controller speak TLS 1.2 or newer and trust the gateway's authority; else find out what runs there",
+    "plain Modbus or an old TLS on a TLS port; a peer that trusts another authority, hangs up or is silent",
+    "let the controller speak TLS 1.2 or newer and trust the gateway's authority; else find out who it is",
 )
 CERTIFICATES_RENEWED: Final = EventEntry(
     "certificates-renewed",

@@ -2,13 +2,16 @@
 
 import asyncio
 import contextlib
+import re
 import ssl
 from collections.abc import Callable, Coroutine
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from cryptography import x509
+from cryptography.x509.oid import ExtendedKeyUsageOID
 from pymodbus.client import AsyncModbusTlsClient
 
 from gateway.exchange.plan import ControllerPlan, Role
@@ -229,6 +232,106 @@ async def test_a_certificate_without_a_key_of_its_own_authority_is_refused(
 async def test_who_shows_no_certificate_is_refused(site: Site) -> None:
     await site.is_refused(None)
     assert site.told("certificate-refused") == ["127.0.0.1: it showed no certificate"]
+
+
+async def test_a_certificate_that_has_expired_or_not_begun_is_refused(site: Site) -> None:
+    role = x509.UnrecognizedExtension(ROLE, b"\x0c\x08Operator")
+    await site.is_refused(site.shop.leaf("late", [role], ended=timedelta(minutes=30)))
+    await site.is_refused(site.shop.leaf("early", [role], begins_in=timedelta(days=1)))
+    assert site.told("certificate-refused") == [
+        "127.0.0.1: certificate has expired",
+        "127.0.0.1: certificate is not yet valid",
+    ]
+
+
+async def test_the_certificate_of_a_server_is_no_controller_s(site: Site) -> None:
+    role = x509.UnrecognizedExtension(ROLE, b"\x0c\x08Operator")
+    await site.is_refused(site.shop.leaf("other", [role], purpose=ExtendedKeyUsageOID.SERVER_AUTH))
+    [detail] = site.told("certificate-refused")
+    assert re.fullmatch("127.0.0.1: un(supported|suitable) certificate purpose", detail)
+
+
+@pytest.mark.parametrize(
+    ("version", "ciphers", "said"),
+    [
+        (ssl.TLSVersion.TLSv1_1, "DEFAULT@SECLEVEL=0", "unsupported protocol"),
+        (ssl.TLSVersion.TLSv1_2, "ECDHE-ECDSA-AES128-SHA256", "no shared cipher"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:ssl.TLSVersion.TLSv1_1 is deprecated")
+async def test_old_tls_and_old_ciphers_are_refused(
+    site: Site, version: ssl.TLSVersion, ciphers: str, said: str
+) -> None:
+    shown = site.shop.controller("mill", "Operator")
+    context = client_context(site.shop.path, shown)
+    context.set_ciphers(ciphers)
+    context.minimum_version = context.maximum_version = version
+    await site.is_refused(shown, context)
+    assert site.told("handshake-failed") == [f"127.0.0.1: {said}"]
+
+
+async def test_plain_modbus_is_refused_at_its_first_byte(site: Site) -> None:
+    reader, writer = await asyncio.open_connection("127.0.0.1", site.port)
+    writer.write(b"\0")
+    async with asyncio.timeout(5):
+        assert await reader.read(100) == b""
+    writer.close()
+    assert site.told("handshake-failed") == ["127.0.0.1: no TLS: what came in is no handshake"]
+
+
+async def test_a_handshake_in_single_bytes_succeeds_and_garbage_behind_it_ends_the_session(
+    site: Site,
+) -> None:
+    """Whatever splits and joins the bytes of both sides; and records that nobody sealed are not opened."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", site.port)
+    incoming, outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
+    context = client_context(site.shop.path, site.shop.controller("mill", "Operator"))
+    tls = context.wrap_bio(incoming, outgoing, server_hostname="127.0.0.1")
+
+    async def until(step: Callable[[], object]) -> object:
+        while True:
+            try:
+                done = step()
+            except ssl.SSLWantReadError:
+                done = None
+            for byte in outgoing.read():
+                writer.write(bytes([byte]))
+                await asyncio.sleep(0)
+            if done is not None:
+                return done
+            async with asyncio.timeout(5):
+                incoming.write(await reader.read(1))
+
+    await until(lambda: tls.do_handshake() or True)
+    tls.write(encode_mbap(1, 1, READ))
+    tls.write(encode_mbap(2, 1, READ))
+    answer = encode_mbap(1, 1, bytes.fromhex("03 02 0007"))
+    assert await until(lambda: tls.read(len(answer))) == answer
+    assert await until(lambda: tls.read(len(answer))) == b"\0\x02" + answer[2:]
+    writer.write(b"\x17\x03\x03\x00\x20" + bytes(32))
+    async with asyncio.timeout(5):
+        await reader.read()
+    writer.close()
+    await site.tools.eventually(lambda: site.status["sessions"] == [])
+
+
+async def test_a_peer_that_hangs_up_in_a_handshake_is_counted_and_told_of_once(site: Site) -> None:
+    for number in range(1, 4):
+        _, writer = await asyncio.open_connection("127.0.0.1", site.port)
+        writer.write(b"\x16\x03\x01\x02\x00\x01")
+        writer.close()
+        await site.tools.eventually(lambda number=number: site.status["failed_handshakes"] == number)  # type: ignore[misc]
+    assert site.told("handshake-failed") == ["127.0.0.1: the peer hung up"]
+    assert site.told("unexpected") == []
+    assert site.status["running_handshakes"] == 0
+
+
+async def test_a_connection_ends_with_a_goodbye_when_the_relay_stops(site: Site) -> None:
+    reader, writer = await site.connect(site.shop.controller("mill", "Operator"))
+    await site.relay.stop()
+    async with asyncio.timeout(5):
+        assert await reader.read() == b""  # without close_notify it would be an error
+    writer.close()
 
 
 async def test_a_revoked_certificate_is_refused_with_the_next_connection(site: Site) -> None:
