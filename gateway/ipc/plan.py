@@ -1,7 +1,7 @@
 """The whole checked configuration in plain objects: what the relay runs from."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from ipaddress import IPv4Network, IPv6Network
 
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Role
@@ -37,6 +37,18 @@ class ControllerLink:
     endpoint: TcpEndpoint | SerialEndpoint
     allow: tuple[IPv4Network | IPv6Network, ...] = ()
     tls: TlsPlan | None = None
+
+    def plan_of(self, certified: str) -> ControllerPlan | None:
+        """Return the plan of connections whose certificate has a role; None where it is not one of ours.
+
+        "" is a connection without TLS.
+        """
+        if not certified:
+            return self.plan if self.tls is None else None
+        given = None if self.tls is None else self.tls.roles.get(certified)
+        if given is None:
+            return None
+        return replace(self.plan, role=given.role, rights=given.rights, certified=certified)
 
 
 @dataclass(frozen=True, slots=True)

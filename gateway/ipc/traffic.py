@@ -41,14 +41,18 @@ class _Input(_Entry, frozen=True):
     t: int
 
 
-class Request(_Input, frozen=True, tag="request"):
-    """A whole request of a controller. ``port`` numbers connections, ``controller`` is its name."""
+class Request(_Input, frozen=True, tag="request", omit_defaults=True):
+    """A whole request of a controller. ``port`` numbers connections, ``controller`` is its name.
+
+    ``role`` is that in the certificate of the connection, where it has one.
+    """
 
     port: int
     controller: str
     transaction: int
     unit: int
     pdu: str
+    role: str = ""
 
 
 class Gone(_Input, frozen=True, tag="gone"):

@@ -45,7 +45,7 @@ class TcpFront:
         self._door = None
         if link.tls is not None:
             note = partial(journal.note, line=line, controller=link.plan.name)
-            self._door = SecureDoor(link.plan, link.tls, self._port, self._refusals, note)
+            self._door = SecureDoor(link, link.tls, self._port, self._refusals, note)
         self._listener = TcpListener(endpoint, link.allow, self._receiver, self._refusals.add)
 
     @property

@@ -5,7 +5,6 @@
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from gateway.catalogue.entry import EventEntry
@@ -17,7 +16,7 @@ from gateway.catalogue.tls_events import (
     HANDSHAKE_FAILED,
 )
 from gateway.exchange.plan import ControllerPlan
-from gateway.ipc.plan import TlsPlan
+from gateway.ipc.plan import ControllerLink, TlsPlan
 from gateway.relay.refusals import Refusals
 from gateway.transport.channel import Receiver
 from gateway.transport.errors import RefusedError
@@ -43,17 +42,15 @@ class SecureDoor:
 
     def __init__(
         self,
-        plan: ControllerPlan,
+        link: ControllerLink,
         tls: TlsPlan,
         make_port: Callable[[ControllerPlan], Receiver],
         refusals: Refusals,
         note: TellOf,
     ) -> None:
         # One plan for each role: connections of one role share what is counted by plan.
-        self._plans = {
-            name: replace(plan, role=given.role, rights=given.rights, certified=name)
-            for name, given in tls.roles.items()
-        }
+        plans = ((name, link.plan_of(name)) for name in tls.roles)
+        self._plans = {name: plan for name, plan in plans if plan is not None}
         self._files = tls.files
         self._make_port = make_port
         self._refusals = refusals

@@ -190,10 +190,11 @@ class SecuredConnection:
         if len(self._waiting) > MOST_WAITING or self._steps > MOST_STEPS:
             self._failed("a handshake that is too long")
             return
-        if self._is_busy or not _has_record(self._waiting):
+        whole = 0 if self._is_busy else _whole_records(self._waiting)
+        if not whole:
             return
-        self._incoming.write(self._waiting)
-        self._waiting.clear()
+        self._incoming.write(self._waiting[:whole])
+        del self._waiting[:whole]
         self._is_busy = True
         self._steps += 1
         self._door.begin(self._step, self._stepped)
@@ -298,7 +299,12 @@ class SecuredConnection:
             receiver.closed(reason, now_ns)
 
 
-def _has_record(data: bytearray) -> bool:
-    if len(data) < RECORD_HEADER:
-        return False
-    return len(data) >= RECORD_HEADER + int.from_bytes(data[3:RECORD_HEADER], "big")
+def _whole_records(data: bytearray) -> int:
+    """Return how many bytes the whole records at the beginning have; a part of one is not worth a step."""
+    end = 0
+    while len(data) >= end + RECORD_HEADER:
+        length = RECORD_HEADER + int.from_bytes(data[end + 3 : end + RECORD_HEADER], "big")
+        if len(data) < end + length:
+            break
+        end += length
+    return end
