@@ -81,7 +81,25 @@ class Site:
         self, shown: tuple[Path, Path] | None, context: ssl.SSLContext | None = None
     ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         context = context or client_context(self.shop.path, shown)
-        return await asyncio.open_connection("127.0.0.1", self.port, ssl=context, server_hostname="127.0.0.1")
+        return self._kept(
+            await asyncio.open_connection("127.0.0.1", self.port, ssl=context, server_hostname="127.0.0.1")
+        )
+
+    async def connect_plain(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        return self._kept(await asyncio.open_connection("127.0.0.1", self.port))
+
+    def _kept(
+        self, stream: tuple[asyncio.StreamReader, asyncio.StreamWriter]
+    ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        """Close it in the end, whatever became of it."""
+
+        async def close() -> None:
+            stream[1].close()
+            with contextlib.suppress(OSError):
+                await stream[1].wait_closed()
+
+        self.bench.stack.push_async_callback(close)
+        return stream
 
     async def is_refused(
         self, shown: tuple[Path, Path] | None, context: ssl.SSLContext | None = None

@@ -185,7 +185,7 @@ async def test_old_tls_and_old_ciphers_are_refused(
 
 
 async def test_plain_modbus_is_refused_at_its_first_byte(site: Site) -> None:
-    reader, writer = await asyncio.open_connection("127.0.0.1", site.port)
+    reader, writer = await site.connect_plain()
     writer.write(b"\0")
     async with asyncio.timeout(5):
         assert await reader.read(100) == b""
@@ -197,7 +197,7 @@ async def test_a_handshake_in_pieces_succeeds_and_garbage_behind_it_ends_the_ses
     site: Site,
 ) -> None:
     """Whatever splits and joins the bytes of both sides; and records that nobody sealed are not opened."""
-    reader, writer = await asyncio.open_connection("127.0.0.1", site.port)
+    reader, writer = await site.connect_plain()
     incoming, outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
     context = client_context(site.shop.path, site.shop.controller("mill", "Operator"))
     tls = context.wrap_bio(incoming, outgoing, server_hostname="127.0.0.1")
@@ -239,7 +239,7 @@ async def test_a_handshake_in_pieces_succeeds_and_garbage_behind_it_ends_the_ses
 
 async def test_a_peer_that_hangs_up_in_a_handshake_is_counted_and_told_of_once(site: Site) -> None:
     for number in range(1, 4):
-        _, writer = await asyncio.open_connection("127.0.0.1", site.port)
+        _, writer = await site.connect_plain()
         writer.write(b"\x16\x03\x01\x02\x00\x01")
         writer.close()
         await site.tools.eventually(lambda number=number: site.status["failed_handshakes"] == number)  # type: ignore[misc]
