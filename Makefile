@@ -4,7 +4,7 @@ BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled check soak bench bench-quick pictures fmt clean
+.PHONY: help setup test-programs demo test test-compiled check soak bench bench-quick pictures docs fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -47,7 +47,10 @@ bench-quick: setup ## the same in a few minutes, to see that it works; writes in
 pictures: setup test-programs ## take the pictures of the page that the documents show
 	$(BIN)/python -m tests.pictures
 
-fmt: setup ## the only target that edits
+docs: setup ## write what the documents have from the code: keys, events, errors, drives
+	@$(BIN)/python -m tools.docs
+
+fmt: setup ## the only target that edits code
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 

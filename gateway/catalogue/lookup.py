@@ -22,7 +22,7 @@ class Explanation:
     """One entry, whatever it is about; what an entry of its kind has not is empty."""
 
     kind: str
-    """``event``, ``trouble``, ``state``, ``exception`` or ``start``."""
+    """``event``, ``trouble``, ``state``, ``exception``, ``start``; the command knows ``key`` too."""
     name: str
     severity: str
     meaning: str

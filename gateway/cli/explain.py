@@ -1,15 +1,32 @@
 """``pitch-gateway explain NAME``."""
 
 import json
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from gateway.catalogue.lookup import Explanation
 
 
 def _complete(incomplete: str) -> list[str]:
     from gateway.catalogue.lookup import names
+    from gateway.config.reference.find import all_keys
 
-    return [name for name in names() if name.startswith(incomplete)]
+    return [name for name in (*names(), *all_keys()) if name.startswith(incomplete)]
+
+
+def _keys(asked: str) -> "list[Explanation]":
+    """Return the keys of the configuration that are called so."""
+    from gateway.catalogue.lookup import Explanation, plain
+    from gateway.config.reference.find import find_keys
+
+    found = []
+    for table, row in find_keys(asked):
+        default = f"; default: {row.default}" if row.default else ""
+        meaning = plain(f"{row.meaning} ({row.kind}{default})")
+        found.append(Explanation("key", f"{table}.{row.key}", "", meaning, "", ""))
+    return found
 
 
 def explain(
@@ -17,7 +34,7 @@ def explain(
         str | None,
         typer.Argument(
             metavar="NAME",
-            help="An event, trouble, state, exception code, or a sentence of the log; none: all of them.",
+            help="An event, state, exception code, sentence of the log, or key; none: all but the keys.",
             show_default=False,
             autocompletion=_complete,
         ),
@@ -29,7 +46,7 @@ def explain(
 
     It knows every event of the log, of MQTT and of the page; the states of an axis; the exceptions that the
     gateway itself answers to a controller, by code or by their sentence in the log; and why a relay does not
-    start. docs/operations.md has the same.
+    start; and every key of the configuration. docs/operations.md and docs/configuration.md have the same.
 
     Exit code 1 when nothing is called so.
 
@@ -39,6 +56,8 @@ def explain(
         pitch-gateway explain 0x04
 
         pitch-gateway explain "it has not been compiled yet"
+
+        pitch-gateway explain axis.travel_margin
 
         pitch-gateway explain --json | jq '.event[].name'
     """
@@ -55,7 +74,7 @@ def explain(
             for entry in entries:
                 typer.echo(f"  {entry.name:<24}  {entry.meaning}")
         return
-    found = look_up(name)
+    found = look_up(name) or _keys(name)
     if not found:
         meant = ", ".join(near(name))
         hint = f"did you mean {meant}?" if meant else "pitch-gateway explain lists what there is"

@@ -4,10 +4,9 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
+from gateway.config.mqtt_model import FileName
 from gateway.drives.strict import StrictModel
 from gateway.transport.certificates import LONGEST_ROLE
-
-FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
 
 
 def read_role_name(raw: object) -> str:

@@ -8,14 +8,14 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from gateway.catalogue.entry import EventEntry
-from gateway.catalogue.events import EVENTS
+from gateway.catalogue import exchange_events
+from gateway.catalogue.entry import EventEntry, entries_of
 from gateway.catalogue.exchange_events import RECORD_NOT_USED
 from gateway.exchange.events import Event, EventKind
 from gateway.ipc.log_thread import CAPACITY
 from gateway.ipc.notes import Note, note_of
 
-ENTRIES: Final = {kind: EVENTS[kind.value] for kind in EventKind}
+ENTRIES: Final = {EventKind(entry.name): entry for entry in entries_of(exchange_events)}
 
 
 class Journal:

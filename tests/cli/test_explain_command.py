@@ -79,6 +79,17 @@ def test_links_of_the_document_are_words_in_the_terminal() -> None:
     assert "](" not in explain("record-not-used").stdout
 
 
+def test_a_key_of_the_configuration_is_told_with_what_may_stand_there() -> None:
+    result = explain("axis.x.travel_margin")
+    assert result.stdout.splitlines()[0] == "axis.travel_margin (key)"
+    assert "(length ≥ 0; default: `max_correction`)" in result.stdout
+    assert [entry["name"] for entry in json.loads(explain("gap_ms", "--json").stdout)] == [
+        "line.gap_ms",
+        "axis.registers.gap_ms",
+    ]
+
+
 def test_names_are_completed() -> None:
     assert _complete("table-m") == ["table-mended"]
+    assert _complete("travel_m") == ["travel_margin"]
     assert "mqtt-lost" in _complete("mqtt")

@@ -42,11 +42,20 @@ def test_the_architecture_names_the_functions_of_its_routes() -> None:
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
 
 
+def anchors(text: str) -> set[str]:
+    """Return what links may point to: each heading as web pages make an anchor of it."""
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_links_and_test_files_that_a_document_names_exist(document: Path) -> None:
     text = document.read_text()
     for target in re.findall(r"\]\((?!https?://|#)([^)#]+)", text):
         assert (document.parent / target).exists(), target
+    for target, anchor in re.findall(r"\]\((?!https?://)([^)#]*)#([^)]+)\)", text):
+        there = (document.parent / target) if target else document
+        assert anchor in anchors(there.read_text()), f"{target}#{anchor}"
     tests = {path.name for path in (ROOT / "tests").glob("**/*.py")}
     for name in re.findall(r"(test_[a-z_]+\.py)", text):
         assert name in tests, name

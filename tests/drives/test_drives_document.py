@@ -11,7 +11,7 @@ DOCUMENT = (Path(__file__).parents[2] / "docs" / "drives.md").read_text(encoding
 
 
 def test_the_table_is_in_step_with_the_profiles() -> None:
-    """If not: python -m tools.drives_table."""
+    """If not: make docs."""
     assert "".join(f"{line}\n" for line in markdown_lines()) in DOCUMENT
 
 

@@ -1,0 +1,188 @@
+"""Texts of ``[axis.NAME]``."""
+
+from typing import Final
+
+from gateway.config.reference.text import Said, Texts
+
+AXIS: Final[Texts] = {
+    "line": Said(
+        kind="name",
+    ),
+    "unit_id": Said(
+        meaning=(
+            "Modbus unit id of its drive; 0 only on Modbus TCP (on a serial line it is the broadcast). "
+            "Several axes may share one if their registers do not"
+        ),
+    ),
+    "drive": Said(
+        meaning=(
+            'a profile that comes with the gateway (`"oriental-az"`; `pitch-gateway drives` lists '
+            'them), or a file of your own (`"./my-drive.toml"`, relative to this file); see '
+            "[drives.md](drives.md). Warned of: a line of a kind that the drive does not have"
+        ),
+        kind="name or path",
+    ),
+    "registers": Said(
+        more="See below; refused beside `drive`",
+        default="required without `drive`",
+    ),
+    "units": Said(
+        meaning=(
+            "unit of every length of this axis. A table in the other unit of length is converted; "
+            "angles and lengths never are"
+        ),
+    ),
+    "counts_per_unit": Said(
+        meaning=(
+            "counts of the drive in one unit, negative where the drive counts down while the axis goes "
+            "forward"
+        ),
+    ),
+    "travel": Said(
+        meaning="machine positions between which the axis moves. Its ends must fit the command registers",
+        default="none, warned of",
+    ),
+    "travel_margin": Said(
+        meaning="how far a corrected position may lie outside `travel` before it is refused",
+        default="`max_correction`",
+    ),
+    "table": Said(
+        meaning=(
+            "table file in the tables folder, in any case of letters, without a path. A file that was "
+            "renamed to `.bak`, or taken away while the gateway runs, is switched off: the axis is not "
+            "corrected. Without touching the file: `compensation`"
+        ),
+        kind="file name",
+        default="none: 1:1",
+    ),
+    "table_options": Said(
+        more="See below",
+    ),
+    "compensation": Said(
+        meaning="`shadow` computes and shows everything and writes 1:1",
+    ),
+    "referenced": Said(
+        more="See below",
+    ),
+    "home_approach": Said(
+        meaning=(
+            "direction of the last movement of homing: the branch in force after it. `none`: half way "
+            "between the branches until the first move"
+        ),
+    ),
+    "setpoints": Said(
+        meaning="`targets`: the drive profiles each move; `stream`: a setpoint in every cycle",
+    ),
+    "max_speed": Said(
+        kind="units/s ≥ 0",
+    ),
+    "hysteresis": Said(
+        meaning=(
+            "`stream`: smallest motion that is a reversal; the setpoint has to come back by as much "
+            "before the branch changes. `targets`: every target that differs from the last one is a "
+            "motion in its direction, however short it is; `hysteresis` is only how far a measured "
+            "position may lie beside another and still be the same place. Refused when as long as "
+            "travel or table"
+        ),
+        default="2 counts, at least 0.001 mm",
+    ),
+    "reload": Said(
+        meaning=(
+            "`stream`: setpoint travel over which one table gives way to another; made longer where it "
+            "must be. No effect in `targets` (warned of)"
+        ),
+        kind="`{ distance = LENGTH }`",
+        default="`1` mm",
+    ),
+    "modulo": Said(
+        meaning=(
+            "one turn of a rotary axis. The table must cover exactly one turn with equal corrections "
+            'at both ends; without a table `units` must be `"degree"`'
+        ),
+    ),
+    "max_correction": Said(
+        meaning="larger corrections, with backlash, are refused",
+        default="`0.5` mm",
+    ),
+    "max_slope": Said(
+        meaning="steeper tables are refused: change of the correction per unit of travel",
+    ),
+    "fresh_ms": Said(
+        meaning="age up to which a measured position counts",
+    ),
+    "lost_ms": Said(
+        meaning=(
+            "a drive that left requests unanswered for longer than this, from the first to the last of "
+            "them, may have been switched off: what is known about its registers and its last target "
+            "is forgotten, and `referenced` has to be shown again. One lost reply is no silence"
+        ),
+    ),
+    "backlash": Said(
+        more="Only beside a table of one direction",
+        kind="`{ width = LENGTH, kind = … }`",
+    ),
+    "added_frames": Said(
+        meaning="`never`: the gateway sends no frame of its own, and what needs one is refused",
+    ),
+    "budget_us": Said(
+        meaning=(
+            "what the gateway itself may take for one exchange of this axis: from the last byte in to "
+            "the first byte out, of the request and of the reply together. Wires and drives are not in "
+            "it"
+        ),
+    ),
+    "deadline_ms": Said(
+        meaning=(
+            "age at which a target or its trigger is late, counted from its last byte from the "
+            "controller to its first byte to the drive. A stop is never late"
+        ),
+        default="none",
+    ),
+    "late": Said(
+        meaning=(
+            "what happens to a late target: it goes all the same, because a move must not end short; "
+            "or it is refused, because a stale setpoint is worse than none. Refused without "
+            "`deadline_ms`"
+        ),
+        default='`"forward"` with `setpoints = "targets"`, `"reject"` with `"stream"`',
+    ),
+    "unmapped": Said(
+        meaning=(
+            "what happens to writes to `position_like` registers while the axis is corrected: "
+            "exception 2, or they pass as they are"
+        ),
+    ),
+    "stored_moves": Said(
+        meaning=(
+            "what happens to moves to positions that the drive keeps, and to triggers of targets that "
+            "were not written through the gateway: exception 4, or they run as they are"
+        ),
+    ),
+    "relative_unknown": Said(
+        meaning=(
+            "what happens to distances from a place that nobody knows: exception 6, or they pass as "
+            "they are and are reported"
+        ),
+    ),
+}
+
+TABLE_OPTIONS: Final[Texts] = {
+    "file_counts_per_unit": Said(
+        meaning=(
+            "version 1: encoder counts per unit of the control that the file was made for, negative "
+            "for its Dir Rev"
+        ),
+    ),
+    "v1_layout": Said(
+        meaning="version 1: whether the first value belongs to home or to one interval from it",
+    ),
+    "file_start": Said(
+        meaning="version 2: machine position of the first point",
+    ),
+    "file_home": Said(
+        meaning="the end at which the axis of the file homes",
+    ),
+    "fagor_sense": Said(
+        meaning="Fagor tables: not built",
+    ),
+}

@@ -1,0 +1,122 @@
+"""Texts of ``[line.NAME]``."""
+
+from typing import Final
+
+from gateway.config.reference.text import Said, Texts
+
+LINE: Final[Texts] = {
+    "drives": Said(
+        more="See below",
+    ),
+    "response_timeout_ms": Said(
+        more="The gateway never gives up before its controllers would",
+    ),
+    "drain_ms": Said(
+        meaning=(
+            "RTU drives: silence that must follow a time-out before the next request, so that a late "
+            "reply answers nothing else. Refused with `tcp` drives, whose replies carry a number"
+        ),
+        default="`response_timeout_ms`",
+    ),
+    "turnaround_ms": Said(
+        more="As in Modbus over serial line V1.02, 2.4.1",
+    ),
+    "gap_ms": Said(
+        meaning=(
+            "silence before each request, beyond the standard's 3.5 characters. The longest of this "
+            "and of the `registers.gap_ms` of its axes holds for the line"
+        ),
+    ),
+    "quiet_ms": Said(
+        meaning=(
+            "a request of a `monitor` goes directly after an exchange of a `motion` controller has "
+            "ended, or after `quiet_ms` without one: the next motion command then finds the line free. "
+            "Longer than the pauses inside one cycle of the motion controller, shorter than its cycle"
+        ),
+    ),
+    "monitor_max_wait_ms": Said(
+        meaning=(
+            "a request of a `monitor` that has waited for as long goes at the next gap, though it does "
+            "not fit. All monitors of a line share this: only one such request in "
+            "`monitor_max_wait_ms`, and only a tenth of the line's time for all of them. Where many "
+            "monitors do not fit, give them a longer `timeout_ms` or let them ask less often. Warned "
+            "of: a `timeout_ms` of such a controller that is not longer"
+        ),
+    ),
+}
+
+DRIVES: Final[Texts] = {
+    "rtu": Said(
+        meaning=(
+            "serial port with Modbus RTU. A name from `/dev/serial/by-id` stays the same when adapters "
+            "are replugged"
+        ),
+    ),
+    "baudrate": Said(
+        more="Only with `rtu`",
+    ),
+    "parity": Said(
+        more="Only with `rtu`",
+    ),
+    "stop_bits": Said(
+        more="Only with `rtu`",
+    ),
+    "data_bits": Said(
+        more="Only with `rtu`",
+    ),
+    "echo": Said(
+        meaning=(
+            "only with `rtu`: the RS-485 adapter hears what it sends, so that each request comes back "
+            "before its reply, and is taken out"
+        ),
+    ),
+    "low_latency": Said(
+        meaning=(
+            "only with `rtu`: the driver of the port is set to hand bytes over at once, where it can "
+            "(see [operations.md](operations.md)); `false`: it is left as it is, and only shown"
+        ),
+    ),
+}
+
+CONTROLLERS: Final[Texts] = {
+    "rtu": Said(
+        meaning="serial port that the controller is wired to",
+    ),
+    "tcp": Said(
+        meaning="address to listen on",
+    ),
+    "role": Said(
+        meaning=(
+            "`motion` may do everything and goes first; `operator` may read, and stop the axes; "
+            "`monitor` may only read. What a role may not do is answered with exception 1"
+        ),
+    ),
+    "allow": Said(
+        meaning=(
+            'who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; with `[]` whoever reaches the '
+            "address. Only with `tcp`"
+        ),
+    ),
+    "tls": Said(
+        more="Only with `tcp`, see below",
+    ),
+    "roles": Said(
+        more="See below",
+        kind="tables",
+        default="none",
+    ),
+}
+
+TLS: Final[Texts] = {
+    "key": Said(
+        meaning=(
+            "file with the key of that certificate, not encrypted, readable by the gateway's user only; or "
+            '`"credential:NAME"`, as systemd hands it over with `LoadCredential=`'
+        ),
+    ),
+}
+
+ROLES: Final[Texts] = {
+    "role": CONTROLLERS["role"],
+    "requests_per_s": Said(kind="number > 0"),
+}

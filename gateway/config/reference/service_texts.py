@@ -1,0 +1,108 @@
+"""Texts of the sections that are about the gateway as a program."""
+
+from typing import Final
+
+from gateway.config.reference.text import Said, Texts
+
+GATEWAY: Final[Texts] = {
+    "tables": Said(
+        kind="path",
+    ),
+    "state": Said(
+        meaning=(
+            "folder of what the gateway keeps, relative to the configuration file: the compiled "
+            "configuration and tables, `axis-NAME.record`, with which an axis goes on after a restart, "
+            "and while it runs `relay.sock`, over which commands and the supervisor find it (see "
+            "[operations.md](operations.md)). Made where it is missing; one for each gateway"
+        ),
+        kind="path",
+    ),
+}
+
+RELAY: Final[Texts] = {
+    "fifo": Said(
+        meaning=(
+            "real-time priority (SCHED_FIFO): goes before everything without one. 0: as the process "
+            "was started"
+        ),
+    ),
+    "cpus": Said(
+        meaning=(
+            "CPUs to run on, each once; `[]`: any. When one of them is not there, at the start, none "
+            "of them is kept to"
+        ),
+    ),
+}
+
+HTTP: Final[Texts] = {
+    "listen": Said(
+        meaning=(
+            "address of the page and of everything else that is served over HTTP ([http](http.md)); "
+            '`""`: none over TCP. Read-only. Beyond this machine it is warned of: whoever reaches it '
+            "can read the status"
+        ),
+        kind='`"HOST:PORT"`, `"[IPv6]:PORT"` or `""`',
+    ),
+}
+
+MQTT: Final[Texts] = {
+    "port": Said(
+        more="Brokers have TLS at 8883 as a rule",
+    ),
+    "base_topic": Said(
+        meaning=(
+            "what every topic begins with, followed by the name of the gateway. Levels between "
+            "slashes; refused: `+`, `#`, control characters, an empty level, a `$` in front"
+        ),
+        kind="topic",
+    ),
+    "version": Said(
+        meaning=(
+            "of MQTT. Every broker speaks 3.1.1; 5 says more exactly why it refuses something, and "
+            "lets who commands say where the answer shall go"
+        ),
+    ),
+    "client_id": Said(
+        meaning="what the gateway calls itself; a broker lets only one client of a name in",
+        default='`"pitch-gateway-NAME"`',
+    ),
+    "keepalive_s": Said(
+        meaning="after one and a half times this without a word the broker takes the gateway for dead",
+    ),
+    "username": Said(
+        more="Warned of: without `tls`, to another machine",
+        default="none",
+    ),
+    "password_file": Said(
+        meaning=(
+            "file with the password on one line and nothing else, relative to this file; read anew for "
+            "each connection. Needs `username`. Warned of: every user may read it"
+        ),
+        default="none",
+    ),
+    "tls": Said(
+        meaning=(
+            '`{}` trusts the authorities of the system; `{ ca = "ca.pem" }` those in a file; with '
+            "`cert` and `key`, both in PEM, the gateway shows a certificate of its own. The key must "
+            "not be encrypted. Paths are relative to this file"
+        ),
+        default="none: no TLS",
+    ),
+    "discovery": Said(
+        meaning='prefix of Home Assistant\'s discovery, `"homeassistant"` unless it was changed there',
+        kind='topic or `""`',
+        default='`""`: off',
+    ),
+    "commands": Said(
+        meaning=(
+            "`true`: who may write to the broker's `BASE/NAME/command/…` may reload, enable, disable "
+            "and set gains. Nothing moves an axis by itself"
+        ),
+    ),
+}
+
+GROUP: Final[Texts] = {
+    "axes": Said(
+        more="At least two",
+    ),
+}

@@ -1,0 +1,76 @@
+"""What the documents have from the code is what the code says now."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from gateway.catalogue.events import EVENTS
+from gateway.catalogue.troubles import TROUBLES
+from gateway.config.explain import models_in
+from gateway.config.reference.kinds import kind_text
+from gateway.config.reference.tables import TABLES, KeyTable, rows
+from gateway.config.sections import NAMED, SINGLE
+from tools.docs import PARTS, documents, part
+
+DOCUMENTS = documents()
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_a_document_is_what_the_code_says(path: Path) -> None:
+    """If not: make docs."""
+    assert path.read_text(encoding="utf-8") == DOCUMENTS[path]
+
+
+def test_every_part_stands_in_a_document() -> None:
+    text = "".join(DOCUMENTS.values())
+    for name in (*PARTS, *(f"keys {name}" for name in TABLES)):
+        assert text.count(f"<!-- make docs: {name} -->\n{part(name)}<!-- end -->") == 1, name
+
+
+def test_operations_knows_every_event_and_every_trouble() -> None:
+    [text] = [text for path, text in DOCUMENTS.items() if path.name == "operations.md"]
+    for name in (*EVENTS, *TROUBLES):
+        assert re.search(rf"^\| `{name}` \|", text, re.MULTILINE), name
+
+
+def models(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    yield model
+    for field in model.model_fields.values():
+        for inside in models_in(field.annotation):
+            yield from models(inside)
+
+
+def test_every_key_is_in_a_table_or_in_the_words_of_one() -> None:
+    """A small table inside a key is told of in its row, as in `{ distance = LENGTH }`."""
+    listed = {(model, key) for table in TABLES.values() for model, key in table.fields()}
+    listed |= {(model, key) for table in TABLES.values() for model in table.models for key in table.elsewhere}
+    told = " ".join(f"{row.kind} {row.meaning}" for table in TABLES.values() for row in rows(table))
+    for section in (*SINGLE.values(), *NAMED.values()):
+        for model in models(section):
+            for key in model.model_fields:
+                bases = [(base, key) for base in model.__mro__ if issubclass(base, BaseModel)]
+                is_listed = any(found in listed for found in bases)
+                is_told = re.search(rf"`{key}`|[{{ ]{key}[ ,}}]| {key} = ", told)
+                assert is_listed or is_told, f"{model.__name__}.{key}"
+
+
+@pytest.mark.parametrize("table", TABLES.values(), ids=list(TABLES))
+def test_texts_are_about_keys_that_there_are(table: KeyTable) -> None:
+    keys = {key for _, key in table.fields()}
+    assert set(table.texts) <= keys
+    for model, key in table.fields():
+        assert kind_text(model, key)
+
+
+def test_bounds_and_defaults_come_from_the_model() -> None:
+    """Worked out from the models by hand."""
+    text = part("keys axis")
+    assert "| `unit_id` | 0 to 255 | required |" in text
+    assert "| `max_slope` | number > 0, < 1 | `0.01` |" in text
+    assert '| `setpoints` | `"targets"`, `"stream"` | `"targets"` |' in text
+    assert "| `stop_bits` | 1 or 2 | `1` |" in part("keys line.drives")
+    assert "| `keepalive_s` | 5 to 3600 s | `15` |" in part("keys mqtt")
+    assert "| `mask` | 0 to 0xFFFF | `0xFFFF` |" in part("keys axis.registers.mode")

@@ -1,0 +1,141 @@
+"""Writes what the documents have from the code: ``python -m tools.docs``, or ``make docs``.
+
+``--check`` writes nothing, and ends with exit code 1 where a document is not what the code says.
+"""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from gateway.catalogue.entry import NOTHING_TO_DO, entries_of
+from gateway.catalogue.events import GROUPS
+from gateway.catalogue.lookup import code_of, severities
+from gateway.catalogue.refusals import REFUSALS, TITLES
+from gateway.catalogue.starts import EXIT_CODES, STARTS
+from gateway.catalogue.states import STATES
+from gateway.catalogue.troubles import TROUBLES
+from gateway.cli.drives_output import markdown_lines
+from gateway.config.reference.tables import TABLES, rows
+from tools.markers import filled, table
+
+DOCUMENTS: Final = Path(__file__).parents[1] / "docs"
+
+
+def part(name: str) -> str:
+    """Return a generated part by its name.
+
+    Raises:
+        KeyError: nothing is called so.
+    """
+    if name.startswith("keys "):
+        return keys(name.removeprefix("keys "))
+    return PARTS[name]()
+
+
+def keys(name: str) -> str:
+    """Return the keys of a section of the configuration."""
+    lines = [(f"`{row.key}`", row.kind, row.default, row.meaning) for row in rows(TABLES[name])]
+    return table(("key", "type", "default", "meaning"), lines)
+
+
+def events() -> str:
+    """Return every event, by group."""
+    texts = []
+    for group in GROUPS:
+        title = (group.__doc__ or "").split(":")[0]
+        lines = [
+            (f"`{entry.name}`", severities(entry), entry.meaning, entry.cause, entry.remedy)
+            for entry in entries_of(group)
+        ]
+        texts.append(
+            f"### {title}\n\n{table(('event', 'severity', 'means', 'usual cause', 'remedy'), lines)}"
+        )
+    return "\n".join(texts)
+
+
+def troubles() -> str:
+    """Return every kind of trouble."""
+    lines = [
+        (f"`{entry.kind}`", entry.severity.value, entry.meaning, entry.cause, entry.remedy)
+        for entry in TROUBLES.values()
+    ]
+    return table(("trouble", "severity", "means", "usual cause", "remedy"), lines)
+
+
+def states() -> str:
+    """Return every state of the status model."""
+    return "\n".join(
+        f"`{key}`:\n\n"
+        + table(
+            ("state", "means", "what to do"),
+            [
+                (f"`{state.name}`", state.meaning, "" if state.remedy == NOTHING_TO_DO else state.remedy)
+                for state in found
+            ],
+        )
+        for key, found in STATES.items()
+    )
+
+
+def refusals() -> str:
+    """Return every exception that the gateway itself answers."""
+    lines = [
+        (
+            f"{code_of(entry)} {TITLES[entry.code]}",
+            f"“{entry.says}”" if entry.says else "",
+            entry.cause,
+            entry.remedy,
+        )
+        for entry in REFUSALS
+    ]
+    return table(("exception", "detail in the log", "cause", "remedy"), lines)
+
+
+def starts() -> str:
+    """Return why a process does not start."""
+    lines = [(f"“{entry.says}”", entry.cause, entry.remedy) for entry in STARTS]
+    return table(("what is said", "cause", "remedy"), lines)
+
+
+def exit_codes() -> str:
+    """Return the exit codes."""
+    return table(("exit code", "means"), [(str(code), text) for code, text in EXIT_CODES.items()])
+
+
+def drives() -> str:
+    """Return the shipped profiles."""
+    return "".join(f"{line}\n" for line in markdown_lines())
+
+
+PARTS: Final = {
+    "events": events,
+    "troubles": troubles,
+    "states": states,
+    "refusals": refusals,
+    "starts": starts,
+    "exit codes": exit_codes,
+    "drives": drives,
+}
+
+
+def documents() -> Mapping[Path, str]:
+    """Return every document as it has to be."""
+    return {path: filled(path.read_text(encoding="utf-8"), part) for path in sorted(DOCUMENTS.glob("*.md"))}
+
+
+def main() -> int:
+    """Do what the command line says; returns the exit code."""
+    is_check = sys.argv[1:] == ["--check"]
+    stale = [path for path, text in documents().items() if path.read_text(encoding="utf-8") != text]
+    for path in stale:
+        if is_check:
+            sys.stderr.write(f"{path}: not what the code says; run: make docs\n")
+        else:
+            path.write_text(documents()[path], encoding="utf-8")
+            sys.stdout.write(f"{path.relative_to(DOCUMENTS.parent)}\n")
+    return int(is_check and bool(stale))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
