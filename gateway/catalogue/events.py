@@ -10,12 +10,14 @@ from gateway.catalogue import (
     process_events,
     publishing_events,
     table_events,
+    tls_events,
 )
 from gateway.catalogue.entry import EventEntry, entries_of
 
 GROUPS: Final[tuple[ModuleType, ...]] = (
     exchange_events,
     line_events,
+    tls_events,
     table_events,
     process_events,
     publishing_events,

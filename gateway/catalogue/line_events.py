@@ -38,7 +38,8 @@ CONNECTION_REFUSED: Final = EventEntry(
     "connection-refused",
     Severity.WARNING,
     "a connection to a controller's address was closed at once; told once a minute for each host",
-    "a host that `allow` does not name, or more connections than `max_connections` and `connects_per_s` take",
+    "a host that `allow` does not name, more connections than `max_connections` and `connects_per_s` take, "
+    "or too many TLS handshakes",
     "add the host to `allow` if it may connect; else find out what runs on it",
 )
 CONNECTION_CLOSED: Final = EventEntry(

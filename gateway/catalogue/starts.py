@@ -29,6 +29,11 @@ STARTS: Final = (
     ),
     StartEntry("… was made by release …", "the gateway was upgraded or put back", _COMPILE),
     StartEntry("… is no compiled configuration", "another file is in its place", _COMPILE),
+    StartEntry(
+        "tls.…",
+        "a file of `tls` is missing, another's or open to others since it was checked, or is not handed over",
+        "do what it says; `pitch-gateway check CONFIG` looks at all of them",
+    ),
     StartEntry("… is damaged", "a disk that was full or failed", _COMPILE),
     StartEntry("… is not understood", "the file was spoilt", _COMPILE),
     StartEntry("… holds no plan", "the file was spoilt", _COMPILE),

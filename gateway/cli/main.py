@@ -8,6 +8,7 @@ import typer
 from gateway import __version__
 from gateway.cli import (
     budget,
+    certificate,
     check,
     demo,
     disable,
@@ -61,6 +62,7 @@ app.command("token")(token.token)
 app.command("simulate")(simulate.simulate)
 app.add_typer(table.app, name="table")
 app.add_typer(drives.app, name="drives")
+app.add_typer(certificate.app, name="certificate")
 
 
 def _show_version(value: bool) -> None:

@@ -1,8 +1,10 @@
 """Checked models to the plain plan that the relay runs from."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped, Writers
+from gateway.config.check_tls import tls_files
 from gateway.config.drive_files import NamedProfile
 from gateway.config.line_model import ControllerSection
 from gateway.config.sections import Sections
@@ -10,7 +12,7 @@ from gateway.config.settings_of import settings_of
 from gateway.config.tables import AxisTable
 from gateway.drives.registers import OnException, RegisterMap
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, default_late
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
+from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
 
 
 def build_plan(
@@ -33,7 +35,7 @@ def line_plan(
     return LinePlan(
         name=name,
         drives=line.drives.endpoint,
-        controllers=tuple(map(_controller_link, line.controllers)),
+        controllers=tuple(_controller_link(each, sections.folder) for each in line.controllers),
         axes=tuple(
             _axis_plan(axis_name, axis, tables.get(axis_name), drives.get(axis_name))
             for axis_name, axis in axes.items()
@@ -51,15 +53,23 @@ def line_plan(
     )
 
 
-def _controller_link(controller: ControllerSection) -> ControllerLink:
+def _controller_link(controller: ControllerSection, folder: Path) -> ControllerLink:
     plan = ControllerPlan(
         controller.name,
-        controller.role,
+        controller.roles_in_use[0],
         controller.timeout_ms,
         serial=controller.rtu is not None,
         rights=controller.rights,
     )
-    return ControllerLink(plan, controller.endpoint, controller.allow, controller.limits)
+    tls = _tls_plan(controller, folder)
+    return ControllerLink(plan, controller.endpoint, controller.allow, controller.limits, tls)
+
+
+def _tls_plan(controller: ControllerSection, folder: Path) -> TlsPlan | None:
+    if controller.tls is None:
+        return None
+    roles = {name: RoleRights(each.role, each.rights) for name, each in controller.roles.items()}
+    return TlsPlan(tls_files(controller.tls, folder), roles)
 
 
 def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: NamedProfile | None) -> AxisPlan:

@@ -24,14 +24,15 @@ def check_late(findings: Findings, sections: Sections) -> None:
 
 def _check_monitors(findings: Findings, name: str, line: LineSection) -> None:
     """Warn where a request of a monitor can wait until the monitor has given up on it."""
-    if all(controller.role is not Role.MOTION for controller in line.controllers):
+    if all(Role.MOTION not in controller.roles_in_use for controller in line.controllers):
         return  # nobody to wait for
     for index, controller in enumerate(line.controllers):
-        if controller.role is Role.MOTION or line.monitor_max_wait_ms < controller.timeout_ms:
+        least = controller.roles_in_use[-1]
+        if least is Role.MOTION or line.monitor_max_wait_ms < controller.timeout_ms:
             continue
         findings.warn(
             (*controller_key(findings, name, controller.name, index), "timeout_ms"),
-            f"timeout_ms = {controller.timeout_ms:g} of a {controller.role.value} that may have to wait "
+            f"timeout_ms = {controller.timeout_ms:g} of a {least.value} that may have to wait "
             f"monitor_max_wait_ms = {line.monitor_max_wait_ms:g} for motion",
             f"it would give up on a busy line: set line.{name}.monitor_max_wait_ms well below "
             f"{controller.timeout_ms:g}, or let it wait longer",

@@ -83,6 +83,8 @@ def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> N
     for controller in line.controllers:
         if controller.tcp is None or controller.allow or is_loopback(controller.tcp.host):
             continue
+        if controller.tls is not None:  # not whoever reaches it: who has a certificate
+            continue
         index = line.controllers.index(controller)
         findings.warn(
             (*controller_key(findings, name, controller.name, index), "tcp"),

@@ -17,9 +17,13 @@ def check_roles(findings: Findings, sections: Sections) -> None:
     }
     for name, line in sections.lines.items():
         for index, controller in enumerate(line.controllers):
-            if controller.role is Role.OPERATOR and name not in with_stops:
+            key = controller_key(findings, name, controller.name, index)
+            places = {(*key, "roles", given): each.role for given, each in controller.roles.items()}
+            for place, role in (places or {key: controller.role}).items():
+                if role is not Role.OPERATOR or name in with_stops:
+                    continue
                 findings.warn(
-                    (*controller_key(findings, name, controller.name, index), "role"),
+                    (*place, "role"),
                     'role = "operator", and the registers of no axis of this line list a stop',
                     "it may only read here; list the values under stop in mode or trigger, or write "
                     '"monitor"',

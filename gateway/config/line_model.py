@@ -8,6 +8,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from gateway.config.rights_model import RightsKeys
+from gateway.config.tls_model import ControllerTls, RoleName
 from gateway.config.values import (
     Device,
     Milliseconds,
@@ -18,7 +19,7 @@ from gateway.config.values import (
     Tcp,
 )
 from gateway.drives.strict import ByName, ListOf, StrictModel
-from gateway.exchange.plan import LineTiming
+from gateway.exchange.plan import LineTiming, Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
 
@@ -146,11 +147,23 @@ class ControllerSection(RightsKeys, _SerialSettings):
         default=None,
         description="seconds after which a connection over tcp is closed that asks for nothing; none: never",
     )
+    tls: ControllerTls | None = Field(
+        default=None, description="speak TLS only, with those who have a certificate (Modbus/TCP Security)"
+    )
+    roles: dict[RoleName, RightsKeys] = Field(
+        default_factory=dict, description="with tls: what each role that a certificate may have gives"
+    )
 
     @property
     def limits(self) -> ConnectionLimits:
         """The limits of its connections in plain data."""
         return ConnectionLimits(self.max_connections, self.connects_per_s, self.idle_timeout_s or 0.0)
+
+    @property
+    def roles_in_use(self) -> tuple[Role, ...]:
+        """What its connections may be, the one that may do most first."""
+        found = {each.role for each in self.roles.values()} if self.tls is not None else {self.role}
+        return tuple(role for role in Role if role in found) or (self.role,)
 
     @property
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:

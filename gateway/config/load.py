@@ -20,6 +20,7 @@ from gateway.config.check_references import check_references
 from gateway.config.check_rights import check_rights
 from gateway.config.check_roles import check_roles
 from gateway.config.check_state import check_state
+from gateway.config.check_tls import check_tls_files, check_tls_keys
 from gateway.config.check_ways import check_ways
 from gateway.config.document import Document, read_document
 from gateway.config.drive_files import NamedProfile, fit_drives
@@ -31,6 +32,7 @@ from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable
 from gateway.config.toml_lines import key_lines
 from gateway.ipc.plan import GatewayPlan
+from gateway.transport.certificates import now_utc
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +101,7 @@ def load_document(
         check_mqtt(findings, sections.mqtt, document.path.parent)
         check_http_files(findings, sections.http, document.path.parent)
         check_permissions(findings, sections, is_start=is_start)
+        check_tls_files(findings, sections, now_utc())
     return _with_tables(
         findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables
     )
@@ -163,6 +166,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     drives = fit_drives(findings, sections, findings.document.path.parent)
     refuse_what_is_not_built(findings)
     check_ways(findings)
+    check_tls_keys(findings)
     check_lines(findings, sections.lines)
     check_http(findings, sections.http, sections.lines)
     check_axes(findings, sections)

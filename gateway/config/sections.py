@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
@@ -46,6 +47,9 @@ AXIS_STAND_INS: Final[Mapping[str, Any]] = {
 class Sections:
     """What could be read. A section that is too broken to be looked at is left out; its problem is noted."""
 
+    folder: Path = Path()
+    """Of the configuration file: what is named in it is relative to this."""
+
     gateway: GatewaySection = field(default_factory=GatewaySection)
     relay: RelaySection = field(default_factory=RelaySection)
     http: HttpSection = field(default_factory=HttpSection)
@@ -61,7 +65,7 @@ class Sections:
 def read_sections(findings: Findings) -> Sections:
     """Read every section of the document; what is wrong goes to ``findings``."""
     tables = findings.document.tables
-    sections = Sections()
+    sections = Sections(folder=findings.document.path.parent)
     for name in tables:
         if name not in SINGLE and name not in NAMED:
             findings.refuse((name,), "unknown key", suggest(name, [*SINGLE, *NAMED]))

@@ -10,7 +10,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.config.drive_files import NamedProfile
 from gateway.drives.profile import Tier
 from gateway.exchange.plan import AxisPlan
-from gateway.ipc.plan import GatewayPlan, LinePlan
+from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 
@@ -31,10 +31,17 @@ def _line_summary(line: LinePlan) -> dict[str, Any]:
     return {
         "drives": _place(line.drives),
         "controllers": {
-            link.plan.name: f"{_place(link.endpoint)}, {link.plan.role.value}" for link in line.controllers
+            link.plan.name: f"{_place(link.endpoint)}, {_roles(link)}" for link in line.controllers
         },
         "groups": [list(group) for group in line.groups],
     }
+
+
+def _roles(link: ControllerLink) -> str:
+    if link.tls is None:
+        return link.plan.role.value
+    roles = (f"{name} ({given.role.value})" for name, given in link.tls.roles.items())
+    return f"TLS, by certificate: {', '.join(roles)}"
 
 
 def _place(endpoint: TcpEndpoint | SerialEndpoint) -> str:

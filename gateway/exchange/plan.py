@@ -54,7 +54,7 @@ def default_late(setpoints: Setpoints) -> Late:
 
 
 class Role(Enum):
-    """What a controller may do. ``monitor`` may only read."""
+    """What a controller may do, the most first. ``monitor`` may only read."""
 
     MOTION = "motion"
     OPERATOR = "operator"
@@ -72,6 +72,8 @@ class ControllerPlan:
     serial: bool = False
     """RTU controllers get silence where TCP ones get exceptions 0x0A and 0x0B."""
     rights: Rights = UNLIMITED
+    certified: str = ""
+    """The role in the certificate of this connection, where roles come by certificates."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,7 +48,7 @@ class ControllerPort(Protocol):
 
     @property
     def plan(self) -> ControllerPlan:
-        """The controller's configuration; two connections of one controller share it."""
+        """The controller's configuration; connections share it, where certificates give roles by role."""
         ...
 
     @property

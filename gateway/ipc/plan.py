@@ -1,21 +1,56 @@
 """The whole checked configuration in plain objects: what the relay runs from."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from ipaddress import IPv4Network, IPv6Network
 
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Role
+from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
+from gateway.transport.tls_files import TlsFiles
+
+
+@dataclass(frozen=True, slots=True)
+class RoleRights:
+    """What a role of a certificate gives."""
+
+    role: Role
+    rights: Rights = UNLIMITED
+
+
+@dataclass(frozen=True, slots=True)
+class TlsPlan:
+    """Modbus/TCP Security on a listener: its files, and what each role may do; the others may not come in."""
+
+    files: TlsFiles
+    roles: Mapping[str, RoleRights]
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerLink:
-    """A controller and where it connects. ``allow`` empty: any address that reaches the listener."""
+    """A controller and where it connects. ``allow`` empty: any address that reaches the listener.
+
+    With ``tls`` what each connection may do comes with its certificate; ``plan`` has the most of it.
+    """
 
     plan: ControllerPlan
     endpoint: TcpEndpoint | SerialEndpoint
     allow: tuple[IPv4Network | IPv6Network, ...] = ()
     limits: ConnectionLimits = DEFAULT_LIMITS
+    tls: TlsPlan | None = None
+
+    def plan_of(self, certified: str) -> ControllerPlan | None:
+        """Return the plan of connections whose certificate has a role; None where it is not one of ours.
+
+        "" is a connection without TLS.
+        """
+        if not certified:
+            return self.plan if self.tls is None else None
+        given = None if self.tls is None else self.tls.roles.get(certified)
+        if given is None:
+            return None
+        return replace(self.plan, role=given.role, rights=given.rights, certified=certified)
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,8 +43,11 @@ class _Input(_Entry, frozen=True):
     t: int
 
 
-class Request(_Input, frozen=True, tag="request"):
-    """A whole request of a controller. ``port`` numbers connections, ``controller`` is its name."""
+class Request(_Input, frozen=True, tag="request", omit_defaults=True):
+    """A whole request of a controller. ``port`` numbers connections, ``controller`` is its name.
+
+    ``role`` is that in the certificate of the connection, where it has one.
+    """
 
     port: int
     controller: str
@@ -53,6 +56,8 @@ class Request(_Input, frozen=True, tag="request"):
     pdu: str
     peer: str = ""
     """Host of the controller; empty on a serial port."""
+    role: str = ""
+    """In the certificate of the controller; empty without TLS."""
 
 
 class Gone(_Input, frozen=True, tag="gone"):

@@ -1,6 +1,7 @@
 """One configured controller: what it connects to, and the ports that it has open."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from gateway.catalogue.entry import EventEntry
@@ -16,6 +17,7 @@ from gateway.modbus.mbap import MbapCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
 from gateway.relay.refusals import Refusals
+from gateway.relay.secure_door import SecureDoor
 from gateway.relay.timed import TimedExchange
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.channel import Receiver
@@ -51,10 +53,14 @@ class TcpFront:
         self._noted_peers: set[str] = set()
         self._refusals = Refusals(self._note)
         self._closings = Refusals(self._note, event=CONNECTION_CLOSED)
+        self._door = None
+        if link.tls is not None:
+            note = partial(journal.note, line=line, controller=link.plan.name)
+            self._door = SecureDoor(link, link.tls, self._port, self._refusals, note)
         self._listener = TcpListener(
             endpoint,
             link.allow,
-            self._port,
+            self._receiver,
             self._refusals.add,
             limits=link.limits,
             patience_ns=int(link.plan.timeout_ms * NS_PER_MS) + HALF_FRAME_GRACE_NS,
@@ -75,6 +81,8 @@ class TcpFront:
         Raises:
             TransportError: with the remedy.
         """
+        if self._door is not None:
+            self._door.open()
         await self._listener.open()
 
     def stop_accepting(self) -> None:
@@ -83,6 +91,8 @@ class TcpFront:
 
     async def close(self) -> None:
         """Close the listener and its connections."""
+        if self._door is not None:
+            self._door.close()
         await self._listener.close()
 
     def status(self) -> dict[str, object]:
@@ -95,12 +105,16 @@ class TcpFront:
             "refused_connections": self._listener.refused,
             "malformed": self._counters.bad_headers + self._counters.skipped_frames,
             "dropped_bytes": self._counters.dropped_bytes,
+            **({} if self._door is None else {"tls": self._door.status()}),
         }
 
-    def _port(self) -> Receiver:
+    def _receiver(self) -> Receiver:
+        return self._port(self.plan) if self._door is None else self._door.connection()
+
+    def _port(self, plan: ControllerPlan) -> Receiver:
         if self._endpoint.rtu:
-            return RtuControllerPort(self.plan, self._exchange, request_decoder(self._endpoint), gap_ns=0)
-        return MbapControllerPort(self.plan, self._exchange, self._counters, self._malformed)
+            return RtuControllerPort(plan, self._exchange, request_decoder(self._endpoint), gap_ns=0)
+        return MbapControllerPort(plan, self._exchange, self._counters, self._malformed)
 
     def _malformed(self, peer: str) -> None:
         if peer in self._noted_peers or len(self._noted_peers) >= NOTED_PEERS:

@@ -88,16 +88,18 @@ class RecordedExchange(TimedExchange):
     ) -> None:
         """See ``TimedExchange``."""
         recorded = self._port(port)
+        plan = port.plan
         self._recorder.put(
             traffic.Request(
                 self._line,
                 now_ns,
                 recorded.number,
-                port.plan.name,
+                plan.name,
                 transaction_id,
                 unit_id,
                 pdu.hex(),
                 port.peer,
+                plan.certified,
             )
         )
         super().request(recorded, transaction_id, unit_id, pdu, now_ns)

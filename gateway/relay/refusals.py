@@ -35,14 +35,18 @@ class Refusals:
         self._note = note
         self._event = event
         self._clock_s = clock_s
-        self._noted_s: dict[tuple[str, Why], float] = {}
-        self._counts: dict[tuple[str, Why], int] = {}
+        self._noted_s: dict[tuple[EventEntry, str, str], float] = {}
+        self._counts: dict[tuple[EventEntry, str, str], int] = {}
 
     def add(self, host: str, why: Why) -> None:
         """Count a refusal, and note it where one is due."""
-        if (host, why) not in self._counts and len(self._counts) >= HOSTS:
+        self.count(self._event, host, why.value)
+
+    def count(self, event: EventEntry, host: str, why: str, more: str = "") -> None:
+        """As :meth:`add`, under another name; ``more`` is of this one alone, and is not counted by."""
+        if (event, host, why) not in self._counts and len(self._counts) >= HOSTS:
             host = OTHERS
-        key = (host, why)
+        key = (event, host, why)
         self._counts[key] = self._counts.get(key, 0) + 1
         now_s = self._clock_s()
         if key in self._noted_s and now_s - self._noted_s[key] < EVERY_S:
@@ -50,4 +54,4 @@ class Refusals:
         self._noted_s[key] = now_s
         times = f", {self._counts[key]} times since the last note" if self._counts[key] > 1 else ""
         self._counts[key] = 0
-        self._note(self._event, f"{host}: {why.value}{times}")
+        self._note(event, f"{host}: {why}{times}{more}")

@@ -76,7 +76,7 @@ class _Line(Unmeasured):
         self.plan = plan
         self.is_serial = not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu
         self.outputs: deque[traffic.Output] = deque()
-        self._controllers = {link.plan.name: link.plan for link in plan.controllers}
+        self._controllers = {link.plan.name: link for link in plan.controllers}
         self._ports: dict[int, _Port] = {}
         self._exchange = LineExchange(
             plan.axes, plan.timing, self, lambda event: on_event(plan.name, event), plan.groups
@@ -158,11 +158,17 @@ class _Line(Unmeasured):
     def _port(self, entry: traffic.Request) -> _Port:
         port = self._ports.get(entry.port)
         if port is None:
-            plan = self._controllers.get(entry.controller)
-            if plan is None:
+            link = self._controllers.get(entry.controller)
+            if link is None:
                 raise ReplayError(
                     f"line {self.plan.name} has no controller {entry.controller}, which the recording has: "
                     f"there are {', '.join(self._controllers)}; replay it with a configuration that names it"
+                )
+            plan = link.plan_of(entry.role)
+            if plan is None:
+                raise ReplayError(
+                    f"controller {entry.controller} has no role {entry.role!r}, which the recording has: "
+                    "replay it with a configuration that has the same roles"
                 )
             port = self._ports[entry.port] = _Port(plan, entry.peer, entry.port, self)
         return port

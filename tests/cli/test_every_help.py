@@ -39,6 +39,7 @@ def test_the_commands_are_found() -> None:
         *((name,) for name in ("relay", "supervise", "reload", "explain")),
         *(("table", name) for name in ("show", "explain", "lint", "convert")),
         ("drives", "show"),
+        *(("certificate", name) for name in ("ca", "server", "controller", "revoke", "show")),
     } <= set(COMMANDS)
 
 

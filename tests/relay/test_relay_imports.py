@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 UNWANTED = (
     *("pydantic", "pymodbus", "aiomqtt", "paho", "starlette", "uvicorn", "prometheus_client", "matplotlib"),
-    *("rich", "typer", "structlog", "gateway.cli", "gateway.config", "gateway.tabfile"),
+    *("rich", "typer", "structlog", "cryptography", "gateway.cli", "gateway.config", "gateway.tabfile"),
     *("gateway.supervisor", "gateway.simulator"),
 )
 PROGRAM = """

@@ -137,4 +137,26 @@ CONTROLLERS: Final[Texts] = {
             "address. Only with `tcp`"
         ),
     ),
+    "tls": Said(
+        more="Only with `tcp`, see below",
+    ),
+    "roles": Said(
+        more="See below",
+        kind="tables",
+        default="none",
+    ),
+}
+
+TLS: Final[Texts] = {
+    "key": Said(
+        meaning=(
+            "file with the key of that certificate, not encrypted, readable by the gateway's user only; or "
+            '`"credential:NAME"`, as systemd hands it over with `LoadCredential=`'
+        ),
+    ),
+}
+
+ROLES: Final[Texts] = {
+    "role": CONTROLLERS["role"],
+    "requests_per_s": Said(kind="number > 0"),
 }

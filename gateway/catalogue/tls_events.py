@@ -1,0 +1,34 @@
+"""What became of connections and files of Modbus/TCP Security."""
+
+from typing import Final
+
+from gateway.catalogue.entry import EventEntry, Severity
+
+CERTIFICATE_REFUSED: Final = EventEntry(
+    "certificate-refused",
+    Severity.WARNING,
+    "a controller was not let in for its certificate; told once a minute for each host and reason",
+    "no certificate, one that has expired, was revoked or is of another authority, or one without a role of "
+    "`roles`",
+    "look at it with `pitch-gateway certificate show`; make a new one, or add its role to `roles`",
+)
+HANDSHAKE_FAILED: Final = EventEntry(
+    "handshake-failed",
+    Severity.WARNING,
+    "a TLS handshake came to nothing; told once a minute for each host and reason",
+    "plain Modbus or an old TLS on a TLS port; a peer that trusts another authority, hangs up or is silent",
+    "let the controller speak TLS 1.2 or newer and trust the gateway's authority; else find out who it is",
+)
+CERTIFICATES_RENEWED: Final = EventEntry(
+    "certificates-renewed",
+    Severity.INFO,
+    "the files of `tls` had changed and are in force for new connections",
+    "a certificate was renewed, or the list of revoked ones is another",
+)
+CERTIFICATES_NOT_RENEWED: Final = EventEntry(
+    "certificates-not-renewed",
+    Severity.WARNING,
+    "the files of `tls` had changed and cannot be used: those of before stay in force",
+    "a certificate and the key of another, a file that was cut short, or a key that every user may read",
+    "run `pitch-gateway check` with the configuration, and put good files there",
+)

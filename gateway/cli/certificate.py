@@ -1,0 +1,197 @@
+"""``pitch-gateway certificate``: an authority of one's own for Modbus/TCP Security."""
+
+import json
+import re
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+
+NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
+HOST: Final = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_.-]*[A-Za-z0-9])?|[0-9A-Fa-f:.]{2,45}")
+OWN_NAMES: Final = frozenset({"ca", "crl"})
+Folder = Annotated[
+    Path,
+    typer.Argument(
+        metavar="DIR", help="The folder of the authority and of what it signs.", show_default=False
+    ),
+]
+
+
+@app.callback()
+def certificates() -> None:
+    """Make the certificates that TLS between controllers and gateway needs, and look at them.
+
+    DIR holds the authority. Its key, ca.key, signs whoever may move the machine: keep the folder on a
+    computer that is not on the network of the machine, and copy from it what each side needs. docs/tls.md
+    has the steps.
+
+    Examples:
+      pitch-gateway certificate ca machine-ca
+
+      pitch-gateway certificate server machine-ca --host mill-1.local --host 192.168.0.5
+
+      pitch-gateway certificate controller machine-ca cnc --role Operator
+    """
+
+
+@app.command()
+def ca(
+    folder: Folder,
+    *,
+    name: Annotated[str, typer.Option("--name", help="What the authority is called.")] = "pitch-gateway CA",
+) -> None:
+    """Make an authority, good for ten years: ca.pem, its key ca.key, and an empty list crl.pem.
+
+    Examples:
+      pitch-gateway certificate ca machine-ca
+
+      pitch-gateway certificate ca machine-ca --name "Hall 2"
+    """
+    from gateway.cli.certificates.folder import FolderError, found_authority
+    from gateway.cli.certificates.making import make_authority
+    from gateway.transport.certificates import now_utc
+
+    _check_text(name, "--name")
+    now = now_utc()
+    try:
+        _say_written(*found_authority(folder, lambda: make_authority(name, now), now))
+    except FolderError as error:
+        _fail(str(error))
+
+
+@app.command()
+def server(
+    folder: Folder,
+    *,
+    hosts: Annotated[
+        list[str],
+        typer.Option("--host", help="Name or address that controllers connect to; give it once for each."),
+    ],
+    name: Annotated[str, typer.Option("--name", help="Of the files.")] = "server",
+) -> None:
+    """Make the certificate of a gateway, good for 825 days: NAME.pem and NAME.key.
+
+    Examples:
+      pitch-gateway certificate server machine-ca --host mill-1.local --host 192.168.0.5
+
+      pitch-gateway certificate server machine-ca --host 192.168.0.6 --name mill-2
+    """
+    from gateway.cli.certificates.folder import FolderError, read_authority, write_signed
+    from gateway.cli.certificates.making import make_server
+    from gateway.transport.certificates import now_utc
+
+    _check_name(name)
+    for host in hosts:
+        if not HOST.fullmatch(host):
+            raise typer.BadParameter(f"{host!r} is neither a host name nor an address", param_hint="--host")
+    now = now_utc()
+    try:
+        signed = make_server(read_authority(folder, now), name, hosts, now)
+        _say_written(*write_signed(folder, name, signed))
+    except FolderError as error:
+        _fail(str(error))
+
+
+@app.command()
+def controller(
+    folder: Folder,
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Of the controller, and of its files.", show_default=False)
+    ],
+    *,
+    role: Annotated[str, typer.Option("--role", help="What stands under roles in the configuration.")],
+) -> None:
+    """Make the certificate of a controller with its role, good for 825 days: NAME.pem and NAME.key.
+
+    Examples:
+      pitch-gateway certificate controller machine-ca cnc --role Operator
+
+      pitch-gateway certificate controller machine-ca panel --role Viewer
+    """
+    from gateway.cli.certificates.folder import FolderError, read_authority, write_signed
+    from gateway.cli.certificates.making import make_controller
+    from gateway.transport.certificates import LONGEST_ROLE, now_utc
+
+    _check_name(name)
+    _check_text(role, "--role", LONGEST_ROLE)
+    now = now_utc()
+    try:
+        signed = make_controller(read_authority(folder, now), name, role, now)
+        _say_written(*write_signed(folder, name, signed))
+    except FolderError as error:
+        _fail(str(error))
+
+
+@app.command()
+def revoke(
+    folder: Folder,
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Of the files of a certificate.", show_default=False)
+    ],
+) -> None:
+    """Put a certificate into crl.pem; the gateway that has the list as `revoked` lets it in no more.
+
+    A connection that is open stays: close it at the controller, or restart the gateway.
+
+    Examples:
+      pitch-gateway certificate revoke machine-ca cnc
+    """
+    from gateway.cli.certificates.folder import FolderError
+    from gateway.cli.certificates.folder import revoke as revoke_in
+    from gateway.transport.certificates import now_utc
+
+    _check_name(name)
+    try:
+        _say_written(revoke_in(folder, name, now_utc()))
+    except FolderError as error:
+        _fail(str(error))
+
+
+@app.command()
+def show(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file in PEM.", show_default=False)],
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Show what is in a file: whose certificate, with which role, until when; or how many are revoked.
+
+    Examples:
+      pitch-gateway certificate show machine-ca/cnc.pem
+
+      pitch-gateway certificate show /etc/pitch-gateway/server.pem --json | jq .certificates[0].until
+    """
+    from gateway.cli.certificates.showing import lines, shown
+    from gateway.files import FileRefusedError
+    from gateway.transport.certificates import now_utc
+
+    try:
+        found = shown(file, now_utc())
+    except FileRefusedError as error:
+        _fail(f"{file}: {error}")
+        return
+    for line in [json.dumps(found, indent=2, ensure_ascii=False)] if as_json else lines(found):
+        typer.echo(line)
+
+
+def _check_name(name: str) -> None:
+    if not NAME.fullmatch(name) or name in OWN_NAMES:
+        rule = "1 to 63 letters, digits, . - and _, beginning with a letter or digit; not ca or crl"
+        raise typer.BadParameter(f"{name!r}; allowed: {rule}")
+
+
+def _check_text(text: str, option: str, longest: int = 64) -> None:
+    if not text.isprintable() or not 0 < len(text) <= longest:
+        raise typer.BadParameter(f"allowed: 1 to {longest} characters that can be seen", param_hint=option)
+
+
+def _say_written(*files: Path) -> None:
+    for file in files:
+        typer.echo(file)
+
+
+def _fail(problem: str) -> None:
+    typer.echo(problem, err=True)
+    raise typer.Exit(1)

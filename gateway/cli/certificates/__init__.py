@@ -1,0 +1,1 @@
+"""Making certificates for Modbus/TCP Security, and saying what is in them."""

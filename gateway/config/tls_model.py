@@ -1,0 +1,41 @@
+"""``[line.NAME.controllers.tls]``: Modbus/TCP Security on the listener of a controller."""
+
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field
+
+from gateway.config.values import FileName
+from gateway.drives.strict import StrictModel
+from gateway.transport.certificates import LONGEST_ROLE
+
+
+def read_role_name(raw: object) -> str:
+    """Check the name of a role, as it stands in certificates.
+
+    Raises:
+        ValueError: empty, too long, or with characters that nobody sees.
+    """
+    if not isinstance(raw, str) or not raw.isprintable() or not 0 < len(raw) <= LONGEST_ROLE:
+        raise ValueError(f"allowed: 1 to {LONGEST_ROLE} characters, as they stand in certificates")
+    return raw
+
+
+RoleName = Annotated[str, BeforeValidator(read_role_name)]
+
+
+class ControllerTls(StrictModel):
+    """The files that prove who the gateway is, and who may connect."""
+
+    certificate: FileName = Field(
+        description="file with the gateway's certificate in PEM, those of authorities between behind it; "
+        "relative to the configuration file"
+    )
+    key: FileName = Field(
+        description='file with the key of that certificate, or "credential:NAME" of the service manager'
+    )
+    clients: FileName = Field(
+        description="file with the certificates of the authorities that sign those of controllers"
+    )
+    revoked: FileName | None = Field(
+        default=None, description="file with the authority's list of revoked certificates; left out: none"
+    )

@@ -1,0 +1,139 @@
+"""Modbus/TCP Security on a controller's listener: which role lets in, as what, and what is told of it.
+
+``ssl`` and ``cryptography`` are loaded when the first such listener opens: without one they cost nothing.
+"""
+
+import asyncio
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.line_events import CONNECTION_REFUSED
+from gateway.catalogue.tls_events import (
+    CERTIFICATE_REFUSED,
+    CERTIFICATES_NOT_RENEWED,
+    CERTIFICATES_RENEWED,
+    HANDSHAKE_FAILED,
+)
+from gateway.exchange.plan import ControllerPlan
+from gateway.ipc.plan import ControllerLink, TlsPlan
+from gateway.relay.refusals import Refusals
+from gateway.transport.channel import Receiver
+from gateway.transport.errors import RefusedError
+from gateway.transport.tls_files import TlsFileError
+
+if TYPE_CHECKING:
+    from gateway.transport.certificates import Identity
+    from gateway.transport.secured import Door, Failure
+
+REVOKED_MEANS = "new connections are held against them; those that are open stay"
+
+
+class TellOf(Protocol):
+    """``Journal.note`` with line and controller."""
+
+    def __call__(self, event: EventEntry, /, **fields: object) -> None:
+        """Make a note."""
+        ...
+
+
+class SecureDoor:
+    """Lets in who has a certificate with a role of the plan; each connection gets a port of that role."""
+
+    def __init__(
+        self,
+        link: ControllerLink,
+        tls: TlsPlan,
+        make_port: Callable[[ControllerPlan], Receiver],
+        refusals: Refusals,
+        note: TellOf,
+    ) -> None:
+        # One plan for each role: connections of one role share what is counted by plan.
+        plans = ((name, link.plan_of(name)) for name in tls.roles)
+        self._plans = {name: plan for name, plan in plans if plan is not None}
+        self._files = tls.files
+        self._make_port = make_port
+        self._refusals = refusals
+        self._note = note
+        self._door: Door | None = None
+        self._failed = 0
+
+    def open(self) -> None:
+        """Read the files.
+
+        Raises:
+            RefusedError: one of them cannot be used; with the key and the remedy.
+        """
+        import cryptography.x509  # noqa: F401 - takes a while: not in the first handshake
+
+        from gateway.transport.secured import Door
+        from gateway.transport.tls import ServerContexts
+
+        loop = asyncio.get_running_loop()
+        contexts = ServerContexts(
+            self._files,
+            lambda: loop.call_soon_threadsafe(self._renewed),
+            lambda error: loop.call_soon_threadsafe(self._not_renewed, error),
+        )
+        try:
+            contexts.open()
+        except TlsFileError as error:
+            raise RefusedError(f"tls.{error}") from None
+        self._door = Door(contexts, self._receiver_for, self._tell_failure, self._too_many)
+
+    def connection(self) -> Receiver:
+        """Return the receiver of a connection that was accepted."""
+        assert self._door is not None, "a listener opens after its files were read"
+        return self._door.connection()
+
+    def close(self) -> None:
+        """End the sessions, and begin no more."""
+        if self._door is not None:
+            for session in list(self._door.sessions):
+                session.close()
+            self._door.close()
+
+    def status(self) -> dict[str, object]:
+        """Return what TLS has to say in the status of the controller."""
+        door = self._door
+        if door is None:
+            return {}
+        return {
+            "handshakes": door.handshakes,
+            "failed_handshakes": self._failed,
+            "running_handshakes": door.limits.running,
+            "sessions": [
+                {
+                    "peer": session.peer,
+                    "certified": identity.role,
+                    "role": self._plans[identity.role].role.value,
+                    "subject": identity.subject,
+                    "serial": identity.serial,
+                    "valid_until": identity.ends,
+                }
+                for session, identity in door.sessions.items()
+            ],
+        }
+
+    def _receiver_for(self, identity: "Identity") -> Receiver | None:
+        plan = self._plans.get(identity.role)
+        return None if plan is None else self._make_port(plan)
+
+    def _tell_failure(self, failure: "Failure") -> None:
+        self._failed += 1
+        event = CERTIFICATE_REFUSED if failure.is_certificate else HANDSHAKE_FAILED
+        whose = ""
+        if failure.identity is not None:
+            whose = f": {failure.peer}, {failure.identity.subject}, serial {failure.identity.serial}"
+        self._refusals.count(event, failure.host, failure.reason, whose)
+
+    def _too_many(self, host: str, limit: str) -> None:
+        self._failed += 1
+        self._refusals.count(CONNECTION_REFUSED, host, limit)
+
+    def _renewed(self) -> None:
+        self._note(CERTIFICATES_RENEWED, detail=REVOKED_MEANS)
+
+    def _not_renewed(self, error: TlsFileError) -> None:
+        detail = f"tls.{error.key}: {error.found}; those of before stay in force"
+        self._note(CERTIFICATES_NOT_RENEWED, detail=detail, remedy=error.remedy)

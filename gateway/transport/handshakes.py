@@ -1,0 +1,91 @@
+"""How many handshakes a listener takes: they cost more than anything else that a stranger can ask for.
+
+The numbers leave a controller that comes back room for every retry, and a flood a few percent of one CPU, in
+a thread beside the loop.
+"""
+
+from typing import Final
+
+from gateway.times import NS_PER_S
+
+AT_ONCE: Final = 32
+AT_ONCE_OF_A_HOST: Final = 8
+PER_S: Final = 20
+"""In a second, in the mean, over all hosts; as many may come at once."""
+PER_S_OF_A_HOST: Final = 5
+BURST_OF_A_HOST: Final = 10
+HOSTS: Final = 256
+"""So many hosts have a measure of their own, all others one together: hosts must not fill the memory."""
+OTHERS: Final = "others"
+
+
+class Bucket:
+    """Lets through ``per_s`` in a second in the mean, and ``burst`` at once."""
+
+    def __init__(self, per_s: float, burst: float, now_ns: int) -> None:
+        self._per_s = per_s
+        self._burst = burst
+        self._left = burst
+        self._filled_ns = now_ns
+
+    def is_full(self, now_ns: int) -> bool:
+        """Whether nothing is remembered of it that matters."""
+        self._fill(now_ns)
+        return self._left >= self._burst
+
+    def has_one(self, now_ns: int) -> bool:
+        """Whether one more may go through."""
+        self._fill(now_ns)
+        return self._left >= 1.0
+
+    def take(self) -> None:
+        """Let one through."""
+        self._left -= 1.0
+
+    def _fill(self, now_ns: int) -> None:
+        gained = (now_ns - self._filled_ns) / NS_PER_S * self._per_s
+        self._left = min(self._burst, self._left + gained)
+        self._filled_ns = now_ns
+
+
+class HandshakeLimits:
+    """Says of each new connection whether its handshake may begin; time is an argument."""
+
+    def __init__(self, now_ns: int) -> None:
+        self._all = Bucket(PER_S, PER_S, now_ns)
+        self._hosts: dict[str, Bucket] = {}
+        self._running: dict[str, int] = {}
+        self.running = 0
+
+    def why_not(self, host: str, now_ns: int) -> str:
+        """Return why a handshake of ``host`` may not begin now; "" where it begins."""
+        if self._running.get(host, 0) >= AT_ONCE_OF_A_HOST:
+            return f"too many handshakes: {AT_ONCE_OF_A_HOST} at once from one address"
+        if self.running >= AT_ONCE:
+            return f"too many handshakes: {AT_ONCE} at once"
+        bucket = self._bucket(host, now_ns)
+        if not bucket.has_one(now_ns):
+            return f"too many handshakes: {PER_S_OF_A_HOST} a second from one address"
+        if not self._all.has_one(now_ns):
+            return f"too many handshakes: {PER_S} a second"
+        bucket.take()
+        self._all.take()
+        self.running += 1
+        self._running[host] = self._running.get(host, 0) + 1
+        return ""
+
+    def ended(self, host: str) -> None:
+        """Note that a handshake that had begun came to its end, a good or a bad one."""
+        self.running -= 1
+        self._running[host] -= 1
+        if not self._running[host]:
+            del self._running[host]
+
+    def _bucket(self, host: str, now_ns: int) -> Bucket:
+        if host not in self._hosts and len(self._hosts) >= HOSTS:
+            self._hosts = {name: one for name, one in self._hosts.items() if not one.is_full(now_ns)}
+            if len(self._hosts) >= HOSTS:
+                host = OTHERS
+        if host not in self._hosts:
+            self._hosts[host] = Bucket(PER_S_OF_A_HOST, BURST_OF_A_HOST, now_ns)
+        return self._hosts[host]

@@ -1,0 +1,329 @@
+"""TLS on a connection that was accepted: between its bytes and whoever reads Modbus out of them.
+
+A handshake is some hundred times the work of an exchange, so it is done in a thread, one at a time for each
+listener; OpenSSL lets the loop run meanwhile. Records are opened and sealed on the loop, in the same call
+that brought them: that takes some microseconds.
+
+Not the TLS of asyncio: it begins a handshake before anybody was asked whether this peer may connect at all,
+does it on the loop, and bounds neither how many there are nor how much comes in meanwhile.
+"""
+
+import asyncio
+import ssl
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from gateway.transport.certificates import Identity, identity_of, now_utc
+from gateway.transport.channel import Channel, Receiver
+from gateway.transport.handshakes import HandshakeLimits
+from gateway.transport.places import Asking
+from gateway.transport.tls import ServerContexts, reason_of
+
+HANDSHAKE_S: Final = 5.0
+"""A controller on the same network needs some milliseconds."""
+RECORD_HEADER: Final = 5
+HANDSHAKE_RECORD: Final = 0x16
+"""What every TLS connection begins with (RFC 8446, 5.1)."""
+MOST_STEPS: Final = 64
+"""Records of a peer that a handshake may take: ten or so do."""
+MOST_WAITING: Final = 65_536
+"""Bytes that may come in while the thread is busy: chains of certificates are a few thousand."""
+READ_BYTES: Final = 4096
+NO_CERTIFICATE: Final = "PEER_DID_NOT_RETURN_A_CERTIFICATE"
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A handshake that came to nothing. ``reason`` is one of few: it may be counted by."""
+
+    host: str
+    peer: str
+    reason: str
+    is_certificate: bool = False
+    """Whether it was the certificate that was not good enough."""
+    identity: Identity | None = None
+    """Whose it was, where the authority at least is the right one."""
+
+
+class _Step(NamedTuple):
+    identity: Identity | None = None
+    error: ssl.SSLError | None = None
+
+
+class Door:
+    """What the connections of one listener share.
+
+    ``receiver_for`` gives whoever reads from a peer, or None where its certificate does not let it in;
+    ``on_failed`` is told of every handshake that came to nothing, ``on_too_many`` of the host and the limit
+    where one may not begin. All are called on the loop.
+    """
+
+    def __init__(
+        self,
+        contexts: ServerContexts,
+        receiver_for: Callable[[Identity], Receiver | None],
+        on_failed: Callable[[Failure], None],
+        on_too_many: Callable[[str, str], None],
+    ) -> None:
+        self.contexts = contexts
+        self.receiver_for = receiver_for
+        self.on_failed = on_failed
+        self.on_too_many = on_too_many
+        self.limits = HandshakeLimits(time.monotonic_ns())
+        self.handshakes = 0
+        """So many came to a good end."""
+        self.sessions: dict[SecuredConnection, Identity] = {}
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="handshakes")
+
+    def connection(self) -> "SecuredConnection":
+        """Return the receiver of a connection that was accepted."""
+        return SecuredConnection(self)
+
+    def begin(self, step: Callable[[], _Step], done: Callable[["asyncio.Future[_Step]"], None]) -> None:
+        """Do a step of a handshake in the thread; ``done`` gets it on the loop."""
+        asyncio.get_running_loop().run_in_executor(self._thread, step).add_done_callback(done)
+
+    def close(self) -> None:
+        """Begin no more steps."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+
+class SecuredConnection:
+    """A ``Receiver`` of records, and the ``Channel`` of whoever reads what is in them."""
+
+    wire_ns_per_byte = 0
+
+    def __init__(self, door: Door) -> None:
+        self.peer = "?"
+        self._door = door
+        self._host = ""
+        self._channel: Channel | None = None
+        self._receiver: Receiver | None = None
+        self._incoming, self._outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
+        self._tls: ssl.SSLObject | None = None
+        self._waiting = bytearray()
+        self._is_counted = self._is_busy = False
+        self._steps = 0
+        self._timer: asyncio.TimerHandle | None = None
+        self._unread_ns = 0
+        """Since when records bring nothing that can be read; 0: the last ones did."""
+
+    @property
+    def asked_ns(self) -> int:
+        """See ``places.Asking``."""
+        receiver: object = self._receiver
+        return receiver.asked_ns if isinstance(receiver, Asking) else 0
+
+    @property
+    def unfinished_ns(self) -> int:
+        """See ``places.Asking``: a record may be unfinished as well. A handshake has a limit of its own."""
+        receiver: object = self._receiver
+        inside = receiver.unfinished_ns if isinstance(receiver, Asking) else 0
+        return min(inside or self._unread_ns, self._unread_ns or inside)
+
+    def opened(self, channel: Channel, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self._channel = channel
+        self.peer = channel.peer
+        self._host = self.peer.rpartition(":")[0].strip("[]")
+        why_not = self._door.limits.why_not(self._host, now_ns)
+        if why_not:
+            self._door.on_too_many(self._host, why_not)
+            self._hang_up()
+            return
+        self._is_counted = True
+        self._timer = asyncio.get_running_loop().call_later(HANDSHAKE_S, self._too_slow)
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """See ``Receiver``."""
+        if self._receiver is not None:
+            self._incoming.write(data)
+            self._open_records(now_ns)
+        elif self._channel is not None:
+            self._waiting += data
+            self._next_step()
+
+    def closed(self, reason: str, now_ns: int) -> None:
+        """See ``Receiver``."""
+        was_open = self._channel is not None
+        self._channel = None
+        if was_open and self._receiver is None:
+            self._failed("the peer hung up")
+        self._end_handshake()
+        self._leave(reason, now_ns)
+
+    def write(self, data: bytes) -> None:
+        """See ``Channel``."""
+        if self._channel is None or self._tls is None:
+            return
+        try:
+            self._tls.write(data)
+        except ssl.SSLError:  # the peer has ended the session
+            self._hang_up()
+            return
+        self._channel.write(self._outgoing.read())
+
+    def close(self) -> None:
+        """See ``Channel``."""
+        if self._tls is not None and self._receiver is not None:
+            with suppress(ssl.SSLError):  # it does not wait for the answer
+                self._tls.unwrap()
+        self._hang_up()
+
+    # --- a session -------------------------------------------------------------------------------------
+
+    def _open_records(self, now_ns: int) -> None:
+        tls, receiver = self._tls, self._receiver
+        assert tls is not None
+        assert receiver is not None
+        unread_ns = self._unread_ns or now_ns
+        try:
+            while self._channel is not None:
+                data = tls.read(READ_BYTES)
+                if not data:
+                    self.close()
+                    return
+                receiver.received(data, now_ns)
+                unread_ns = 0
+                if not self._incoming.pending and not tls.pending():
+                    break
+        except ssl.SSLWantReadError:
+            pass
+        except ssl.SSLError:
+            self._hang_up()
+            return
+        self._unread_ns = unread_ns
+        if self._outgoing.pending:  # an answer to a new key
+            self._flush()
+
+    # --- a handshake -----------------------------------------------------------------------------------
+
+    def _next_step(self) -> None:
+        if self._waiting[0] != HANDSHAKE_RECORD and not self._steps:
+            self._failed("no TLS: what came in is no handshake")
+            return
+        if len(self._waiting) > MOST_WAITING or self._steps > MOST_STEPS:
+            self._failed("a handshake that is too long")
+            return
+        whole = 0 if self._is_busy else _whole_records(self._waiting)
+        if not whole:
+            return
+        self._incoming.write(self._waiting[:whole])
+        del self._waiting[:whole]
+        self._is_busy = True
+        self._steps += 1
+        self._door.begin(self._step, self._stepped)
+
+    def _step(self) -> _Step:
+        """Do what can be done with the bytes that there are; in the thread, which has them for itself."""
+        try:
+            if self._tls is None:
+                context = self._door.contexts.current()
+                self._tls = context.wrap_bio(self._incoming, self._outgoing, server_side=True)
+            self._tls.do_handshake()
+        except ssl.SSLWantReadError:
+            return _Step()
+        except ssl.SSLError as error:
+            return _Step(error=error)
+        certificate = self._tls.getpeercert(binary_form=True)
+        assert certificate is not None, "a handshake without a certificate does not succeed"
+        return _Step(identity_of(certificate, now_utc()))
+
+    def _stepped(self, step: "asyncio.Future[_Step]") -> None:
+        self._is_busy = False
+        if step.cancelled() or self._channel is None:
+            return
+        if (bug := step.exception()) is not None:
+            self._failed("a fault of the gateway")
+            raise bug
+        identity, error = step.result()
+        self._flush()
+        if error is not None:
+            self._refused(error)
+        elif identity is not None:
+            self._admit(identity)
+        elif self._waiting:
+            self._next_step()
+
+    def _admit(self, identity: Identity) -> None:
+        receiver = None if identity.problem else self._door.receiver_for(identity)
+        if receiver is None or self._channel is None:
+            if self._tls is not None:
+                with suppress(ssl.SSLError):
+                    self._tls.unwrap()
+            reason = identity.problem or f'its role "{identity.role}" is not in `roles`'
+            self._failed(reason, is_certificate=True, identity=identity)
+            return
+        self._end_handshake()
+        self._door.handshakes += 1
+        self._door.sessions[self] = identity
+        self._receiver = receiver
+        now_ns = time.monotonic_ns()
+        receiver.opened(self, now_ns)
+        self._incoming.write(self._waiting)
+        self._waiting.clear()
+        self._open_records(now_ns)
+
+    def _refused(self, error: ssl.SSLError) -> None:
+        if isinstance(error, ssl.SSLCertVerificationError):
+            self._failed(error.verify_message, is_certificate=True)
+        elif error.reason == NO_CERTIFICATE:
+            self._failed("it showed no certificate", is_certificate=True)
+        else:
+            self._failed(reason_of(error))
+
+    def _too_slow(self) -> None:
+        if self._channel is not None:
+            self._failed(f"a handshake that took longer than {HANDSHAKE_S:g} s")
+
+    def _failed(self, reason: str, *, is_certificate: bool = False, identity: Identity | None = None) -> None:
+        self._door.on_failed(Failure(self._host, self.peer, reason, is_certificate, identity))
+        self._hang_up()
+
+    def _end_handshake(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._is_counted:
+            self._is_counted = False
+            self._door.limits.ended(self._host)
+
+    # --- both ------------------------------------------------------------------------------------------
+
+    def _flush(self) -> None:
+        data = self._outgoing.read()
+        if data and self._channel is not None:
+            self._channel.write(data)
+
+    def _hang_up(self) -> None:
+        """Close; what OpenSSL still has to say goes out before."""
+        self._end_handshake()
+        channel = self._channel
+        if channel is None:
+            return
+        if not self._is_busy:  # while it is, the thread may be writing there
+            self._flush()
+        self._channel = None
+        channel.close()
+        self._leave("closed by the gateway", time.monotonic_ns())
+
+    def _leave(self, reason: str, now_ns: int) -> None:
+        self._door.sessions.pop(self, None)
+        receiver, self._receiver = self._receiver, None
+        if receiver is not None:
+            receiver.closed(reason, now_ns)
+
+
+def _whole_records(data: bytearray) -> int:
+    """Return how many bytes the whole records at the beginning have; a part of one is not worth a step."""
+    end = 0
+    while len(data) >= end + RECORD_HEADER:
+        length = RECORD_HEADER + int.from_bytes(data[end + 3 : end + RECORD_HEADER], "big")
+        if len(data) < end + length:
+            break
+        end += length
+    return end

@@ -1,0 +1,161 @@
+"""The context of TLS that the files of a listener make, and that is made anew when they are others.
+
+TLS 1.2 or newer, forward secrecy and authenticated encryption only, and nobody without a certificate.
+"""
+
+import os
+import ssl
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.secret_files import refuse_readable_by_others
+from gateway.transport.tls_files import TlsFileError, TlsFiles
+
+LARGEST_FILE: Final = 4_000_000
+"""Bytes. A list of revoked certificates may be long."""
+CIPHERS: Final = "ECDHE+AESGCM:ECDHE+CHACHA20"
+"""Of TLS 1.2; those of 1.3 are all of this kind."""
+
+
+def server_context(files: TlsFiles) -> ssl.SSLContext:
+    """Return the context of a listener. Reads files: it may block.
+
+    Raises:
+        TlsFileError: a file is missing or something else, a key is another's, encrypted, or open to others.
+    """
+    paths = files.paths
+    for key, path in paths.items():
+        _look_at(key, path)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    context.set_ciphers(CIPHERS)
+    # Whoever takes up an old session is not looked at again: a certificate that was revoked would come in.
+    context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
+    context.num_tickets = 0
+    context.verify_mode = ssl.CERT_REQUIRED
+    _load_own(context, paths)
+    _load_clients(context, paths)
+    return context
+
+
+class ServerContexts:
+    """The context of a listener, made anew when its files are others; a bad change leaves the last good one.
+
+    Not for the loop: :meth:`current` reads files.
+    """
+
+    def __init__(
+        self,
+        files: TlsFiles,
+        on_renewed: Callable[[], object],
+        on_refused: Callable[[TlsFileError], object],
+    ) -> None:
+        self._files = files
+        self._on_renewed = on_renewed
+        self._on_refused = on_refused
+        self._context: ssl.SSLContext | None = None
+        self._seen: object = None
+
+    def open(self) -> None:
+        """Make the first one.
+
+        Raises:
+            TlsFileError: as :func:`server_context`.
+        """
+        self._seen = self._look()
+        self._context = server_context(self._files)
+
+    def current(self) -> ssl.SSLContext:
+        """Return the context for a new connection."""
+        assert self._context is not None, "opened first"
+        seen = self._look()
+        if seen != self._seen:
+            self._seen = seen
+            try:
+                self._context = server_context(self._files)
+                self._on_renewed()
+            except TlsFileError as error:
+                self._on_refused(error)
+        return self._context
+
+    def _look(self) -> object:
+        try:
+            paths = self._files.paths
+        except TlsFileError as error:
+            return str(error)
+        return tuple(map(_sight, paths.values()))
+
+
+def _sight(path: Path) -> object:
+    try:
+        status = path.stat()
+    except OSError as error:
+        return error.errno
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_mode
+
+
+def _look_at(key: str, path: Path) -> None:
+    try:
+        read_regular_file(path, LARGEST_FILE, "a file in PEM")
+        if key == "key":
+            refuse_readable_by_others(path)
+    except FileRefusedError as error:
+        raise TlsFileError(key, f"{path}: {error.found}", error.remedy) from None
+
+
+def _load_own(context: ssl.SSLContext, paths: dict[str, Path]) -> None:
+    is_encrypted = False
+
+    def password() -> str:  # OpenSSL would ask a terminal for it
+        nonlocal is_encrypted
+        is_encrypted = True
+        return ""
+
+    try:
+        context.load_cert_chain(paths["certificate"], paths["key"], password=password)
+    except (ssl.SSLError, OSError) as error:
+        if is_encrypted:
+            raise TlsFileError(
+                "key",
+                f"{paths['key']}: the key is encrypted",
+                "give it without a password, as openssl pkey writes it, readable by this user only",
+            ) from None
+        if "mismatch" in reason_of(error):
+            raise TlsFileError(
+                "key",
+                f"{paths['key']} is not the key of {paths['certificate']}",
+                "give the key that the certificate was made for",
+            ) from None
+        raise TlsFileError(
+            "certificate",
+            f"{paths['certificate']} and {paths['key']} cannot be used ({reason_of(error)})",
+            "give a certificate, with those of authorities between behind it, and its own key, both in PEM",
+        ) from None
+
+
+def _load_clients(context: ssl.SSLContext, paths: dict[str, Path]) -> None:
+    try:
+        context.load_verify_locations(os.fspath(paths["clients"]))
+    except (ssl.SSLError, OSError) as error:
+        found = f"{paths['clients']}: no certificates ({reason_of(error)})"
+        raise TlsFileError("clients", found, "give the authority's certificate in PEM") from None
+    if "revoked" not in paths:
+        return
+    lists_before = context.cert_store_stats()["crl"]
+    try:
+        context.load_verify_locations(os.fspath(paths["revoked"]))
+    except (ssl.SSLError, OSError) as error:
+        found = f"{paths['revoked']}: no list of revoked certificates ({reason_of(error)})"
+        raise TlsFileError("revoked", found, "give the authority's list (CRL) in PEM") from None
+    if context.cert_store_stats()["crl"] == lists_before:
+        found = f"{paths['revoked']}: no list of revoked certificates"
+        raise TlsFileError("revoked", found, "give the authority's list (CRL) in PEM")
+    context.verify_flags |= ssl.VERIFY_CRL_CHECK_LEAF
+
+
+def reason_of(error: OSError) -> str:
+    """Return the reason of an error of OpenSSL or of the system in plain words."""
+    reason = getattr(error, "reason", None) or error.strerror or str(error)
+    return str(reason).lower().replace("_", " ")

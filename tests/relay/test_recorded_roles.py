@@ -1,0 +1,54 @@
+"""What came over TLS is recorded with the role of its certificate, and replayed with it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gateway.exchange.plan import Role
+from gateway.ipc.plan import RoleRights, TlsPlan
+from gateway.ipc.traffic import FORMAT, Header, Request, decode
+from gateway.relay.gateway import Relay
+from gateway.relay.recorder import Recorder
+from gateway.relay.replay import Replay, ReplayError
+from tests.relay.secure_site import WRITE, WRITTEN, Site, ask
+
+if TYPE_CHECKING:
+    from tests.relay.conftest import Bench, Tools
+
+
+async def test_a_recording_is_replayed_with_the_role_that_each_connection_had(
+    tools: "Tools", bench: "Bench", tmp_path: Path
+) -> None:
+    site = Site(tools, bench, tmp_path)
+    await site.start()
+    [line] = site.relay_plan.lines
+    recorder = Recorder(
+        tmp_path / "record.jsonl", Header(FORMAT, "0", "2026-01-01T00:00:00+00:00", "g.toml", "")
+    )
+    relay = Relay(site.relay_plan, recorder=recorder)
+    await relay.start()
+    site.relay = relay
+    await tools.until_up(relay)
+    monitor = await site.connect(site.shop.controller("hmi", "Beobachter Süd"))
+    mover = await site.connect(site.shop.controller("mill", "Operator"))
+    assert await ask(monitor, WRITE) == b"\x90\x01"
+    assert await ask(mover, WRITE) == WRITTEN
+    for stream in (monitor, mover):
+        stream[1].close()
+    await relay.stop()
+    entries = [decode(each) for each in site.recorded(tmp_path / "record.jsonl")]
+    requests = [each for each in entries if isinstance(each, Request)]
+    assert [each.role for each in requests] == ["Beobachter Süd", "Operator"]
+    replay = Replay(site.relay_plan)
+    for number, entry in enumerate(entries, start=1):
+        replay.feed(number, entry)
+    assert (replay.result.different, replay.result.outputs > 0) == (0, True)
+    link = replace(line.controllers[0], tls=TlsPlan(site.files, {"Operator": RoleRights(Role.MOTION)}))
+    other = Replay(replace(site.relay_plan, lines=(replace(line, controllers=(link,)),)))
+    before = entries.index(requests[0])
+    for number, entry in enumerate(entries[:before], start=1):
+        other.feed(number, entry)
+    with pytest.raises(ReplayError, match="controller cnc has no role 'Beobachter Süd'"):
+        other.feed(before + 1, requests[0])
