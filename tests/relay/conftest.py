@@ -160,10 +160,10 @@ class Bench:
         return await self.connect(relay.address("line", "cnc")), drive, relay
 
     def controller_link(
-        self, kind: str, name: str = "cnc", role: Role = Role.MOTION
+        self, kind: str, name: str = "cnc", role: Role = Role.MOTION, timeout_ms: float = 200.0
     ) -> tuple[ControllerLink, str]:
         """A controller of the relay; with the device of its other end where it is a serial one."""
-        plan = ControllerPlan(name, role, timeout_ms=200.0, serial=kind == "rtu")
+        plan = ControllerPlan(name, role, timeout_ms=timeout_ms, serial=kind == "rtu")
         if kind == "rtu":
             cable = self.cable()
             return ControllerLink(plan, SerialEndpoint(cable.near, 115200, "E")), cable.far

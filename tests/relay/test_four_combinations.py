@@ -14,7 +14,7 @@ from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
 from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from gateway.exchange.plan import CompensationMode, Role
+from gateway.exchange.plan import CompensationMode, LineTiming, Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 COMMAND, ACTUAL, OTHER = 100, 110, 200
 OTHERS = list(range(1000, 1010))
+PATIENCE_S = 10.0
+PATIENCE_MS = 1000.0 * PATIENCE_S
 
 
 class Drive:
@@ -77,10 +79,10 @@ async def client(
 ) -> AsyncIterator[AsyncModbusTcpClient | AsyncModbusSerialClient]:
     made: AsyncModbusTcpClient | AsyncModbusSerialClient
     if device:
-        made = AsyncModbusSerialClient(device, baudrate=115200, timeout=1, retries=0)
+        made = AsyncModbusSerialClient(device, baudrate=115200, timeout=PATIENCE_S, retries=0)
     else:
         where = relay.address("line", name)
-        made = AsyncModbusTcpClient(where.host, port=where.port, timeout=1, retries=0)
+        made = AsyncModbusTcpClient(where.host, port=where.port, timeout=PATIENCE_S, retries=0)
     assert await made.connect()
     yield made
     made.close()
@@ -97,9 +99,11 @@ async def test_an_axis_moves_and_reads_while_another_client_reads_other_register
 ) -> None:
     drive = Drive()
     async with serving(bench, drives, drive) as where:
-        cnc, device = bench.controller_link(controller)
-        hmi, _ = bench.controller_link("tcp", "hmi", Role.MONITOR)
-        relay = await bench.relay(where, (cnc, hmi), (tools.axis(),))
+        cnc, device = bench.controller_link(controller, timeout_ms=PATIENCE_MS)
+        hmi, _ = bench.controller_link("tcp", "hmi", Role.MONITOR, timeout_ms=PATIENCE_MS)
+        relay = await bench.relay(
+            where, (cnc, hmi), (tools.axis(),), LineTiming(response_timeout_ms=PATIENCE_MS)
+        )
         await tools.until_up(relay)
         async with client(relay, "cnc", device) as mover, client(relay, "hmi", "") as reader:
 
