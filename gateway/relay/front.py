@@ -9,8 +9,10 @@ from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
+from gateway.relay.keeping import Place, keep_port, open_kept
 from gateway.relay.refusals import Refusals
 from gateway.relay.timed import TimedExchange
+from gateway.relay.watchdog import Accepting
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.framing import frame_silence_ns, request_decoder
@@ -33,13 +35,23 @@ class TcpFront:
         journal: Journal,
     ) -> None:
         self.plan: ControllerPlan = link.plan
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         self._exchange = exchange
         self._note = _noter(journal, line, link.plan.name)
         self._counters = MbapCounters()
         self._noted_peers: set[str] = set()
         self._refusals = Refusals(self._note)
         self._listener = TcpListener(endpoint, link.allow, self._port, self._refusals.add)
+        self._place: Place | None = None
+        self._accepting = Accepting(self._listener)
+
+    def keep_at(self, place: Place) -> None:
+        """Take what the service manager kept of this listener, and have it kept; before :meth:`open`."""
+        self._place = place
+
+    def why_stuck(self) -> str:
+        """Say why nobody can connect any more, "" where all is well; to be asked now and then."""
+        return self._accepting.why_stuck()
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
@@ -55,7 +67,10 @@ class TcpFront:
         Raises:
             TransportError: with the remedy.
         """
-        await self._listener.open()
+        if self._place is None:
+            await self._listener.open()
+            return
+        await open_kept(self._listener, self.endpoint, self._place, self._note)
 
     def stop_accepting(self) -> None:
         """Take no more connections."""
@@ -70,7 +85,7 @@ class TcpFront:
         return {
             "name": self.plan.name,
             "role": self.plan.role.value,
-            "address": [str(address) for address in self.addresses] or str(self._endpoint),
+            "address": [str(address) for address in self.addresses] or str(self.endpoint),
             "connections": self._listener.peers,
             "refused_connections": self._listener.refused,
             "malformed": self._counters.bad_headers + self._counters.skipped_frames,
@@ -78,8 +93,8 @@ class TcpFront:
         }
 
     def _port(self) -> Receiver:
-        if self._endpoint.rtu:
-            return RtuControllerPort(self.plan, self._exchange, request_decoder(self._endpoint), gap_ns=0)
+        if self.endpoint.rtu:
+            return RtuControllerPort(self.plan, self._exchange, request_decoder(self.endpoint), gap_ns=0)
         return MbapControllerPort(self.plan, self._exchange, self._counters, self._malformed)
 
     def _malformed(self, peer: str) -> None:
@@ -101,7 +116,7 @@ class SerialFront:
         journal: Journal,
     ) -> None:
         self.plan: ControllerPlan = link.plan
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         note = _noter(journal, line, link.plan.name)
         self._port = RtuControllerPort(
             self.plan, exchange, request_decoder(endpoint), frame_silence_ns(endpoint)
@@ -112,6 +127,14 @@ class SerialFront:
             lambda why: note("port-not-open", why),
             lambda why: note("serial-latency", why),
         )
+
+    def keep_at(self, place: Place) -> None:
+        """Take what the service manager kept of this port, and have it kept; before :meth:`open`."""
+        keep_port(self._serial, self.endpoint, place)
+
+    def why_stuck(self) -> str:
+        """Say why the port is not used any more, "" where all is well."""
+        return "" if self._serial.is_kept_up else f"{self.endpoint} is not kept open any more"
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
@@ -142,7 +165,7 @@ class SerialFront:
         return {
             "name": self.plan.name,
             "role": self.plan.role.value,
-            "address": str(self._endpoint),
+            "address": str(self.endpoint),
             "state": "up" if self._serial.is_open else "down",
             "failure": self._serial.failure,
             "opens": self._serial.opens,
