@@ -119,9 +119,8 @@ class Line:
 
     def why_stuck(self, now_ns: int) -> str:
         """Say what does not get on here, "" where all is well: an idle line is."""
-        late_ns = self._timed.late_ns(now_ns)
-        if late_ns > STUCK_NS:
-            return f"line {self.plan.name}: what was due {late_ns / NS_PER_S:.1f} s ago was not done"
+        if self._timed.late_ns(now_ns) > STUCK_NS:
+            return f"line {self.plan.name}: what was due more than {STUCK_NS // NS_PER_S} s ago was not done"
         if not self._drives.is_kept_up:
             return f"line {self.plan.name}: {self.plan.drives} is not kept open any more"
         return next(

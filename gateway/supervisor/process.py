@@ -24,7 +24,8 @@ from gateway.times import NS_PER_S
 LOCK_NAME: Final = "supervisor.lock"
 BEATS: Final = 4
 """In the time after which the service manager loses patience; a model comes every second."""
-UNWATCHED_S: Final = 5.0
+LONGEST_PAUSE_S: Final = 2.0
+"""The sentence that the service manager shows is not older."""
 
 
 def run_supervisor(
@@ -109,7 +110,7 @@ async def _beat(feeds: Feeds, manager: ServiceManager) -> None:
     with feeds.open() as feed:
         await feed.next()
     manager.ready(_summary(feeds))
-    every_s = manager.watchdog_ns / NS_PER_S / BEATS or UNWATCHED_S
+    every_s = min(manager.watchdog_ns / NS_PER_S / BEATS or LONGEST_PAUSE_S, LONGEST_PAUSE_S)
     shown = None
     while manager.is_there:
         if feeds.model is not shown:
@@ -124,5 +125,6 @@ async def _beat(feeds: Feeds, manager: ServiceManager) -> None:
 def _summary(feeds: Feeds) -> str:
     model = feeds.model or {}
     relay = model.get("gateway", {}).get("relay", "down")
-    troubles = len(model.get("troubles", ()))
-    return f"the relay is {relay}; troubles: {troubles}"
+    troubles = model.get("troubles", ())
+    what = "".join(f"; {trouble['where']}: {trouble['what']}" for trouble in troubles[:1])
+    return f"the relay is {relay}{what}"

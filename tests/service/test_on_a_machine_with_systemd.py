@@ -1,0 +1,150 @@
+"""The units as they are shipped, run by systemd itself as process 1.
+
+Under all their restrictions, with its real watchdog, store for descriptors and reload. Root only.
+"""
+
+import os
+import signal
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.processes.bench import CONFIG, TABLE, Drive, Master
+from tests.service.machine import Machine, booted, why_not
+
+pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or "never")
+RELAY, SUPERVISOR, TARGET = (
+    f"pitch-gateway{each}" for each in ("-relay.service", "-supervisor.service", ".target")
+)
+TABLE_PATH = "/etc/pitch-gateway/tables/x.tab"
+STEEPER = TABLE.replace("0.1 0.1", "0.2 0.2").replace("0.05 0.05", "0.1 0.1")
+
+
+class Mill:
+    """A machine on which the gateway is installed and runs, with a drive behind it."""
+
+    def __init__(self, machine: Machine, port: int, drive: Drive) -> None:
+        self.machine = machine
+        self.port = port
+        self.drive = drive
+
+    def master(self) -> Master:
+        return Master(self.port, self.drive)
+
+    def moved(self, counts: int) -> int:
+        """What the drive is told when a controller that has just connected commands a position."""
+        master = self.master()
+        try:
+            return master.move(counts)
+        finally:
+            master.close()
+
+
+@pytest.fixture(scope="module")
+def mill(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mill]:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        drive = Drive(listening)
+        config = CONFIG.format(drives=listening.getsockname()[1], port=port)
+        config = config.replace('name = "trial"', 'name = "trial"\nstate = "/var/lib/pitch-gateway"')
+        files = {"/etc/pitch-gateway/gateway.toml": config, TABLE_PATH: TABLE}
+        with booted(tmp_path_factory.mktemp("machine"), files) as machine:
+            machine.run("systemd-sysusers")
+            machine.run("systemd-tmpfiles", "--create", "pitch-gateway.conf")
+            machine.run("systemctl", "start", TARGET)
+            yield Mill(machine, port, drive)
+
+
+@pytest.mark.timeout(180)
+def test_it_starts_and_says_so_when_the_ports_are_open(mill: Mill) -> None:
+    # `systemctl start` has returned: the relay was ready, so its port is open.
+    assert mill.machine.property(RELAY, "ActiveState") == "active"
+    mill.machine.until(RELAY, "StatusText", "1 of 1 lines up, 1 axes")
+    assert mill.moved(50_000) == 50_050
+    mill.machine.until(SUPERVISOR, "StatusText", "the relay is up")
+    assert [mill.machine.property(unit, "NRestarts") for unit in (RELAY, SUPERVISOR)] == ["0", "0"]
+
+
+def test_it_runs_restricted_and_with_uvloop(mill: Mill) -> None:
+    assert '"loop": "uvloop"' in mill.machine.log(RELAY)
+    for unit in (RELAY, SUPERVISOR):
+        process = Path(f"/proc/{mill.machine.pid(unit)}")
+        words = dict(
+            line.split(":\t", 1) for line in (process / "status").read_text().splitlines() if ":\t" in line
+        )
+        assert words["Uid"].split()[0] != "0"
+        assert (words["CapEff"], words["CapBnd"]) == ("0" * 16, "0" * 16)
+        assert (words["NoNewPrivs"], words["Seccomp"]) == ("1", "2")
+        mounts = (process / "mounts").read_text()
+        assert any(
+            line.split()[1] == "/" and "ro" in line.split()[3].split(",") for line in mounts.splitlines()
+        )
+        assert (process / "root/root").exists()
+        assert not list((process / "root/home").iterdir())
+    # No device but those of the list: a disk is there and cannot be opened, a pseudo terminal neither.
+    assert not mill.machine.log(RELAY).count("scheduling-refused")
+
+
+def test_a_reload_takes_a_saved_table_and_fails_where_it_is_bad(mill: Mill) -> None:
+    mill.machine.write(TABLE_PATH, STEEPER)
+    mill.machine.run("systemctl", "reload", SUPERVISOR)
+    assert mill.moved(50_001) == 50_101
+    mill.machine.write(TABLE_PATH, "no table")
+    said = mill.machine.run("systemctl", "reload", SUPERVISOR, is_checked=False)
+    assert "failed" in said
+    assert mill.moved(50_000) == 50_100  # the last good one
+    assert mill.machine.property(SUPERVISOR, "ActiveState") == "active"
+    mill.machine.write(TABLE_PATH, TABLE)
+    mill.machine.run("systemctl", "reload", SUPERVISOR)
+    assert mill.moved(50_001) == 50_051
+
+
+@pytest.mark.timeout(180)
+def test_a_relay_that_hangs_is_started_again_and_its_port_stays_open(mill: Mill) -> None:
+    before = mill.machine.pid(RELAY)
+    stops = mill.drive.told.copy()
+    os.kill(before, signal.SIGSTOP)
+    # It hangs: who connects waits in the queue of a socket that systemd keeps open, with a command.
+    hasty = Master(mill.port, mill.drive)
+    hasty.send(90_000)
+    mill.machine.until(RELAY, "NRestarts", "1")
+    mill.machine.until(RELAY, "ActiveState", "active")
+    assert mill.machine.pid(RELAY) != before
+    log = mill.machine.log(RELAY)
+    assert "Watchdog timeout" in log
+    assert "waiting-turned-away" in log
+    with pytest.raises(ConnectionError):
+        hasty.move(90_000)
+    hasty.close()
+    mill.machine.until(RELAY, "StatusText", "1 of 1 lines up, 1 axes")
+    assert mill.moved(50_000) == 50_050
+    assert mill.drive.told == [*stops, 50_050]
+
+
+def test_the_supervisor_ends_and_comes_again_without_the_relay_noticing(mill: Mill) -> None:
+    relay = mill.machine.pid(RELAY)
+    os.kill(mill.machine.pid(SUPERVISOR), signal.SIGKILL)
+    assert mill.moved(50_002) == 50_052
+    mill.machine.until(SUPERVISOR, "NRestarts", "1")
+    mill.machine.until(SUPERVISOR, "ActiveState", "active")
+    assert mill.machine.pid(RELAY) == relay
+
+
+def test_a_restart_by_hand_never_refuses_a_connection(mill: Mill) -> None:
+    before = mill.machine.pid(RELAY)
+    mill.machine.run("systemctl", "restart", "--no-block", RELAY)
+    while mill.machine.property(RELAY, "ActiveState") != "active" or mill.machine.pid(RELAY) == before:
+        socket.create_connection(("127.0.0.1", mill.port), timeout=5).close()  # or ConnectionRefusedError
+    mill.machine.until(RELAY, "StatusText", "1 of 1 lines up, 1 axes")
+    assert mill.moved(50_000) == 50_050
+
+
+def test_stopped_it_leaves_nothing_open(mill: Mill) -> None:
+    mill.machine.run("systemctl", "stop", TARGET)
+    assert [mill.machine.property(unit, "ActiveState") for unit in (RELAY, SUPERVISOR)] == ["inactive"] * 2
+    assert [mill.machine.property(unit, "Result") for unit in (RELAY, SUPERVISOR)] == ["success"] * 2
+    with pytest.raises(ConnectionRefusedError):
+        mill.master()
