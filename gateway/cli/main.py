@@ -21,6 +21,7 @@ from gateway.cli import (
     reload,
     replay,
     run,
+    service,
     signtest,
     simulate,
     status,
@@ -54,6 +55,7 @@ app.command("reload")(reload.reload)
 app.command("record")(record.record)
 app.command("replay")(replay.replay)
 app.command("init")(init.init)
+app.command("service")(service.service)
 app.command("simulate")(simulate.simulate)
 app.add_typer(table.app, name="table")
 app.add_typer(drives.app, name="drives")

@@ -54,7 +54,7 @@ mount -t tmpfs tmpfs tmp
 mkdir run/old
 pivot_root . run/old
 umount -l /run/old
-exec env -i container=box PATH=/usr/sbin:/usr/bin:/sbin:/bin {systemd} --log-target=console \
+exec env -i container=box PATH=/usr/sbin:/usr/bin:/sbin:/bin {systemd} --log-target=journal \
     --show-status=no systemd.unified_cgroup_hierarchy=1
 '
 """
@@ -107,16 +107,13 @@ class Machine:
             assert time.monotonic() < end_s, f"{unit}: {name} is {found}; log:\n{self.log(unit)}"
             time.sleep(0.1)
 
-    def pid(self, unit: str) -> int:
-        """The main process of a unit, as this system sees it."""
-        inside = self.property(unit, "MainPID")
-        for folder in Path("/proc").glob("[0-9]*"):
-            with contextlib.suppress(OSError):
-                status = (folder / "status").read_text()
-                is_ours = (folder / "ns/pid").readlink() == Path(f"/proc/{self._init}/ns/pid").readlink()
-                if is_ours and f"\t{inside}\n" in status.partition("NSpid:")[2]:
-                    return int(folder.name)
-        raise AssertionError(f"{unit} does not run: {self.log(unit)}")
+    def kill(self, unit: str, number: signal.Signals) -> None:
+        """Send a signal to the main process of a unit."""
+        self.run("systemctl", "kill", f"--signal={number.name}", "--kill-who=main", unit)
+
+    def of_process(self, unit: str, name: str) -> str:
+        """Return a file of /proc of the main process of a unit."""
+        return self.run("cat", f"/proc/{self.property(unit, 'MainPID')}/{name}")
 
 
 @contextlib.contextmanager

@@ -23,7 +23,7 @@ for place, number in enumerate(kept):
 os.environ["LISTEN_PID"] = os.environ["WATCHDOG_PID"] = str(os.getpid())
 os.execv(sys.argv[2], sys.argv[2:])
 """
-"""Puts what was kept where sd_listen_fds(3) has it, and becomes the service: only then its number is known."""
+"""Puts what was kept where sd_listen_fds(3) has it, and becomes the service; only then its id is known."""
 
 
 class Manager:
