@@ -65,6 +65,12 @@ class ServiceManager:
         """Have everything that is kept under a name closed."""
         self._tell("FDSTOREREMOVE=1", f"FDNAME={name}")
 
+    def close(self) -> None:
+        """Tell nothing any more; twice is harmless."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
     def _new_status(self, status: str) -> list[str]:
         status = " ".join(status.split())[:LONGEST_STATUS]
         if not status or status == self._status:

@@ -160,6 +160,8 @@ class SerialPort:
         """A descriptor of the port that is open already: the first opening takes it."""
         self.on_open: Callable[[int], None] = _keep_nothing
         """Gets the descriptor of each opening, before the first byte."""
+        self.on_lost: Callable[[], None] = _drop_nothing
+        """Called when the port was lost; not when it is closed."""
 
     @property
     def latency(self) -> dict[str, object] | None:
@@ -202,6 +204,7 @@ class SerialPort:
     async def close(self) -> None:
         """Close and try no more."""
         await self._keeper.stop()
+        self.on_lost = _drop_nothing
         if self._channel is not None:
             await self._channel.drained()
             self._channel.close()
@@ -219,6 +222,7 @@ class SerialPort:
         self._say_slow(opened.slow)
         self._channel = SerialChannel(port, self._endpoint, self._receiver)
         self.on_open(port.fileno())
+        self._channel.lost.add_done_callback(lambda _: self.on_lost())
         self._channel.begin()
         return self._channel.lost
 
@@ -305,6 +309,10 @@ def _finish(handle: int, endpoint: SerialEndpoint, notes: list[str]) -> Opened:
 
 
 def _keep_nothing(_descriptor: int) -> None:
+    pass
+
+
+def _drop_nothing() -> None:
     pass
 
 

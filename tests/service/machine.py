@@ -101,9 +101,9 @@ class Machine:
         return self.run("journalctl", "--no-pager", "--output=cat", f"--unit={unit}")
 
     def until(self, unit: str, name: str, wanted: str) -> None:
-        """Wait until a property has a value."""
+        """Wait until a property has a value, or begins with it."""
         end_s = time.monotonic() + SECONDS
-        while (found := self.property(unit, name)) != wanted:
+        while not (found := self.property(unit, name)).startswith(wanted):
             assert time.monotonic() < end_s, f"{unit}: {name} is {found}; log:\n{self.log(unit)}"
             time.sleep(0.1)
 

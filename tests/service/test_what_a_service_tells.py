@@ -1,5 +1,6 @@
 """sd_notify(3): what goes out, byte for byte, and that nothing is waited for."""
 
+import contextlib
 import os
 import socket
 from pathlib import Path
@@ -19,9 +20,8 @@ def ear() -> "socket.socket":
 @pytest.mark.parametrize("is_abstract", [False, True])
 def test_each_message_is_one_datagram(ear: socket.socket, tmp_path: Path, *, is_abstract: bool) -> None:
     name = f"@{tmp_path}/abstract" if is_abstract else f"{tmp_path}/notify"
-    with ear:
+    with ear, contextlib.closing(ServiceManager(name, 4_000_000_000)) as manager:
         ear.bind(name.replace("@", "\0"))
-        manager = ServiceManager(name, 4_000_000_000)
         manager.ready("2 of 2 lines up")
         manager.alive("2 of 2 lines up")
         manager.say("1 of 2\nlines up")
@@ -39,9 +39,10 @@ def test_each_message_is_one_datagram(ear: socket.socket, tmp_path: Path, *, is_
 
 
 def test_a_descriptor_goes_along(ear: socket.socket, tmp_path: Path) -> None:
-    with ear, (tmp_path / "kept").open("w") as file:
+    manager = ServiceManager(str(tmp_path / "notify"))
+    with ear, contextlib.closing(manager), (tmp_path / "kept").open("w") as file:
         ear.bind(str(tmp_path / "notify"))
-        ServiceManager(str(tmp_path / "notify")).keep("tty-1", file.fileno())
+        manager.keep("tty-1", file.fileno())
         message, [descriptor], _, _ = socket.recv_fds(ear, 300, 4)
         assert message == b"FDSTORE=1\nFDNAME=tty-1"
         assert os.path.sameopenfile(descriptor, file.fileno())
@@ -66,18 +67,22 @@ def test_a_manager_that_does_not_read_or_is_gone_costs_nothing(ear: socket.socke
     manager.alive()
     (tmp_path / "notify").unlink()
     manager.stopping()
+    manager.close()
+    manager.alive()
 
 
 def test_the_environment_names_it_once_and_for_this_process_only() -> None:
     own, other = str(os.getpid()), str(os.getpid() + 1)
     environment = {"NOTIFY_SOCKET": "/run/none", "WATCHDOG_USEC": "5000000", "WATCHDOG_PID": own, "HOME": "/"}
-    manager = manager_of(environment)
-    assert (manager.is_there, manager.watchdog_ns, environment) == (True, 5_000_000_000, {"HOME": "/"})
-    assert (
-        manager_of({"NOTIFY_SOCKET": "/run/none", "WATCHDOG_USEC": "5", "WATCHDOG_PID": other}).watchdog_ns
-        == 0
-    )
-    assert not manager_of({}).is_there
-    assert not manager_of({"NOTIFY_SOCKET": "vsock:2:1"}).is_there
+    assert _named_by(environment) == (True, 5_000_000_000)
+    assert environment == {"HOME": "/"}
+    assert _named_by({"NOTIFY_SOCKET": "/run/none", "WATCHDOG_USEC": "5", "WATCHDOG_PID": other}) == (True, 0)
+    assert _named_by({}) == (False, 0)
+    assert _named_by({"NOTIFY_SOCKET": "vsock:2:1"}) == (False, 0)
     assert list(handed_over({"LISTEN_PID": other, "LISTEN_FDS": "2", "LISTEN_FDNAMES": "a:b"})) == []
     assert list(handed_over({"LISTEN_PID": own, "LISTEN_FDS": "x"})) == []
+
+
+def _named_by(environment: dict[str, str]) -> tuple[bool, int]:
+    with contextlib.closing(manager_of(environment)) as manager:
+        return manager.is_there, manager.watchdog_ns
