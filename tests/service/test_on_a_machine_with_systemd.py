@@ -3,14 +3,18 @@
 Under all their restrictions, with its real watchdog, store for descriptors and reload. Root only.
 """
 
+import contextlib
+import os
 import signal
 import socket
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from tests.processes.bench import CONFIG, TABLE, Drive, Master
-from tests.service.machine import Machine, booted, why_not
+from tests.service.machine import INSTALLED, Machine, booted, why_not
 
 pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or "never")
 RELAY, SUPERVISOR, TARGET = (
@@ -23,10 +27,16 @@ STEEPER = TABLE.replace("0.1 0.1", "0.2 0.2").replace("0.05 0.05", "0.1 0.1")
 class Mill:
     """A machine on which the gateway is installed and runs, with a drive behind it."""
 
-    def __init__(self, machine: Machine, port: int, drive: Drive) -> None:
+    def __init__(self, machine: Machine, port: int, drives_at: int, drive: Drive) -> None:
         self.machine = machine
+        self.drives_at = drives_at
         self.port = port
         self.drive = drive
+
+    def stop(self) -> None:
+        self.machine.run("systemctl", "stop", TARGET)
+        for unit in (RELAY, SUPERVISOR):
+            self.machine.until(unit, "ActiveState", "inactive")
 
     def master(self) -> Master:
         return Master(self.port, self.drive)
@@ -46,14 +56,15 @@ def mill(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mill]:
         port = free.getsockname()[1]
     with socket.create_server(("127.0.0.1", 0)) as listening:
         drive = Drive(listening)
-        config = CONFIG.format(drives=listening.getsockname()[1], port=port)
+        drives_at = listening.getsockname()[1]
+        config = CONFIG.format(drives=drives_at, port=port)
         config = config.replace('name = "trial"', 'name = "trial"\nstate = "/var/lib/pitch-gateway"')
         files = {"/etc/pitch-gateway/gateway.toml": config, TABLE_PATH: TABLE}
         with booted(tmp_path_factory.mktemp("machine"), files) as machine:
             machine.run("systemd-sysusers")
             machine.run("systemd-tmpfiles", "--create", "pitch-gateway.conf")
             machine.run("systemctl", "start", TARGET)
-            yield Mill(machine, port, drive)
+            yield Mill(machine, port, drives_at, drive)
 
 
 @pytest.mark.timeout(180)
@@ -134,9 +145,48 @@ def test_a_restart_by_hand_never_refuses_a_connection(mill: Mill) -> None:
 
 
 def test_stopped_it_leaves_nothing_open(mill: Mill) -> None:
-    mill.machine.run("systemctl", "stop", TARGET)
-    for unit in (RELAY, SUPERVISOR):
-        mill.machine.until(unit, "ActiveState", "inactive")
+    mill.stop()
     assert [mill.machine.property(unit, "Result") for unit in (RELAY, SUPERVISOR)] == ["success"] * 2
     with pytest.raises(ConnectionRefusedError):
         mill.master()
+
+
+@pytest.mark.timeout(180)
+def test_what_a_configuration_needs_more_it_gets_and_no_other_device(mill: Mill) -> None:
+    """On port 1023, with a real-time priority and locked memory, and behind an allow list of addresses."""
+    mill.stop()
+    machine = mill.machine
+    config = CONFIG.format(drives=mill.drives_at, port=1023)
+    needs = 'name = "trial"\nstate = "/var/lib/pitch-gateway"\n\n[relay]\nfifo = 10\nlock_memory = true'
+    machine.write("/etc/pitch-gateway/gateway.toml", config.replace('name = "trial"', needs))
+    command = [f"{INSTALLED}/bin/pitch-gateway", "service", "/etc/pitch-gateway/gateway.toml"]
+    assert "written" in machine.run(*command, "--systemd", "/etc/systemd/system")
+    machine.run("systemctl", "daemon-reload")
+    assert machine.property(RELAY, "IPAddressAllow") == "127.0.0.0/8 ::1/128"
+    machine.run("systemctl", "start", RELAY)
+    machine.until(RELAY, "StatusText", "1 of 1 lines up, 1 axes")
+    low = Master(1023, mill.drive)
+    assert low.move(50_000) == 50_050
+    low.close()
+    log = machine.log(RELAY)
+    assert '"fifo": 10, ' in log
+    assert '"memory_locked": true' in log
+    assert "scheduling-refused" not in log
+    machine.run("systemctl", "stop", RELAY)
+    # A pseudo terminal is no serial port of the list: the group could open it, the unit may not.
+    with contextlib.ExitStack() as stack:
+        ends = os.openpty()
+        for end in ends:
+            stack.callback(os.close, end)
+        device = Path(os.ttyname(ends[1]))
+        device.chmod(0o666)
+        serial = f'drives = {{ rtu = "{device}", baudrate = 19200 }}'
+        text = config.replace('name = "trial"', 'name = "trial"\nstate = "/var/lib/pitch-gateway"')
+        text = text.replace(f'drives = {{ tcp = "127.0.0.1:{mill.drives_at}" }}', serial)
+        machine.write("/etc/pitch-gateway/gateway.toml", text)
+        machine.run("systemctl", "start", "--no-block", RELAY)
+        end_s = time.monotonic() + 60
+        while f"no permission for {device}" not in machine.log(RELAY):
+            assert time.monotonic() < end_s, machine.log(RELAY)
+            time.sleep(0.2)
+        machine.run("systemctl", "stop", RELAY)
