@@ -25,6 +25,10 @@ KINDS: Final = ("ttyUSB", "ttyACM", "ttyAMA", "ttymxc", "ttyS")
 """Names that drivers of serial ports give, as the units have them; none begins another."""
 ADAPTERS: Final = ("ttyUSB", "ttyACM")
 """What a name under /dev/serial may lead to."""
+OWN_NAMESPACE: Final = (
+    "# In a user namespace of its own neither a capability nor a limit that is raised would count.",
+    "PrivateUsers=no",
+)
 
 
 @dataclass(slots=True)
@@ -97,6 +101,8 @@ def _relay_lines(plan: GatewayPlan) -> Iterator[str]:
     yield from _device_lines(devices)
     yield from _port_lines(ports)
     yield from _realtime_lines(plan.relay)
+    if _low(ports) or plan.relay != RelayOptions():
+        yield from OWN_NAMESPACE
 
 
 def _supervisor_lines(loaded: Loaded) -> Iterator[str]:
@@ -107,7 +113,10 @@ def _supervisor_lines(loaded: Loaded) -> Iterator[str]:
     if loaded.sections.mqtt is not None:
         addresses.peer(loaded.sections.mqtt.host, "[mqtt] host")
     yield from addresses.lines()
-    yield from _port_lines([] if page is None else [page.port])
+    ports = [] if page is None else [page.port]
+    yield from _port_lines(ports)
+    if _low(ports):
+        yield from OWN_NAMESPACE
 
 
 def _device_lines(devices: Iterable[str]) -> Iterator[str]:
@@ -134,13 +143,15 @@ def _kinds_of(device: str) -> tuple[str, ...]:
 
 
 def _port_lines(ports: Iterable[int]) -> Iterator[str]:
-    low = sorted(port for port in ports if 0 < port < FIRST_FREE_PORT)
+    low = _low(ports)
     if low:
         yield f"# Ports below {FIRST_FREE_PORT}: {', '.join(map(str, low))}."
         yield "CapabilityBoundingSet=CAP_NET_BIND_SERVICE"
         yield "AmbientCapabilities=CAP_NET_BIND_SERVICE"
-        yield "# In a user namespace of its own the capability would count for nothing."
-        yield "PrivateUsers=no"
+
+
+def _low(ports: Iterable[int]) -> list[int]:
+    return sorted(port for port in ports if 0 < port < FIRST_FREE_PORT)
 
 
 def _realtime_lines(options: RelayOptions) -> Iterator[str]:

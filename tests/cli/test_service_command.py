@@ -110,10 +110,11 @@ def test_what_needs_more_gets_it(tmp_path: Path) -> None:
     assert relay.endswith(
         "# Ports below 1024: 502.\n"
         "CapabilityBoundingSet=CAP_NET_BIND_SERVICE\nAmbientCapabilities=CAP_NET_BIND_SERVICE\n"
-        "# In a user namespace of its own the capability would count for nothing.\nPrivateUsers=no\n"
         "# What [relay] asks for, the relay asks the system for when everything is loaded.\n"
         "RestrictRealtime=no\nLimitRTPRIO=40\nLimitMEMLOCK=infinity\n"
         "SystemCallFilter=sched_setscheduler sched_setaffinity setrlimit\n"
+        "# In a user namespace of its own neither a capability nor a limit that is raised would count.\n"
+        "PrivateUsers=no\n"
     )
 
 
