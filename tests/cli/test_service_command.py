@@ -158,3 +158,14 @@ def test_a_folder_that_cannot_be_written_is_named_with_the_remedy(tmp_path: Path
     assert result.exit_code == 1
     assert "cannot be written" in result.output
     assert "--systemd" in result.output
+
+
+def test_init_fits_the_units_to_what_it_wrote(tmp_path: Path) -> None:
+    config, units = tmp_path / "mill.toml", tmp_path / "units"
+    answers = ["--controller-compensation-off", "--drive", "oriental-az", "--units", "mm", "--unit-id", "1"]
+    places = ["--drives-at", "10.0.0.5:502", "--controller-at", "127.0.0.1:1502", "--travel", "-300", "0"]
+    more = ["--counts-per-unit", "1000", "--no-ask", "--systemd", str(units)]
+    result = CliRunner().invoke(app, ["init", str(config), *answers, *places, *more])
+    assert result.exit_code == 0, result.output
+    text = (units / "pitch-gateway-relay.service.d" / "configuration.conf").read_text()
+    assert "IPAddressAllow=localhost 10.0.0.5\n" in text

@@ -32,11 +32,12 @@ MASKED: Final = (
     *("systemd-tmpfiles-setup-dev.service", "systemd-tmpfiles-setup.service", "getty.target"),
 )
 """What would change the machine that the tests run on: its devices, its kernel's settings and modules."""
+NAMESPACES: Final = ("unshare", "--cgroup", "--mount", "--pid", "--uts", "--ipc", "--fork", "--kill-child")
 BOOT = """
 set -e
 echo $$ > {cgroup}/cgroup.procs
 cd /
-exec unshare --cgroup --mount --pid --uts --ipc --fork --kill-child sh -e -c '
+exec {namespaces} sh -e -c '
 mount --make-rprivate /
 mount -t tmpfs tmpfs {folder}
 mkdir {folder}/upper {folder}/work {folder}/root
@@ -72,9 +73,11 @@ def why_not() -> str:
         return "booting systemd in namespaces needs root"
     if not SYSTEMD.exists():
         return f"there is no {SYSTEMD}"
-    if _cgroups() is None:
-        return "no cgroup2 is mounted"
-    return ""
+    cgroups = _cgroups()
+    if cgroups is None or not os.access(cgroups, os.W_OK):
+        return "no cgroup2 is mounted that can be written"
+    tried = subprocess.run([*NAMESPACES, "true"], capture_output=True, text=True, check=False)
+    return "" if tried.returncode == 0 else f"namespaces cannot be made: {tried.stderr.strip()}"
 
 
 class Machine:
@@ -85,7 +88,7 @@ class Machine:
 
     def run(self, *command: str, is_checked: bool = True) -> str:
         """Run a command in it; returns what it said."""
-        inside = ["nsenter", f"--target={self._init}", "--all", "--wd=/", *command]
+        inside = ["nsenter", f"--target={self._init}", "--all", "--wdns=/", *command]
         done = subprocess.run(inside, capture_output=True, text=True, timeout=SECONDS, check=False)
         assert done.returncode == 0 or not is_checked, f"{command}: {done.stdout}{done.stderr}"
         return (done.stdout + done.stderr).strip()
@@ -127,6 +130,7 @@ def booted(folder: Path, files: dict[str, str]) -> Iterator[Machine]:
     box.mkdir()
     cgroup.mkdir()
     script = BOOT.format(
+        namespaces=" ".join(NAMESPACES),
         cgroup=cgroup,
         folder=box,
         repository=ROOT,

@@ -7,14 +7,16 @@ import contextlib
 import os
 import signal
 import socket
-import time
+import tty
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from gateway.modbus.rtu import encode_rtu
 from tests.processes.bench import CONFIG, TABLE, Drive, Master
 from tests.service.machine import INSTALLED, Machine, booted, why_not
+from tests.service.wire import MOVE, moved_on_wire
 
 pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or "never")
 RELAY, SUPERVISOR, TARGET = (
@@ -29,7 +31,7 @@ INSTEAD_OF_LIMITS = """[Service]
 CapabilityBoundingSet=CAP_SYS_NICE CAP_IPC_LOCK
 AmbientCapabilities=CAP_SYS_NICE CAP_IPC_LOCK
 """
-"""What stands in for LimitRTPRIO= and LimitMEMLOCK= where even root may not raise a limit, as in containers."""
+"""Stands in for LimitRTPRIO= and LimitMEMLOCK= where even root may not raise a limit, as in a container."""
 
 
 def may_raise_limits() -> bool:
@@ -189,20 +191,45 @@ def test_what_a_configuration_needs_more_it_gets_and_no_other_device(mill: Mill)
     assert '"memory_locked": true' in log
     assert "scheduling-refused" not in log
     machine.run("systemctl", "stop", RELAY)
-    # A pseudo terminal is no serial port of the list: the group could open it, the unit may not.
-    with contextlib.ExitStack() as stack:
-        ends = os.openpty()
-        for end in ends:
-            stack.callback(os.close, end)
-        device = Path(os.ttyname(ends[1]))
+
+
+@pytest.mark.timeout(180)
+def test_a_serial_line_goes_on_over_a_restart_and_no_other_device_is_opened(mill: Mill) -> None:
+    """With a pseudo terminal as the port: systemd always allows those, so the other device is no terminal."""
+    mill.stop()
+    machine = mill.machine
+    machine.run("mknod", "--mode=0666", "/srv/fuse", "c", "10", "229")
+    opens = "exec 3< /srv/fuse && echo it was opened"
+    assert machine.run(
+        "setpriv", "--reuid=pitch-gateway", "--clear-groups", "sh", "-c", f"cd /; {opens}"
+    ).endswith("it was opened")
+    tries = f"[Service]\nExecStartPre=-/bin/sh -c '{opens}'\n"
+    machine.run("rm", "--force", "--recursive", f"/etc/systemd/system/{RELAY}.d")
+    machine.run("mkdir", f"/etc/systemd/system/{RELAY}.d")
+    machine.write(f"/etc/systemd/system/{RELAY}.d/tries.conf", tries)
+    machine.run("systemctl", "daemon-reload")
+    wire, far_end = os.openpty()
+    with (
+        contextlib.closing(os.fdopen(wire, "r+b", buffering=0)),
+        contextlib.closing(os.fdopen(far_end, "rb")),
+    ):
+        tty.setraw(far_end)
+        device = Path(os.ttyname(far_end))
         device.chmod(0o666)
-        serial = f'drives = {{ rtu = "{device}", baudrate = 19200 }}'
-        text = config.replace('name = "trial"', 'name = "trial"\nstate = "/var/lib/pitch-gateway"')
-        text = text.replace(f'drives = {{ tcp = "127.0.0.1:{mill.drives_at}" }}', serial)
-        machine.write("/etc/pitch-gateway/gateway.toml", text)
-        machine.run("systemctl", "start", "--no-block", RELAY)
-        end_s = time.monotonic() + 60
-        while f"no permission for {device}" not in machine.log(RELAY):
-            assert time.monotonic() < end_s, machine.log(RELAY)
-            time.sleep(0.2)
+        text = CONFIG.format(drives=mill.drives_at, port=mill.port)
+        text = text.replace('name = "trial"', 'name = "trial"\nstate = "/var/lib/pitch-gateway"')
+        serial = f'drives = {{ rtu = "{device}", baudrate = 115200 }}'
+        machine.write(
+            "/etc/pitch-gateway/gateway.toml",
+            text.replace(f'drives = {{ tcp = "127.0.0.1:{mill.drives_at}" }}', serial),
+        )
+        machine.run("systemctl", "start", RELAY)
+        for _ in range(2):
+            machine.until(RELAY, "StatusText", "1 of 1 lines up, 1 axes")
+            assert moved_on_wire(mill.port, wire) == encode_rtu(1, MOVE)
+            machine.run("systemctl", "restart", RELAY)
+        assert machine.property(RELAY, "NFileDescriptorStore") == "2"
         machine.run("systemctl", "stop", RELAY)
+    log = machine.log(RELAY)
+    assert "/srv/fuse: Operation not permitted" in log
+    assert "it was opened" not in log

@@ -6,7 +6,6 @@ import os
 import pty
 import signal
 import socket
-import time
 import tty
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,10 +14,10 @@ import pytest
 
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Ping, Pong, Status
-from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from tests.processes.bench import Master, Site, site_in, typed
 from tests.service.manager import Manager, managing
+from tests.service.wire import MOVE, moved_on_wire
 
 WATCHDOG_US = 2_000_000
 SILENT_S = 2.5
@@ -169,7 +168,7 @@ def test_a_serial_port_is_kept_and_what_it_heard_meanwhile_is_thrown_away(
         assert checked.returncode == 0, checked.stderr
         with manager.service(*relay_of(site)) as relay:
             up(manager)
-            assert _moved(site.port, wire) == encode_rtu(1, MOVE)
+            assert moved_on_wire(site.port, wire) == encode_rtu(1, MOVE)
             relay.kill()
             relay.wait()
         assert sorted(name.partition("-")[0] for name, _ in manager.kept) == ["tcp", "tty"]
@@ -182,17 +181,13 @@ def test_a_serial_port_is_kept_and_what_it_heard_meanwhile_is_thrown_away(
         os.write(wire, b"\x01\x10 half a reply to what the relay before asked")
         with manager.service(*relay_of(site)) as relay:
             up(manager)
-            assert _moved(site.port, wire) == encode_rtu(1, MOVE)
+            assert moved_on_wire(site.port, wire) == encode_rtu(1, MOVE)
             status = ask(site.socket, GetStatus())
             assert isinstance(status, Status)
             line = status.status["lines"]["xyz"]
             assert (line["stray_bytes"], line["dropped_bytes"], line["late"]) == (0, 0, 0)
             relay.send_signal(signal.SIGTERM)
             assert relay.wait(10) == 0
-
-
-REQUEST = bytes.fromhex("10 0064 0002 04") + (50_000).to_bytes(4, "big")
-MOVE = bytes.fromhex("10 0064 0002 04") + (50_050).to_bytes(4, "big")
 
 
 @contextlib.contextmanager
@@ -204,16 +199,3 @@ def _line() -> Iterator[tuple[int, str]]:
     finally:
         os.close(master)
         os.close(slave)
-
-
-def _moved(port: int, wire: int) -> bytes:
-    """Command a position; returns what came over the wire, and acknowledges it."""
-    with socket.create_connection(("127.0.0.1", port), timeout=10) as controller:
-        controller.sendall(encode_mbap(1, 1, REQUEST))
-        heard = b""
-        end_s = time.monotonic() + 10
-        while len(heard) < 13 and time.monotonic() < end_s:
-            heard += os.read(wire, 300)
-        os.write(wire, encode_rtu(1, REQUEST[:5]))
-        assert controller.recv(300)[7:] == REQUEST[:5]
-        return heard
