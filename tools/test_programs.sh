@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Programs that the tests run for real: an MQTT broker, a browser, what makes certificates, and promtool.
+# Programs that the tests run for real: systemd's own tools, an MQTT broker, a browser, what makes certificates,
+# and promtool.
 # As root on Debian they are installed where they are missing; anywhere else it is said what is missing.
 set -euo pipefail
 
 PATH="$PATH:/usr/sbin:/sbin"
 missing=()
-for pair in mosquitto:mosquitto chromium:chromium openssl:openssl promtool:prometheus; do
+for pair in systemd-analyze:systemd mosquitto:mosquitto chromium:chromium openssl:openssl promtool:prometheus; do
     command -v "${pair%%:*}" >/dev/null || missing+=("${pair##*:}")
 done
 [ "${#missing[@]}" = 0 ] && exit 0

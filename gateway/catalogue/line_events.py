@@ -60,3 +60,10 @@ CONNECTION_MALFORMED: Final = EventEntry(
     "a scanner, a web browser, or a controller that speaks RTU over TCP",
     "find out what runs at that address, and see that `allow` names the controllers only",
 )
+WAITING_TURNED_AWAY: Final = EventEntry(
+    "waiting-turned-away",
+    Severity.WARNING,
+    "connections that came while no relay ran were closed, and what was sent on them was not done",
+    "a restart: a command from before it must not move the machine after it",
+    "let the controller connect again; nothing else, where the restart was meant",
+)

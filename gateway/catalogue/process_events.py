@@ -139,3 +139,19 @@ RELAY_ENDED: Final = EventEntry(
     "it was killed, ran out of memory, or met a mistake in the gateway; `status` says how it ended",
     "look at the lines before it in the log; let the service start it again, and report a traceback",
 )
+NO_PROGRESS: Final = EventEntry(
+    "no-progress",
+    Severity.ERROR,
+    "the relay does not get on, and tells the service manager so no more: systemd ends it and starts it "
+    "again; the "
+    "detail says what is stuck",
+    "a mistake in the gateway, or a process that was stopped by hand",
+    "keep the log and report it",
+)
+DESCRIPTORS_DROPPED: Final = EventEntry(
+    "descriptors-dropped",
+    Severity.INFO,
+    "sockets or ports that systemd kept over the restart were closed: nothing in the configuration is for "
+    "them",
+    "a controller's address, or a serial port, was changed",
+)

@@ -67,6 +67,11 @@ STARTS: Final = (
     StartEntry(
         "… is no address of this machine", "`tcp` of a controller", "listen on one that `ip address` lists"
     ),
+    StartEntry(
+        "…: those who waited cannot be turned away",
+        "connections that systemd kept over the restart cannot be looked at",
+        "restart the unit once more; systemd then gives up what it kept",
+    ),
     StartEntry("host name … is not known", "`tcp` of a controller", "write an address of this machine"),
     StartEntry("cannot listen on …", "the system refuses it for another reason", "do what the sentence says"),
     StartEntry(

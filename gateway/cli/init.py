@@ -56,6 +56,7 @@ def init(
     home_approach: options.HomeApproach = "none",
     ask: options.Ask = None,
     force: options.Force = False,
+    systemd: options.Systemd = None,
     as_json: options.AsJson = False,
 ) -> None:
     """Write a commented configuration for one drive, to start from.
@@ -95,7 +96,9 @@ def init(
     except typer.Abort:
         _refuse("\nended before all was answered: nothing was written")
     _write(file, draft.text(table), force=force)
-    _say_what_is_left(file, as_json=as_json)
+    is_good = _say_what_is_left(file, as_json=as_json)
+    if systemd is not None:
+        _fit_units(file, systemd, is_good=is_good, is_quiet=as_json)
 
 
 def _check_serial(draft: "Draft") -> None:
@@ -165,7 +168,21 @@ def _write(file: Path, text: str, *, force: bool) -> None:
         _refuse(f"{file} cannot be written ({error.strerror}); name a file in a folder of yours")
 
 
-def _say_what_is_left(file: Path, *, as_json: bool) -> None:
+def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> None:
+    """Write the drop-ins that fit the configuration; one that is not good yet fits none."""
+    from gateway.cli.service import say_written, write_drop_ins
+    from gateway.config.load import load
+    from gateway.config.service_units import drop_ins
+
+    if not is_good:
+        typer.echo(f"afterwards: pitch-gateway service {file} --systemd {systemd}", err=True)
+        return
+    written = write_drop_ins(systemd, drop_ins(load(file)))
+    if not is_quiet:
+        say_written(written)
+
+
+def _say_what_is_left(file: Path, *, as_json: bool) -> bool:
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
 
@@ -177,10 +194,11 @@ def _say_what_is_left(file: Path, *, as_json: bool) -> None:
     if as_json:
         result = {"file": str(file), "ok": not left, "left": [problem.as_dict() for problem in left]}
         typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
-        return
+        return not left
     typer.echo(f"{file} is written" + ("; left to do:" if left else f" and good: pitch-gateway run {file}"))
     for problem in left:
         typer.echo(f"  {problem}")
+    return not left
 
 
 def _refuse(why: str) -> NoReturn:

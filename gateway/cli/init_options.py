@@ -39,4 +39,8 @@ Ask = Annotated[
     bool | None, Option("--ask/--no-ask", help="Ask for what is missing; default: on a terminal.")
 ]
 Force = Annotated[bool, Option("--force", help="Overwrite FILE.")]
+Systemd = Annotated[
+    Path | None,
+    Option(metavar="DIR", help="Fit systemd's units below DIR to it too; see `pitch-gateway service`."),
+]
 AsJson = Annotated[bool, Option("--json", help="Say what is left to do as JSON.")]

@@ -23,6 +23,7 @@ from gateway.cli import (
     reload,
     replay,
     run,
+    service,
     signtest,
     simulate,
     status,
@@ -59,6 +60,7 @@ app.command("record")(record.record)
 app.command("replay")(replay.replay)
 app.command("init")(init.init)
 app.command("token")(token.token)
+app.command("service")(service.service)
 app.command("simulate")(simulate.simulate)
 app.add_typer(table.app, name="table")
 app.add_typer(drives.app, name="drives")

@@ -4,6 +4,7 @@ It runs the compiled configuration. Nothing here may load what only reading a co
 """
 
 import argparse
+import os
 import signal
 import sys
 from functools import partial
@@ -12,9 +13,10 @@ from pathlib import Path
 from gateway.ipc.children import follow_parent, tell_parent
 from gateway.ipc.compiled_plan import read_plan
 from gateway.ipc.notes import LogFormat, note_writer
+from gateway.ipc.service_manager import handed_over, manager_of
 from gateway.ipc.state_folder import StateError, state_folder
 from gateway.relay.errors import StartError
-from gateway.relay.run import run_relay
+from gateway.relay.run import Service, run_relay
 
 
 def main() -> int:
@@ -22,6 +24,9 @@ def main() -> int:
     options = _options()
     follow_parent(options.parent, signal.SIGTERM)
     config: Path = options.config
+    service = None
+    if not options.parent:  # a child of run is no service of its own
+        service = Service(manager_of(os.environ), tuple(handed_over(os.environ)))
     try:
         state = state_folder(config)
         plan = read_plan(state, config).plan
@@ -31,6 +36,7 @@ def main() -> int:
             options.status_every,
             state=state,
             on_ready=partial(tell_parent, options.parent),
+            service=service,
         )
     except StateError as error:
         problems: tuple[str, ...] = (str(error),)

@@ -16,9 +16,11 @@ from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
+from gateway.relay.keeping import Place, keep_port, open_kept
 from gateway.relay.refusals import Refusals
 from gateway.relay.secure_door import SecureDoor
 from gateway.relay.timed import TimedExchange
+from gateway.relay.watchdog import Accepting
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
@@ -46,7 +48,7 @@ class TcpFront:
         journal: Journal,
     ) -> None:
         self.plan: ControllerPlan = link.plan
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         self._exchange = exchange
         self._note = _noter(journal, line, link.plan.name)
         self._counters = MbapCounters()
@@ -66,6 +68,16 @@ class TcpFront:
             patience_ns=int(link.plan.timeout_ms * NS_PER_MS) + HALF_FRAME_GRACE_NS,
             on_closed=self._closings.add,
         )
+        self._place: Place | None = None
+        self._accepting = Accepting(self._listener)
+
+    def keep_at(self, place: Place) -> None:
+        """Take what the service manager kept of this listener, and have it kept; before :meth:`open`."""
+        self._place = place
+
+    def why_stuck(self) -> str:
+        """Say why nobody can connect any more, "" where all is well; to be asked now and then."""
+        return self._accepting.why_stuck()
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
@@ -83,7 +95,10 @@ class TcpFront:
         """
         if self._door is not None:
             self._door.open()
-        await self._listener.open()
+        if self._place is None:
+            await self._listener.open()
+            return
+        await open_kept(self._listener, self.endpoint, self._place, self._note)
 
     def stop_accepting(self) -> None:
         """Take no more connections."""
@@ -100,7 +115,7 @@ class TcpFront:
         return {
             "name": self.plan.name,
             "role": self.plan.role.value,
-            "address": [str(address) for address in self.addresses] or str(self._endpoint),
+            "address": [str(address) for address in self.addresses] or str(self.endpoint),
             "connections": self._listener.peers,
             "refused_connections": self._listener.refused,
             "malformed": self._counters.bad_headers + self._counters.skipped_frames,
@@ -112,8 +127,8 @@ class TcpFront:
         return self._port(self.plan) if self._door is None else self._door.connection()
 
     def _port(self, plan: ControllerPlan) -> Receiver:
-        if self._endpoint.rtu:
-            return RtuControllerPort(plan, self._exchange, request_decoder(self._endpoint), gap_ns=0)
+        if self.endpoint.rtu:
+            return RtuControllerPort(plan, self._exchange, request_decoder(self.endpoint), gap_ns=0)
         return MbapControllerPort(plan, self._exchange, self._counters, self._malformed)
 
     def _malformed(self, peer: str) -> None:
@@ -135,7 +150,7 @@ class SerialFront:
         journal: Journal,
     ) -> None:
         self.plan: ControllerPlan = link.plan
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         note = _noter(journal, line, link.plan.name)
         self._port = RtuControllerPort(
             self.plan, exchange, request_decoder(endpoint), frame_silence_ns(endpoint)
@@ -146,6 +161,14 @@ class SerialFront:
             lambda why: note(PORT_NOT_OPEN, why),
             lambda why: note(SERIAL_LATENCY, why),
         )
+
+    def keep_at(self, place: Place) -> None:
+        """Take what the service manager kept of this port, and have it kept; before :meth:`open`."""
+        keep_port(self._serial, self.endpoint, place)
+
+    def why_stuck(self) -> str:
+        """Say why the port is not used any more, "" where all is well."""
+        return "" if self._serial.is_kept_up else f"{self.endpoint} is not kept open any more"
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
@@ -176,7 +199,7 @@ class SerialFront:
         return {
             "name": self.plan.name,
             "role": self.plan.role.value,
-            "address": str(self._endpoint),
+            "address": str(self.endpoint),
             "state": "up" if self._serial.is_open else "down",
             "failure": self._serial.failure,
             "opens": self._serial.opens,

@@ -33,6 +33,7 @@ from gateway.relay.control import answer
 from gateway.relay.errors import StartError
 from gateway.relay.handover import hand_over
 from gateway.relay.journal import Journal
+from gateway.relay.keeping import Keeping
 from gateway.relay.line import Line
 from gateway.relay.recorder import Recorder
 from gateway.relay.scheduling import in_force, schedule
@@ -51,8 +52,8 @@ class Relay:
     (``ipc.log_thread.LogThread.put``). Without it the newest notes can be looked at with :meth:`recent`.
     ``state`` is the folder of its socket and of the records of its axes; without it there are none. With a
     ``recorder`` everything that passes is recorded. ``find_table`` finds a table that was in force in an
-    earlier run, by its ``compensation.fingerprint.table_digest``. A relay lives once: make another one to
-    start again.
+    earlier run, by its ``compensation.fingerprint.table_digest``. ``keeping`` is what a service manager keeps
+    of its sockets and ports. A relay lives once: make another one to start again.
     """
 
     def __init__(
@@ -63,10 +64,12 @@ class Relay:
         state: Path | None = None,
         recorder: Recorder | None = None,
         find_table: FindTable | None = None,
+        keeping: Keeping | None = None,
     ) -> None:
         self._plan = plan
         self._journal = Journal(write)
         self._lines: list[Line] = []
+        self._keeping = keeping
         self._started_ns = 0
         self._state = state
         self._control: ControlServer | None = None
@@ -129,6 +132,7 @@ class Relay:
         problems = self._start_recorder()
         self._lines = [Line(plan, self._journal, self._activity, self._recorder) for plan in self._plan.lines]
         problems += await self._open_control()
+        self._take_over()
         for line in () if problems else self._lines:
             if self._state is not None:
                 line.keep_records(self._state, self._find_table)
@@ -240,6 +244,21 @@ class Relay:
         """Lines with an exchange on the wire, each with the seconds that a stop waits for it at most."""
         return {line.plan.name: line.longest_stop_s for line in self._lines if not line.is_idle}
 
+    def why_stuck(self, now_ns: int) -> str:
+        """Say what does not get on, "" where everything does; see ``watchdog.Heart``."""
+        with self._activity.of("the watchdog"):
+            return next((why for line in self._lines if (why := line.why_stuck(now_ns))), "")
+
+    def note_stuck(self, why: str) -> None:
+        """Put it on record that the watchdog is not fed."""
+        self._journal.note(processes.NO_PROGRESS, detail=why)
+
+    @property
+    def summary(self) -> str:
+        """One short sentence on all of it."""
+        up = sum(line.is_up for line in self._lines)
+        return f"{up} of {len(self._lines)} lines up, {len(self.axes)} axes"
+
     def recent(self) -> tuple[Note, ...]:
         """Return the newest notes where nobody writes them, oldest first."""
         return self._journal.recent()
@@ -335,6 +354,16 @@ class Relay:
         except SocketError as error:
             return [f"gateway.state: {error}"]
         return []
+
+    def _take_over(self) -> None:
+        """Have the lines take what was kept for them, and let go of the rest before anything is opened."""
+        if self._keeping is None:
+            return
+        for line in self._lines:
+            line.keep_descriptors(self._keeping)
+        if number := self._keeping.drop_rest():
+            detail = f"{number} sockets or ports that the configuration does not have any more were closed"
+            self._journal.note(processes.DESCRIPTORS_DROPPED, detail=detail)
 
     def _look_at_folder(self, state: Path) -> None:
         problem = why_open_to_others(state, frozenset((os.geteuid(), ROOT_UID)))

@@ -22,10 +22,12 @@ from gateway.relay.computed import computed
 from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink
 from gateway.relay.front import Front, make_front
 from gateway.relay.journal import Journal
+from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.recorded import RecordedExchange, RecordedLink
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
-from gateway.times import NS_PER_MS
+from gateway.relay.watchdog import STUCK_NS
+from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.errors import TransportError
 from gateway.transport.framing import endpoint_key, frame_silence_ns, reply_decoder
@@ -104,6 +106,26 @@ class Line:
                 is_used=not self._is_recorded,
             )
             self._records.append(record)
+
+    def keep_descriptors(self, keeping: Keeping) -> None:
+        """Take over what the service manager kept of this line, and have it kept; before :meth:`open`."""
+        for front in self._fronts:
+            front.keep_at(keeping.place(self.plan.name, front.plan.name, front.endpoint))
+        if isinstance(self._drives, SerialPort) and isinstance(self.plan.drives, SerialEndpoint):
+            place = keeping.place(self.plan.name, "", self.plan.drives)
+            # It was open all the time: a drive may answer what the gateway before this one asked.
+            if keep_port(self._drives, self.plan.drives, place):
+                self._timed.rest_first(time.monotonic_ns())
+
+    def why_stuck(self, now_ns: int) -> str:
+        """Say what does not get on here, "" where all is well: an idle line is."""
+        if self._timed.late_ns(now_ns) > STUCK_NS:
+            return f"line {self.plan.name}: what was due more than {STUCK_NS // NS_PER_S} s ago was not done"
+        if not self._drives.is_kept_up:
+            return f"line {self.plan.name}: {self.plan.drives} is not kept open any more"
+        return next(
+            (f"line {self.plan.name}: {why}" for each in self._fronts if (why := each.why_stuck())), ""
+        )
 
     @property
     def owes_silence(self) -> bool:

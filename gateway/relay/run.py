@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -20,8 +20,11 @@ from gateway.ipc.children import RELOADS
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note, note_of
 from gateway.ipc.plan import GatewayPlan
+from gateway.ipc.service_manager import ServiceManager
 from gateway.relay.gateway import Relay
+from gateway.relay.keeping import Keeping
 from gateway.relay.recorder import Recorder
+from gateway.relay.watchdog import Heart
 
 SWITCH_INTERVAL_S: Final = 1e-4
 """How long another thread may keep the interpreter from the loop. There are only those which look up host
@@ -60,6 +63,14 @@ HANGUP_MEANS: Final = "SIGHUP changes nothing here: the supervisor reads the tab
 SHADOW_MEANS: Final = "corrections are computed and shown; positions pass unchanged in both directions"
 
 
+class Service:
+    """What this process is to the service manager that started it, and what that one kept for it."""
+
+    def __init__(self, manager: ServiceManager, handed: Sequence[tuple[str, int]] = ()) -> None:
+        self.manager = manager
+        self.keeping = Keeping(manager, handed) if manager.is_there or handed else None
+
+
 def run_relay(
     plan: GatewayPlan,
     write: Callable[[Note], None],
@@ -68,6 +79,7 @@ def run_relay(
     state: Path | None = None,
     recorder: Recorder | None = None,
     on_ready: Callable[[], None] | None = None,
+    service: Service | None = None,
 ) -> None:
     """Run until SIGTERM or SIGINT, then stop cleanly. ``status_every_s`` 0: no status lines.
 
@@ -76,7 +88,7 @@ def run_relay(
     ``write`` writes a note into the log and may block: it is called by a thread of its own, which nothing
     waits for, except the end for ``ipc.log_thread.CLOSE_S`` seconds at most.
     ``state`` is the folder of the gateway's socket; with a ``recorder`` all traffic is recorded. ``on_ready``
-    is called when all listeners are open.
+    is called when all listeners are open. ``service`` is what this process is to a service manager.
 
     Raises:
         StartError: a listener, a port, the socket or the recording cannot be opened.
@@ -84,8 +96,10 @@ def run_relay(
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         log = LogThread(write)
-        relay = Relay(plan, log.put, state=state, recorder=recorder)
-        runner.run(_with_log(log, _serve(relay, plan, log, status_every_s, on_ready)))
+        service = service or Service(ServiceManager())
+        relay = Relay(plan, log.put, state=state, recorder=recorder, keeping=service.keeping)
+        serving = _serve(relay, plan, _Log(log), service, status_every_s=status_every_s, on_ready=on_ready)
+        runner.run(_with_log(log, serving))
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
@@ -100,18 +114,20 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
 async def _serve(
     relay: Relay,
     plan: GatewayPlan,
-    thread: LogThread,
+    log: "_Log",
+    service: "Service",
+    *,
     status_every_s: float,
     on_ready: Callable[[], None] | None,
 ) -> None:
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
-    log = _Log(thread)
 
     def stop() -> None:
         if stopping.is_set():
             _end_at_once(relay, log)
         stopping.set()
+        service.manager.stopping(max(relay.busy_lines.values(), default=0.0))
         log.stopping(relay)
 
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -124,8 +140,11 @@ async def _serve(
     relay.take_process()
     if on_ready is not None:
         on_ready()
+    service.manager.ready(relay.summary)
+    heart = Heart(service.manager, relay.why_stuck, relay.note_stuck, lambda: relay.summary)
     status = asyncio.create_task(_status_lines(relay, log, status_every_s))
     await stopping.wait()
+    heart.stop()
     status.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await status

@@ -112,6 +112,11 @@ class TimedExchange:
         deadline_ns = self._exchange.deadline_ns
         return deadline_ns is not None and now_ns >= deadline_ns
 
+    def late_ns(self, now_ns: int) -> int:
+        """Return for how long something has been due that was not done; 0 or less: nothing is."""
+        deadline_ns = self._exchange.deadline_ns
+        return 0 if deadline_ns is None else now_ns - deadline_ns
+
     async def stop(self, now_ns: int, timeout_s: float) -> None:
         """Send nothing new; return when the exchange on the wire has ended, or after ``timeout_s``."""
         self._exchange.stop(now_ns)

@@ -1,6 +1,7 @@
 """The supervisor as a program: ``python -m gateway.supervisor CONFIG``, what ``supervise`` becomes."""
 
 import argparse
+import os
 import signal
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 from gateway.ipc.children import follow_parent
 from gateway.ipc.notes import LogFormat, note_writer
 from gateway.ipc.place import SocketError
+from gateway.ipc.service_manager import manager_of
 from gateway.ipc.state_folder import StateError, state_folder
 from gateway.supervisor.process import run_supervisor
 
@@ -17,9 +19,14 @@ def main() -> int:
     options = _options()
     follow_parent(options.parent, signal.SIGKILL)
     config: Path = options.config
+    manager = None if options.parent else manager_of(os.environ)
     try:
         run_supervisor(
-            config, state_folder(config), note_writer(options.log_format), tells_events=options.events
+            config,
+            state_folder(config),
+            note_writer(options.log_format),
+            tells_events=options.events,
+            manager=manager,
         )
     except (StateError, SocketError) as error:
         sys.stderr.write(f"{config}: {error}\n")

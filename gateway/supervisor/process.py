@@ -13,21 +13,34 @@ from gateway.ipc.folder_problems import problem_of
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note
 from gateway.ipc.place import socket_path
+from gateway.ipc.service_manager import ServiceManager
 from gateway.ipc.state_folder import StateError, make_folder
 from gateway.ipc.state_lock import take_lock
+from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.sights import ignore_broken_leases
 from gateway.supervisor.supervisor import Supervisor
+from gateway.times import NS_PER_S
 
 LOCK_NAME: Final = "supervisor.lock"
+BEATS: Final = 4
+"""In the time after which the service manager loses patience; a model comes every second."""
+LONGEST_PAUSE_S: Final = 2.0
+"""The sentence that the service manager shows is not older."""
 
 
 def run_supervisor(
-    config: Path, state: Path, write: Callable[[Note], None], *, tells_events: bool = False
+    config: Path,
+    state: Path,
+    write: Callable[[Note], None],
+    *,
+    tells_events: bool = False,
+    manager: ServiceManager | None = None,
 ) -> None:
     """Run until SIGTERM or SIGINT; SIGHUP reads configuration and tables anew.
 
     ``tells_events``: what the relay tells of goes into the log too.
     ``write`` writes a note into the log and may block, as in ``relay.run.run_relay``.
+    ``manager`` is the service manager that started this process.
 
     Raises:
         SocketError: the path of the relay's socket is too long.
@@ -40,7 +53,7 @@ def run_supervisor(
         log = LogThread(write)
         supervisor = Supervisor(config, state, log.write, tells_events=tells_events)
         with asyncio.Runner() as runner:
-            runner.run(_with_log(log, supervisor))
+            runner.run(_with_log(log, supervisor, manager or ServiceManager()))
     finally:
         os.close(lock_fd)
 
@@ -64,12 +77,12 @@ def _lock(state: Path) -> int:
         raise StateError(f"gateway.state: {problem_of(error, state)}") from None
 
 
-async def _with_log(log: LogThread, supervisor: Supervisor) -> None:
+async def _with_log(log: LogThread, supervisor: Supervisor, manager: ServiceManager) -> None:
     async with log:
-        await _until_signalled(supervisor)
+        await _until_signalled(supervisor, manager)
 
 
-async def _until_signalled(supervisor: Supervisor) -> None:
+async def _until_signalled(supervisor: Supervisor, manager: ServiceManager) -> None:
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -77,10 +90,41 @@ async def _until_signalled(supervisor: Supervisor) -> None:
     loop.add_signal_handler(RELOADS, supervisor.reload_soon)
     running = asyncio.create_task(supervisor.run())
     stopped = asyncio.create_task(stopping.wait())
+    beating = asyncio.create_task(_beat(supervisor.feeds, manager))
     await asyncio.wait([running, stopped], return_when=asyncio.FIRST_COMPLETED)
-    stopped.cancel()
+    manager.stopping()
+    for task in (stopped, beating):
+        task.cancel()
     if running.done():
         running.result()  # a bug: let it be seen, and let whoever started us start us again
     running.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await running
+
+
+async def _beat(feeds: Feeds, manager: ServiceManager) -> None:
+    """Say when the first model is there; then feed the watchdog as long as newer ones come.
+
+    A loop that turns while nobody hears anything new from it is no good to anybody.
+    """
+    with feeds.open() as feed:
+        await feed.next()
+    manager.ready(_summary(feeds))
+    every_s = min(manager.watchdog_ns / NS_PER_S / BEATS or LONGEST_PAUSE_S, LONGEST_PAUSE_S)
+    shown = None
+    while manager.is_there:
+        if feeds.model is not shown:
+            shown = feeds.model
+            if manager.watchdog_ns:
+                manager.alive(_summary(feeds))
+            else:
+                manager.say(_summary(feeds))
+        await asyncio.sleep(every_s)
+
+
+def _summary(feeds: Feeds) -> str:
+    model = feeds.model or {}
+    relay = model.get("gateway", {}).get("relay", "down")
+    troubles = model.get("troubles", ())
+    what = "".join(f"; {trouble['where']}: {trouble['what']}" for trouble in troubles[:1])
+    return f"the relay is {relay}{what}"

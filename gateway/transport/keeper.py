@@ -56,6 +56,11 @@ class Keeper:
         """Why the last attempt failed; empty while the channel is open."""
         self.opens = 0
 
+    @property
+    def is_running(self) -> bool:
+        """Whether the channel is looked after; from :meth:`start` to :meth:`stop`."""
+        return self._task is not None and not self._task.done()
+
     def start(self, lost: "asyncio.Future[None] | None" = None) -> None:
         """Begin; with ``lost``, of a channel that was opened already."""
         self._task = asyncio.create_task(self._run(lost))

@@ -13,11 +13,13 @@ import termios
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import serial
 
 from gateway.times import NS_PER_S
+from gateway.transport.adopting import KeptSerial
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError, TransportError
@@ -155,6 +157,12 @@ class SerialPort:
         self._channel: SerialChannel | None = None
         self.notes: tuple[str, ...] = ()
         """What the port does not have of what was asked for."""
+        self.kept: int | None = None
+        """A descriptor of the port that is open already: the first opening takes it."""
+        self.on_open: Callable[[int], None] = _keep_nothing
+        """Gets the descriptor of each opening, before the first byte."""
+        self.on_lost: Callable[[], None] = _drop_nothing
+        """Called when the port was lost; not when it is closed."""
 
     @property
     def latency(self) -> dict[str, object] | None:
@@ -165,6 +173,11 @@ class SerialPort:
     def is_open(self) -> bool:
         """Whether the port is open now."""
         return self._channel is not None and not self._channel.lost.done()
+
+    @property
+    def is_kept_up(self) -> bool:
+        """Whether somebody still looks after it: only a bug of ours ends that."""
+        return self._keeper.is_running
 
     @property
     def failure(self) -> str:
@@ -192,6 +205,7 @@ class SerialPort:
     async def close(self) -> None:
         """Close and try no more."""
         await self._keeper.stop()
+        self.on_lost = _drop_nothing
         if self._channel is not None:
             await self._channel.drained()
             self._channel.close()
@@ -203,10 +217,13 @@ class SerialPort:
 
     def _open(self) -> "asyncio.Future[None]":
         self._channel = None
-        port, opened = open_port(self._endpoint)
+        kept, self.kept = self.kept, None
+        port, opened = open_port(self._endpoint, kept)
         self.notes, self._settings = (*opened.notes, *opened.slow), opened.settings
         self._say_slow(opened.slow)
         self._channel = SerialChannel(port, self._endpoint, self._receiver)
+        self.on_open(port.fileno())
+        self._channel.lost.add_done_callback(lambda _: self.on_lost())
         self._channel.begin()
         return self._channel.lost
 
@@ -237,10 +254,11 @@ def character_ns(endpoint: SerialEndpoint) -> int:
     return endpoint.bits_per_character * NS_PER_S // endpoint.baudrate
 
 
-def open_port(endpoint: SerialEndpoint) -> tuple[serial.Serial, Opened]:
+def open_port(endpoint: SerialEndpoint, kept: int | None = None) -> tuple[serial.Serial, Opened]:
     """Open and configure a port: raw, exclusive, non-blocking, low latency where it can and is wanted.
 
-    Returns the port and what it turned out to be.
+    With ``kept``, a descriptor of it that is open already, that one is configured anew and emptied. Returns
+    the port and what it turned out to be.
 
     Raises:
         AbsentError: no such device now.
@@ -248,7 +266,7 @@ def open_port(endpoint: SerialEndpoint) -> tuple[serial.Serial, Opened]:
     """
     notes: list[str] = []
     try:
-        port = _configured(endpoint, notes)
+        port = _configured(endpoint, notes, kept)
     except (OSError, termios.error, ValueError) as error:
         raise _why_not_opened(endpoint, error) from error
     try:
@@ -258,13 +276,14 @@ def open_port(endpoint: SerialEndpoint) -> tuple[serial.Serial, Opened]:
         raise _why_not_opened(endpoint, error) from error
 
 
-def _configured(endpoint: SerialEndpoint, notes: list[str]) -> serial.Serial:
+def _configured(endpoint: SerialEndpoint, notes: list[str], kept: int | None) -> serial.Serial:
     bits, parity = endpoint.data_bits, endpoint.parity
     if (parity != "N" or bits != serial.EIGHTBITS) and _is_pty_path(endpoint.device):
         # The kernel drops both on pseudo terminals, and glibc's tcsetattr then fails with EINVAL.
         notes.append("a pseudo terminal has no parity: runs as 8N")
         bits, parity = serial.EIGHTBITS, serial.PARITY_NONE
-    return serial.Serial(
+    make = serial.Serial if kept is None else partial(KeptSerial, kept)
+    return make(
         port=endpoint.device,
         baudrate=endpoint.baudrate,
         bytesize=bits,
@@ -288,6 +307,14 @@ def _finish(handle: int, endpoint: SerialEndpoint, notes: list[str]) -> Opened:
     if endpoint.low_latency and (note := flag_note(settings)):
         notes.append(note)
     return Opened(tuple(notes), settings, slow)
+
+
+def _keep_nothing(_descriptor: int) -> None:
+    pass
+
+
+def _drop_nothing() -> None:
+    pass
 
 
 def _is_pty(handle: int) -> bool:

@@ -11,6 +11,7 @@ import socket
 import time
 from collections.abc import Callable, Iterable
 from enum import Enum
+from functools import partial
 from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address
 from typing import Final, cast
 
@@ -156,37 +157,42 @@ class TcpListener:
         self._allow = tuple(allow)
         self._make_receiver = make_receiver
         self._on_refused = on_refused
-        self._server: asyncio.Server | None = None
+        self._servers: list[asyncio.Server] = []
         self._channels: set[TcpChannel] = set()
         self.refused = 0
+        self.accepted = 0
+        """All that were let in or refused."""
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
         """Where it really listens: with the port that the system chose where 0 was asked for."""
-        if self._server is None:
-            return ()
-        names = [listening.getsockname() for listening in self._server.sockets]
+        names = [listening.getsockname() for listening in self.sockets]
         return tuple(TcpEndpoint(name[0], name[1], self._endpoint.rtu) for name in names)
+
+    @property
+    def sockets(self) -> list[socket.socket]:
+        """What it listens with; none before it is opened."""
+        return [listening for server in self._servers for listening in server.sockets]
 
     @property
     def peers(self) -> list[str]:
         """Addresses of those that are connected."""
         return sorted(channel.peer for channel in self._channels)
 
-    async def open(self) -> None:
-        """Listen.
+    async def open(self, kept: Iterable[socket.socket] = ()) -> None:
+        """Listen; with ``kept``, sockets that listen already, with these alone.
 
         Raises:
             RefusedError: port in use, no permission, no such address; with the remedy.
         """
-        loop = asyncio.get_running_loop()
+        listen = partial(
+            asyncio.get_running_loop().create_server, lambda: _AcceptedChannel(self, self._make_receiver())
+        )
         try:
-            self._server = await loop.create_server(
-                lambda: _AcceptedChannel(self, self._make_receiver()),
-                self._endpoint.host,
-                self._endpoint.port,
-                reuse_address=True,
-            )
+            self._servers = [await listen(sock=each) for each in kept]
+            if not self._servers:
+                where = self._endpoint
+                self._servers = [await listen(where.host, where.port, reuse_address=True)]
         except OSError as error:
             raise RefusedError(_why_not_listening(self._endpoint, error)) from error
 
@@ -194,8 +200,8 @@ class TcpListener:
         """Take no more connections; those that are open stay."""
         if self._sweeping is not None:
             self._sweeping.cancel()
-        if self._server is not None:
-            self._server.close()
+        for server in self._servers:
+            server.close()
 
     async def close(self) -> None:
         """Close everything after what was written has left (within a second, else at once)."""
@@ -207,11 +213,12 @@ class TcpListener:
             await asyncio.wait(lost, timeout=1.0)
         for channel in tuple(self._channels):
             channel.abort()
-        if self._server is not None:
-            await self._server.wait_closed()
+        for server in self._servers:
+            await server.wait_closed()
 
     def admit(self, channel: _AcceptedChannel) -> bool:
         """Whether a new connection is let in."""
+        self.accepted += 1
         # Who may not connect at all learns nothing about how many do.
         if not self._is_allowed(channel.host):
             return self._refuse(channel.host, Refusal.NOT_ALLOWED)
@@ -271,6 +278,11 @@ class TcpConnector:
     def is_open(self) -> bool:
         """Whether there is a connection now."""
         return self._channel is not None and not self._channel.lost.done()
+
+    @property
+    def is_kept_up(self) -> bool:
+        """Whether somebody still looks after it: only a bug of ours ends that."""
+        return self._keeper.is_running
 
     @property
     def failure(self) -> str:

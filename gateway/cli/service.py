@@ -1,0 +1,93 @@
+"""``pitch-gateway service CONFIG``."""
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+
+from gateway.cli.arguments import Config
+from gateway.cli.configuration import load_or_exit
+
+DROP_IN: Final = "configuration.conf"
+READABLE: Final = 0o644
+
+
+def service(
+    config: Config,
+    *,
+    systemd: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Write the drop-ins below DIR, as /etc/systemd/system; else they are shown."
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Fit the units of systemd to a configuration: narrower where it can be, wider where it must be.
+
+    For each unit one drop-in: the addresses that it speaks with (IPAddressAllow), the kinds of serial ports
+    that are named (DeviceAllow), the capability for ports below 1024, what [relay] asks for, and the secrets
+    that are called credential:NAME (LoadCredential). What is left open has its reason beside it. Run it again
+    when the configuration has changed; a file that fits already is not touched.
+
+    Exit code 0 when all is written or shown; 1 when CONFIG is bad, or a file cannot be written.
+
+    Examples:
+        pitch-gateway service gateway.toml
+
+        pitch-gateway service gateway.toml --systemd /etc/systemd/system && systemctl daemon-reload
+    """
+    from gateway.config.secret_files import CREDENTIALS_FOLDER
+    from gateway.config.service_units import SECRETS, drop_ins
+
+    # No service manager has handed anything over to a command: the secrets are where it will take them from.
+    os.environ.setdefault(CREDENTIALS_FOLDER, SECRETS)
+    texts = drop_ins(load_or_exit(config, checks_times=False))
+    written = {} if systemd is None else write_drop_ins(systemd, texts)
+    if as_json:
+        _say_json(texts, written)
+    elif systemd is None:
+        for unit, text in texts.items():
+            typer.echo(f"# {unit}.d/{DROP_IN}\n{text}")
+    else:
+        say_written(written)
+
+
+def write_drop_ins(folder: Path, texts: dict[str, str]) -> dict[Path, bool]:
+    """Write the drop-in of each unit; returns the files, each with whether it has changed. Exits with 1."""
+    from gateway.ipc.state_folder import write_whole
+
+    written: dict[Path, bool] = {}
+    for unit, text in texts.items():
+        path = folder / f"{unit}.d" / DROP_IN
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            written[path] = not path.exists() or path.read_text(encoding="utf-8") != text
+            if written[path]:
+                write_whole(path, text.encode())
+                path.chmod(READABLE)
+        except OSError as error:
+            why = error.strerror or error
+            typer.echo(
+                f"{path} cannot be written ({why}); run this as root, or name another --systemd", err=True
+            )
+            raise typer.Exit(1) from None
+    return written
+
+
+def say_written(written: dict[Path, bool]) -> None:
+    """Tell what was written, and what makes it count."""
+    for path, is_new in written.items():
+        typer.echo(f"{path}: {'written' if is_new else 'fits already'}")
+    if any(written.values()):
+        typer.echo("it counts after: systemctl daemon-reload && systemctl restart pitch-gateway.target")
+
+
+def _say_json(texts: dict[str, str], written: dict[Path, bool]) -> None:
+    result: dict[str, Any] = {
+        "drop_ins": texts,
+        "files": [{"file": str(path), "changed": is_new} for path, is_new in written.items()],
+    }
+    typer.echo(json.dumps(result, indent=2, ensure_ascii=False))

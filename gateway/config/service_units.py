@@ -1,0 +1,193 @@
+"""What the units of systemd may be narrowed to, or have to be given, for one configuration.
+
+Each unit gets one drop-in (systemd.unit(5)). What cannot be narrowed is left open, with its reason.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.config.load import Loaded
+from gateway.config.secret_files import CREDENTIAL
+from gateway.ipc.plan import GatewayPlan, RelayOptions
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+
+RELAY_UNIT: Final = "pitch-gateway-relay.service"
+SUPERVISOR_UNIT: Final = "pitch-gateway-supervisor.service"
+SECRETS: Final = "/etc/pitch-gateway/secrets"
+FIRST_FREE_PORT: Final = 1024
+"""Ports below need a capability (ip(7))."""
+LOOPBACK: Final = "localhost"
+"""systemd's word for 127.0.0.0/8 and ::1 (systemd.resource-control(5)), and everybody's for a host."""
+KINDS: Final = ("ttyUSB", "ttyACM", "ttyAMA", "ttymxc", "ttyS")
+"""Names that drivers of serial ports give, as the units have them; none begins another."""
+ADAPTERS: Final = ("ttyUSB", "ttyACM")
+"""What a name under /dev/serial may lead to."""
+OWN_NAMESPACE: Final = (
+    "# In a user namespace of its own neither a capability nor a limit that is raised would count.",
+    "PrivateUsers=no",
+)
+
+
+@dataclass(slots=True)
+class Addresses:
+    """With whom a process speaks; ``open_because`` says why that is not all that can be known."""
+
+    allowed: list[str] = field(default_factory=lambda: [LOOPBACK])
+    open_because: list[str] = field(default_factory=list)
+
+    def peer(self, host: str, who: str) -> None:
+        """Note an address that is connected to."""
+        if host == LOOPBACK:
+            return
+        try:
+            address = ip_address(host)
+        except ValueError:
+            self.open_because.append(f"{who} is a host name, {host}, which systemd takes for no address")
+            return
+        if not address.is_loopback:
+            self.allowed.append(str(address))
+
+    def listener(self, host: str, networks: Iterable[object], who: str) -> None:
+        """Note an address that is listened on, for some networks or for all."""
+        named = [str(network) for network in networks]
+        self.allowed += named
+        if not named and not _is_loopback(host):
+            self.open_because.append(f"{who} may come from anywhere")
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of the drop-in."""
+        if self.open_because:
+            yield "# IPAddressDeny= is left open:"
+            yield from (f"#   {reason}" for reason in self.open_because)
+            return
+        yield "IPAddressDeny=any"
+        yield f"IPAddressAllow={' '.join(dict.fromkeys(self.allowed))}"
+
+
+def drop_ins(loaded: Loaded) -> dict[str, str]:
+    """Return the drop-in of each unit, by the name of the unit."""
+    secrets = list(_credentials(loaded.document.tables))
+    return {
+        RELAY_UNIT: _text(loaded.path, [*_relay_lines(loaded.plan), *_secret_lines(secrets)]),
+        SUPERVISOR_UNIT: _text(loaded.path, [*_supervisor_lines(loaded), *_secret_lines(secrets)]),
+    }
+
+
+def _text(config: Path, lines: Iterable[str]) -> str:
+    head = f"# Made from {config.name} by `pitch-gateway service`: make it again when that has changed."
+    return "\n".join((head, "[Service]", *lines, ""))
+
+
+def _relay_lines(plan: GatewayPlan) -> Iterator[str]:
+    addresses = Addresses()
+    ports: list[int] = []
+    devices: list[str] = []
+    for line in plan.lines:
+        if isinstance(line.drives, TcpEndpoint):
+            addresses.peer(line.drives.host, f"the drives of line {line.name}: their address")
+        else:
+            devices.append(line.drives.device)
+        for link in line.controllers:
+            if isinstance(link.endpoint, SerialEndpoint):
+                devices.append(link.endpoint.device)
+                continue
+            ports.append(link.endpoint.port)
+            who = f"controller {link.plan.name} of line {line.name} has no `allow`: it"
+            addresses.listener(link.endpoint.host, link.allow, who)
+    yield from addresses.lines()
+    yield from _device_lines(devices)
+    yield from _port_lines(ports)
+    yield from _realtime_lines(plan.relay)
+    if _low(ports) or plan.relay != RelayOptions():
+        yield from OWN_NAMESPACE
+
+
+def _supervisor_lines(loaded: Loaded) -> Iterator[str]:
+    addresses = Addresses()
+    page = loaded.sections.http.endpoint
+    if page is not None:
+        addresses.listener(page.host, (), "who looks at the page")
+    if loaded.sections.mqtt is not None:
+        addresses.peer(loaded.sections.mqtt.host, "[mqtt] host")
+    yield from addresses.lines()
+    ports = [] if page is None else [page.port]
+    yield from _port_lines(ports)
+    if _low(ports):
+        yield from OWN_NAMESPACE
+
+
+def _device_lines(devices: Iterable[str]) -> Iterator[str]:
+    """Allow the kinds of the ports that are named, not the ports: an adapter may be plugged in later."""
+    kinds: dict[str, None] = {}
+    for device in devices:
+        found = _kinds_of(device)
+        if not found:
+            yield f"# DeviceAllow= is left as it is: of what kind {device} is, its name does not say"
+            return
+        kinds |= dict.fromkeys(found)
+    yield "DeviceAllow="
+    yield from (f"DeviceAllow=char-{kind} rw" for kind in kinds)
+    if not kinds:
+        yield "PrivateDevices=yes"
+
+
+def _kinds_of(device: str) -> tuple[str, ...]:
+    path = Path(device)
+    if path.is_relative_to("/dev/serial"):
+        return ADAPTERS
+    name = path.resolve().name  # a link of udev's, where it is there
+    return tuple(kind for kind in KINDS if name.startswith(kind) and name[len(kind) :].isdecimal())
+
+
+def _port_lines(ports: Iterable[int]) -> Iterator[str]:
+    low = _low(ports)
+    if low:
+        yield f"# Ports below {FIRST_FREE_PORT}: {', '.join(map(str, low))}."
+        yield "CapabilityBoundingSet=CAP_NET_BIND_SERVICE"
+        yield "AmbientCapabilities=CAP_NET_BIND_SERVICE"
+
+
+def _low(ports: Iterable[int]) -> list[int]:
+    return sorted(port for port in ports if 0 < port < FIRST_FREE_PORT)
+
+
+def _realtime_lines(options: RelayOptions) -> Iterator[str]:
+    if options == RelayOptions():
+        return
+    yield "# What [relay] asks for, the relay asks the system for when everything is loaded."
+    if options.fifo:
+        yield "RestrictRealtime=no"
+        yield f"LimitRTPRIO={options.fifo}"
+    if options.lock_memory:
+        yield "LimitMEMLOCK=infinity"
+    yield "SystemCallFilter=sched_setscheduler sched_setaffinity setrlimit"
+
+
+def _secret_lines(names: Iterable[str]) -> Iterator[str]:
+    """Hand secrets over to both: the relay's ExecStartPre checks the whole configuration."""
+    yield from (f"LoadCredential={name}:{SECRETS}/{name}" for name in names)
+
+
+def _credentials(value: Any) -> Iterator[str]:
+    """Yield the names of the credentials in a document, each once."""
+    found: dict[str, None] = {}
+    waiting = [value]
+    while waiting:
+        each = waiting.pop(0)
+        if isinstance(each, Mapping):
+            waiting += each.values()
+        elif isinstance(each, list | tuple):
+            waiting += each
+        elif isinstance(each, str) and each.startswith(CREDENTIAL):
+            found[each.removeprefix(CREDENTIAL)] = None
+    yield from found
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == LOOPBACK or ip_address(host).is_loopback
+    except ValueError:
+        return False
