@@ -115,7 +115,11 @@ def parameters(command: Any) -> list[str]:
     for each in options:
         names = ", ".join((*each.opts, *each.secondary_opts))
         value = "" if each.is_flag else f" {each.metavar or each.name.upper().replace('_', '-')}"
-        lines += [".TP", f'.BR "{escaped(names)}"' + (f' "{escaped(value)}"' if value else ""), described(each)]
+        lines += [
+            ".TP",
+            f'.BR "{escaped(names)}"' + (f' "{escaped(value)}"' if value else ""),
+            described(each),
+        ]
     return [*lines, ".TP", '.BR "\\-h, \\-\\-help"', "Show the help and exit."]
 
 
