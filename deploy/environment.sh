@@ -86,8 +86,10 @@ compile_all() {
 share() {
     local to="$folder/share/pitch-gateway" from
     mkdir -p "$to"
-    for from in systemd sysusers.d tmpfiles.d deploy/udev; do
-        [ ! -d "$source_folder/$from" ] || cp -r "$source_folder/$from" "$to/"
+    for from in systemd systemd/sysusers.d systemd/tmpfiles.d deploy/udev; do
+        [ -d "$source_folder/$from" ] || continue
+        mkdir "$to/$(basename "$from")"
+        find "$source_folder/$from" -maxdepth 1 -type f -exec cp -t "$to/$(basename "$from")" {} +
     done
     if [ -z "$is_bare" ]; then
         "$folder/bin/python3" "$source_folder/tools/man_pages.py" "$to/man"

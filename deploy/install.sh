@@ -138,7 +138,7 @@ digest_of_checkout() {
     (
         cd "$from"
         local part parts=()
-        for part in gateway deploy systemd sysusers.d tmpfiles.d tools pyproject.toml; do
+        for part in gateway deploy systemd tools pyproject.toml; do
             [ ! -e $part ] || parts+=("$part")
         done
         find "${parts[@]}" -type f ! -path '*/__pycache__/*' ! -name '*.so' -print0 | LC_ALL=C sort -z \

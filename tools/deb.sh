@@ -25,7 +25,7 @@ version=$(sed -n 's/^__version__ = "\(.*\)"$/\1/p' gateway/__init__.py)
 tree=build/deb/pitch-gateway-$version
 rm -rf build/deb
 mkdir -p "$tree" dist
-for part in gateway deploy docs systemd sysusers.d tmpfiles.d tools pyproject.toml README.md LICENSE; do
+for part in gateway deploy docs systemd tools pyproject.toml README.md LICENSE; do
     [ ! -e "$part" ] || cp -r "$part" "$tree/"
 done
 find "$tree" -name __pycache__ -prune -exec rm -rf {} +
