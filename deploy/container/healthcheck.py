@@ -1,4 +1,4 @@
-"""HEALTHCHECK of the container: asks ``/healthz`` on the supervisor's socket; exit code 0 when all is well."""
+"""HEALTHCHECK of the container: asks ``/healthz`` on the supervisor's socket; exit code 0: all is well."""
 
 import http.client
 import socket
