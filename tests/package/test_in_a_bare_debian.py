@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,13 @@ def what_stays(debian: BareDebian, before: dict[str, str]) -> set[str]:
 
 def only_own(paths: set[str]) -> bool:
     return all(path.startswith(OWN) for path in paths)
+
+
+@pytest.mark.skipif(shutil.which("lintian") is None, reason="lintian is not there (Debian: lintian)")
+def test_lintian_finds_nothing(package: Path) -> None:
+    command = ["lintian", "--allow-root", "--fail-on", "error,warning", str(package)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "")
 
 
 def test_the_package_comes_works_and_goes(debian: BareDebian, package: Path) -> None:
