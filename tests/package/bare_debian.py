@@ -98,6 +98,7 @@ class BareDebian:
         folder.mkdir(parents=True)
         run(["tar", "--extract", "--file", str(SEED), "--directory", str(folder), "--exclude=./dev/*"])
         (folder / "dev").mkdir(exist_ok=True)
+        (folder / "opt" / "of-others").mkdir(parents=True)  # dpkg takes a folder away that is empty then
 
     def does(self, command: str, expected: int = 0) -> str:
         """Run a line of shell in it, as root; returns what it said on either stream."""

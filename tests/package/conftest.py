@@ -1,5 +1,6 @@
 """What the tests of the packages share; each part is made once."""
 
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,9 +18,11 @@ def wheel() -> Path:
 
 @pytest.fixture(scope="session")
 def package(wheel: Path) -> Path:
-    """The package, as ``make deb`` builds it, but without the network."""
+    """The package, as ``make deb`` builds it, but without the network; or the one that PACKAGE names."""
     if why := bare_debian.why_not():
         pytest.skip(why)
+    if named := os.environ.get("PACKAGE"):
+        return Path(named)
     run([str(ROOT / "tools" / "deb.sh")], FIND_LINKS=str(WHEELS), WHEEL=str(wheel))
     (found,) = (ROOT / "dist").glob("pitch-gateway_*.deb")
     return found

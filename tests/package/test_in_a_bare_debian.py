@@ -83,7 +83,7 @@ def test_lintian_finds_nothing(package: Path) -> None:
 def test_the_package_comes_works_and_goes(debian: BareDebian, package: Path) -> None:
     before = dict(debian.tree())
     debian.copy_in(package, "tmp/pitch-gateway.deb")
-    debian.does("apt-get install -y --no-download /tmp/pitch-gateway.deb")
+    debian.does("apt-get install -y /tmp/pitch-gateway.deb")
     # It starts nothing by itself.
     assert "disabled" in debian.does(
         "systemctl --root=/ is-enabled pitch-gateway.target || true"
@@ -178,9 +178,9 @@ def test_each_way_of_installing_refuses_the_other(debian: BareDebian, package: P
     for part in ("gateway", "deploy", "tools", "pyproject.toml"):
         debian.copy_in(ROOT / part, f"src/{part}")
     debian.does("ln -s pitch-gateway.releases/x /opt/pitch-gateway")
-    said = debian.does("apt-get install -y --no-download /tmp/pitch-gateway.deb", expected=100)
+    said = debian.does("apt-get install -y /tmp/pitch-gateway.deb", expected=100)
     assert "run deploy/install.sh uninstall first" in said
-    debian.does("rm /opt/pitch-gateway && apt-get install -y --no-download /tmp/pitch-gateway.deb")
+    debian.does("rm /opt/pitch-gateway && apt-get install -y /tmp/pitch-gateway.deb")
     said = debian.does("/src/deploy/install.sh install", expected=1)
     assert "apt remove pitch-gateway first" in said
 
