@@ -57,7 +57,7 @@ def configure(debian: BareDebian) -> None:
     """What a person adds, and what a first start leaves."""
     debian.write("etc/pitch-gateway/gateway.toml", CONFIG)
     debian.write("etc/pitch-gateway/tables/x.tab", TABLE)
-    debian.does("chmod -R a+rX /etc/pitch-gateway")
+    debian.does("chgrp pitch-gateway /etc/pitch-gateway/gateway.toml /etc/pitch-gateway/tables/x.tab")
     debian.does(f"{AS_USER} pitch-gateway check --compile /etc/pitch-gateway/gateway.toml")
     assert (debian.folder / "var/lib/pitch-gateway/plan.msgpack").exists()
 
