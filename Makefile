@@ -4,7 +4,7 @@ BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled check soak bench bench-quick pictures docs fmt clean
+.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick pictures docs fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -26,6 +26,16 @@ test-compiled: setup test-programs ## the same tests with the hot path compiled;
 	$(BIN)/python tools/compiled.py build/compiled
 	cp -r bench deploy docs systemd tables tests tools Makefile pyproject.toml *.md build/compiled/
 	cd build/compiled && $(CURDIR)/$(PYTEST) tests
+
+deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
+	@tools/deb.sh
+
+man: setup ## the man pages, into build/man
+	$(BIN)/python tools/man_pages.py build/man
+
+test-package: setup ## the package and the installer in a bare Debian; as root, a few minutes
+	@tools/test_programs.sh package
+	PACKAGE_TESTS=1 $(BIN)/python -m pytest tests/package
 
 check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/ruff format --check .

@@ -1,12 +1,15 @@
 #!/usr/bin/env bash
 # Programs that the tests run for real: systemd's own tools, an MQTT broker, a browser, what makes certificates,
-# and promtool.
+# promtool, and what reads scripts and man pages. With `package` those of `make test-package` too.
 # As root on Debian they are installed where they are missing; anywhere else it is said what is missing.
 set -euo pipefail
 
 PATH="$PATH:/usr/sbin:/sbin"
 missing=()
-for pair in systemd-analyze:systemd mosquitto:mosquitto chromium:chromium openssl:openssl promtool:prometheus; do
+pairs=(systemd-analyze:systemd mosquitto:mosquitto chromium:chromium openssl:openssl
+    promtool:prometheus shellcheck:shellcheck mandoc:mandoc)
+[ "${1:-}" != package ] || pairs+=(mmdebstrap:mmdebstrap lintian:lintian)
+for pair in "${pairs[@]}"; do
     command -v "${pair%%:*}" >/dev/null || missing+=("${pair##*:}")
 done
 [ "${#missing[@]}" = 0 ] && exit 0

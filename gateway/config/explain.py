@@ -13,6 +13,7 @@ from gateway.config.findings import Findings
 from gateway.config.problems import shown
 from gateway.config.toml_lines import KeyPath
 
+UNKNOWN_KEY: Final = "unknown key"
 _ALLOWED: Final[Mapping[str, str]] = {
     "bool_type": "true or false",
     "dict_type": "a table",
@@ -81,7 +82,7 @@ def _words(root: type[BaseModel], detail: ErrorDetails) -> tuple[str, str]:
     if kind == "missing":
         return f"found {shown(detail['input'])}", f"allowed: a list of {int(place[-1]) + 1} or more"
     if kind == "extra_forbidden":
-        return "unknown key", suggest(str(place[-1]), keys_at(root, place[:-1]))
+        return UNKNOWN_KEY, suggest(str(place[-1]), keys_at(root, place[:-1]))
     found = f"found {shown(detail['input'])}"
     if kind == "value_error":
         return found, str(detail["ctx"]["error"])

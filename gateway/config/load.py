@@ -25,8 +25,9 @@ from gateway.config.check_ways import check_ways
 from gateway.config.document import Document, read_document
 from gateway.config.drive_files import NamedProfile, fit_drives
 from gateway.config.findings import Findings
+from gateway.config.newer_release import with_newer_release
 from gateway.config.not_built import refuse_what_is_not_built
-from gateway.config.problems import Problem, in_file_order
+from gateway.config.problems import ConfigErrors, Problem, in_file_order
 from gateway.config.readings import TableReading, read_tables
 from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable
@@ -96,15 +97,18 @@ def load_document(
         ConfigErrors: everything that is wrong with it, at once.
     """
     findings = Findings(document)
-    sections, drives = _check_but_tables(findings)
-    if not is_elsewhere:
-        check_mqtt(findings, sections.mqtt, document.path.parent)
-        check_http_files(findings, sections.http, document.path.parent)
-        check_permissions(findings, sections, is_start=is_start)
-        check_tls_files(findings, sections, now_utc())
-    return _with_tables(
-        findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables
-    )
+    try:
+        sections, drives = _check_but_tables(findings)
+        if not is_elsewhere:
+            check_mqtt(findings, sections.mqtt, document.path.parent)
+            check_http_files(findings, sections.http, document.path.parent)
+            check_permissions(findings, sections, is_start=is_start)
+            check_tls_files(findings, sections, now_utc())
+        return _with_tables(
+            findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables
+        )
+    except ConfigErrors as errors:
+        raise with_newer_release(errors, document) from None
 
 
 def reread_tables(loaded: Loaded) -> Loaded:

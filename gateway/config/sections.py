@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar
 from pydantic import ValidationError
 
 from gateway.config.axis_model import AxisSection, GroupSection
-from gateway.config.explain import existing, explain, suggest
+from gateway.config.explain import UNKNOWN_KEY, existing, explain, suggest
 from gateway.config.findings import Findings
 from gateway.config.gateway_model import GatewaySection
 from gateway.config.http_model import HttpSection
@@ -68,7 +68,7 @@ def read_sections(findings: Findings) -> Sections:
     sections = Sections(folder=findings.document.path.parent)
     for name in tables:
         if name not in SINGLE and name not in NAMED:
-            findings.refuse((name,), "unknown key", suggest(name, [*SINGLE, *NAMED]))
+            findings.refuse((name,), UNKNOWN_KEY, suggest(name, [*SINGLE, *NAMED]))
     for name, model in SINGLE.items():
         if name in tables:
             section = read_section(findings, model, tables[name], (name,))

@@ -1,8 +1,8 @@
 """The checked configuration in the state folder, as the relay starts from it: no pydantic, no text formats.
 
 ``plan.msgpack`` holds the plan with the digests of the files that it was made from and of its tables; each
-table is a file of its own (see ``compiled_table``). A plan of another release, a damaged one, or one whose
-configuration has changed since is never run.
+table is a file of its own (see ``compiled_table``). A plan of another release (see ``state_version``), a
+damaged one, or one whose configuration has changed since is never run.
 """
 
 import contextlib
@@ -34,9 +34,8 @@ from gateway.ipc.state_folder import (
     table_path,
     write_whole,
 )
+from gateway.ipc.state_version import FORMAT, VERSION, Writer, refuse_newer, upgraded, writer_of
 
-FORMAT: Final = "pitch-gateway plan"
-VERSION: Final = 3
 OTHERS_KEPT: Final = 4
 """Tables of no axis that stay in the state folder all the same."""
 
@@ -52,14 +51,6 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sha256: str
     """Of the plan and the configuration; a wrong source shows by itself."""
     plan: bytes
-
-
-class _AnyFile(msgspec.Struct):
-    """As much of the file as every version has."""
-
-    format: str = ""
-    version: int = 0
-    gateway_version: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +87,9 @@ def write_plan(
 
     Raises:
         OSError: the folder or a file cannot be written; what was there can still be run.
+        StateError: a newer release wrote into the folder; nothing is changed.
     """
+    refuse_newer(state, writer_of(state))
     plan = in_force(plan)
     axes = [axis for line in plan.lines for axis in line.axes if axis.table is not None]
     tables = {axis.name: compiled(axis.table) for axis in axes if axis.table is not None}
@@ -124,6 +117,12 @@ def read_plan(state: Path, config: Path) -> CompiledPlan:
     remedy = f"run: pitch-gateway check --compile {config}"
     path = state / PLAN_NAME
     file = _read_file(path, remedy)
+    if (file.version, file.gateway_version) != (VERSION, gateway.__version__):
+        versions = f" (state versions {file.version} and {VERSION})" if file.version != VERSION else ""
+        raise StateError(
+            f"{path} was made by release {file.gateway_version}, and this is release "
+            f"{gateway.__version__}{versions}; {remedy}"
+        )
     _check_sources(file.sources, config, path, remedy)
     return _compiled_plan(state, file, remedy)
 
@@ -131,7 +130,8 @@ def read_plan(state: Path, config: Path) -> CompiledPlan:
 def last_plan(state: Path) -> CompiledPlan | None:
     """Return the plan that was compiled last, whatever has changed since; None where none can be read.
 
-    For what may still be good of it: a file of a table that is bad now was good then.
+    For what may still be good of it: a file of a table that is bad now was good then. One of an older release
+    is taken over.
     """
     with contextlib.suppress(StateError):
         return _compiled_plan(state, _read_file(state / PLAN_NAME, ""), "")
@@ -144,7 +144,7 @@ def _compiled_plan(state: Path, file: _File, remedy: str) -> CompiledPlan:
         raise StateError(f"{path} is damaged: its digest is another; {remedy}")
     reader = PlainReader(GatewayPlan, lambda digest: _read_table(state, str(digest), remedy))
     try:
-        plan = reader.read(msgspec.msgpack.decode(file.plan))
+        plan = reader.read(upgraded(file.version, msgspec.msgpack.decode(file.plan)))
     except (msgspec.MsgspecError, WrongDataError) as error:
         raise StateError(f"{path} is not understood: {error}; {remedy}") from None
     if not isinstance(plan, GatewayPlan):
@@ -202,14 +202,10 @@ def _read_file(path: Path, remedy: str) -> _File:
     except FileRefusedError as error:
         raise StateError(f"{path}: {error.found}; {remedy}") from None
     try:
-        found = msgspec.msgpack.decode(content, type=_AnyFile)
+        found = msgspec.msgpack.decode(content, type=Writer)
         if found.format != FORMAT:
             raise StateError(f"{path} is no compiled configuration; {remedy}")
-        if (found.version, found.gateway_version) != (VERSION, gateway.__version__):
-            raise StateError(
-                f"{path} was made by release {found.gateway_version}, and this is release "
-                f"{gateway.__version__}; {remedy}"
-            )
+        refuse_newer(path.parent, found)
         return msgspec.msgpack.decode(content, type=_File)
     except msgspec.MsgspecError as error:
         raise StateError(f"{path} is damaged: {error}; {remedy}") from None

@@ -1,0 +1,30 @@
+"""Keys that only a newer release knows, after a way back to an older one."""
+
+from dataclasses import replace
+
+from gateway.config.document import Document
+from gateway.config.explain import UNKNOWN_KEY
+from gateway.config.problems import ConfigErrors, Problem
+from gateway.ipc.state_folder import DEFAULT_STATE
+from gateway.ipc.state_version import newer_release
+
+
+def with_newer_release(errors: ConfigErrors, document: Document) -> ConfigErrors:
+    """Return the same errors; unknown keys say so where a newer release compiled this configuration."""
+    if not any(problem.found == UNKNOWN_KEY for problem in errors.problems):
+        return errors
+    section = document.tables.get("gateway", {})
+    named = section.get("state", DEFAULT_STATE) if isinstance(section, dict) else DEFAULT_STATE
+    if not isinstance(named, str) or not named or "\0" in named:
+        return errors
+    release = newer_release(document.path.parent / named)
+    if not release:
+        return errors
+    return ConfigErrors([_told(each, release) for each in errors.problems], errors.warnings)
+
+
+def _told(problem: Problem, release: str) -> Problem:
+    if problem.found != UNKNOWN_KEY:
+        return problem
+    hint = f"or a key of release {release}, which ran here before: install that again, or take the key out"
+    return replace(problem, remedy=f"{problem.remedy}; {hint}")

@@ -1,0 +1,100 @@
+"""Which release wrote a state folder, and whether this one may use it (docs/upgrade.md).
+
+The version in ``plan.msgpack`` stands for everything in the folder: the plan, the compiled tables and the
+records of the axes. Whoever changes the layout of one of them raises it. What an older release wrote is taken
+over, what a newer one wrote is never touched.
+"""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+import gateway
+from gateway.files import FileRefusedError
+from gateway.ipc.state_folder import PLAN_NAME, StateError, read_state
+
+FORMAT: Final = "pitch-gateway plan"
+VERSION: Final = 3
+UPGRADES: Final[Mapping[int, Callable[[Any], Any]]] = {
+    2: lambda plan: (
+        plan
+    ),  # 3 gave controllers rights; none had limits before, which is what a missing field says
+}
+"""By version: the plain data of a plan to what the next version would have written."""
+
+
+class Writer(msgspec.Struct):
+    """As much of ``plan.msgpack`` as every version has: what wrote it."""
+
+    format: str = ""
+    version: int = 0
+    gateway_version: str = ""
+
+
+def writer_of(state: Path) -> Writer | None:
+    """Return what wrote a state folder; None where there is nothing, or nothing that can be understood."""
+    try:
+        found = msgspec.msgpack.decode(read_state(state / PLAN_NAME), type=Writer)
+    except (FileRefusedError, msgspec.MsgspecError):
+        return None
+    return found if found.format == FORMAT else None
+
+
+def refuse_newer(state: Path, writer: Writer | None) -> None:
+    """Do nothing where this release knows the version of a state folder, or an older one.
+
+    A newer version of a release that is not newer is a damaged file, or a build between two releases: such a
+    plan is not run either, and compiled anew.
+
+    Raises:
+        StateError: a newer one; with both ways out.
+    """
+    if writer is None or writer.version <= VERSION or not _is_newer(writer.gateway_version):
+        return
+    raise StateError(
+        f"{state} was written by a newer release, {writer.gateway_version} (state version {writer.version}; "
+        f"this is release {gateway.__version__}, which knows versions up to {VERSION}): install that release "
+        f"again, or stop the gateway and move {state} away: the axes then start without what they remember"
+    )
+
+
+def upgraded(version: int, plan: Any) -> Any:
+    """Return the plain data of a plan of an older version as this one would have written it.
+
+    Raises:
+        StateError: nothing leads from that version to this one.
+    """
+    if version > VERSION:
+        raise StateError(f"state version {version} is newer than {VERSION}")
+    for each in range(version, VERSION):
+        if each not in UPGRADES:
+            raise StateError(f"state version {version} is too old to be taken over")
+        plan = UPGRADES[each](plan)
+    return plan
+
+
+def newer_release(state: Path) -> str:
+    """Return the release that wrote a state folder where it is newer than this one, "" where it is not.
+
+    A release may be newer and write the same state version.
+    """
+    writer = writer_of(state)
+    if writer is None:
+        return ""
+    return writer.gateway_version if _is_newer(writer.gateway_version) else ""
+
+
+def _is_newer(release: str) -> bool:
+    return _numbers(release) > _numbers(gateway.__version__)
+
+
+def _numbers(release: str) -> tuple[int, ...]:
+    """Return what releases are compared by; whatever is no release is the oldest.
+
+    >>> _numbers("0.10.2") > _numbers("0.9.0"), _numbers("unknown")
+    (True, ())
+    """
+    parts = release.split(".")
+    return tuple(map(int, parts)) if all(part.isdecimal() for part in parts) else ()

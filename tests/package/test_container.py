@@ -1,0 +1,133 @@
+"""Image and compose file: whole, and as closed as they say. No container engine is needed."""
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+ROOT = DEPLOY.parent
+FILES = ("compose.yaml", "compose.serial.yaml")
+
+
+@pytest.fixture(scope="module")
+def compose() -> dict[str, Any]:
+    found: dict[str, Any] = yaml.safe_load((DEPLOY / "compose.yaml").read_text())
+    return found
+
+
+def stages() -> list[list[tuple[str, str]]]:
+    """The instructions of each stage of the Dockerfile."""
+    text = re.sub(r"^#.*\n", "", (DEPLOY / "Dockerfile").read_text(), flags=re.MULTILINE).replace("\\\n", " ")
+    found: list[list[tuple[str, str]]] = []
+    for line in filter(None, text.splitlines()):
+        instruction, _, rest = line.strip().partition(" ")
+        if instruction == "FROM":
+            found.append([])
+        found[-1].append((instruction, rest))
+    return found
+
+
+def mounts(service: dict[str, Any]) -> dict[str, str]:
+    """What is mounted from the host, by where it is in the container."""
+    pairs = (volume.split(":") for volume in service.get("volumes", []))
+    return {target: source for source, target, *_ in pairs if source.startswith((".", "/"))}
+
+
+@pytest.mark.parametrize("files", [FILES[:1], FILES])
+def test_compose_itself_takes_the_files(files: tuple[str, ...]) -> None:
+    arguments = [part for name in files for part in ("-f", str(DEPLOY / name))]
+    for command in (["docker", "compose"], ["docker-compose"]):
+        if shutil.which(command[0]) is None:
+            continue
+        if subprocess.run([*command, "version"], capture_output=True, check=False).returncode:
+            continue
+        done = subprocess.run(
+            [*command, *arguments, "config", "-q"], capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, done.stdout) == (0, ""), done.stderr
+        return
+    pytest.skip("no docker compose here (Debian: docker-compose); its files are read by the other tests only")
+
+
+def test_there_is_what_the_issue_names_and_all_of_it_is_closed(compose: dict[str, Any]) -> None:
+    assert set(compose["services"]) == {"network", "gateway", "mosquitto", "prometheus", "grafana"}
+    for name, service in compose["services"].items():
+        assert service["read_only"] is True, name
+        assert service["cap_drop"] == ["ALL"], name
+        assert service["security_opt"] == ["no-new-privileges:true"], name
+        assert "privileged" not in service, name
+        assert "cap_add" not in service, name
+        own = "networks" in service
+        assert own == (name == "network")
+        assert own or service["network_mode"] == "service:network", name
+
+
+def test_only_modbus_and_grafana_leave_the_network(compose: dict[str, Any]) -> None:
+    ports = {name: service["ports"] for name, service in compose["services"].items() if "ports" in service}
+    assert ports == {"network": ["502:1502", "127.0.0.1:3000:3000"]}
+
+
+def test_every_mounted_file_exists_and_every_name_is_declared(compose: dict[str, Any]) -> None:
+    for name, service in compose["services"].items():
+        for volume in service.get("volumes", []):
+            source = volume.split(":")[0]
+            if source.startswith("./"):
+                assert (DEPLOY / source).exists(), volume
+                assert volume.endswith(":ro"), volume
+            elif not source.startswith("/"):
+                assert source in compose["volumes"], (name, volume)
+        for secret in service.get("secrets", []):
+            assert (secret["source"] if isinstance(secret, dict) else secret) in compose["secrets"], name
+
+
+def test_what_the_configurations_name_is_where_they_look(compose: dict[str, Any]) -> None:
+    services = compose["services"]
+    broker = mounts(services["mosquitto"]) | {each["target"]: "" for each in services["mosquitto"]["secrets"]}
+    for key in ("acl_file", "password_file"):
+        (path,) = re.findall(
+            rf"^{key} (.*)$", (DEPLOY / "mosquitto/mosquitto.conf").read_text(), re.MULTILINE
+        )
+        assert path in broker
+    prometheus = yaml.safe_load((DEPLOY / "monitoring/prometheus.yml").read_text())
+    assert {f"/etc/prometheus/{name}" for name in prometheus["rule_files"]} <= set(
+        mounts(services["prometheus"])
+    )
+    assert prometheus["scrape_configs"][0]["static_configs"][0]["targets"] == ["127.0.0.1:8480"]
+    assert "--web.listen-address=127.0.0.1:9090" in services["prometheus"]["command"]
+    provisioning = DEPLOY / "monitoring" / "grafana" / "provisioning"
+    source = yaml.safe_load((provisioning / "datasources" / "pitch-gateway.yml").read_text())
+    assert source["datasources"][0]["url"] == "http://127.0.0.1:9090"
+    boards = yaml.safe_load((provisioning / "dashboards" / "pitch-gateway.yml").read_text())
+    assert boards["providers"][0]["options"]["path"] in mounts(services["grafana"])
+
+
+def test_every_copied_file_exists_and_gets_into_the_build() -> None:
+    ignored = (ROOT / ".dockerignore").read_text().splitlines()
+    assert ignored[0] == "*"
+    let_in = {line.removeprefix("!") for line in ignored if line.startswith("!")}
+    for stage in stages():
+        for instruction, rest in stage:
+            if instruction == "COPY" and not rest.startswith("--from"):
+                for source in rest.split()[:-1]:
+                    assert (ROOT / source).exists(), source
+                    assert source.split("/")[0] in let_in, source
+
+
+def test_the_image_runs_as_a_user_and_checks_its_health() -> None:
+    build, last = stages()
+    assert ("USER", "pitch-gateway") in last
+    told = [instruction for instruction, _ in last]
+    assert told.index("USER") < told.index("ENTRYPOINT")
+    for stage in (build, last):
+        for instruction, rest in stage:
+            assert instruction != "ADD", rest
+    (health,) = [rest for instruction, rest in last if instruction == "HEALTHCHECK"]
+    command = json.loads(health.partition("CMD ")[2])
+    assert command == ["/opt/pitch-gateway/bin/python3", "/opt/pitch-gateway/share/healthcheck.py"]
+    assert dict(last)["ENTRYPOINT"] == '["/opt/pitch-gateway/bin/pitch-gateway"]'
