@@ -20,17 +20,22 @@ def secret_path(name: str, folder: Path) -> Path:
     """Return where a secret is; ``folder`` is that of the configuration file.
 
     Raises:
-        FileRefusedError: a credential, and no service manager has handed any over.
+        FileRefusedError: a credential with a folder in its name, or nobody has handed any over.
     """
     if not name.startswith(CREDENTIAL):
         return folder / name
+    credential = name.removeprefix(CREDENTIAL)
+    if not credential or "/" in credential or credential in {".", ".."}:
+        raise FileRefusedError(
+            f"{name} is no name of a credential", "name it as LoadCredential= does, without a folder"
+        )
     handed_over = os.environ.get(CREDENTIALS_FOLDER)
     if not handed_over:
         raise FileRefusedError(
             f"{name}: no credentials were handed over",
-            f"start it as a service with LoadCredential={name.removeprefix(CREDENTIAL)}:PATH, or give a path",
+            f"start it as a service with LoadCredential={credential}:PATH, or give a path",
         )
-    return Path(handed_over) / name.removeprefix(CREDENTIAL)
+    return Path(handed_over) / credential
 
 
 def refuse_readable_by_others(path: Path) -> None:

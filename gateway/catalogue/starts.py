@@ -49,6 +49,22 @@ STARTS: Final = (
         "stop it first, or give this one a state folder of its own",
     ),
     StartEntry("… is there and is no socket", "a file is called as the socket", "move the file away"),
+    StartEntry(
+        "… was written by a newer release",
+        "the gateway was installed again in an older release",
+        "install the newer one again, or move the state folder away while nothing runs: the axes then start "
+        "without what they remember",
+    ),
+    StartEntry(
+        "state version … is newer than …",
+        "the compiled configuration was written by a newer release",
+        f"{_COMPILE}",
+    ),
+    StartEntry(
+        "state version … is too old to be taken over",
+        "the compiled configuration was written by a release from before 0.1",
+        f"{_COMPILE}",
+    ),
     StartEntry("… has … bytes, and the path of a socket", "a deep state folder", "choose a shorter path"),
     StartEntry("… is a link to …", "the state folder is a link that leads nowhere", _ANOTHER_FOLDER),
     StartEntry("… is …, and no folder", "a file is in place of the state folder", _ANOTHER_FOLDER),

@@ -39,8 +39,8 @@ def service(
 
         pitch-gateway service gateway.toml --systemd /etc/systemd/system && systemctl daemon-reload
     """
-    from gateway.config.secret_files import CREDENTIALS_FOLDER
     from gateway.config.service_units import SECRETS, drop_ins
+    from gateway.secret_files import CREDENTIALS_FOLDER
 
     # No service manager has handed anything over to a command: the secrets are where it will take them from.
     os.environ.setdefault(CREDENTIALS_FOLDER, SECRETS)

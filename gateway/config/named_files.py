@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Final
 
 from gateway.config.findings import Findings
-from gateway.config.secret_files import (
+from gateway.config.toml_lines import KeyPath
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.secret_files import (
     CREDENTIAL,
     CREDENTIALS_FOLDER,
     refuse_readable_by_others,
     secret_path,
 )
-from gateway.config.toml_lines import KeyPath
-from gateway.files import FileRefusedError, read_regular_file
 
 LARGEST_SECRET: Final = 4096
 LARGEST_CERTIFICATES: Final = 4_000_000
