@@ -4,7 +4,7 @@ BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick pictures docs fmt clean
+.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -53,6 +53,9 @@ bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes
 
 bench-quick: setup ## the same in a few minutes, to see that it works; writes into bench/build
 	$(BIN)/python -m bench.run --quick
+
+attacks: setup test-programs ## every attack for some seconds, and what it costs; writes its table into docs/security.md
+	$(BIN)/python -m tests.attacks --write
 
 pictures: setup test-programs ## take the pictures of the page that the documents show
 	$(BIN)/python -m tests.pictures

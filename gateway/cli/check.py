@@ -25,8 +25,8 @@ def check(
     """Find everything that is wrong with a configuration and its tables, at once.
 
     Each problem is one line on stderr: file and line, key, what was found, what is allowed or what to do.
-    With ``--compile`` a good one is written into its state folder, with its tables, in the form that
-    ``relay`` starts from; a gateway that runs keeps what it has.
+    With --compile a good one is written into its state folder, with its tables, in the form that
+    relay starts from; a gateway that runs keeps what it has.
 
     Exit code 0 when the configuration can be run, 1 when it cannot.
 

@@ -28,10 +28,10 @@ def record(
     log_format: HowToLog = LogFormat.AUTO,
     status_every: StatusEvery = 0.0,
 ) -> None:
-    """Run the gateway as ``run`` does, and record everything that passes.
+    """Run the gateway as run does, and record everything that passes.
 
     The recording holds every request, reply, time-out and command with its time, what the gateway made of it,
-    the configuration and the tables: ``replay`` runs it again, anywhere. Anybody who may read it can see the
+    the configuration and the tables: replay runs it again, anywhere. Anybody who may read it can see the
     configuration with its passwords, so only this user may.
 
     When the disk is full or too slow the recording ends with an error in the log; the gateway goes on.

@@ -19,11 +19,11 @@ StatusEvery = Annotated[
 def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: StatusEvery = 0.0) -> None:
     """Run the gateway in the foreground until it is stopped (Ctrl-C, SIGTERM).
 
-    It listens, connects to the drives and corrects. The log goes to stderr; the event ``ready`` says that all
+    It listens, connects to the drives and corrects. The log goes to stderr; the event ready says that all
     listeners are open, and where. Drives and serial adapters that are not there yet are waited for. A stop
     finishes the exchange on the wire first; a second signal ends at once. SIGHUP, as from a terminal that is
-    closed, stops nothing: the tables are read anew. Commands (``enable``, ``disable``,
-    ``reference``, ``reload``) reach it through a socket in its state folder.
+    closed, stops nothing: the tables are read anew. Commands (enable, disable,
+    reference, reload) reach it through a socket in its state folder.
 
     There are two processes: the relay moves the frames, the supervisor gives it tables. A supervisor that
     ends is started again, and the relay goes on meanwhile; without the relay the gateway ends.

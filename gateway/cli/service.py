@@ -28,9 +28,9 @@ def service(
     """Fit the units of systemd to a configuration: narrower where it can be, wider where it must be.
 
     For each unit one drop-in: the addresses that it speaks with (IPAddressAllow), the kinds of serial ports
-    that are named (DeviceAllow), the capability for ports below 1024, what [relay] asks for, and the secrets
-    that are called credential:NAME (LoadCredential). What is left open has its reason beside it. Run it again
-    when the configuration has changed; a file that fits already is not touched.
+    that are named (DeviceAllow), the capability for ports below 1024, what real time the relay is to
+    have, and the secrets that are called credential:NAME (LoadCredential). What is left open has its reason
+    beside it. Run it again when the configuration has changed; a file that fits already is not touched.
 
     Exit code 0 when all is written or shown; 1 when CONFIG is bad, or a file cannot be written.
 

@@ -21,7 +21,7 @@ def status(
 
     What is wrong and what to do about it, the gateway, its lines with their controllers, its axes with
     positions in their units, and how long the gateway itself took for their frames (microseconds), beside the
-    budget. ``--json`` has everything; docs/operations.md and docs/latency.md explain the keys.
+    budget. --json has everything; docs/operations.md and docs/latency.md explain the keys.
 
     Exit code 1 when no gateway runs; 0 after Ctrl-C.
 

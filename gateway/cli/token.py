@@ -22,10 +22,10 @@ def token(
 ) -> None:
     """Write a new random token into a file that only this user may read.
 
-    With a token somebody may look at the status page: name its file in ``tokens`` of ``[http]``. Programs
-    show it as ``Authorization: Bearer …``, people type it once. The token itself is not printed.
+    With a token somebody may look at the status page: name its file in http.tokens. Programs
+    show it as "Authorization: Bearer …", people type it once. The token itself is not printed.
 
-    With ``--force`` a file that exists gets another token. A gateway that runs notices that by itself: the
+    With --force a file that exists gets another token. A gateway that runs notices that by itself: the
     old token counts for nothing any more, and whoever logged in with it is out.
 
     Exit code 0 when it is written; 1 when the file exists, or cannot be written.

@@ -1,9 +1,11 @@
 """``python -m tests.attacks``: every attack for some seconds, what it got, and what it cost the controller.
 
-Prints the table of ``docs/security.md``. Takes about ten seconds an attack.
+Prints a table; ``--write`` puts it into ``docs/security.md`` (``make attacks``). Takes about ten seconds an
+attack, and wants a machine that does nothing else.
 """
 
 import argparse
+import re
 import sys
 import tempfile
 from importlib import import_module
@@ -12,6 +14,9 @@ from pathlib import Path
 from tests.attacks.legitimate import Attack, tried
 
 SECONDS = 4.0
+DOCUMENT = Path(__file__).parents[2] / "docs" / "security.md"
+PART = re.compile(r"(<!-- make attacks -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+HEAD = "| attack | what it gets | in the log | p99 without | p99 meanwhile |\n|---|---|---|---|---|\n"
 
 
 def attacks() -> list[Attack]:
@@ -20,25 +25,35 @@ def attacks() -> list[Attack]:
     return [attack for name in names for attack in import_module(f"tests.attacks.{name}").ATTACKS]
 
 
+def row_of(attack: Attack, seconds: float) -> str:
+    """Try an attack; return its row."""
+    with tempfile.TemporaryDirectory() as folder:
+        outcome = tried(attack, Path(folder), seconds)
+    outcome.check()
+    calm, meanwhile = outcome.calm.p99_us / 1000, outcome.meanwhile.p99_us / 1000
+    return f"| {attack.name} | {outcome.got} | `{attack.event}` | {calm:.2f} ms | {meanwhile:.2f} ms |\n"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("--write", action="store_true", help="put the table into docs/security.md")
     parser.add_argument("names", nargs="*", help="parts of names of attacks; none: all")
     options = parser.parse_args()
-    print("| attack | what it gets | in the log | p99 without | p99 meanwhile |")
-    print("|---|---|---|---|---|")
+    if options.write and options.names:
+        parser.error("--write is for the whole table: leave out the names")
+    rows = []
     for attack in attacks():
         if options.names and not any(part in attack.name for part in options.names):
             continue
         sys.stderr.write(f"{attack.name} ...\n")
-        with tempfile.TemporaryDirectory() as folder:
-            outcome = tried(attack, Path(folder), options.seconds)
-        outcome.check()
-        calm, meanwhile = outcome.calm.p99_us / 1000, outcome.meanwhile.p99_us / 1000
-        print(
-            f"| {attack.name} | {outcome.got} | `{attack.event}` | {calm:.2f} ms | {meanwhile:.2f} ms |",
-            flush=True,
-        )
+        rows.append(row_of(attack, options.seconds))
+        sys.stderr.write(rows[-1])
+    table = HEAD + "".join(rows)
+    if options.write:
+        DOCUMENT.write_text(PART.sub(lambda found: found[1] + table + found[3], DOCUMENT.read_text()))
+    else:
+        sys.stdout.write(table)
 
 
 if __name__ == "__main__":

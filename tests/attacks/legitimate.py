@@ -17,6 +17,8 @@ from tests.processes.bench import CONFIG, ROOT, TABLE, Running, running
 
 MOVES = 100
 """Moves of the controller without an attack, and at least during one."""
+PAUSE_S = 0.2
+"""Between one time and the next, where an attack is tried again and again."""
 
 
 class Legitimate:
@@ -143,6 +145,7 @@ def tried(attack: Attack, folder: Path, seconds: float = 0.0) -> Outcome:
             with controller.working(works):
                 got = attack.strike(ground)
                 while time.monotonic() < ends_s:
+                    time.sleep(PAUSE_S)  # else the limit of connections is what an attack meets first
                     got = attack.strike(ground)
             assert gateway.end() == 0, gateway.notes
             meanwhile = works[0] if seconds else _both(*works)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 import typer
@@ -30,6 +31,19 @@ def test_the_help_of_a_command_shows_examples_of_it(command: tuple[str, ...]) ->
     assert result.exit_code == 0
     _, examples = result.stdout.split("Examples:")
     assert f"pitch-gateway {' '.join(command)}" in examples
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_nothing_of_a_help_is_lost_on_its_way_to_the_terminal(command: tuple[str, ...]) -> None:
+    """A word in brackets would be taken for a style, and nothing shown of it."""
+    found: Any = typer.main.get_command(app)  # typer brings a click of its own
+    for name in command:
+        found = found.commands[name]
+    result = CliRunner().invoke(app, [*command, "--help"], env={"COLUMNS": "250"})
+    said, _, _ = (found.help or "").partition("Examples:")
+    assert said.split()
+    assert " ".join(said.split()) in " ".join(result.stdout.split())
+    assert "``" not in said
 
 
 def test_the_commands_are_found() -> None:
