@@ -33,9 +33,8 @@ deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
 man: setup ## the man pages, into build/man
 	$(BIN)/python tools/man_pages.py build/man
 
-test-package: setup ## the package and the installer in a bare Debian; as root, a few minutes
-	@tools/test_programs.sh package
-	PACKAGE_TESTS=1 $(BIN)/python -m pytest tests/package
+test-package: setup test-programs ## of the tests those of the package and the installer, in a bare Debian; as root
+	$(BIN)/python -m pytest tests/package
 
 check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/ruff format --check .

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Programs that the tests run for real: systemd's own tools, an MQTT broker, a browser, what makes certificates,
-# promtool, and what reads scripts and man pages. With `package` those of `make test-package` too.
+# promtool, and what reads scripts and man pages; for root also what makes a bare Debian, which only root can enter.
 # As root on Debian they are installed where they are missing; anywhere else it is said what is missing.
 set -euo pipefail
 
@@ -8,7 +8,7 @@ PATH="$PATH:/usr/sbin:/sbin"
 missing=()
 pairs=(systemd-analyze:systemd mosquitto:mosquitto chromium:chromium openssl:openssl
     promtool:prometheus shellcheck:shellcheck mandoc:mandoc)
-[ "${1:-}" != package ] || pairs+=(mmdebstrap:mmdebstrap lintian:lintian)
+[ "$(id -u)" != 0 ] || pairs+=(mmdebstrap:mmdebstrap lintian:lintian)
 for pair in "${pairs[@]}"; do
     command -v "${pair%%:*}" >/dev/null || missing+=("${pair##*:}")
 done
