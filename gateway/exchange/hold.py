@@ -14,7 +14,7 @@ class Hold:
     Whoever held it last stays its writer until another one takes it over: what the drive holds is from there.
     """
 
-    __slots__ = ("_hold_ns", "is_shared", "last_ns", "writer")
+    __slots__ = ("_hold_ns", "is_shared", "last_ns", "overwritten_by", "writer")
 
     def __init__(self, hold_s: float, *, is_shared: bool) -> None:
         self._hold_ns = int(hold_s * NS_PER_S)
@@ -24,6 +24,9 @@ class Hold:
         """Who moved it last; empty: nobody has."""
         self.last_ns = NEVER_NS
         """When its writer moved it last."""
+        self.overwritten_by = ""
+        """Who changed the target in the drive beside a stop, which nobody is refused; "": nobody. It is not
+        run: its writer has to write another one."""
 
     def is_held(self, now_ns: int) -> bool:
         """Whether its writer still holds it."""

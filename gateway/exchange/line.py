@@ -102,14 +102,15 @@ class LineExchange:
             self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
-        if port.gate is not None and not self._admission.lets_in(port, transaction_id, unit_id, pdu, now_ns):
+        # Losses are told apart by it (M3): no two requests come at one instant.
+        arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
+        gate = port.gate
+        if gate is not None and not self._admission.lets_in(port, transaction_id, unit_id, pdu, arrived_ns):
             return
         is_motion = port.plan.role is Role.MOTION
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
-        # Losses are told apart by it (M3): no two requests come at one instant.
-        self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
-        exchange = Exchange(port, transaction_id, unit_id, pdu, self._arrived_ns)
+        exchange = Exchange(port, transaction_id, unit_id, pdu, arrived_ns)
         is_free = self._current is None and self.rest.until_ns is None
         if is_free and is_motion and self.is_up:
             self._start_request(exchange, now_ns)
