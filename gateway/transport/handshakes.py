@@ -4,11 +4,13 @@ The numbers leave a controller that comes back room for every retry, and a flood
 a thread beside the loop.
 """
 
+from collections.abc import Callable
 from typing import Final
 
 from gateway.times import NS_PER_S
 
 AT_ONCE: Final = 32
+MADE_ROOM: Final = f"it was the longest of {AT_ONCE} handshakes, and made room for another one"
 AT_ONCE_OF_A_HOST: Final = 8
 PER_S: Final = 20
 """In a second, in the mean, over all hosts; as many may come at once."""
@@ -49,35 +51,43 @@ class Bucket:
 
 
 class HandshakeLimits:
-    """Says of each new connection whether its handshake may begin; time is an argument."""
+    """Says of each new connection whether its handshake may begin; time is an argument.
+
+    Whoever never ends his handshakes keeps nobody out: when there are as many as may be at once, the oldest
+    one of a host that has most of them makes room. An honest one ends within milliseconds.
+    """
 
     def __init__(self, now_ns: int) -> None:
         self._all = Bucket(PER_S, PER_S, now_ns)
         self._hosts: dict[str, Bucket] = {}
-        self._running: dict[str, int] = {}
+        self._running: dict[str, list[Callable[[], None]]] = {}
+        """How each is ended, the oldest first, by host; first the host that has had some for longest."""
         self.running = 0
 
-    def why_not(self, host: str, now_ns: int) -> str:
-        """Return why a handshake of ``host`` may not begin now; "" where it begins."""
-        if self._running.get(host, 0) >= AT_ONCE_OF_A_HOST:
+    def why_not(self, host: str, now_ns: int, give_up: Callable[[], None]) -> str:
+        """Return why a handshake of ``host`` may not begin now; "" where it begins.
+
+        ``give_up`` is called where it has to make room for another one, and calls :meth:`ended`.
+        """
+        if len(self._running.get(host, ())) >= AT_ONCE_OF_A_HOST:
             return f"too many handshakes: {AT_ONCE_OF_A_HOST} at once from one address"
-        if self.running >= AT_ONCE:
-            return f"too many handshakes: {AT_ONCE} at once"
         bucket = self._bucket(host, now_ns)
         if not bucket.has_one(now_ns):
             return f"too many handshakes: {PER_S_OF_A_HOST} a second from one address"
         if not self._all.has_one(now_ns):
             return f"too many handshakes: {PER_S} a second"
+        if self.running >= AT_ONCE:
+            max(self._running.values(), key=len)[0]()
         bucket.take()
         self._all.take()
         self.running += 1
-        self._running[host] = self._running.get(host, 0) + 1
+        self._running.setdefault(host, []).append(give_up)
         return ""
 
-    def ended(self, host: str) -> None:
+    def ended(self, host: str, give_up: Callable[[], None]) -> None:
         """Note that a handshake that had begun came to its end, a good or a bad one."""
         self.running -= 1
-        self._running[host] -= 1
+        self._running[host].remove(give_up)
         if not self._running[host]:
             del self._running[host]
 
