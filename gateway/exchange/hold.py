@@ -6,6 +6,9 @@ from gateway.times import NS_PER_S
 
 NEVER_NS: Final = -(10**18)
 """Long before every time there is."""
+BACK_NS: Final = 2 * NS_PER_S
+"""So long a writer without a connection may still be one that connects anew, for each request or after its
+cable was pulled: nobody else begins between two of its commands."""
 
 
 class Hold:
@@ -36,6 +39,6 @@ class Hold:
         """Whether another writer holds it."""
         return not self.is_shared and writer != self.writer and self.is_held(now_ns)
 
-    def release(self) -> None:
-        """Its writer has gone."""
-        self.last_ns = NEVER_NS
+    def leave(self, now_ns: int) -> None:
+        """Its writer has no connection any more: it holds for :data:`BACK_NS` at most."""
+        self.last_ns = min(self.last_ns, now_ns + BACK_NS - self._hold_ns)

@@ -153,7 +153,7 @@ class LineExchange:
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
         self._give_up(port, "its connection closed", now_ns)
-        self._admission.gone(port)
+        self._admission.gone(port, now_ns)
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""

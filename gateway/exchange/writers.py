@@ -49,15 +49,15 @@ class Writers:
         """Note a connection that asks for something the first time."""
         self._connections[port.writer] = self._connections.get(port.writer, 0) + 1
 
-    def gone(self, port: ControllerPort) -> None:
-        """Note that such a connection is gone: with the last one its writer lets go of every axis."""
+    def gone(self, port: ControllerPort, now_ns: int) -> None:
+        """Note that such a connection is gone: after the last one its writer soon lets go of every axis."""
         left = self._connections.pop(port.writer, 1) - 1
         if left > 0:
             self._connections[port.writer] = left
             return
         for axis in self._axes:
             if axis.hold.writer == port.writer:
-                axis.hold.release()
+                axis.hold.leave(now_ns)
 
     def may_move(self, exchange: Exchange, now_ns: int) -> bool:
         """Return whether a request may go on as far as other writers are concerned; it takes its axes over.
