@@ -260,6 +260,7 @@ class SecuredConnection:
             return
         self._end_handshake()
         self._door.handshakes += 1
+        self._door.limits.came_in(self._host)
         self._door.sessions[self] = identity
         self._receiver = receiver
         now_ns = time.monotonic_ns()

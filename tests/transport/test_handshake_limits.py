@@ -61,9 +61,35 @@ def test_a_flood_of_one_host_leaves_room_for_another() -> None:
 
 def test_all_hosts_together_have_twenty_at_once_and_then_twenty_a_second() -> None:
     limits = HandshakeLimits(0)
-    assert sum(begun(limits, f"host {n}", 1, 0) for n in range(100)) == 20
+    assert sum(begun(limits, f"host {n}", 2, 0) for n in range(10)) == 20
+    # Who has tried nothing lately has five more.
+    assert sum(begun(limits, f"other {n}", 2, 0) for n in range(20)) == 5
     assert limits.why_not("controller", 0, nothing) == "too many handshakes: 20 a second"
-    assert sum(begun(limits, f"host {n}", 1, S) for n in range(100)) == 20
+    assert sum(begun(limits, f"host {n}", 2, S) for n in range(20)) == 25
+
+
+def test_a_controller_that_came_in_before_has_its_own_measure_whatever_others_do() -> None:
+    limits = HandshakeLimits(0)
+    limits.came_in("controller")
+    assert sum(begun(limits, f"host {n}", 1, 0) for n in range(100)) == 25
+    assert begun(limits, "controller", 50, 0) == 10
+    assert begun(limits, "controller", 50, S) == 5
+    for n in range(HOSTS):
+        limits.came_in(f"{n}")  # as many as are remembered
+    assert sum(begun(limits, f"host {n}", 1, 2 * S) for n in range(100)) == 25
+    assert begun(limits, "controller", 1, 2 * S) == 0
+
+
+def test_four_strangers_that_take_all_there_are_leave_some_for_a_controller() -> None:
+    limits = HandshakeLimits(0)
+    came = 0
+    for tick in range(20 * 60):  # a minute, twenty tries of each in a second
+        now_ns = tick * S // 20
+        for n in range(4):
+            begun(limits, f"10.0.0.{n}", 1, now_ns)
+        if tick % 40 == 39:  # every two seconds
+            came += begun(limits, "controller", 1, now_ns)
+    assert came == 30
 
 
 def test_those_that_do_not_end_are_bounded_and_keep_nobody_out() -> None:
