@@ -17,7 +17,7 @@ class Hold:
     Whoever held it last stays its writer until another one takes it over: what the drive holds is from there.
     """
 
-    __slots__ = ("_hold_ns", "is_shared", "last_ns", "overwritten_by", "writer")
+    __slots__ = ("_hold_ns", "is_shared", "jogged_by", "last_ns", "overwritten_by", "writer")
 
     def __init__(self, hold_s: float, *, is_shared: bool) -> None:
         self._hold_ns = int(hold_s * NS_PER_S)
@@ -27,6 +27,8 @@ class Hold:
         """Who moved it last; empty: nobody has."""
         self.last_ns = NEVER_NS
         """When its writer moved it last."""
+        self.jogged_by = ""
+        """Who made it move without a target, until that was ended; empty: nobody."""
         self.overwritten_by = ""
         """Who changed the target in the drive beside a stop, which nobody is refused; "": nobody. It is not
         run: its writer has to write another one."""

@@ -79,6 +79,7 @@ class Writers:
         for rewriting in exchange.rewritings:
             for meaning in rewriting.request.meanings:
                 _hold_on(meaning.axis, port.writer, now_ns)
+                _note_jog(meaning, port.writer)
                 if meaning.is_stop:
                     _note_beside_stop(meaning, rewriting.request, port)
             for hit in rewriting.command_hits:
@@ -134,14 +135,17 @@ class Writers:
         return True
 
     def _wanted(self, exchange: Exchange) -> list[tuple[AxisExchange, Meaning | None]]:
-        """Return the axes that a request would move or prepare to move; not those that it stops."""
-        pdu = exchange.pdu
+        """Return the axes that a request would move or prepare to move; not those that it stops.
+
+        To let go of a jog, as a button is let go of, is a stop for whoever jogged.
+        """
+        pdu, writer = exchange.pdu, "" if exchange.port is None else exchange.port.writer
         wanted: list[tuple[AxisExchange, Meaning | None]] = []
         for unit in self._units.reached(exchange.unit_id):
             found = meanings(unit, pdu, access_of(pdu)) if unit.has_rules else []
             for axis in _touched(unit, pdu):
                 meaning = next((each for each in found if each.axis is axis), None)
-                if meaning is None or not meaning.is_stop:
+                if meaning is None or not (meaning.is_stop or _lets_go(meaning, writer)):
                     wanted.append((axis, meaning))
         return wanted
 
@@ -211,6 +215,20 @@ def _runs_of_another(axis: AxisExchange, meaning: Meaning | None, writer: str) -
     if meaning is None or (is_own and not hold.overwritten_by):
         return False
     return meaning.runs_alone or (meaning.action is Action.UNKNOWN and not meaning.commands)
+
+
+def _note_jog(meaning: Meaning, writer: str) -> None:
+    hold, action = meaning.axis.hold, meaning.action
+    if action is Action.OTHER_MOTION:
+        hold.jogged_by = writer
+    elif meaning.is_stop or action.runs_target or action is Action.HOME:
+        hold.jogged_by = ""
+
+
+def _lets_go(meaning: Meaning, writer: str) -> bool:
+    """Whether a request of whoever jogged an axis starts nothing: it may end the jog."""
+    is_idle = meaning.action is Action.IGNORE and not (meaning.commands or meaning.writes_mode)
+    return is_idle and meaning.axis.hold.jogged_by == writer
 
 
 def _note_beside_stop(stop: Meaning, request: Request, port: ControllerPort) -> None:

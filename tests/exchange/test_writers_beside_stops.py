@@ -4,7 +4,16 @@ import pytest
 
 from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.plan import CompensationMode, Role
-from tests.exchange.staged_bench import DEEDS, RUN_PDU, STOP, StagedBench, StagedDrive, staged_plan, sticky
+from tests.exchange.staged_bench import (
+    DEEDS,
+    JOG_PDU,
+    RUN_PDU,
+    STOP,
+    StagedBench,
+    StagedDrive,
+    staged_plan,
+    sticky,
+)
 from tests.exchange.test_writers import HOLD_MS, MODE_ABSOLUTE, ask, controller, move, refusal, writer
 
 SPAN_TRIGGER = 0x0608
@@ -92,3 +101,21 @@ def test_m3_a_mode_that_was_refused_in_fc23_is_not_forgotten_for_another_fc23() 
     assert ask(bench, panel, distance)[0] == 0x17
     assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)  # it would be a place
     assert len(bench.drive.moves) == 1
+
+
+LET_GO = bytes.fromhex("06 050E 0000")
+
+
+def test_m3_whoever_jogs_may_let_go_although_another_one_took_the_axis_over() -> None:
+    bench = StagedBench()
+    pendant, cnc, other = controller("pendant"), controller("cnc"), controller("other")
+    assert ask(bench, pendant, JOG_PDU) == JOG_PDU
+    bench.wait(HOLD_MS + 1_000)  # the button is still held
+    move(bench, cnc, 4_000)
+    assert ask(bench, other, LET_GO) == refusal(LET_GO)
+    assert ask(bench, pendant, LET_GO) == LET_GO
+    assert ask(bench, pendant, JOG_PDU) == refusal(JOG_PDU)
+    assert writer(bench) == "cnc"
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert ask(bench, pendant, LET_GO) == refusal(LET_GO)  # its jog has ended: this is another move
+    assert [kind for kind, _ in bench.drive.moves] == ["jog", "absolute"]
