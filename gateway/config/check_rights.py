@@ -6,6 +6,7 @@ from gateway.config.axis_model import AxisSection
 from gateway.config.check_lines import controller_key
 from gateway.config.findings import Findings
 from gateway.config.line_model import ControllerSection
+from gateway.config.rights_model import RightsKeys
 from gateway.config.sections import Sections
 from gateway.config.toml_lines import KeyPath
 from gateway.exchange.access import MONITOR_FUNCTIONS
@@ -25,19 +26,26 @@ def check_rights(findings: Findings, sections: Sections) -> None:
     for name, line in sections.lines.items():
         axes = {axis: section for axis, section in sections.axes.items() if section.line == name}
         for index, controller in enumerate(line.controllers):
-            key = controller_key(findings, name, controller.name, index)
-            _check_lists(findings, controller, key)
-            _check_role(findings, controller, key)
-            if axes:
-                is_broadcast = BROADCAST_UNIT_ID in controller.unit_ids and line.drives.tcp is None
-                _check_unit_ids(findings, controller, key, axes, is_broadcast=is_broadcast)
-                _check_positions(findings, controller, key, axes)
-                _check_moves(findings, controller, key, axes)
+            for key, rights in _rights_of(controller, controller_key(findings, name, controller.name, index)):
+                _check_lists(findings, rights, key)
+                _check_role(findings, rights, key)
+                if axes:
+                    is_broadcast = BROADCAST_UNIT_ID in rights.unit_ids and line.drives.tcp is None
+                    _check_unit_ids(findings, rights, key, axes, is_broadcast=is_broadcast)
+                    _check_positions(findings, rights, key, axes)
+                    _check_moves(findings, rights, key, axes)
 
 
-def _check_lists(findings: Findings, controller: ControllerSection, key: KeyPath) -> None:
+def _rights_of(controller: ControllerSection, key: KeyPath) -> list[tuple[KeyPath, RightsKeys]]:
+    """Return the rights of a controller, or those of each role that its certificates may have."""
+    if controller.tls is None:
+        return [(key, controller)]
+    return [((*key, "roles", name), rights) for name, rights in controller.roles.items()]
+
+
+def _check_lists(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
     for name in LISTS:
-        is_empty = name in controller.model_fields_set and not getattr(controller, name)
+        is_empty = name in rights.model_fields_set and not getattr(rights, name)
         if is_empty and not findings.is_refused((*key, name)):  # else what stood in it was refused
             findings.refuse(
                 (*key, name),
@@ -46,16 +54,16 @@ def _check_lists(findings: Findings, controller: ControllerSection, key: KeyPath
             )
 
 
-def _check_role(findings: Findings, controller: ControllerSection, key: KeyPath) -> None:
-    may_not_write = controller.role is Role.MONITOR or controller.read_only
-    if controller.writable and may_not_write:
-        why = "read_only = true" if controller.read_only else f'role = "{controller.role.value}"'
+def _check_role(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
+    may_not_write = rights.role is Role.MONITOR or rights.read_only
+    if rights.writable and may_not_write:
+        why = "read_only = true" if rights.read_only else f'role = "{rights.role.value}"'
         findings.refuse(
             (*key, "writable"),
             f"addresses that may be written beside {why}, which may write nothing",
             f"leave writable out, or {why} where it may write them",
         )
-    if may_not_write and controller.function_codes and not READING & set(controller.function_codes):
+    if may_not_write and rights.function_codes and not READING & set(rights.function_codes):
         findings.refuse(
             (*key, "function_codes"),
             "function codes that only write, for a controller that may only read: nothing is left",
@@ -64,10 +72,10 @@ def _check_role(findings: Findings, controller: ControllerSection, key: KeyPath)
 
 
 def _check_unit_ids(
-    findings: Findings, controller: ControllerSection, key: KeyPath, axes: Axes, *, is_broadcast: bool
+    findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axes, *, is_broadcast: bool
 ) -> None:
     known = {axis.unit_id for axis in axes.values()}
-    for index, unit_id in enumerate(controller.unit_ids):
+    for index, unit_id in enumerate(rights.unit_ids):
         if unit_id not in known and not (is_broadcast and unit_id == BROADCAST_UNIT_ID):
             shown = ", ".join(map(str, sorted(known)))
             findings.warn(
@@ -75,7 +83,7 @@ def _check_unit_ids(
                 f"no axis of this line has unit id {unit_id}",
                 f"the axes have {shown}; leave it so if something else on the line has it",
             )
-    left_out = sorted(known - set(controller.unit_ids))
+    left_out = sorted(known - set(rights.unit_ids))
     if is_broadcast and left_out:
         shown = ", ".join(map(str, left_out))
         findings.warn(
@@ -85,13 +93,13 @@ def _check_unit_ids(
         )
 
 
-def _check_positions(findings: Findings, controller: ControllerSection, key: KeyPath, axes: Axes) -> None:
+def _check_positions(findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axes) -> None:
     """Refuse what lets a part of a position be written: nobody could tell what comes of it."""
     for name, axis in axes.items():
-        if axis.registers is None or (controller.unit_ids and axis.unit_id not in controller.unit_ids):
+        if axis.registers is None or (rights.unit_ids and axis.unit_id not in rights.unit_ids):
             continue
         fields = [field for position in axis.registers.command for field in position.fields()]
-        for index, span in enumerate(controller.writable):
+        for index, span in enumerate(rights.writable):
             for field in fields:
                 last = field.end - 1
                 is_apart = last < span.first or span.last < field.address
@@ -104,10 +112,10 @@ def _check_positions(findings: Findings, controller: ControllerSection, key: Key
                     )
 
 
-def _check_moves(findings: Findings, controller: ControllerSection, key: KeyPath, axes: Axes) -> None:
-    if controller.role is not Role.MOTION or not _has_rights(controller):
+def _check_moves(findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axes) -> None:
+    if rights.role is not Role.MOTION or not _has_rights(rights):
         return
-    if any(_may_move(controller, axis) for axis in axes.values()):
+    if any(_may_move(rights, axis) for axis in axes.values()):
         return
     findings.warn(
         (*key, "role"),
@@ -116,20 +124,20 @@ def _check_moves(findings: Findings, controller: ControllerSection, key: KeyPath
     )
 
 
-def _has_rights(controller: ControllerSection) -> bool:
-    return controller.read_only or any(getattr(controller, name) for name in LISTS)
+def _has_rights(rights: RightsKeys) -> bool:
+    return rights.read_only or any(getattr(rights, name) for name in LISTS)
 
 
-def _may_move(controller: ControllerSection, axis: AxisSection) -> bool:
-    if controller.read_only or (controller.unit_ids and axis.unit_id not in controller.unit_ids):
+def _may_move(rights: RightsKeys, axis: AxisSection) -> bool:
+    if rights.read_only or (rights.unit_ids and axis.unit_id not in rights.unit_ids):
         return False
-    if controller.function_codes and not WRITING & set(controller.function_codes):
+    if rights.function_codes and not WRITING & set(rights.function_codes):
         return False
-    if not controller.writable or axis.registers is None:
+    if not rights.writable or axis.registers is None:
         return True
     return any(
         span.first <= field.address and field.end - 1 <= span.last
-        for span in controller.writable
+        for span in rights.writable
         for position in axis.registers.command
         for field in position.fields()
     )

@@ -118,7 +118,7 @@ def coils_written(pdu: bytes) -> dict[int, int]:
     >>> coils_written(bytes.fromhex("0F 0019 0003 01 05"))
     {25: 1, 26: 0, 27: 1}
     """
-    if pdu[0] == FunctionCode.WRITE_SINGLE_COIL and len(pdu) == 5:
+    if pdu[0] == FunctionCode.WRITE_SINGLE_COIL and len(pdu) >= 5:  # a drive may overlook what is too much
         return {_u16(pdu, 1): int(pdu[3] == COIL_ON)}
     if pdu[0] == FunctionCode.WRITE_MULTIPLE_COILS and len(pdu) > 6:
         address, quantity = _u16(pdu, 1), min(_u16(pdu, 3), 8 * (len(pdu) - 6))

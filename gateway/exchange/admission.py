@@ -67,11 +67,11 @@ class Admission:
         self._deny(exchange, denial, now_ns)
         return False
 
-    def gone(self, port: ControllerPort) -> None:
+    def gone(self, port: ControllerPort, now_ns: int) -> None:
         """Note that a connection is gone; a serial port may come back."""
         if port.gate is not UNSEEN:
             port.gate = UNSEEN
-            self._writers.gone(port)
+            self._writers.gone(port, now_ns)
 
     def deny_role(self, exchange: Exchange, now_ns: int) -> None:
         """Refuse what the role of a controller does not allow."""

@@ -15,7 +15,12 @@ from gateway.exchange.access import (
     only_reads,
 )
 from gateway.exchange.rights import UNLIMITED, RegisterSpan, Rights
-from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, FunctionCode
+from gateway.modbus.pdu import (
+    BROADCAST_UNIT_ID,
+    MEI_CANOPEN_GENERAL_REFERENCE,
+    ExceptionCode,
+    FunctionCode,
+)
 from gateway.times import NS_PER_S
 
 REMEMBERED: Final = 4096
@@ -27,6 +32,8 @@ _READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCR
 _READS_REGISTERS: Final = frozenset(
     {FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS, 0x17}
 )
+_OBJECT: Final = bytes((FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT, MEI_CANOPEN_GENERAL_REFERENCE))
+"""How requests begin that read or write one object; where they are allowed its index is their address."""
 _ADDRESSED: Final = frozenset({0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F, 0x10, 0x16, 0x17})
 """Function codes whose requests name the addresses that they touch."""
 _WITHOUT_ADDRESSES: Final = frozenset({0x07, 0x0B, 0x0C, 0x11})
@@ -121,7 +128,8 @@ class Gate:
         rights, function = self._rights, pdu[0]
         if function in _WITHOUT_ADDRESSES or pdu[:2] == READ_DEVICE_IDENTIFICATION:
             return None
-        if function not in _ADDRESSED:
+        is_object = pdu[:2] == _OBJECT and function in rights.function_codes
+        if function not in _ADDRESSED and not is_object:
             if function in rights.function_codes or (function in MONITOR_FUNCTIONS and not rights.readable):
                 return None
             detail = f"function code {function}, of which nobody can tell what it touches; name it there"
@@ -156,6 +164,9 @@ def _touched(pdu: bytes) -> tuple[RegisterSpan | None, RegisterSpan | None] | No
     access = ACCESS[function](pdu)
     if access is None or not access.is_consistent:
         return None
+    if access.is_mei:
+        written = _span(access.write_address, 1) if access.write_quantity else None
+        return (None if written else _span(access.read_address, 1)), written
     read = _span(access.read_address, access.read_quantity) if function in _READS_REGISTERS else None
     return read, _span(access.write_address, access.write_quantity) if access.write_quantity else None
 

@@ -102,14 +102,15 @@ class LineExchange:
             self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
-        if port.gate is not None and not self._admission.lets_in(port, transaction_id, unit_id, pdu, now_ns):
+        # Losses are told apart by it (M3): no two requests come at one instant.
+        arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
+        gate = port.gate
+        if gate is not None and not self._admission.lets_in(port, transaction_id, unit_id, pdu, arrived_ns):
             return
         is_motion = port.plan.role is Role.MOTION
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
-        # Losses are told apart by it (M3): no two requests come at one instant.
-        self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
-        exchange = Exchange(port, transaction_id, unit_id, pdu, self._arrived_ns)
+        exchange = Exchange(port, transaction_id, unit_id, pdu, arrived_ns)
         is_free = self._current is None and self.rest.until_ns is None
         if is_free and is_motion and self.is_up:
             self._start_request(exchange, now_ns)
@@ -152,7 +153,7 @@ class LineExchange:
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
         self._give_up(port, "its connection closed", now_ns)
-        self._admission.gone(port)
+        self._admission.gone(port, now_ns)
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""

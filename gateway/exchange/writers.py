@@ -15,9 +15,12 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.life import Exchange
 from gateway.exchange.losses import Unsent, lose_of_axis, note_unsent
 from gateway.exchange.meaning import Meaning, meanings
+from gateway.exchange.parts import written_part
+from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
+from gateway.exchange.request import Request
 from gateway.exchange.seldom import Seldom, times
-from gateway.exchange.unit import NO_HITS, UnitMap
+from gateway.exchange.unit import NO_HITS, FieldHit, UnitMap
 from gateway.modbus.pdu import ExceptionCode
 
 LOST_BY_WRITER: Final = 32
@@ -26,7 +29,8 @@ KEPT: Final = 256
 """For so many axes and writers something is remembered; what came first is forgotten for the next."""
 
 _BUSY: Final = ExceptionCode.SERVER_DEVICE_BUSY
-_HEAD_BYTES: Final = 5
+_HEAD_BYTES: Final = {0x17: 9, 0x2B: 8}
+"""By function code: how many bytes of a PDU say what it writes to; of all others 5 do (``access``)."""
 
 
 class Writers:
@@ -45,15 +49,15 @@ class Writers:
         """Note a connection that asks for something the first time."""
         self._connections[port.writer] = self._connections.get(port.writer, 0) + 1
 
-    def gone(self, port: ControllerPort) -> None:
-        """Note that such a connection is gone: with the last one its writer lets go of every axis."""
+    def gone(self, port: ControllerPort, now_ns: int) -> None:
+        """Note that such a connection is gone: after the last one its writer soon lets go of every axis."""
         left = self._connections.pop(port.writer, 1) - 1
         if left > 0:
             self._connections[port.writer] = left
             return
         for axis in self._axes:
             if axis.hold.writer == port.writer:
-                axis.hold.release()
+                axis.hold.leave(now_ns)
 
     def may_move(self, exchange: Exchange, now_ns: int) -> bool:
         """Return whether a request may go on as far as other writers are concerned; it takes its axes over.
@@ -64,7 +68,7 @@ class Writers:
         assert port is not None
         writer = port.writer
         for axis in self._units.axes_of(exchange.unit_id):
-            if axis.hold.writer != writer:
+            if axis.hold.writer != writer or axis.hold.overwritten_by:
                 return self._may_take(exchange, port, now_ns)
         return True
 
@@ -75,6 +79,9 @@ class Writers:
         for rewriting in exchange.rewritings:
             for meaning in rewriting.request.meanings:
                 _hold_on(meaning.axis, port.writer, now_ns)
+                _note_jog(meaning, port.writer)
+                if meaning.is_stop:
+                    _note_beside_stop(meaning, rewriting.request, port)
             for hit in rewriting.command_hits:
                 _hold_on(hit.place.axis, port.writer, now_ns)
 
@@ -102,7 +109,7 @@ class Writers:
                 del self._lost[next(iter(self._lost))]
             lost = self._lost[whose] = {}
         if len(lost) <= LOST_BY_WRITER:  # one more says that there were too many
-            lost[unsent.unit_id, unsent.pdu[:_HEAD_BYTES]] = unsent
+            lost[unsent.unit_id, unsent.pdu[: _HEAD_BYTES.get(unsent.pdu[0], 5)]] = unsent
 
     def _may_take(self, exchange: Exchange, port: ControllerPort, now_ns: int) -> bool:
         """Judge a request to axes that another one moved last, or nobody."""
@@ -116,23 +123,29 @@ class Writers:
                     self._refuse(exchange, port, member, f"{hold.writer} moves it", now_ns)
                     return False
             if _runs_of_another(axis, meaning, port.writer):
-                why = f"it would run what {axis.hold.writer} wrote: write the whole target again"
+                whose = axis.hold.overwritten_by or axis.hold.writer
+                why = f"it would run what {whose} wrote: write the whole target again"
                 self._refuse(exchange, port, axis, why, now_ns)
                 return False
-        for axis, _ in wanted:
+        for axis, meaning in wanted:
             for member in (axis, *axis.peers):
                 self._take_over(member, port.writer, now_ns)
+            if meaning is not None and meaning.commands:
+                axis.hold.overwritten_by = ""
         return True
 
     def _wanted(self, exchange: Exchange) -> list[tuple[AxisExchange, Meaning | None]]:
-        """Return the axes that a request would move or prepare to move; not those that it stops."""
-        pdu = exchange.pdu
+        """Return the axes that a request would move or prepare to move; not those that it stops.
+
+        To let go of a jog, as a button is let go of, is a stop for whoever jogged.
+        """
+        pdu, writer = exchange.pdu, "" if exchange.port is None else exchange.port.writer
         wanted: list[tuple[AxisExchange, Meaning | None]] = []
         for unit in self._units.reached(exchange.unit_id):
             found = meanings(unit, pdu, access_of(pdu)) if unit.has_rules else []
             for axis in _touched(unit, pdu):
                 meaning = next((each for each in found if each.axis is axis), None)
-                if meaning is None or not meaning.is_stop:
+                if meaning is None or not (meaning.is_stop or _lets_go(meaning, writer)):
                     wanted.append((axis, meaning))
         return wanted
 
@@ -198,9 +211,56 @@ def _touched(unit: UnitMap, pdu: bytes) -> tuple[AxisExchange, ...]:
 def _runs_of_another(axis: AxisExchange, meaning: Meaning | None, writer: str) -> bool:
     """Whether a request runs a target that another one may have written."""
     hold = axis.hold
-    if meaning is None or hold.is_shared or hold.writer in ("", writer):
+    is_own = hold.is_shared or hold.writer in ("", writer)
+    if meaning is None or (is_own and not hold.overwritten_by):
         return False
     return meaning.runs_alone or (meaning.action is Action.UNKNOWN and not meaning.commands)
+
+
+def _note_jog(meaning: Meaning, writer: str) -> None:
+    hold, action = meaning.axis.hold, meaning.action
+    if action is Action.OTHER_MOTION:
+        hold.jogged_by = writer
+    elif meaning.is_stop or action.runs_target or action is Action.HOME:
+        hold.jogged_by = ""
+
+
+def _lets_go(meaning: Meaning, writer: str) -> bool:
+    """Whether a request of whoever jogged an axis starts nothing: it may end the jog."""
+    is_idle = meaning.action is Action.IGNORE and not (meaning.commands or meaning.writes_mode)
+    return is_idle and meaning.axis.hold.jogged_by == writer
+
+
+def _note_beside_stop(stop: Meaning, request: Request, port: ControllerPort) -> None:
+    """A stop of somebody who does not move the axis changed more: its writer has to write that again (M3)."""
+    axis, hold, motion = stop.axis, stop.axis.hold, stop.axis.motion
+    is_writer = hold.is_shared or hold.writer in ("", port.writer)
+    if is_writer and port.plan.role is Role.MOTION:
+        return
+    for address in {mode.address for mode in motion.plan.modes if mode is not None}:
+        was = motion.word(address)
+        if address in stop.unclear_words or (address in stop.words and stop.words[address] != was):
+            motion.lose_mode(address, _BUSY)
+    changed = [hit for hit in stop.commands if _is_changed(hit, request)]
+    for hit in changed:
+        assert hit.place.shadow is not None
+        hit.place.shadow.tear()
+    if not changed:
+        return
+    hold.overwritten_by = port.writer
+    if motion.plan.waits_for_trigger and motion.block(_BUSY):
+        detail = f"a stop of {port.writer} changed the target: triggers are refused until a complete one came"
+        axis.tell(EventKind.AXIS_BLOCKED, detail)
+
+
+def _is_changed(hit: FieldHit, request: Request) -> bool:
+    """Whether a request writes other words into a command field than its writer believes there."""
+    shadow, access = hit.place.shadow, request.access
+    assert shadow is not None
+    if shadow.is_torn or shadow.nominal_words is None or access.is_mask or not access.is_consistent:
+        return True
+    first, words = written_part(hit, request.pdu, access)
+    return shadow.nominal_words[2 * first : 2 * first + len(words)] != words
 
 
 def _forget_targets(axis: AxisExchange, former: str) -> None:

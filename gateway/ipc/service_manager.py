@@ -1,7 +1,8 @@
 """What a service tells the manager that started it, and what that one keeps for it: sd_notify(3).
 
 Everything goes out as one datagram that is never waited for: a manager that does not read loses it, and the
-gateway goes on. Without a manager nothing is sent, and nothing changes.
+gateway goes on. Only that it is ready is told again: a service that is never ready is ended. Without a
+manager nothing is sent, and nothing changes.
 """
 
 import contextlib
@@ -31,6 +32,8 @@ class ServiceManager:
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._socket: socket.socket | None = None
         self._status = ""
+        self._owes_ready = False
+        """A manager that never hears that the service is ready ends it."""
         if address.startswith(("/", "@")):
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
 
@@ -40,8 +43,9 @@ class ServiceManager:
         return self._socket is not None
 
     def ready(self, status: str = "") -> None:
-        """Tell that the service does its work now."""
-        self._tell("READY=1", *self._new_status(status))
+        """Tell that the service does its work now; at once, or along with what is told next."""
+        self._owes_ready = True
+        self._tell(*self._new_status(status))
 
     def alive(self, status: str = "") -> None:
         """Feed the watchdog; to be called only where the work got on."""
@@ -49,11 +53,12 @@ class ServiceManager:
 
     def say(self, status: str) -> None:
         """Show a sentence in the manager's status; the same as before costs nothing."""
-        if news := self._new_status(status):
+        if (news := self._new_status(status)) or self._owes_ready:
             self._tell(*news)
 
     def stopping(self, patience_s: float = 0.0) -> None:
         """Tell that the service ends, and how much longer than usual that may take."""
+        self._owes_ready = False
         more = [f"EXTEND_TIMEOUT_USEC={int(patience_s * US_PER_S)}"] if patience_s > 0 else []
         self._tell("STOPPING=1", *more)
 
@@ -81,11 +86,14 @@ class ServiceManager:
     def _tell(self, *assignments: str, descriptors: Sequence[int] = ()) -> None:
         if self._socket is None:
             return
+        if self._owes_ready:
+            assignments = ("READY=1", *assignments)
         message = "\n".join(assignments).encode()
         rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array("i", descriptors))] if descriptors else []
         # A manager that is gone or does not read must not cost the line anything.
         with contextlib.suppress(OSError):
             self._socket.sendmsg([message], rights, socket.MSG_DONTWAIT, self._address)
+            self._owes_ready = False
 
 
 def manager_of(environment: MutableMapping[str, str]) -> ServiceManager:

@@ -4,16 +4,20 @@ The numbers leave a controller that comes back room for every retry, and a flood
 a thread beside the loop.
 """
 
+from collections.abc import Callable
 from typing import Final
 
 from gateway.times import NS_PER_S
 
 AT_ONCE: Final = 32
+MADE_ROOM: Final = f"it was the longest of {AT_ONCE} handshakes, and made room for another one"
 AT_ONCE_OF_A_HOST: Final = 8
 PER_S: Final = 20
 """In a second, in the mean, over all hosts; as many may come at once."""
 PER_S_OF_A_HOST: Final = 5
 BURST_OF_A_HOST: Final = 10
+SPARE_PER_S: Final = 5
+"""For addresses that have tried nothing for two seconds, when the others take all that there are."""
 HOSTS: Final = 256
 """So many hosts have a measure of their own, all others one together: hosts must not fill the memory."""
 OTHERS: Final = "others"
@@ -49,37 +53,64 @@ class Bucket:
 
 
 class HandshakeLimits:
-    """Says of each new connection whether its handshake may begin; time is an argument."""
+    """Says of each new connection whether its handshake may begin; time is an argument.
+
+    An address that has come in before has only its own measure: strangers cannot use that up. Whoever never
+    ends his handshakes keeps nobody out: when there are as many as may be at once, the oldest one of a host
+    that has most of them makes room. An honest one ends within milliseconds.
+    """
 
     def __init__(self, now_ns: int) -> None:
         self._all = Bucket(PER_S, PER_S, now_ns)
+        self._spare = Bucket(SPARE_PER_S, SPARE_PER_S, now_ns)
+        self._known: dict[str, None] = {}
+        """Addresses that came in, the newest last."""
         self._hosts: dict[str, Bucket] = {}
-        self._running: dict[str, int] = {}
+        self._running: dict[str, list[Callable[[], None]]] = {}
+        """How each is ended, the oldest first, by host; first the host that has had some for longest."""
         self.running = 0
 
-    def why_not(self, host: str, now_ns: int) -> str:
-        """Return why a handshake of ``host`` may not begin now; "" where it begins."""
-        if self._running.get(host, 0) >= AT_ONCE_OF_A_HOST:
+    def why_not(self, host: str, now_ns: int, give_up: Callable[[], None]) -> str:
+        """Return why a handshake of ``host`` may not begin now; "" where it begins.
+
+        ``give_up`` is called where it has to make room for another one, and calls :meth:`ended`.
+        """
+        if len(self._running.get(host, ())) >= AT_ONCE_OF_A_HOST:
             return f"too many handshakes: {AT_ONCE_OF_A_HOST} at once from one address"
-        if self.running >= AT_ONCE:
-            return f"too many handshakes: {AT_ONCE} at once"
         bucket = self._bucket(host, now_ns)
         if not bucket.has_one(now_ns):
             return f"too many handshakes: {PER_S_OF_A_HOST} a second from one address"
-        if not self._all.has_one(now_ns):
+        shared = self._shared(host, bucket, now_ns)
+        if shared is not None and not shared.has_one(now_ns):
             return f"too many handshakes: {PER_S} a second"
+        if self.running >= AT_ONCE:
+            max(self._running.values(), key=len)[0]()
         bucket.take()
-        self._all.take()
+        if shared is not None:
+            shared.take()
         self.running += 1
-        self._running[host] = self._running.get(host, 0) + 1
+        self._running.setdefault(host, []).append(give_up)
         return ""
 
-    def ended(self, host: str) -> None:
+    def ended(self, host: str, give_up: Callable[[], None]) -> None:
         """Note that a handshake that had begun came to its end, a good or a bad one."""
         self.running -= 1
-        self._running[host] -= 1
+        self._running[host].remove(give_up)
         if not self._running[host]:
             del self._running[host]
+
+    def came_in(self, host: str) -> None:
+        """Note that a handshake of ``host`` came to a good end."""
+        self._known.pop(host, None)
+        self._known[host] = None
+        if len(self._known) > HOSTS:
+            del self._known[next(iter(self._known))]
+
+    def _shared(self, host: str, own: Bucket, now_ns: int) -> Bucket | None:
+        """Return the measure that a host shares with others; None: it has only its own."""
+        if host in self._known:
+            return None
+        return self._spare if own.is_full(now_ns) and not self._all.has_one(now_ns) else self._all
 
     def _bucket(self, host: str, now_ns: int) -> Bucket:
         if host not in self._hosts and len(self._hosts) >= HOSTS:

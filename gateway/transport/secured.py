@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 
 from gateway.transport.certificates import Identity, identity_of, now_utc
 from gateway.transport.channel import Channel, Receiver
-from gateway.transport.handshakes import HandshakeLimits
+from gateway.transport.handshakes import MADE_ROOM, HandshakeLimits
 from gateway.transport.places import Asking
 from gateway.transport.tls import ServerContexts, reason_of
 
@@ -130,7 +130,7 @@ class SecuredConnection:
         self._channel = channel
         self.peer = channel.peer
         self._host = self.peer.rpartition(":")[0].strip("[]")
-        why_not = self._door.limits.why_not(self._host, now_ns)
+        why_not = self._door.limits.why_not(self._host, now_ns, self._make_room)
         if why_not:
             self._door.on_too_many(self._host, why_not)
             self._hang_up()
@@ -260,6 +260,7 @@ class SecuredConnection:
             return
         self._end_handshake()
         self._door.handshakes += 1
+        self._door.limits.came_in(self._host)
         self._door.sessions[self] = identity
         self._receiver = receiver
         now_ns = time.monotonic_ns()
@@ -280,6 +281,9 @@ class SecuredConnection:
         if self._channel is not None:
             self._failed(f"a handshake that took longer than {HANDSHAKE_S:g} s")
 
+    def _make_room(self) -> None:
+        self._failed(MADE_ROOM)
+
     def _failed(self, reason: str, *, is_certificate: bool = False, identity: Identity | None = None) -> None:
         self._door.on_failed(Failure(self._host, self.peer, reason, is_certificate, identity))
         self._hang_up()
@@ -290,7 +294,7 @@ class SecuredConnection:
             self._timer = None
         if self._is_counted:
             self._is_counted = False
-            self._door.limits.ended(self._host)
+            self._door.limits.ended(self._host, self._make_room)
 
     # --- both ------------------------------------------------------------------------------------------
 

@@ -110,7 +110,11 @@ class _AcceptedChannel(TcpChannel):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         peername = transport.get_extra_info("peername")
-        self.host = peername[0] if peername else ""
+        if not peername or _is_reset(transport.get_extra_info("socket")):
+            self._listener.accepted += 1  # it came and went: what it had sent is not done (W5)
+            cast("asyncio.Transport", transport).abort()
+            return
+        self.host = peername[0]
         self._admitted = self._listener.admit(self)
         if self._admitted:
             super().connection_made(transport)
@@ -336,6 +340,15 @@ async def connect(endpoint: TcpEndpoint, receiver: Receiver) -> TcpChannel:
 
 def _name(peername: tuple[str, int] | None) -> str:
     return str(TcpEndpoint(peername[0], peername[1])) if peername else "?"
+
+
+def _is_reset(connection: socket.socket) -> bool:
+    """Whether the peer broke it off before it was accepted; what it sent can still be read."""
+    try:
+        connection.getpeername()
+    except OSError:
+        return True
+    return False
 
 
 def _tune(connection: socket.socket) -> None:

@@ -15,6 +15,9 @@ from gateway.transport.tls_files import TlsFileError, TlsFiles
 
 LARGEST_FILE: Final = 4_000_000
 """Bytes. A list of revoked certificates may be long."""
+MOST_SESSIONS: Final = 64
+"""OpenSSL keeps every session of TLS 1.2 for two hours, some 16 KiB each, and Python cannot tell it not to: a
+context that has so many makes room for a new one."""
 CIPHERS: Final = "ECDHE+AESGCM:ECDHE+CHACHA20"
 """Of TLS 1.2; those of 1.3 are all of this kind."""
 
@@ -31,7 +34,8 @@ def server_context(files: TlsFiles) -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     context.set_ciphers(CIPHERS)
-    # Whoever takes up an old session is not looked at again: a certificate that was revoked would come in.
+    # Whoever takes up an old session is not looked at again. For TLS 1.2 that cannot be switched off: such a
+    # session is good as long as its context is, and new files make a new context.
     context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
     context.num_tickets = 0
     context.verify_mode = ssl.CERT_REQUIRED
@@ -71,13 +75,16 @@ class ServerContexts:
         """Return the context for a new connection."""
         assert self._context is not None, "opened first"
         seen = self._look()
-        if seen != self._seen:
-            self._seen = seen
+        is_new, self._seen = seen != self._seen, seen
+        if is_new or self._context.session_stats()["number"] >= MOST_SESSIONS:
             try:
                 self._context = server_context(self._files)
-                self._on_renewed()
             except TlsFileError as error:
-                self._on_refused(error)
+                if is_new:
+                    self._on_refused(error)
+            else:
+                if is_new:
+                    self._on_renewed()
         return self._context
 
     def _look(self) -> object:

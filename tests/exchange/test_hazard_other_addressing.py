@@ -3,8 +3,9 @@
 import pytest
 
 from gateway.drives.motion import Action, Addressing, Deed, Form, ModePlan, MotionPlan, TriggerPlan
+from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField, RegisterType, WordOrder
-from tests.exchange.line_bench import COMMAND, Bench, Memory, axis_plan, read, write
+from tests.exchange.line_bench import COMMAND, Bench, Memory, Port, axis_plan, read, write
 from tests.exchange.staged_bench import ONLY_ABSOLUTE, RUN_PDU
 
 INT32 = RegisterType.INT32
@@ -328,6 +329,17 @@ def test_coils_a_stop_coil_passes_when_the_axis_is_blocked_and_a_trigger_does_no
     for stop in ("05 0019 0000", "0F 0018 0004 01 00"):
         assert bench.ask(bytes.fromhex(stop))[0] == bytes.fromhex(stop)[0]
     assert bench.ask(RUN_PDU) == bytes.fromhex("86 04")
+
+
+@pytest.mark.parametrize("pdu", ["05 001C FF00", "05 001C FF00 00", "0F 001C 0001 01 01"])
+def test_coils_a_trigger_that_is_longer_than_it_should_be_is_one(pdu: str) -> None:
+    bench = Bench(axis_plan(**COILS), memory=CoilDrive())
+    cnc, panel = Port(ControllerPlan("cnc")), Port(ControllerPlan("panel"))
+    cnc.writer, panel.writer = "cnc", "panel"
+    bench.send(write(COMMAND, 5_000), cnc)
+    bench.serve()
+    bench.send(bytes.fromhex(pdu), panel)
+    assert panel.take() == bytes((int(pdu[:2], 16) | 0x80, 6))
 
 
 def test_coils_the_done_input_tells_where_the_axis_is() -> None:

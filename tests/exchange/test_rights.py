@@ -27,6 +27,9 @@ def asked(bench: Bench, port: Port, pdu: str, unit_id: int = 1) -> str:
 
 
 SPANS = Rights(readable=(PLACE, POSITION), writable=(POSITION,))
+OBJECTS = replace(
+    SPANS, function_codes=frozenset({3, 0x2B}), writable=(POSITION, RegisterSpan(0x1000, 0x1000))
+)
 READ_PLACE = "03 0520 0002"
 WRITE_POSITION = "10 0606 0002 04 0000 0000"
 CASES = [
@@ -67,6 +70,13 @@ CASES = [
     (SPANS, "07", ""),
     (SPANS, "2b 0e 01 00", ""),
     (SPANS, "2b 0d 01 0000 0606 00 00 00 00 02 0000", "ab01"),  # nobody can tell what it touches
+    (OBJECTS, "2b 0d 01 0000 1000 00 00 00 00 04 0000 0000", ""),
+    (OBJECTS, "2b 0d 01 0000 1001 00 00 00 00 04 0000 0000", "ab02"),
+    (OBJECTS, "2b 0d 00 0000 0520 00 00 00 00 02", ""),
+    (OBJECTS, "2b 0d 00 0000 0522 00 00 00 00 02", "ab02"),
+    (OBJECTS, "2b 0d 01 0000 0606 01 00 00 00 02 0000", "ab02"),  # another sub-index may be anything
+    (OBJECTS, "2b 0d 01 0000 0606", "ab02"),
+    (OBJECTS, "2b 0e 01 00", ""),
     (SPANS, "08 0001 0000", "8801"),
     (SPANS, "64 0606", "e401"),
     (SPANS, "18 0520", "9801"),

@@ -147,7 +147,7 @@ def test_w10_the_hold_ends_so_long_after_the_last_move_and_each_move_begins_it_a
     move(bench, cnc, 5_000)
 
 
-def test_w10_the_hold_ends_with_the_last_connection_of_its_writer() -> None:
+def test_w10_the_hold_ends_two_seconds_after_the_last_connection_of_its_writer() -> None:
     bench = Bench(axis_plan(), serial=False)
     first, second = controller("cnc", "10.0.0.1"), controller("cnc", "10.0.0.1")
     panel = controller("panel", "10.0.0.2")
@@ -157,8 +157,32 @@ def test_w10_the_hold_ends_with_the_last_connection_of_its_writer() -> None:
     assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
     move(bench, second, 2_000)
     bench.line.controller_gone(second, bench.now_ns)
+    bench.wait(2_000)
+    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+    bench.wait(1)
     assert writer(bench) is None
     move(bench, panel, 3_000)
+
+
+def test_w10_a_short_hold_ends_as_it_would_when_its_writer_goes() -> None:
+    bench = Bench(axis_plan(writer_hold_s=0.5), serial=False)
+    cnc, panel = controller("cnc", "10.0.0.1"), controller("panel", "10.0.0.2")
+    move(bench, cnc, 1_000)
+    bench.line.controller_gone(cnc, bench.now_ns)
+    bench.wait(510)
+    move(bench, panel, 3_000)
+
+
+def test_w10_a_controller_that_connects_anew_for_each_request_holds_its_axis() -> None:
+    bench = StagedBench(staged_plan(), serial=False)
+    panel = controller("panel", "10.0.0.2")
+    for pdu in (write(COMMAND, 4_000), RUN_PDU, write(COMMAND, 5_000), RUN_PDU):
+        cnc = controller("cnc", "10.0.0.1")
+        assert ask(bench, cnc, pdu) == pdu[:5]
+        bench.line.controller_gone(cnc, bench.now_ns)
+        bench.wait(900)
+        assert ask(bench, panel, JOG_PDU) == refusal(JOG_PDU)
+    assert [kind for kind, _ in bench.drive.moves] == ["absolute", "absolute"]
 
 
 def test_w10_a_controller_that_connects_again_is_the_same_writer() -> None:

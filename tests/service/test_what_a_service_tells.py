@@ -71,6 +71,26 @@ def test_a_manager_that_does_not_read_or_is_gone_costs_nothing(ear: socket.socke
     manager.alive()
 
 
+@pytest.mark.parametrize("is_watched", [False, True])
+def test_that_it_is_ready_reaches_a_manager_that_did_not_read_at_first(
+    ear: socket.socket, tmp_path: Path, *, is_watched: bool
+) -> None:
+    with ear, contextlib.closing(ServiceManager(str(tmp_path / "notify"))) as manager:
+        ear.bind(str(tmp_path / "notify"))
+        for _ in range(5000):
+            manager.drop("tcp-1")  # its queue is full
+        manager.ready("1 of 1 lines up")
+        ear.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                assert b"READY" not in ear.recv(300)
+        for _ in range(2):
+            manager.alive("1 of 1 lines up") if is_watched else manager.say("1 of 1 lines up")
+        assert ear.recv(300) == (b"READY=1\nWATCHDOG=1" if is_watched else b"READY=1")
+        with contextlib.suppress(BlockingIOError):
+            assert ear.recv(300) == b"WATCHDOG=1"  # once is enough
+
+
 def test_the_environment_names_it_once_and_for_this_process_only() -> None:
     own, other = str(os.getpid()), str(os.getpid() + 1)
     environment = {"NOTIFY_SOCKET": "/run/none", "WATCHDOG_USEC": "5000000", "WATCHDOG_PID": own, "HOME": "/"}

@@ -2,7 +2,9 @@
 
 import asyncio
 import contextlib
+import importlib
 import socket
+import struct
 from ipaddress import ip_network
 from typing import TYPE_CHECKING
 
@@ -73,6 +75,38 @@ async def test_an_address_outside_allow_is_closed_and_counted(make_recorder: "ty
     assert far.opens == 0
     assert far.reasons == []
     await listener.close()
+
+
+@pytest.mark.parametrize("networks", [["10.0.0.0/8"], []])
+@pytest.mark.parametrize("loop_name", ["asyncio", "uvloop"])
+def test_whoever_has_gone_before_he_is_accepted_costs_nothing_and_commands_nothing(
+    make_recorder: "type[Recorder]", eventually: "Eventually", networks: list[str], loop_name: str
+) -> None:
+    """On uvloop such a connection has no peer any more, and what it sent can still be read."""
+    faults: list[object] = []
+    refused: list[str] = []
+    far = make_recorder()
+
+    async def main() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context))
+        allow = [ip_network(network) for network in networks]
+        listener = TcpListener(LOOPBACK, allow, lambda: far, lambda host, _: refused.append(host))
+        await listener.open()
+        where = listener.addresses[0]
+        for _ in range(5):
+            gone = socket.create_connection((where.host, where.port))
+            gone.sendall(b"a command")
+            gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            gone.close()
+        await eventually(lambda: listener.accepted == 5 and not listener.peers)
+        await listener.close()
+
+    loops = importlib.import_module(loop_name) if loop_name == "asyncio" else pytest.importorskip(loop_name)
+    with asyncio.Runner(loop_factory=loops.new_event_loop) as runner:
+        runner.run(main())
+    assert faults == []
+    assert far.data == b""
+    assert set(refused) <= {"127.0.0.1"}
 
 
 async def test_an_address_inside_allow_is_let_in(make_recorder: "type[Recorder]") -> None:

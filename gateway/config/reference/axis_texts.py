@@ -135,9 +135,8 @@ AXIS: Final[Texts] = {
     ),
     "writer_hold_s": Said(
         meaning=(
-            "so long after its last frame that moves the axis its writer still holds it; it lets go at once "
-            "when its "
-            "last connection closes"
+            "so long after its last frame that moves the axis its writer still holds it, and 2 s at most "
+            "after its last connection has closed"
         ),
     ),
     "budget_us": Said(

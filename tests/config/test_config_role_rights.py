@@ -1,0 +1,54 @@
+"""The rights of a role of certificates: checked as those of a controller are."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.certificates import Shop
+from tests.config.config_bench import edited, loaded, only, refused
+
+LISTENER = """tcp = "127.0.0.1:1502"
+
+[line.xyz.controllers.tls]
+certificate = "server.pem"
+key = "server.key"
+clients = "ca.pem"
+
+[line.xyz.controllers.roles.Panel]
+"""
+ROLE = "line.xyz.controllers[2].roles.Panel"
+
+
+def with_role(*keys: str) -> str:
+    return edited(('tcp = "127.0.0.1:1502"\nrole = "monitor"\n', LISTENER + "\n".join(keys) + "\n"))
+
+
+@pytest.fixture(autouse=True)
+def certificates(tmp_path: Path) -> None:
+    Shop(tmp_path).server()
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "found"),
+    [
+        *(
+            ((f"{name} = []",), name, "an empty list, which would allow everything")
+            for name in ("unit_ids", "function_codes", "readable", "writable")
+        ),
+        (('role = "monitor"', "writable = [1]"), "writable", "addresses that may be written beside role"),
+        (('writable = ["0x0606"]',), "writable[1]", "0x0606-0x0606 holds a part of a command position"),
+        (("read_only = true", "function_codes = [6]"), "function_codes", "function codes that only write"),
+    ],
+)
+def test_rights_of_a_role_that_cannot_be_meant_are_refused(
+    tmp_path: Path, keys: tuple[str, ...], key: str, found: str
+) -> None:
+    assert found in only(refused(tmp_path, with_role(*keys)), f"{ROLE}.{key}").found
+
+
+def test_a_role_that_may_move_nothing_is_warned_of(tmp_path: Path) -> None:
+    [warning] = loaded(tmp_path, with_role("function_codes = [3]")).warnings
+    assert (warning.key, warning.found) == (
+        f"{ROLE}.role",
+        'role = "motion", and its rights let it move no axis of this line',
+    )

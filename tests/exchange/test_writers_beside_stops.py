@@ -1,0 +1,121 @@
+"""What somebody's frame changes beside the stop in it, or was refused in it: it is never run (M3)."""
+
+import pytest
+
+from gateway.drives.motion import MotionPlan, TriggerPlan
+from gateway.exchange.plan import CompensationMode, Role
+from tests.exchange.staged_bench import (
+    DEEDS,
+    JOG_PDU,
+    RUN_PDU,
+    STOP,
+    StagedBench,
+    StagedDrive,
+    staged_plan,
+    sticky,
+)
+from tests.exchange.test_writers import HOLD_MS, MODE_ABSOLUTE, ask, controller, move, refusal, writer
+
+SPAN_TRIGGER = 0x0608
+"""A trigger right behind the target: one frame writes both."""
+RUN_SPAN = bytes.fromhex("06 0608 0001")
+
+
+class SpanDrive(StagedDrive):
+    """As the other one, with its trigger right behind the target."""
+
+    def write(self, address: int, data: bytes) -> None:
+        super().write(address, data)
+        words = len(data) // 2
+        if address <= SPAN_TRIGGER < address + words:
+            at = 2 * (SPAN_TRIGGER - address)
+            self.act(int.from_bytes(data[at : at + 2], "big"))
+
+
+def span_bench(**changes: object) -> StagedBench:
+    motion = MotionPlan(is_staged=True, triggers=(TriggerPlan(SPAN_TRIGGER, deeds=DEEDS),))
+    bench = StagedBench(staged_plan(motion=motion, **changes), serial=False)
+    bench.drive = bench.memory = SpanDrive()
+    return bench
+
+
+def image(counts: int, trigger: int) -> bytes:
+    """Target and trigger in one frame; the lower word comes first."""
+    low, high = counts & 0xFFFF, counts >> 16
+    return bytes.fromhex("10 0606 0003 06") + b"".join(n.to_bytes(2, "big") for n in (low, high, trigger))
+
+
+@pytest.mark.parametrize("role", [Role.MOTION, Role.OPERATOR])
+@pytest.mark.parametrize("compensation", [CompensationMode.ON, CompensationMode.OFF])
+def test_m3_what_a_stop_of_another_one_writes_beside_is_never_run(
+    role: Role, compensation: CompensationMode
+) -> None:
+    bench = span_bench(compensation=compensation)
+    cnc, panel = controller("cnc"), controller("panel", role=role)
+    move(bench, cnc, 4_000)
+    stop = image(9_000, STOP)
+    assert ask(bench, panel, stop) == stop[:5]  # a stop is never refused
+    assert ask(bench, cnc, RUN_SPAN) == refusal(RUN_SPAN)
+    assert [kind for kind, _ in bench.drive.moves] == ["stop"]
+    assert writer(bench) == "cnc"
+    move(bench, cnc, 5_000)
+    assert ask(bench, cnc, RUN_SPAN) == RUN_SPAN
+    [_, (kind, counts)] = bench.drive.moves
+    assert (kind, abs(counts - 5_000) <= 10) == ("absolute", True)
+
+
+@pytest.mark.parametrize("role", [Role.MOTION, Role.OPERATOR])
+def test_m3_a_stop_of_another_one_with_the_target_that_stands_there_takes_nothing(role: Role) -> None:
+    bench = span_bench()
+    cnc, panel = controller("cnc"), controller("panel", role=role)
+    move(bench, cnc, 4_000)
+    stop = image(4_000, STOP)
+    assert ask(bench, panel, stop) == stop[:5]
+    assert ask(bench, cnc, RUN_SPAN) == RUN_SPAN
+    assert [kind for kind, _ in bench.drive.moves] == ["stop", "absolute"]
+
+
+def test_m3_ones_own_stop_with_another_target_takes_nothing() -> None:
+    bench = span_bench()
+    cnc = controller("cnc")
+    move(bench, cnc, 4_000)
+    stop = image(5_000, STOP)
+    assert ask(bench, cnc, stop) == stop[:5]
+    assert ask(bench, cnc, RUN_SPAN) == RUN_SPAN
+    assert [kind for kind, _ in bench.drive.moves] == ["stop", "absolute"]
+
+
+def test_m3_a_mode_that_was_refused_in_fc23_is_not_forgotten_for_another_fc23() -> None:
+    """Both read the same; what they write is not the same, and each loss counts."""
+    bench = StagedBench(staged_plan(motion=sticky()))
+    cnc, panel = controller("cnc"), controller("panel")
+    assert ask(bench, cnc, MODE_ABSOLUTE) == MODE_ABSOLUTE
+    move(bench, cnc, 4_000)
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    bench.settle(is_polled=False)
+    mode = bytes.fromhex("17 005C 0001 0700 0001 02 0002")
+    distance = bytes.fromhex("17 005C 0001 0606 0002 04 0064 0000")
+    for pdu in (mode, distance):
+        assert ask(bench, panel, pdu) == refusal(pdu)
+    bench.wait(HOLD_MS + 1_000)
+    assert ask(bench, panel, distance)[0] == 0x17
+    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)  # it would be a place
+    assert len(bench.drive.moves) == 1
+
+
+LET_GO = bytes.fromhex("06 050E 0000")
+
+
+def test_m3_whoever_jogs_may_let_go_although_another_one_took_the_axis_over() -> None:
+    bench = StagedBench()
+    pendant, cnc, other = controller("pendant"), controller("cnc"), controller("other")
+    assert ask(bench, pendant, JOG_PDU) == JOG_PDU
+    bench.wait(HOLD_MS + 1_000)  # the button is still held
+    move(bench, cnc, 4_000)
+    assert ask(bench, other, LET_GO) == refusal(LET_GO)
+    assert ask(bench, pendant, LET_GO) == LET_GO
+    assert ask(bench, pendant, JOG_PDU) == refusal(JOG_PDU)
+    assert writer(bench) == "cnc"
+    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert ask(bench, pendant, LET_GO) == refusal(LET_GO)  # its jog has ended: this is another move
+    assert [kind for kind, _ in bench.drive.moves] == ["jog", "absolute"]
