@@ -82,7 +82,8 @@ STARTS: Final = (
     StartEntry(
         "no permission to listen on …",
         "a port below 1024",
-        "give the unit `AmbientCapabilities=CAP_NET_BIND_SERVICE`, or choose a higher port",
+        "give the capability to the unit: `pitch-gateway service CONFIG --systemd /etc/systemd/system`; or "
+        "choose a higher port",
     ),
     StartEntry(
         "… is no address of this machine", "`tcp` of a controller", "listen on one that `ip address` lists"
