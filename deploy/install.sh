@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs pitch-gateway on this machine from a checkout; uninstalls it; goes back to the release before.
 set -euo pipefail
+umask 022 # whatever root's is: the user of the service has to get in
 
 usage() {
     cat <<'TEXT'
@@ -93,9 +94,9 @@ must_not_be_packaged() {
 }
 
 find_python() {
-    local candidate
-    for candidate in ${python:-/usr/bin/python3 /usr/bin/python3.13 /usr/bin/python3.12 /usr/bin/python3.11 python3}
-    do
+    local candidate candidates=(/usr/bin/python3 /usr/bin/python3.13 /usr/bin/python3.12 /usr/bin/python3.11 python3)
+    [ -z "$python" ] || candidates=("$python")
+    for candidate in "${candidates[@]}"; do
         if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
             python=$(command -v "$candidate")
             may_all_run || die "$python is below a folder that other users may not enter ($(real_python)): the" \
@@ -171,7 +172,7 @@ remove_old_releases() {
         case "${path##*/}" in
             "$(basename "$(release_of $CURRENT)")" | "$(basename "$(release_of $PREVIOUS)")") continue ;;
         esac
-        cat /proc/[0-9]*/cmdline 2>/dev/null | tr '\0' '\n' | grep -qF "${path#"$root"}/" || rm -rf "$path"
+        is_in_use "${path#"$root"}" || rm -rf "$path"
     done
 }
 
@@ -227,6 +228,7 @@ make_release() {
             "--find-links DIR with all packages, and --wheel"
     printf '%s\n' "$wanted" > "$folder/share/$NAME/origin"
     "$folder/bin/python3" "$folder/bin/$NAME" --version >/dev/null || die "the new release does not start"
+    sync -f "$folder" # a machine is switched off as soon as this says that it is done
     trap - EXIT
 }
 
@@ -264,7 +266,7 @@ do_uninstall() {
         local release to
         for release in "$root$RELEASES"/*/; do
             release=${release%/}
-            system_files "$NAME.releases/${release##*/}" | while read -r _ to; do rm -f "$root$to"; done
+            while read -r _ to; do rm -f "$root$to"; done < <(system_files "$NAME.releases/${release##*/}")
         done
         rm -f "$root$CURRENT" "$root$PREVIOUS" "$root$COMMAND_LINK"
         rm -rf "$root$RELEASES"
@@ -281,7 +283,8 @@ do_uninstall() {
 
 say_what_stays() {
     local path
-    for path in "$ETC" "$STATE"; do
+    # The last two are what `pitch-gateway service` wrote.
+    for path in "$ETC" "$STATE" "/etc/systemd/system/$NAME"-{relay,supervisor}.service.d; do
         [ ! -e "$root$path" ] || say "left: $path"
     done
     ! grep -q "^$NAME:" "$root/etc/passwd" || say "left: the user $NAME, to whom the files belong"
@@ -290,7 +293,7 @@ say_what_stays() {
 purge() {
     local answer=''
     if [ -z "$is_yes" ]; then
-        say "This removes $ETC with the configuration and the measured tables, and $STATE."
+        say "This removes $ETC with the configuration, the measured tables and the secrets, and $STATE."
         read -r -p "Type 'remove' to do it: " answer || true
         [ "$answer" = remove ] || die "nothing more was removed"
     fi

@@ -2,14 +2,14 @@
 # $root, $NAME, $LIB, $SHARE, $ETC, $STATE, $CURRENT, $COMMAND_LINK, $UNITS and $is_enabled.
 # shellcheck shell=bash disable=SC2153,SC2154
 
-# Where the files of a release go on the system, one "from to" each.
+# Where the files of a release go on the system, one "from to" each; both below $root.
 system_files() {
-    local share="$root/opt/$1/share/$NAME" pair file
+    local share="/opt/$1/share/$NAME" pair file
     for pair in "systemd $LIB/systemd/system" "sysusers.d $LIB/sysusers.d" "tmpfiles.d $LIB/tmpfiles.d" \
         "udev $LIB/udev/rules.d" "man $SHARE/man/man1" "completions/bash $SHARE/bash-completion/completions" \
         "completions/zsh $SHARE/zsh/site-functions" "completions/fish $SHARE/fish/vendor_completions.d"; do
-        for file in "$share/${pair% *}"/*; do
-            [ ! -f "$file" ] || say "$file ${pair#* }/$(basename "$file")"
+        for file in "$root$share/${pair% *}"/*; do
+            [ ! -f "$file" ] || say "${file#"$root"} ${pair#* }/$(basename "$file")"
         done
     done
 }
@@ -26,13 +26,22 @@ put_system_files() {
             <(system_files "$release" | cut -d' ' -f2 | sort))
     fi
     while read -r from_file to; do
-        cmp -s "$from_file" "$root$to" && continue
-        install -D -m 644 "$from_file" "$root$to"
+        cmp -s "$root$from_file" "$root$to" && continue
+        install -D -m 644 "$root$from_file" "$root$to"
         has_changed=1
     done < <(system_files "$release")
     mkdir -p "$root$(dirname "$COMMAND_LINK")"
+    [ -z "$has_changed" ] || sync -f "$root$(dirname "$COMMAND_LINK")"
     [ "$(readlink "$root$COMMAND_LINK" || true)" = "$CURRENT/bin/$NAME" ] \
         || ln -sfn "$CURRENT/bin/$NAME" "$root$COMMAND_LINK"
+}
+
+# Whether a program runs that was started from a release. Processes come and go meanwhile: that cat misses one, or
+# that nobody reads to the end, must not look like "no", for then the files of a relay at work would be removed.
+is_in_use() {
+    local commands
+    commands=$(cat /proc/[0-9]*/cmdline 2>/dev/null | tr '\0' '\n') || true
+    [[ $commands == *"$1/"* ]]
 }
 
 # The user, the folders, and what the system has to hear of. Each is there already the second time.
@@ -50,10 +59,10 @@ prepare_system() {
     [ -d "$root$ETC" ] || install -d -m 755 "$root$ETC"
     [ -d "$root$ETC/tables" ] || install -d -m 755 "$root$ETC/tables"
     [ -d "$root$STATE" ] || make_state
+    ! is_systemd_running || systemctl daemon-reload # also after an installation that was interrupted before this
     if [ -z "$has_changed" ]; then
         return
     elif is_systemd_running; then
-        systemctl daemon-reload
         ! has udevadm || { udevadm control --reload && udevadm trigger --subsystem-match=tty --action=change; } \
             || say "udev did not take the rules: it will with the next start of the machine"
     else

@@ -34,7 +34,7 @@ def authority(folder: Path, name: str) -> Path:
     """Make an authority; returns its certificate."""
     cert, key = folder / f"{name}.crt", folder / f"{name}.key"
     openssl(
-        "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2",
+        "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "100",
         "-subj", f"/CN={name}", "-addext", "keyUsage=critical,keyCertSign",
         "-keyout", str(key), "-out", str(cert),
     )  # fmt: skip
@@ -51,7 +51,7 @@ def signed_by(folder: Path, signer: str, name: str, subject_alt_name: str) -> tu
     extension = folder / f"{name}.ext"
     extension.write_text(f"subjectAltName={subject_alt_name}\n")
     openssl(
-        "x509", "-req", "-in", str(request), "-days", "2", "-CA", str(folder / f"{signer}.crt"),
+        "x509", "-req", "-in", str(request), "-days", "100", "-CA", str(folder / f"{signer}.crt"),
         "-CAkey", str(folder / f"{signer}.key"), "-CAcreateserial", "-extfile", str(extension),
         "-out", str(cert),
     )  # fmt: skip

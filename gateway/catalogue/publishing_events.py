@@ -36,7 +36,7 @@ TOKEN_UNUSABLE: Final = EventEntry(
     "token-unusable",
     Severity.WARNING,
     "the file of a token cannot be used any more: nobody gets in by it until it is mended",
-    "the file was removed, emptied, or may be read by every user",
+    "the file was removed, emptied, or may be read or written by every user",
     "do what the detail says; the file is read again by itself",
 )
 HTTP_FAILED: Final = EventEntry(

@@ -69,7 +69,11 @@ STARTS: Final = (
     StartEntry("… is a link to …", "the state folder is a link that leads nowhere", _ANOTHER_FOLDER),
     StartEntry("… is …, and no folder", "a file is in place of the state folder", _ANOTHER_FOLDER),
     StartEntry("every user may write to …", "the mode of the state folder", "take the right away: chmod o-w"),
-    StartEntry("… belongs to user …", "the owner of the state folder", "give it to the gateway's user"),
+    StartEntry(
+        "… belongs to user …",
+        "the owner of the state folder; or root ran what the user of the service should run",
+        "run it as the gateway's user (`sudo -u pitch-gateway …`), or give the folder to who runs it",
+    ),
     StartEntry(
         "… is in use by another program",
         "a port of the network or a serial port has one user only",
@@ -78,7 +82,8 @@ STARTS: Final = (
     StartEntry(
         "no permission to listen on …",
         "a port below 1024",
-        "give the unit `AmbientCapabilities=CAP_NET_BIND_SERVICE`, or choose a higher port",
+        "give the capability to the unit: `pitch-gateway service CONFIG --systemd /etc/systemd/system`; or "
+        "choose a higher port",
     ),
     StartEntry(
         "… is no address of this machine", "`tcp` of a controller", "listen on one that `ip address` lists"

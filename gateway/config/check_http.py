@@ -1,15 +1,17 @@
 """Whether the status page can be where it should be, and who can see it there."""
 
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Final
 
+from gateway.config.certificate_times import warn_of_times
 from gateway.config.check_lines import WILDCARDS, controller_key, is_loopback, is_same
 from gateway.config.findings import Findings
 from gateway.config.http_files import TLS_KEY, read_token, server_context
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
-from gateway.config.named_files import NamedFileError, is_out_of_reach, warn_out_of_reach
+from gateway.config.named_files import NamedFileError, is_out_of_reach, path_of, warn_out_of_reach
 from gateway.config.problems import key_text
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -28,8 +30,11 @@ def check_http(findings: Findings, http: HttpSection, lines: Mapping[str, LineSe
         _check_open(findings, http, place)
 
 
-def check_http_files(findings: Findings, http: HttpSection, folder: Path) -> None:
-    """Refuse files of tokens and of TLS that are missing, something else, or readable by every user."""
+def check_http_files(findings: Findings, http: HttpSection, folder: Path, now: datetime) -> None:
+    """Refuse files of tokens and of TLS that are missing, something else, or readable by every user.
+
+    Of certificates that have expired, or soon will, it is warned.
+    """
     first: dict[str, str] = {}
     for index, token in enumerate(http.tokens):
         key = (*TOKENS_KEY, index, "file")
@@ -45,21 +50,27 @@ def check_http_files(findings: Findings, http: HttpSection, folder: Path) -> Non
             found = f'the same token as that of "{first[text]}"'
             findings.refuse(key, found, f"make another one with pitch-gateway token {token.file} --force")
         first.setdefault(text, token.name)
-    _check_tls(findings, http, folder)
+    _check_tls(findings, http, folder, now)
 
 
-def _check_tls(findings: Findings, http: HttpSection, folder: Path) -> None:
+def _check_tls(findings: Findings, http: HttpSection, folder: Path, now: datetime) -> None:
     if http.tls is None:
         return
     named = {"certificate": http.tls.certificate, "key": http.tls.key, "clients": http.tls.clients}
     away = [key for key, file in named.items() if file is not None and is_out_of_reach(file)]
     for key in away:
         warn_out_of_reach(findings, (*TLS_KEY, key), str(named[key]))
-    if not away:
-        try:
-            server_context(http.tls, folder, needs_client=False)
-        except NamedFileError as error:
-            findings.refuse(error.key, error.found, error.remedy)
+    if away:
+        return
+    try:
+        server_context(http.tls, folder, needs_client=False)
+    except NamedFileError as error:
+        findings.refuse(error.key, error.found, error.remedy)
+        return
+    for name in ("certificate", "clients"):
+        file, path = named[name], (*TLS_KEY, name)
+        if file is not None:
+            warn_of_times(findings, path, path_of(path, file, folder), now)
 
 
 def _check_names(findings: Findings, http: HttpSection) -> None:

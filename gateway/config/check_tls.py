@@ -2,25 +2,25 @@
 
 import os
 from collections.abc import Iterator
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from gateway.config.certificate_times import SOON, day, time_problem
 from gateway.config.check_lines import controller_key
 from gateway.config.findings import Findings
+from gateway.config.named_files import is_out_of_reach
 from gateway.config.rights_model import RightsKeys
 from gateway.config.sections import Sections
 from gateway.config.tls_model import ControllerTls
 from gateway.config.toml_lines import KeyPath
 from gateway.files import FileRefusedError
-from gateway.secret_files import CREDENTIAL, CREDENTIALS_FOLDER
+from gateway.secret_files import CREDENTIAL
 from gateway.transport.tls_files import TlsFileError, TlsFiles
 
 if TYPE_CHECKING:
     from gateway.transport.certificate_facts import Facts
 
-SOON: Final = timedelta(days=30)
-"""So long before its end a certificate is warned of."""
 SERVER_REMEDY: Final = "have it made for a server; pitch-gateway certificate server makes one"
 
 
@@ -95,7 +95,7 @@ class _Check:
         self._clients()
         if self._files.revoked:
             self._revoked()
-        if self._files.key.startswith(CREDENTIAL) and not os.environ.get(CREDENTIALS_FOLDER):
+        if is_out_of_reach(self._files.key):
             self._warn(
                 "key",
                 f"{self._files.key} was not looked at: it is handed over to the service alone",
@@ -150,9 +150,9 @@ class _Check:
             return
         remedy = "have the authority write a new list: with one that is out of date nobody comes in"
         if ends < self._now:
-            self._refuse("revoked", f"{self._files.revoked} is out of date since {_day(ends)}", remedy)
+            self._refuse("revoked", f"{self._files.revoked} is out of date since {day(ends)}", remedy)
         elif ends < self._now + SOON:
-            self._warn("revoked", f"{self._files.revoked} is good until {_day(ends)}", remedy)
+            self._warn("revoked", f"{self._files.revoked} is good until {day(ends)}", remedy)
 
     def _facts(self, key: str, name: str) -> "tuple[Facts, ...]":
         from gateway.transport.certificate_facts import read_facts
@@ -164,14 +164,10 @@ class _Check:
             return ()
 
     def _check_time(self, key: str, facts: "Facts") -> None:
-        if facts.ends < self._now:
-            found = f"{facts.subject} expired on {_day(facts.ends)}"
-            self._refuse(key, found, "give one that is good; if this is, set the clock")
-        elif facts.begins > self._now:
-            found = f"{facts.subject} is good from {_day(facts.begins)} on only"
-            self._refuse(key, found, "wait until then, or set the clock if it is wrong")
-        elif facts.ends < self._now + SOON:
-            self._warn(key, f"{facts.subject} expires on {_day(facts.ends)}", "have it renewed before")
+        problem = time_problem(facts, self._now)
+        if problem is not None:
+            say = self._warn if problem.is_good_now else self._refuse
+            say(key, problem.found, problem.remedy)
 
     def _check_strength(self, key: str, facts: "Facts") -> None:
         if facts.weakness:
@@ -184,7 +180,3 @@ class _Check:
 
     def _warn(self, key: str, found: str, remedy: str) -> None:
         self._findings.warn((*self._path, key), found, remedy)
-
-
-def _day(when: datetime) -> str:
-    return when.date().isoformat()

@@ -11,6 +11,7 @@ from gateway.config.toml_lines import KeyPath
 from gateway.ipc.compiled_plan import write_plan
 from gateway.ipc.folder_problems import problem_of
 from gateway.ipc.plan import GatewayPlan
+from gateway.ipc.service_user import why_not_for_root
 from gateway.ipc.state_folder import StateError
 
 
@@ -20,9 +21,12 @@ def compile_into_state(loaded: Loaded, plan: GatewayPlan | None = None) -> dict[
     ``plan`` is what the configuration amounts to (``last_good.settle``); without it, what it says.
 
     Raises:
-        StateError: the state folder cannot be written, or a profile was removed meanwhile; with the remedy.
+        StateError: the state folder cannot be written, or not by root, or a profile was removed meanwhile;
+            with the remedy.
     """
     sources = sources_of(loaded)
+    if problem := why_not_for_root(loaded.state_folder):
+        raise StateError(f"gateway.state: {problem}")
     try:
         return write_plan(loaded.state_folder, plan or loaded.plan, sources, loaded.document.text)
     except OSError as error:

@@ -100,10 +100,11 @@ def load_document(
     try:
         sections, drives = _check_but_tables(findings)
         if not is_elsewhere:
-            check_mqtt(findings, sections.mqtt, document.path.parent)
-            check_http_files(findings, sections.http, document.path.parent)
+            now = now_utc()
+            check_mqtt(findings, sections.mqtt, document.path.parent, now)
+            check_http_files(findings, sections.http, document.path.parent, now)
             check_permissions(findings, sections, is_start=is_start)
-            check_tls_files(findings, sections, now_utc())
+            check_tls_files(findings, sections, now)
         return _with_tables(
             findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables
         )

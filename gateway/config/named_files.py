@@ -10,7 +10,8 @@ from gateway.files import FileRefusedError, read_regular_file
 from gateway.secret_files import (
     CREDENTIAL,
     CREDENTIALS_FOLDER,
-    refuse_readable_by_others,
+    is_credential_name,
+    refuse_open_to_others,
     secret_path,
 )
 
@@ -30,8 +31,11 @@ class NamedFileError(Exception):
 
 
 def is_out_of_reach(name: str) -> bool:
-    """Whether a file is a credential that this process was not given: only a service that was can look."""
-    if not name.startswith(CREDENTIAL):
+    """Whether a file is a credential that this process was not given: only a service that was can look.
+
+    A name that no credential can have is not: it is refused everywhere.
+    """
+    if not name.startswith(CREDENTIAL) or not is_credential_name(name):
         return False
     handed_over = os.environ.get(CREDENTIALS_FOLDER)
     return not handed_over or not (Path(handed_over) / name.removeprefix(CREDENTIAL)).exists()
@@ -66,7 +70,7 @@ def read_secret_line(key: KeyPath, name: str, folder: Path, what: str) -> str:
     """
     path = path_of(key, name, folder)
     try:
-        refuse_readable_by_others(path)
+        refuse_open_to_others(path)
         content = read_regular_file(path, LARGEST_SECRET, f"a file with the {what}")
     except FileRefusedError as error:
         raise NamedFileError(key, f"{path}: {error.found}", error.remedy) from None
@@ -103,7 +107,7 @@ def key_path(key: KeyPath, name: str, folder: Path) -> Path:
     """
     path = certificates_path(key, name, folder)
     try:
-        refuse_readable_by_others(path)
+        refuse_open_to_others(path)
     except FileRefusedError as error:
         raise NamedFileError(key, f"{path}: {error.found}", error.remedy) from None
     return path

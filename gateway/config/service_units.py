@@ -5,7 +5,7 @@ Each unit gets one drop-in (systemd.unit(5)). What cannot be narrowed is left op
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from ipaddress import ip_address
+from ipaddress import IPv6Address, ip_address
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,14 +39,16 @@ class Addresses:
     open_because: list[str] = field(default_factory=list)
 
     def peer(self, host: str, who: str) -> None:
-        """Note an address that is connected to."""
+        """Note an address that is connected to, as packets have it: no interface, IPv4 as IPv4."""
         if host == LOOPBACK:
             return
         try:
-            address = ip_address(host)
+            address = ip_address(host.partition("%")[0])
         except ValueError:
             self.open_because.append(f"{who} is a host name, {host}, which systemd takes for no address")
             return
+        if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
+            address = address.ipv4_mapped
         if not address.is_loopback:
             self.allowed.append(str(address))
 

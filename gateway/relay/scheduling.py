@@ -30,10 +30,14 @@ SPARE_FACTOR: Final = 4
 """A limit must allow so many times what is mapped at start. Beyond a limit every later mapping would fail."""
 
 REALTIME_REMEDY: Final = (
-    "in the systemd unit: LimitRTPRIO={priority} or AmbientCapabilities=CAP_SYS_NICE, "
+    "run pitch-gateway service CONFIG --systemd /etc/systemd/system; or in a unit of your own: "
+    "LimitRTPRIO={priority} or AmbientCapabilities=CAP_SYS_NICE, "
     "and no RestrictRealtime=yes"
 )
-MEMORY_REMEDY: Final = "in the systemd unit: LimitMEMLOCK=infinity or AmbientCapabilities=CAP_IPC_LOCK"
+MEMORY_REMEDY: Final = (
+    "run pitch-gateway service CONFIG --systemd /etc/systemd/system; or in a unit of your own: "
+    "LimitMEMLOCK=infinity or AmbientCapabilities=CAP_IPC_LOCK"
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,8 +27,8 @@ def no_port(endpoint: TcpEndpoint) -> tuple[str, str]:
     return (
         f"no permission to listen on {endpoint}",
         (
-            f"ports below {first_free_port()} need CAP_NET_BIND_SERVICE (AmbientCapabilities= in the systemd "
-            "unit), or choose a higher port"
+            f"ports below {first_free_port()} need CAP_NET_BIND_SERVICE: pitch-gateway service CONFIG "
+            "--systemd /etc/systemd/system gives it to the unit; or choose a higher port"
         ),
     )
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.secret_files import refuse_readable_by_others
+from gateway.secret_files import refuse_open_to_others
 from gateway.transport.tls_files import TlsFileError, TlsFiles
 
 LARGEST_FILE: Final = 4_000_000
@@ -107,7 +107,7 @@ def _look_at(key: str, path: Path) -> None:
     try:
         read_regular_file(path, LARGEST_FILE, "a file in PEM")
         if key == "key":
-            refuse_readable_by_others(path)
+            refuse_open_to_others(path)
     except FileRefusedError as error:
         raise TlsFileError(key, f"{path}: {error.found}", error.remedy) from None
 

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from gateway.cli.main import app
@@ -69,6 +70,19 @@ def test_all_addresses_are_known(tmp_path: Path) -> None:
         "PrivateDevices=yes\n"
     )
     assert supervisor == "IPAddressDeny=any\nIPAddressAllow=localhost\n"
+
+
+@pytest.mark.parametrize(
+    ("drives", "allowed"),
+    [
+        ("[fe80::1%eth0]:502", "localhost fe80::1 10"),  # systemd would pass over one with an interface
+        ("[::ffff:192.0.2.1]:502", "localhost 192.0.2.1 10"),  # those packets are of IPv4
+        ("[::ffff:127.0.0.1]:502", "localhost 10"),
+    ],
+)
+def test_addresses_are_allowed_as_packets_have_them(tmp_path: Path, drives: str, allowed: str) -> None:
+    relay, _ = fitted(config_in(tmp_path, drives=f'tcp = "{drives}"'))
+    assert f"IPAddressAllow={allowed}" in relay
 
 
 def test_a_controller_from_anywhere_and_drives_by_name_leave_it_open(tmp_path: Path) -> None:

@@ -1,12 +1,14 @@
 """Tokens and certificates of the page: what nobody could be kept out with is refused, with the remedy."""
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.config.http_files import read_token
 from gateway.config.load import load
-from tests.certificates import authority, signed_by
+from tests.certificates import Shop, authority, signed_by
 from tests.config.config_bench import GOOD, loaded, only, refused, written
 
 TOKEN = "0123456789abcdefghijklmnopqrstuv"
@@ -55,6 +57,20 @@ def test_a_token_and_tls_open_the_page_to_others(tmp_path: Path, certificates: P
 
 def test_certificates_of_clients_are_enough(tmp_path: Path, certificates: Path) -> None:
     assert loaded(tmp_path, page(tls(certificates, clients="ca.crt"))).warnings == ()
+
+
+def test_certificates_that_end_are_warned_of_and_axes_go_on(tmp_path: Path, certificates: Path) -> None:
+    shop = Shop(tmp_path, days=20.0)
+    shop.leaf("old", ended=timedelta(days=3), purpose=ExtendedKeyUsageOID.SERVER_AUTH)
+    shop.leaf("early", begins_in=timedelta(days=3), purpose=ExtendedKeyUsageOID.SERVER_AUTH)
+    day = (datetime.now(UTC) - timedelta(days=3)).date()
+    for name, said in (("old", f"CN=old expired on {day}"), ("early", "CN=early is good from ")):
+        files = {"certificate": f"{name}.pem", "key": f"{name}.key", "clients": "ca.pem"}
+        found = loaded(tmp_path, page(tls(tmp_path, **files))).warnings
+        assert [each.key for each in found] == ["http.tls.certificate", "http.tls.clients"]
+        assert found[0].found.startswith(said)
+        assert found[1].found.startswith("CN=ca expires on ")
+        assert all(each.remedy for each in found)
 
 
 def test_on_this_machine_tokens_need_no_tls(tmp_path: Path) -> None:
@@ -159,6 +175,19 @@ def test_a_credential_of_another_service_is_not_looked_at_and_that_is_said(
         "credential:mqtt was not looked at: only the service that is given it can"
     )
     assert "LoadCredential=page.token:PATH" in found["http.tokens[1].file"].remedy
+
+
+@pytest.mark.parametrize("handed_over", [None, "others"])
+@pytest.mark.parametrize("name", ["../http-key", "a b", "a:b", "%h"])
+def test_a_name_that_no_credential_can_have_is_refused_wherever_it_is_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, handed_over: str | None
+) -> None:
+    monkeypatch.delenv("CREDENTIALS_DIRECTORY", raising=False)
+    if handed_over:
+        monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path))
+    text = page(CREDENTIAL.replace("page.token", name), listen="127.0.0.1:8480")
+    problem = only(refused(tmp_path, text), "http.tokens[1].file")
+    assert problem.found == f"credential:{name} is no name of a credential"
 
 
 def test_a_credential_that_was_handed_over_is_looked_at(

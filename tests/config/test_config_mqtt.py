@@ -1,6 +1,7 @@
 """``[mqtt]``: what could not be published to is refused, with the key; who could overhear is warned of."""
 
 import re
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 from gateway.config.load import load, reread_tables
 from gateway.config.mqtt_model import MqttSection, MqttVersion, TlsSection
 from gateway.supervisor.mqtt.settings import settings_of
-from tests.certificates import authority, signed_by
+from tests.certificates import Shop, authority, signed_by
 from tests.config.config_bench import GOOD, line_of, loaded, only, refused, written
 
 REFERENCE = (Path(__file__).parents[2] / "docs" / "configuration.md").read_text()
@@ -169,6 +170,14 @@ def test_certificates_that_belong_together(tmp_path: Path, certificates: Path) -
     context = settings_of(section, "mill-1", tmp_path).tls_context()
     assert context is not None
     assert [ca["subject"] for ca in context.get_ca_certs()] == [((("commonName", "ca"),),)]
+
+
+def test_a_certificate_that_ended_is_warned_of(tmp_path: Path) -> None:
+    Shop(tmp_path).leaf("mill", ended=timedelta(days=3))
+    section = tls(tmp_path, cert="mill.pem", key="mill.key")
+    [warning] = loaded(tmp_path, with_mqtt(section)).warnings
+    assert warning.key == "mqtt.tls.cert"
+    assert warning.found.startswith("CN=mill expired on ")
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,8 @@ for one in found:
 """
 PORT = (
     "line.xyz.controllers[2].tcp: no permission to listen on 127.0.0.1:{port}; ports below {first} need "
-    "CAP_NET_BIND_SERVICE (AmbientCapabilities= in the systemd unit), or choose a higher port"
+    "CAP_NET_BIND_SERVICE: pitch-gateway service CONFIG --systemd /etc/systemd/system gives it to the unit; "
+    "or choose a higher port"
 )
 TTY = "line.xyz.drives.rtu: no permission for {device}; add the user to the group dialout "
 

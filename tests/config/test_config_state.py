@@ -1,6 +1,7 @@
 """The state folder as ``check`` sees it: what no gateway can start with, and what others may write to."""
 
 import os
+import pwd
 from pathlib import Path
 
 import pytest
@@ -93,3 +94,21 @@ def test_a_place_that_is_taken_after_the_check_is_no_matter_of_permission(tmp_pa
         f"gateway.state: {tmp_path}/state: File exists; a file stands where a folder should be: move it "
         "away, or choose another folder with [gateway] state"
     )
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can write where another user's state is")
+def test_root_writes_nothing_where_the_service_of_another_user_has_its_state(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    state.mkdir()
+    loaded = load(written(tmp_path, text_with(state)))
+    os.chown(state, 65534, -1)
+    with pytest.raises(StateError) as caught:
+        compile_into_state(loaded)
+    name = pwd.getpwuid(65534).pw_name
+    assert str(caught.value) == (
+        f"gateway.state: {state} belongs to user {name}, who could not use what root writes there; "
+        f"do it as that user (sudo -u {name} …), or choose another folder with [gateway] state"
+    )
+    assert list(state.iterdir()) == []
+    os.chown(state, 0, -1)
+    compile_into_state(loaded)

@@ -242,9 +242,13 @@ def test_a_key_that_the_service_manager_hands_over_is_looked_at_where_it_is(
     tls = taken.plan.lines[0].controllers[1].tls
     assert tls is not None
     assert tls.files.key == "credential:modbus-key"
+    # The supervisor may have been given other secrets than the relay: that one would say what is wrong.
     monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path))
+    assert len(warnings_of(loaded(tmp_path, text))) == 1
+    (tmp_path / "modbus-key").write_text("nothing")
+    (tmp_path / "modbus-key").chmod(0o644)
     problem = only(refused(tmp_path, text), f"{PLACE}.key")
-    assert problem.found == f"{tmp_path}/modbus-key: no such file"
+    assert problem.found == f"{tmp_path}/modbus-key: every user of this machine may read it (mode 0644)"
     (tmp_path / "server.key").rename(tmp_path / "modbus-key")
     assert warnings_of(loaded(tmp_path, text)) == []
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.files import FileRefusedError
-from gateway.secret_files import CREDENTIALS_FOLDER, refuse_readable_by_others, secret_path
+from gateway.secret_files import CREDENTIALS_FOLDER, refuse_open_to_others, secret_path
 
 
 def test_a_path_is_relative_to_the_configuration() -> None:
@@ -33,13 +33,13 @@ def test_without_a_service_manager_it_is_said_how_to_get_one(monkeypatch: pytest
         secret_path("credential:http.token", Path("/etc"))
 
 
-@pytest.mark.parametrize(("mode", "is_refused"), [(0o600, False), (0o640, False), (0o604, True)])
-def test_what_every_user_may_read_is_refused(mode: int, is_refused: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("mode", "taken"), [(0o600, ""), (0o640, ""), (0o604, "r"), (0o602, "w")])
+def test_what_every_user_may_read_or_write_is_refused(mode: int, taken: str, tmp_path: Path) -> None:
     path = tmp_path / "key"
     path.touch()
     path.chmod(mode)
-    if not is_refused:
-        refuse_readable_by_others(path)
+    if not taken:
+        refuse_open_to_others(path)
         return
-    with pytest.raises(FileRefusedError, match=rf"mode {mode:04o}\); chmod o-r {path}"):
-        refuse_readable_by_others(path)
+    with pytest.raises(FileRefusedError, match=rf"mode {mode:04o}\); chmod o-{taken} {path}"):
+        refuse_open_to_others(path)

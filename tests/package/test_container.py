@@ -127,6 +127,9 @@ def test_the_image_runs_as_a_user_and_checks_its_health() -> None:
     for stage in (build, last):
         for instruction, rest in stage:
             assert instruction != "ADD", rest
+    assert any(
+        instruction == "RUN" and "ca-certificates" in rest for instruction, rest in last
+    )  # TLS of MQTT
     (health,) = [rest for instruction, rest in last if instruction == "HEALTHCHECK"]
     command = json.loads(health.partition("CMD ")[2])
     assert command == ["/opt/pitch-gateway/bin/python3", "/opt/pitch-gateway/share/healthcheck.py"]

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.child import started
+
 ROOT = Path(__file__).parents[2]
 INSTALL = ROOT / "deploy" / "install.sh"
 SCRIPTS = [
@@ -72,16 +74,62 @@ def test_what_is_missing_is_named_and_nothing_is_changed(tmp_path: Path) -> None
     assert [path.name for path in root.rglob("*")] == ["opt"]  # which was locked meanwhile, and is empty
 
 
+def in_installer(script: str, **environment: str | Path) -> str:
+    """What a line says that stands in the installer, with its own options of the shell."""
+    system = ROOT / "deploy" / "install_system.sh"
+    head = f'set -euo pipefail; say() {{ echo "$*"; }}; . "{system}"; '
+    done = subprocess.run(
+        ["bash", "-c", head + script],
+        env={**os.environ, **{name: str(value) for name, value in environment.items()}},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout
+
+
+def test_a_release_that_runs_is_in_use_however_processes_come_and_go(tmp_path: Path) -> None:
+    # A process that ends between the list and the look has cat fail, with all else that it read.
+    stub = tmp_path / "cat"
+    stub.write_text(f'#!/bin/sh\n{shutil.which("cat")} "$@"; exit 1\n')
+    stub.chmod(0o755)
+    release = f"{tmp_path}/releases/1"
+    ask = 'if is_in_use "$release"; then echo yes; fi'
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    with started(["bash", "-c", f"exec -a {release}/bin/python3 sleep 300"]) as running:
+        while release.encode() not in Path(f"/proc/{running.pid}/cmdline").read_bytes():
+            running.poll()
+        assert in_installer(ask, PATH=path, release=release) == "yes\n"
+        assert in_installer(ask, PATH=path, release=f"{tmp_path}/releases/11") == ""
+        assert in_installer(ask, PATH=path, release=f"{tmp_path}/releases") == "yes\n"
+    assert in_installer(ask, release=release) == ""
+
+
+def test_a_tree_may_have_spaces_in_its_path(tmp_path: Path) -> None:
+    root = tmp_path / "my disk"
+    units = root / "opt/pitch-gateway.releases/1/share/pitch-gateway/systemd"
+    units.mkdir(parents=True)
+    (units / "a.service").write_text("[Unit]\n")
+    names = {"NAME": "pitch-gateway", "LIB": "/usr/local/lib", "SHARE": "/usr/local/share"}
+    in_installer(
+        "put_system_files pitch-gateway.releases/1",
+        root=root,
+        has_changed="",
+        COMMAND_LINK="/usr/local/bin/pitch-gateway",
+        CURRENT="/opt/pitch-gateway",
+        **names,
+    )
+    assert (root / "usr/local/lib/systemd/system/a.service").read_text() == "[Unit]\n"
+    assert (root / "usr/local/bin/pitch-gateway").readlink() == Path("/opt/pitch-gateway/bin/pitch-gateway")
+
+
 def test_an_interpreter_that_the_service_may_not_run_is_refused(tmp_path: Path) -> None:
     (tmp_path / "private").mkdir(mode=0o700)
     (tmp_path / "root").mkdir()
-    copy = tmp_path / "private" / "python3"
-    copy.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
-    copy.chmod(0o755)
-    home = Path(os.path.realpath(sys.executable))
-    if all(folder.stat().st_mode & 1 for folder in (home, *home.parents)):
-        pytest.skip("the interpreter of the tests stands where everybody may run it")
-    said = installer("--prefix-root", tmp_path / "root", "--python", copy, "install", expected=1)
+    copies = tmp_path / "private" / "a python"
+    subprocess.run([sys.executable, "-m", "venv", "--copies", "--without-pip", str(copies)], check=True)
+    python = copies / "bin" / "python3"
+    said = installer("--prefix-root", tmp_path / "root", "--python", python, "install", expected=1)
     assert "is below a folder that other users may not enter" in said
 
 

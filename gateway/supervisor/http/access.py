@@ -87,7 +87,7 @@ class Access:
         self._tokens.look()
         name = self._tokens.name_of(token)
         if name is None:
-            self._tries.note(peer, now_s)
+            self._tries.note(peer, token, now_s)
             self._refusals.note(TOKEN_REFUSED, peer, "a wrong token", now_s)
             return problem(401, "that is no token of this gateway", CHALLENGE)
         return Visitor(name, "token", digest=self._tokens.digest_of(name))

@@ -57,6 +57,11 @@ class Connection(H11Protocol):
         return cycle is None or cycle.response_complete
 
     @property
+    def stalled_since_s(self) -> float | None:
+        """Since when the other side has taken nothing of its answer; None: it takes it."""
+        return self._stalled_since_s
+
+    @property
     def peer(self) -> str:
         """The address of the other side."""
         return self.client[0] if self.client else ""

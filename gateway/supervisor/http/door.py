@@ -48,15 +48,23 @@ class Door:
         return [one for one in self._state.connections if isinstance(one, Connection)]
 
     def make_room(self) -> bool:
-        """Whether one more connection may come; the longest idle one goes for it where there are too many."""
+        """Whether one more connection may come; where there are too many another one goes for it.
+
+        That is the one that has been idle for longest; where none is, the one that has taken nothing of its
+        answer for longest. Else whoever asks much and reads nothing would keep everybody out.
+        """
         connections = self._connections
         if len(connections) < self.limits.connections:
             return True
         idle = [one for one in connections if one.is_idle]
-        if not idle:
+        stalled = [(since_s, one) for one in connections if (since_s := one.stalled_since_s) is not None]
+        if idle:
+            longest, which = min(idle, key=lambda one: one.quiet_since_s), "asked nothing"
+        elif stalled:
+            (_, longest), which = min(stalled, key=lambda pair: pair[0]), "took nothing of its answer"
+        else:
             return False
-        longest = min(idle, key=lambda one: one.quiet_since_s)
-        self.refused(longest.peer, "too many connections at once: the one that asked nothing for longest")
+        self.refused(longest.peer, f"too many connections at once: the one that {which} for longest")
         longest.give_way()
         return True
 

@@ -20,8 +20,8 @@ class Limits:
     """Numbers and times, of one listener."""
 
     connections: int = 256
-    """At once. The one that has asked nothing for longest makes room; where none is idle the next is
-    refused."""
+    """At once. The one that has asked nothing for longest makes room, else one that takes nothing of its
+    answer; where all are being answered the next is refused."""
     event_readers: int = 32
     """Of ``/events``: they stay, and are never idle."""
     whole_request_s: float = 10.0

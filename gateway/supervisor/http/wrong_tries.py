@@ -1,4 +1,8 @@
-"""Who tries tokens: after ten wrong ones within a minute nothing from there is tried for a minute."""
+"""Who tries tokens: after ten different wrong ones within a minute nothing from there is tried for a minute.
+
+The same wrong one again is no guess but a program that has an old token. It must not lock out those that
+share its address: behind a proxy that is everybody.
+"""
 
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field
@@ -16,7 +20,8 @@ ONE_SITE_BITS: Final = 64
 
 @dataclass(slots=True)
 class _Place:
-    wrong_s: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_WRONG))
+    wrong: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=MOST_WRONG))
+    """The newest different ones, each by its hash, which only this process can work out, and when it came."""
     shut_until_s: float = 0.0
 
 
@@ -34,15 +39,16 @@ class WrongTries:
         place = self._places.get(site_of(address))
         return 0.0 if place is None else max(0.0, place.shut_until_s - now_s)
 
-    def note(self, address: str, now_s: float) -> None:
+    def note(self, address: str, token: str, now_s: float) -> None:
         """Count a wrong token."""
-        name = site_of(address)
+        name, shown = site_of(address), hash(token)
         place = self._places.setdefault(name, _Place())
         self._places.move_to_end(name)
-        place.wrong_s.append(now_s)
-        if len(place.wrong_s) == MOST_WRONG and now_s - place.wrong_s[0] < WITHIN_S:
-            place.shut_until_s = now_s + SHUT_S
-            place.wrong_s.clear()
+        if all(shown != other for other, _ in place.wrong):
+            place.wrong.append((shown, now_s))
+            if len(place.wrong) == MOST_WRONG and now_s - place.wrong[0][1] < WITHIN_S:
+                place.shut_until_s = now_s + SHUT_S
+                place.wrong.clear()
         while len(self._places) > MOST_PLACES:
             self._places.popitem(last=False)
 

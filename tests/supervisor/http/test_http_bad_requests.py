@@ -213,6 +213,20 @@ async def test_a_thousand_idle_connections_keep_nobody_out(tmp_path: Path) -> No
         assert b'"snapshot_age_s":0.7' in await reader.until(b"event: status\n", b"\n\n")
 
 
+async def test_who_takes_nothing_of_his_answers_keeps_nobody_out(tmp_path: Path) -> None:
+    async with serving(tmp_path, tcp=Limits(connections=3)) as served:
+        served.feeds.publish({**model(), "padding": "a" * 30_000_000})
+        for _ in range(3):
+            line = await served.connect()
+            line.writer.transport.pause_reading()  # type: ignore[attr-defined]
+            # The second one is being answered for as long as the first has not been taken.
+            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n" * 2)
+        async with asyncio.timeout(PATIENCE_S):  # less than the 30 s after which they are dropped anyway
+            while (await served.ask("/metrics")).status == 503:
+                pass
+        assert served.connections() <= 3
+
+
 async def test_where_nobody_is_idle_the_next_one_is_refused(tmp_path: Path) -> None:
     async with serving(tmp_path, tcp=Limits(connections=3, event_readers=3)) as served:
         readers = [await served.connect() for _ in range(3)]

@@ -5,13 +5,14 @@ import contextlib
 import logging
 import socket
 import ssl
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
 from gateway.supervisor.http.handshakes import HandshakeLimits
 from gateway.supervisor.http.limits import Limits
-from tests.certificates import signed_by
+from tests.certificates import Shop, signed_by
 from tests.supervisor.http.doors import (
     TOKEN,
     asking,
@@ -80,6 +81,37 @@ async def test_a_certificate_of_somebody_else_is_refused(tmp_path: Path, certifi
         await until(lambda: bool(visitor.events("http-refused")))
         [event] = visitor.events("http-refused")
         assert str(event["detail"]).startswith("its certificate: ")
+
+
+@pytest.mark.parametrize("tokens", [True, False])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("expired", "certificate has expired"),
+        ("early", "certificate is not yet valid"),
+        ("server", "unsuitable certificate purpose"),
+    ],
+)
+async def test_a_certificate_of_the_right_authority_that_is_not_good_lets_nobody_in(
+    tmp_path: Path, name: str, said: str, tokens: bool
+) -> None:
+    folder = tmp_path / "certificates"
+    folder.mkdir()
+    shop = Shop(folder)
+    shop.server("page")
+    shop.server("server")
+    shop.leaf("expired", ended=timedelta(days=1))
+    shop.leaf("early", begins_in=timedelta(days=1))
+    for path in folder.glob("*.pem"):
+        path.rename(path.with_suffix(".crt"))
+    async with asking(tmp_path, folder, tokens=tokens, clients=True) as visitor:
+        with contextlib.suppress(ConnectionError, ssl.SSLError):
+            line = await visitor.connect(name)
+            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert await line.rest() == b""
+        await until(lambda: bool(visitor.events("http-refused")))
+        [event] = visitor.events("http-refused")
+        assert event["detail"] == f"its certificate: {said}"
 
 
 @pytest.mark.parametrize("version", [ssl.TLSVersion.TLSv1, ssl.TLSVersion.TLSv1_1])

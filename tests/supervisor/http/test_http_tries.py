@@ -63,8 +63,8 @@ class Gate:
 
 def test_ten_wrong_ones_in_a_minute_shut_an_address_out_for_a_minute(tmp_path: Path) -> None:
     gate = Gate(tmp_path)
-    for _ in range(9):
-        assert gate.show(WRONG) == 401
+    for number in range(9):
+        assert gate.show(f"{WRONG}{number}") == 401
     assert gate.show(TOKEN) == 200
     assert gate.show(WRONG) == 401  # the tenth
     assert gate.show(TOKEN) == 429
@@ -78,9 +78,19 @@ def test_ten_wrong_ones_in_a_minute_shut_an_address_out_for_a_minute(tmp_path: P
 
 def test_nine_a_minute_shut_nobody_out(tmp_path: Path) -> None:
     gate = Gate(tmp_path)
-    for _ in range(100):
+    for number in range(100):
         gate.clock.now_s += 60.0 / 9.0
+        assert gate.show(f"{WRONG}{number}") == 401
+    assert gate.show(TOKEN) == 200
+
+
+def test_a_program_with_an_old_token_keeps_nobody_of_its_address_out(tmp_path: Path) -> None:
+    gate = Gate(tmp_path)
+    for number in range(200):
+        gate.clock.now_s += 0.5
         assert gate.show(WRONG) == 401
+        if number % 25 == 0:  # and eight others beside it, over 100 s
+            assert gate.show(f"{WRONG}{number}") == 401
     assert gate.show(TOKEN) == 200
 
 
@@ -89,8 +99,9 @@ def test_whoever_is_in_stays_in_while_his_address_is_shut(tmp_path: Path) -> Non
     visitor = gate.access.try_token(TOKEN, "192.0.2.1")
     assert isinstance(visitor, Visitor)
     cookie = gate.access.log_in(visitor).partition(";")[0]
-    for _ in range(20):
-        gate.show(WRONG)
+    for number in range(20):
+        gate.show(f"{WRONG}{number}")
+    assert gate.show(TOKEN) == 429
     assert gate.status(("cookie", cookie)) == 200
 
 
@@ -134,7 +145,7 @@ def test_what_is_kept_of_addresses_is_bounded() -> None:
     log = Refusals(say)
     for number in range(3000):
         address = f"10.0.{number // 256}.{number % 256}"
-        tries.note(address, 0.0)
+        tries.note(address, WRONG, 0.0)
         log.note(TOKEN_REFUSED, address, "a wrong token", 0.0)
     assert len(tries) == wrong_tries.MOST_PLACES == 1024
     assert len(log._kept) == refusals.MOST == 1024
@@ -144,15 +155,15 @@ def test_what_is_kept_of_addresses_is_bounded() -> None:
 def test_all_addresses_of_one_network_of_ipv6_are_one() -> None:
     tries = WrongTries()
     for number in range(10):
-        tries.note(f"2001:db8::{number:x}", 0.0)
+        tries.note(f"2001:db8::{number:x}", f"{WRONG}{number}", 0.0)
     assert tries.shut_s("2001:db8::ffff:1", 1.0) == 59.0
     assert tries.shut_s("2001:db8:0:1::1", 1.0) == 0.0
 
 
 def test_refusals_are_told_once_a_minute_with_how_many(tmp_path: Path) -> None:
     gate = Gate(tmp_path)
-    for _ in range(15):
-        gate.show(WRONG)
+    for number in range(15):
+        gate.show(f"{WRONG}{number}")
     told = {"peer": "192.0.2.1", "detail": "a wrong token", "times": 1}
     assert gate.said == [("token-refused", told)]
     gate.clock.now_s += 30.0
@@ -171,8 +182,8 @@ def test_refusals_are_told_once_a_minute_with_how_many(tmp_path: Path) -> None:
 @pytest.mark.parametrize("token", [TOKEN, WRONG])
 async def test_over_the_wire_it_is_the_same(tmp_path: Path, token: str) -> None:
     async with asking(tmp_path) as visitor:
-        for _ in range(10):
-            assert (await visitor.log_in(WRONG)).status == 401
+        for number in range(10):
+            assert (await visitor.log_in(f"{WRONG}{number}")).status == 401
         answer = await visitor.log_in(token)
         assert answer.status == 429
         assert 0 < int(answer.headers["retry-after"]) <= 60

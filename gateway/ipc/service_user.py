@@ -1,0 +1,31 @@
+"""Root, where the gateway is another user's, who can neither read nor replace what root writes."""
+
+import os
+import pwd
+from pathlib import Path
+
+from gateway.ipc.folder_problems import ANOTHER, FolderProblem
+from gateway.ipc.place import ROOT_UID
+
+
+def why_not_for_root(folder: Path) -> FolderProblem | None:
+    """Return why root must not write into a state folder, None where it may, or where this is not root.
+
+    The service of the folder's owner would not start any more.
+    """
+    try:
+        uid = folder.stat().st_uid
+    except OSError:
+        return None
+    if os.geteuid() != ROOT_UID or uid == ROOT_UID:
+        return None
+    name = _name_of(uid)
+    found = f"{folder} belongs to user {name}, who could not use what root writes there"
+    return FolderProblem(found, f"do it as that user (sudo -u {name} …), or {ANOTHER}")
+
+
+def _name_of(uid: int) -> str:
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return f"#{uid}"
