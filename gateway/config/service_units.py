@@ -16,7 +16,10 @@ from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 RELAY_UNIT: Final = "pitch-gateway-relay.service"
 SUPERVISOR_UNIT: Final = "pitch-gateway-supervisor.service"
-SECRETS: Final = "/etc/pitch-gateway/secrets"
+CONFIGURATION: Final = "/etc/pitch-gateway"
+SECRETS: Final = f"{CONFIGURATION}/secrets"
+STATE: Final = "/var/lib/pitch-gateway"
+"""The only folder that the units let the service write to (StateDirectory=)."""
 FIRST_FREE_PORT: Final = 1024
 """Ports below need a capability (ip(7))."""
 LOOPBACK: Final = "localhost"
@@ -74,6 +77,16 @@ def drop_ins(loaded: Loaded) -> dict[str, str]:
         RELAY_UNIT: _text(loaded.path, [*_relay_lines(loaded.plan), *_secret_lines(secrets)]),
         SUPERVISOR_UNIT: _text(loaded.path, [*_supervisor_lines(loaded), *_secret_lines(secrets)]),
     }
+
+
+def why_no_state(loaded: Loaded) -> str | None:
+    """Return what keeps the service from keeping its state, None where nothing does."""
+    if loaded.state_folder.resolve().is_relative_to(STATE):
+        return None
+    return (
+        f"{loaded.path}: gateway.state: the units let the service write to {STATE} only, and the state is in "
+        f'{loaded.state_folder}; write state = "{STATE}" below [gateway]'
+    )
 
 
 def _text(config: Path, lines: Iterable[str]) -> str:
