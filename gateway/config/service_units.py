@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from gateway.config.load import Loaded
 from gateway.ipc.plan import GatewayPlan, RelayOptions
-from gateway.secret_files import CREDENTIAL
+from gateway.secret_files import CREDENTIAL, is_credential_name
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 RELAY_UNIT: Final = "pitch-gateway-relay.service"
@@ -185,7 +185,7 @@ def _secret_lines(names: Iterable[str]) -> Iterator[str]:
 
 
 def _credentials(value: Any) -> Iterator[str]:
-    """Yield the names of the credentials in a document, each once."""
+    """Yield the names of the credentials in a document, each once; no other text becomes a line of a unit."""
     found: dict[str, None] = {}
     waiting = [value]
     while waiting:
@@ -194,7 +194,7 @@ def _credentials(value: Any) -> Iterator[str]:
             waiting += each.values()
         elif isinstance(each, list | tuple):
             waiting += each
-        elif isinstance(each, str) and each.startswith(CREDENTIAL):
+        elif isinstance(each, str) and each.startswith(CREDENTIAL) and is_credential_name(each):
             found[each.removeprefix(CREDENTIAL)] = None
     yield from found
 

@@ -195,3 +195,10 @@ def test_init_in_a_folder_that_may_not_be_entered_says_so() -> None:
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 1
     assert ended.stderr.startswith(f"{folder}/gateway.toml cannot be written ({folder} is not writable)")
+
+
+def test_no_text_of_a_configuration_becomes_a_line_of_a_unit(tmp_path: Path) -> None:
+    """Whoever may save the configuration is not root; whoever runs this is."""
+    mqtt = '[mqtt]\nhost = "127.0.0.1"\nusername = "credential:key\\nExecStartPre=+/bin/sh"\n'
+    relay, supervisor = fitted(config_in(tmp_path, more=mqtt))
+    assert "ExecStartPre" not in relay + supervisor
