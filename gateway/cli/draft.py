@@ -70,10 +70,10 @@ class Draft:
         if name == "drive":
             self.profile = _profile(str(answer), self._file.parent)
 
-    def text(self, table: str | None) -> str:
+    def text(self, table: str | None, state: str | None = None) -> str:
         """Return the configuration with its comments. Everything has to be answered."""
         assert self.profile is not None
-        answers = Answers(**self.answers, axis=self._axis, serial=self._serial, table=table)
+        answers = Answers(**self.answers, axis=self._axis, serial=self._serial, table=table, state=state)
         return configuration_text(answers, self.profile)
 
     def _is_about(self, problem: Problem, name: str) -> bool:

@@ -39,12 +39,14 @@ class Answers:
     serial: Serial = AS_WHEN_NEW
     table: str | None = None
     home_approach: str = "none"
+    state: str | None = None
+    """Where the gateway keeps its state, where that is not beside the configuration."""
 
 
 def configuration_text(answers: Answers, profile: Profile) -> str:
     """Return the configuration with its comments."""
     serial = serial_of(answers.serial, profile)
-    return "\n".join((*_head(), *_line(answers, serial), *_axis(answers, profile), ""))
+    return "\n".join((*_head(answers.state), *_line(answers, serial), *_axis(answers, profile), ""))
 
 
 def serial_of(asked: Serial, profile: Profile) -> Serial:
@@ -87,7 +89,8 @@ def _endpoint(place: str, serial: Serial) -> list[str]:
     ]
 
 
-def _head() -> list[str]:
+def _head(state: str | None) -> list[str]:
+    kept = () if state is None else (f"state = {_quoted(state)}  # where the service may write",)
     return [
         "# Written by `pitch-gateway init`. docs/configuration.md has every key. Check it after each change",
         "# with `pitch-gateway check`.",
@@ -97,6 +100,7 @@ def _head() -> list[str]:
         "",
         "[gateway]",
         'tables = "tables"          # folder with the .tab files, relative to this file',
+        *kept,
         "",
         "[http]",
         'listen = "127.0.0.1:8480"  # the page beside the machine; "" for none',

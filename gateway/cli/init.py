@@ -95,7 +95,7 @@ def init(
         table = asking.optional(table, "Table file in the tables folder (none: leave empty)")
     except typer.Abort:
         _refuse("\nended before all was answered: nothing was written")
-    _write(file, draft.text(table), force=force)
+    _write(file, draft.text(table, _state_of(file, is_service=systemd is not None)), force=force)
     is_good = _say_what_is_left(file, as_json=as_json)
     if systemd is not None:
         _fit_units(file, systemd, is_good=is_good, is_quiet=as_json)
@@ -147,16 +147,24 @@ def _settle_rest(asking: Asking, draft: "Draft", given: Mapping[str, Any]) -> No
 def _check_names(file: Path, axis: str, *, force: bool) -> None:
     from gateway.config.values import read_name
 
-    if file.exists() and not force:
+    if os.path.exists(file) and not force:  # noqa: PTH110 - a folder that may not be entered is no error here
         _refuse(f"{file} exists already; name another file, or overwrite it with --force")
     folder = file.parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
-        why = "not writable" if folder.is_dir() else "no folder"
+    is_folder = os.path.isdir(folder)  # noqa: PTH112
+    if not is_folder or not os.access(folder, os.W_OK | os.X_OK):
+        why = "not writable" if is_folder else "no folder, or none that this user may enter"
         _refuse(f"{file} cannot be written ({folder} is {why}); name a file in a folder of yours")
     try:
         read_name(axis)
     except ValueError as error:
         raise typer.BadParameter(f'found "{axis}"; {error}', param_hint="--axis") from None
+
+
+def _state_of(file: Path, *, is_service: bool) -> str | None:
+    """Return where the services of systemd keep the state, for a configuration of theirs."""
+    from gateway.config.service_units import CONFIGURATION, STATE
+
+    return STATE if is_service or file.parent.resolve() == Path(CONFIGURATION) else None
 
 
 def _write(file: Path, text: str, *, force: bool) -> None:

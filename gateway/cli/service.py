@@ -39,12 +39,16 @@ def service(
 
         pitch-gateway service gateway.toml --systemd /etc/systemd/system && systemctl daemon-reload
     """
-    from gateway.config.service_units import SECRETS, drop_ins
+    from gateway.config.service_units import SECRETS, drop_ins, why_no_state
     from gateway.secret_files import CREDENTIALS_FOLDER
 
     # No service manager has handed anything over to a command: the secrets are where it will take them from.
     os.environ.setdefault(CREDENTIALS_FOLDER, SECRETS)
-    texts = drop_ins(load_or_exit(config, checks_times=False))
+    loaded = load_or_exit(config, checks_times=False)
+    texts = drop_ins(loaded)
+    warning = why_no_state(loaded)
+    if warning is not None:
+        typer.echo(f"warning: {warning}", err=True)
     written = {} if systemd is None else write_drop_ins(systemd, texts)
     if as_json:
         _say_json(texts, written)

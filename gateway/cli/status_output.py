@@ -100,13 +100,31 @@ def _line(name: str, line: Mapping[str, Any]) -> Iterator[RenderableType]:
         took_us = controller["gateway_us"]
         table.add_row(
             f"  {escape(controller['name'])}",
-            escape(controller["role"]),
+            "by certificate" if "tls" in controller else escape(controller["role"]),
             _connected(controller),
             *(_number(took_us[key], 1) for key in ("p50", "p99", "max")),
             *(_number(computed.get(key), 2) for key in ("exchange_ms", "round_ms")),
             f"{computed['timeout_ms']:g}" if "timeout_ms" in computed else NOT_KNOWN,
         )
     yield table
+    for controller in line["controllers"]:
+        yield from _strangers_and_sessions(controller)
+
+
+def _strangers_and_sessions(controller: Mapping[str, Any]) -> Iterator[RenderableType]:
+    """Say whom a controller's listener let in by certificate, and how many it turned away."""
+    tls = controller.get("tls", {})
+    name = escape(controller["name"])
+    for session in tls.get("sessions", ()):
+        who = f"{escape(session['subject'])}, {escape(session['certified'])} ({escape(session['role'])})"
+        yield _words(f"  {name}: TLS with {escape(session['peer'])}, {who}")
+    counts = {
+        "connections refused": controller.get("refused_connections"),
+        "handshakes failed": tls.get("failed_handshakes"),
+    }
+    shown = [f"{words} {count}" for words, count in counts.items() if count]
+    if shown:
+        yield _words(f"  {name}: {', '.join(shown)}")
 
 
 def _words(markup: str) -> Text:
@@ -143,6 +161,7 @@ def _tables(axes: Mapping[str, Any]) -> Table:
     table = _table("axis", "table")
     table.add_column("points", justify="right")
     table.add_column("status", overflow="fold")
+    table.add_column("moved by", overflow="fold")
     for name, axis in axes.items():
         its = axis["table"]
         error = f": [red]{escape(its['error'])}[/]" if its["error"] else ""
@@ -151,6 +170,7 @@ def _tables(axes: Mapping[str, Any]) -> Table:
             escape(its["file"] or NOT_KNOWN),
             str(its["points"]),
             f"{escape(its['status'])}{error}",
+            escape(axis.get("writer") or NOT_KNOWN),
         )
     return table
 

@@ -155,9 +155,9 @@ def lint(
     counts_per_unit: Counts = None,
     units: AxisUnits = None,
     axis: AxisLetter = None,
-    max_slope: Annotated[float | None, typer.Option(help="Limit of |slope| [default: 0.01].")] = None,
+    max_slope: Annotated[float | None, typer.Option(help="Limit of |slope|; default: 0.01.")] = None,
     max_correction: Annotated[
-        float | None, typer.Option(help="Limit of |correction| [default: 0.5 mm].")
+        float | None, typer.Option(help="Limit of |correction|; default: 0.5 mm.")
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Fail on every warning.")] = False,
     json: AsJson = False,
@@ -226,8 +226,8 @@ def convert(
             metavar="N", help="Encoder counts per unit of the control that will read OUT (versions 1 and 2)."
         ),
     ] = None,
-    to_v1_layout: Annotated[V1Layout | None, typer.Option(help="Layout of OUT [default: implicit].")] = None,
-    to_units: Annotated[Units | None, typer.Option(help="Units of OUT [default: those of FILE].")] = None,
+    to_v1_layout: Annotated[V1Layout | None, typer.Option(help="Layout of OUT; default: implicit.")] = None,
+    to_units: Annotated[Units | None, typer.Option(help="Units of OUT; default: those of FILE.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.")] = False,
     json: AsJson = False,
 ) -> None:

@@ -41,7 +41,7 @@ Counts = Annotated[
 AxisUnits = Annotated[
     Units | None,
     typer.Option(
-        "--units", help="Machine units of a version 1 file, which states none [default there: inch]."
+        "--units", help="Machine units of a version 1 file, which states none; default there: inch."
     ),
 ]
 AxisLetter = Annotated[

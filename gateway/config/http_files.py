@@ -11,6 +11,7 @@ from gateway.config.named_files import (
     NamedFileError,
     certificates_path,
     key_path,
+    path_of,
     read_secret_line,
     why_unusable,
 )
@@ -35,7 +36,7 @@ def read_token(key: KeyPath, name: str, folder: Path) -> str:
         raise NamedFileError(
             key,
             f"{name} holds no {SHORTEST_TOKEN} random characters or more (A-Z a-z 0-9 . _ ~ + / = -)",
-            f"make one with pitch-gateway token {name}",
+            f"make one with pitch-gateway token {path_of(key, name, folder)} --force",
         )
     return token
 

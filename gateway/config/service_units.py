@@ -11,12 +11,15 @@ from typing import Any, Final
 
 from gateway.config.load import Loaded
 from gateway.ipc.plan import GatewayPlan, RelayOptions
-from gateway.secret_files import CREDENTIAL
+from gateway.secret_files import CREDENTIAL, is_credential_name
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 RELAY_UNIT: Final = "pitch-gateway-relay.service"
 SUPERVISOR_UNIT: Final = "pitch-gateway-supervisor.service"
-SECRETS: Final = "/etc/pitch-gateway/secrets"
+CONFIGURATION: Final = "/etc/pitch-gateway"
+SECRETS: Final = f"{CONFIGURATION}/secrets"
+STATE: Final = "/var/lib/pitch-gateway"
+"""The only folder that the units let the service write to (StateDirectory=)."""
 FIRST_FREE_PORT: Final = 1024
 """Ports below need a capability (ip(7))."""
 LOOPBACK: Final = "localhost"
@@ -76,6 +79,16 @@ def drop_ins(loaded: Loaded) -> dict[str, str]:
         RELAY_UNIT: _text(loaded.path, [*_relay_lines(loaded.plan), *_secret_lines(secrets)]),
         SUPERVISOR_UNIT: _text(loaded.path, [*_supervisor_lines(loaded), *_secret_lines(secrets)]),
     }
+
+
+def why_no_state(loaded: Loaded) -> str | None:
+    """Return what keeps the service from keeping its state, None where nothing does."""
+    if loaded.state_folder.resolve().is_relative_to(STATE):
+        return None
+    return (
+        f"{loaded.path}: gateway.state: the units let the service write to {STATE} only, and the state is in "
+        f'{loaded.state_folder}; write state = "{STATE}" below [gateway]'
+    )
 
 
 def _text(config: Path, lines: Iterable[str]) -> str:
@@ -174,7 +187,7 @@ def _secret_lines(names: Iterable[str]) -> Iterator[str]:
 
 
 def _credentials(value: Any) -> Iterator[str]:
-    """Yield the names of the credentials in a document, each once."""
+    """Yield the names of the credentials in a document, each once; no other text becomes a line of a unit."""
     found: dict[str, None] = {}
     waiting = [value]
     while waiting:
@@ -183,7 +196,7 @@ def _credentials(value: Any) -> Iterator[str]:
             waiting += each.values()
         elif isinstance(each, list | tuple):
             waiting += each
-        elif isinstance(each, str) and each.startswith(CREDENTIAL):
+        elif isinstance(each, str) and each.startswith(CREDENTIAL) and is_credential_name(each):
             found[each.removeprefix(CREDENTIAL)] = None
     yield from found
 

@@ -173,6 +173,10 @@ class Supervisor:
         if is_reload or is_retry:
             self._refused = outcome.problems if outcome.is_refused else ()
             self._is_owed = outcome.is_refused and outcome.is_owed
+        elif (
+            is_new and not outcome.is_refused and self._refused and await aside(self._keeper.has_what_stands)
+        ):
+            self._refused, self._is_owed = (), False  # who was told to restart the relay has done so
         if not outcome.is_refused:
             self._problems = outcome.problems
         self._publish()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.config.compile import compile_into_state, keys_of, sources_of
-from gateway.config.document import parse_document
+from gateway.config.document import parse_document, read_document
 from gateway.config.last_good import Settled, Source, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
@@ -103,6 +103,13 @@ class Keeper:
         if self.loaded is None or compiled is None or compiled.document.text == self.loaded.document.text:
             return self.refresh(still)
         return self._take_configured(compiled, still)
+
+    def has_what_stands(self) -> bool:
+        """Whether the configuration that was taken is the one that stands in its file."""
+        try:
+            return self.loaded is not None and read_document(self._config).text == self.loaded.document.text
+        except ConfigErrors:
+            return False
 
     def refresh(self, still: Still) -> Outcome:
         """Read the tables of the configuration that was taken; as :meth:`reload`."""

@@ -52,8 +52,9 @@ def read_facts(path: Path) -> tuple[Facts, ...]:
     content = read_regular_file(path, LARGEST_FILE, "a certificate in PEM")
     try:
         return tuple(map(facts_of, x509.load_pem_x509_certificates(content)))
-    except ValueError as error:
-        raise FileRefusedError(f"no certificates ({str(error).rstrip('.')})", PEM_REMEDY) from None
+    except ValueError:  # what it says is for programmers
+        found = "a private key, and no certificate" if b"PRIVATE KEY-----" in content else "no certificates"
+        raise FileRefusedError(found, PEM_REMEDY) from None
 
 
 def facts_of(certificate: "Certificate") -> Facts:

@@ -117,7 +117,7 @@ def test_a_certificate_is_shown_to_people_and_to_programs(tmp_path: Path) -> Non
     [
         (("server", "EMPTY", "--host", "x"), "no authority (ca.pem, ca.key): no such file; "),
         (("revoke", "FOLDER", "nobody"), "/nobody.pem: no such file; give the path of a certificate"),
-        (("show", "FOLDER/ca.key"), "/ca.key: no certificates"),
+        (("show", "FOLDER/ca.key"), "/ca.key: a private key, and no certificate;"),
         (("revoke", "FOLDER", "foreign"), "not a certificate of the authority of "),
     ],
 )

@@ -1,5 +1,6 @@
 """The help of every command: it runs, and it shows examples."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -44,6 +45,9 @@ def test_nothing_of_a_help_is_lost_on_its_way_to_the_terminal(command: tuple[str
     assert said.split()
     assert " ".join(said.split()) in " ".join(result.stdout.split())
     assert "``" not in said
+    shown = "".join(re.sub(r"[│╭╮╰╯─]", " ", result.stdout).split())
+    for parameter in found.params:
+        assert "".join((getattr(parameter, "help", None) or "").split()) in shown
 
 
 def test_the_commands_are_found() -> None:

@@ -1,6 +1,10 @@
 """``service``: the units fitted to a configuration, and the reasons for what stays open."""
 
 import json
+import os
+import subprocess
+import sys
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -183,3 +187,31 @@ def test_init_fits_the_units_to_what_it_wrote(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     text = (units / "pitch-gateway-relay.service.d" / "configuration.conf").read_text()
     assert "IPAddressAllow=localhost 10.0.0.5\n" in text
+    # The units let it write nowhere else.
+    assert '\nstate = "/var/lib/pitch-gateway"' in config.read_text()
+
+
+def test_a_state_folder_that_the_units_keep_closed_is_said(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["service", str(config_in(tmp_path))])
+    assert result.exit_code == 0
+    assert f"the state is in {tmp_path}/state; write state = " in result.stderr
+    fits = config_in(tmp_path, gateway='state = "/var/lib/pitch-gateway"')
+    assert CliRunner().invoke(app, ["service", str(fits)]).stderr == ""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can be another user")
+def test_init_in_a_folder_that_may_not_be_entered_says_so() -> None:
+    imports = "import os, gateway.cli.draft, gateway.config.values; from gateway.cli.main import main"
+    with tempfile.TemporaryDirectory() as folder:  # of nobody else's; pytest's own are all closed
+        program = f"{imports}; os.setuid(65533); main()"
+        command = [sys.executable, "-c", program, "init", f"{folder}/gateway.toml", "--no-ask"]
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert ended.stderr.startswith(f"{folder}/gateway.toml cannot be written ({folder} is not writable)")
+
+
+def test_no_text_of_a_configuration_becomes_a_line_of_a_unit(tmp_path: Path) -> None:
+    """Whoever may save the configuration is not root; whoever runs this is."""
+    mqtt = '[mqtt]\nhost = "127.0.0.1"\nusername = "credential:key\\nExecStartPre=+/bin/sh"\n'
+    relay, supervisor = fitted(config_in(tmp_path, more=mqtt))
+    assert "ExecStartPre" not in relay + supervisor

@@ -19,6 +19,7 @@ X = {
     "corrected_setpoint": 50.249,
     "nominal_actual": 50.1,
     "corrected_actual": 50.15,
+    "writer": "cnc (192.168.0.9)",
     "table": {"file": "x[1].tab", "format": "", "points": 3, "status": "active", "error": None},
     "latency": {"gateway_us": TOOK, "budget_us": 1000.0, "budget_overruns": 2, "is_over_budget": True},
 }
@@ -85,10 +86,24 @@ def test_everything_that_a_person_looks_for_stands_in_a_line_of_its_own() -> Non
     assert "hmi monitor up – – 0.0 – – –" in lines
     assert "x active forward 50.1990 50.2490 50.1000 50.1500 mm" in lines
     assert "y unreferenced unknown – – – – inch" in lines
-    assert "x x[1].tab 3 active" in lines
-    assert "y – 0 none" in lines
+    # Who holds an axis, as the remedy of `second-writer` says.
+    assert "x x[1].tab 3 active cnc (192.168.0.9)" in lines
+    assert "y – 0 none –" in lines
     assert "x 101.3 187.4 495.1 300.0 1000 2" in lines
     assert "y – – 0.0 0.0 500 0" in lines
+
+
+def test_who_came_by_certificate_and_who_was_turned_away_is_said() -> None:
+    model = copy.deepcopy(MODEL)
+    session = {"peer": "192.168.0.7:50000", "certified": "Fitter", "role": "motion", "subject": "CN=[panel]"}
+    tls = {"handshakes": 2, "failed_handshakes": 1, "running_handshakes": 0, "sessions": [session]}
+    cnc, _ = model["lines"]["xyz"]["controllers"]
+    cnc |= {"refused_connections": 3, "tls": tls}
+    lines = shown(model)
+    assert "cnc by certificate 2 101.3 187.4 495.1 34.15 136.50 1000" in lines
+    assert "cnc: TLS with 192.168.0.7:50000, CN=[panel], Fitter (motion)" in lines
+    assert "cnc: connections refused 3, handshakes failed 1" in lines
+    assert not any(line.startswith("hmi:") for line in lines)
 
 
 def test_what_the_gateway_runs_with_is_named() -> None:

@@ -88,7 +88,12 @@ def test_the_relay_reads_the_same_out_of_the_state_folder(tmp_path: Path, shop: 
         (('"server.pem"', '"none.pem"'), f"{PLACE}.certificate", "/none.pem: no such file", "give the path"),
         (('"server.pem"', '"ca.pem"'), f"{PLACE}.certificate", "is not for a server", "certificate server"),
         (('"ca.pem"', '"server.pem"'), f"{PLACE}.clients", "CN=server is no authority", "the authority that"),
-        (('"ca.pem"', '"server.key"'), f"{PLACE}.clients", "server.key: no certificates", "in PEM"),
+        (
+            ('"ca.pem"', '"server.key"'),
+            f"{PLACE}.clients",
+            "server.key: a private key, and no certificate",
+            "in PEM",
+        ),
         (('"ca.pem"', '"ca.pem"\nrevoked = "ca.pem"'), f"{PLACE}.revoked", "no list of", "(CRL) in PEM"),
         (("controllers.tls]", "controllers.tsl]"), "line.xyz.controllers[2].tsl", "unknown key", "tls?"),
     ],

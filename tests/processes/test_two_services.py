@@ -2,9 +2,11 @@
 
 import signal
 import socket
+import time
 
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
+from gateway.ipc.supervisor_client import ask_supervisor
 from tests.processes.bench import (
     SECONDS,
     STEEPER,
@@ -110,6 +112,33 @@ def test_a_table_that_changed_is_handed_over_on_a_hangup_signal(site: Site) -> N
         master = site.master()
         assert master.move(50_000) == 50_100
         master.close()
+
+
+def test_whoever_was_told_to_restart_the_relay_and_did_is_told_no_more(site: Site) -> None:
+    config = str(site.config)
+    assert typed("check", "--compile", config).returncode == 0
+
+    def kinds() -> list[str]:
+        status = ask_supervisor(site.socket.parent, "/status")
+        return [] if status is None else [trouble["kind"] for trouble in status["troubles"]]
+
+    with running("supervise", config) as supervisor:
+        with running("relay", config) as relay:
+            supervisor.until("relay-reached")
+            assert typed("reload", config).returncode == 0
+            site.config.write_text(site.config.read_text().replace("unit_id = 1", "unit_id = 2"))
+            assert "axis.x.unit_id; restart the gateway" in typed("reload", config).stderr
+            assert "configuration" in kinds()
+            assert relay.end() == 0
+        assert "configuration" in kinds()
+        assert typed("check", "--compile", config).returncode == 0
+        with running("relay", config) as relay:
+            supervisor.until("relay-reached")
+            end_s = time.monotonic() + SECONDS
+            while "configuration" in kinds():
+                assert time.monotonic() < end_s
+            assert relay.end() == 0
+        assert supervisor.end() == 0
 
 
 def test_a_supervisor_says_once_that_the_relay_is_of_another_version(site: Site) -> None:

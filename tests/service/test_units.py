@@ -1,5 +1,6 @@
 """The units as systemd's own tool sees them: verified, and rated with what is left open."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -108,3 +109,23 @@ def test_the_accounts_and_folders_are_good_to_their_own_tools(tree: Path) -> Non
         )
         assert done.returncode == 0, done.stderr
         assert "pitch-gateway" in done.stdout + done.stderr
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give folders away")
+def test_a_folder_of_tables_that_was_given_to_the_operator_stays_his(tree: Path) -> None:
+    """systemd-tmpfiles runs with every start of the machine, and with every upgrade."""
+    for name, users in (("passwd", "{}:x:{}:{}:::/:/bin/sh\n"), ("group", "{}:x:{}:\n")):
+        known = (("root", 0), ("pitch-gateway", 65533))
+        (tree / "etc" / name).write_text("".join(users.format(user, uid, uid) for user, uid in known))
+    tool = shutil.which("systemd-tmpfiles")
+    assert tool
+    create = [tool, f"--root={tree}", "--create", str(FOLDER / "tmpfiles.d" / "pitch-gateway.conf")]
+    subprocess.run(create, check=True)
+    tables, secrets = tree / "etc/pitch-gateway/tables", tree / "etc/pitch-gateway/secrets"
+    assert (tables.stat().st_mode & 0o7777, tables.owner(), tables.stat().st_gid) == (0o750, "root", 65533)
+    for folder in (tables, secrets):
+        os.chown(folder, 65532, 65533)
+        folder.chmod(0o770)
+    subprocess.run(create, check=True)
+    assert (tables.stat().st_mode & 0o7777, tables.stat().st_uid) == (0o770, 65532)
+    assert (secrets.stat().st_mode & 0o7777, secrets.stat().st_uid) == (0o700, 0)

@@ -1,5 +1,6 @@
 """What every request has to pass before anybody looks at it, and what every answer carries."""
 
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from email.utils import formatdate
@@ -18,6 +19,7 @@ READS: Final = frozenset(("GET", "HEAD"))
 VERSIONS: Final = frozenset(("1.0", "1.1"))
 NOT_THERE: Final = 404
 _NEVER: Final = frozenset((400, 405, 411, 413, 414, 415, 421, 431, 505))
+_HOST: Final = re.compile(r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<host>[A-Za-z0-9._-]+))(?::[0-9]*)?")
 _CLOSE: Final = {"Connection": "close"}
 _ALWAYS: Final = (
     (b"content-security-policy", CONTENT_SECURITY_POLICY.encode("ascii")),
@@ -130,14 +132,13 @@ def _body_refusal(headers: list[tuple[bytes, bytes]]) -> Response | None:
 
 
 def host_of(text: str) -> str:
-    """Return the host of a ``Host`` field, without its port.
+    """Return the host of a ``Host`` field (RFC 9110, 7.2), without its port; "" for anything else.
 
-    >>> host_of("localhost:8480"), host_of("[::1]:8480"), host_of("127.0.0.1")
-    ('localhost', '::1', '127.0.0.1')
+    >>> host_of("localhost:8480"), host_of("[::1]:8480"), host_of("127.0.0.1"), host_of("localhost:1@evil")
+    ('localhost', '::1', '127.0.0.1', '')
     """
-    if text.startswith("["):
-        return text[1:].partition("]")[0]
-    return text.partition(":")[0]
+    found = _HOST.fullmatch(text)
+    return "" if found is None else found["v6"] or found["host"] or ""
 
 
 def is_this_machine(host: str, listen_host: str) -> bool:

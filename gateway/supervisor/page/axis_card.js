@@ -46,6 +46,8 @@ export class AxisCard {
     this.targetRow = make("div", {}, make("dt", { text: "Target" }), this.target);
     this.gain = make("dd");
     this.gainRow = make("div", {}, make("dt", { text: "Gain" }), this.gain);
+    this.writer = make("dd");
+    this.writerRow = make("div", {}, make("dt", { text: "Moved by" }), this.writer);
     this.tableSign = sign("info");
     this.tableName = make("span", { class: "file" });
     this.tableWords = make("span", { class: "file-state" });
@@ -98,6 +100,7 @@ export class AxisCard {
             make("div", {}, make("dt", { text: "Correction" }), this.correction),
             make("div", {}, make("dt", { text: "On the drive" }), this.corrected),
             this.targetRow,
+            this.writerRow,
             this.gainRow,
           ),
         ),
@@ -166,6 +169,8 @@ export class AxisCard {
     const { forward, backward } = axis.gain;
     show(this.gainRow, forward !== 1 || backward !== 1);
     setText(this.gain, forward === backward ? `× ${forward}` : `× ${forward} forward, × ${backward} backward`);
+    show(this.writerRow, Boolean(axis.writer));
+    setText(this.writer, axis.writer ?? "");
     this.showTable(axis);
     this.showCurve(axis);
     this.curve.put(this.placeOf(nominal, correction), now, this.isSeen);

@@ -134,7 +134,7 @@ class ControllerRow {
     setSign(this.sign, isWrong ? "error" : isUp ? "ok" : "off");
     setAttribute(this.sign, "class", `sign ${isWrong ? "error" : isUp ? "well" : "note"}`);
     setText(this.name, controller.name);
-    setText(this.role, controller.role);
+    setText(this.role, controller.tls ? "by certificate" : controller.role);
     setText(this.state, stateOf(controller));
     const address = Array.isArray(controller.address) ? controller.address.join(", ") : controller.address;
     setText(this.address, address);
@@ -152,5 +152,7 @@ function stateOf(controller) {
   if (connections.length === 0) {
     return "not connected";
   }
-  return connections.length === 1 ? "connected" : `${connections.length} connections`;
+  const sessions = controller.tls?.sessions ?? [];
+  const who = sessions.length ? `: ${sessions.map((session) => `${session.subject} (${session.certified})`).join(", ")}` : "";
+  return `${connections.length === 1 ? "connected" : `${connections.length} connections`}${who}`;
 }

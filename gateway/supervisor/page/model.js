@@ -15,11 +15,13 @@
  *             gain: { forward: number, backward: number }, travel: [number, number] | null,
  *             nominal_setpoint: number | null, corrected_setpoint: number | null,
  *             nominal_actual: number | null, corrected_actual: number | null, table: TableState,
+ *             writer?: string | null,
  *             latency: { gateway_us: Times, budget_us: number, budget_overruns: number,
  *                        is_over_budget: boolean } }} Axis
  *
  * @typedef {{ name: string, role: string, address: string | string[], connections?: string[], state?: string,
- *             failure?: string, gateway_us: Times }} Controller
+ *             failure?: string, gateway_us: Times,
+ *             tls?: { sessions?: { subject: string, certified: string }[] } }} Controller
  *
  * @typedef {{ state: string, exchanges: number, timeouts: number, crc_errors: number, exceptions: number,
  *             late: number, refused?: number, budget_overruns?: number, gateway_us: Times, controllers: Controller[],

@@ -143,6 +143,8 @@ async def test_bodies_are_small_and_have_a_length(tmp_path: Path) -> None:
         ("[::1]:8480", 200),
         ("evil.example", 421),
         ("evil.example:8480", 421),
+        ("localhost:8480@evil.example", 421),
+        ("[::1]evil.example", 421),
         ("127.0.0.1.evil.example", 421),
         ("192.168.0.7", 421),
         ("", 421),

@@ -127,6 +127,16 @@ def test_an_axis_whose_position_nobody_reads_shows_its_target(visit: Visit) -> N
     visit.until_text(CORRECTION, "–")
 
 
+def test_it_says_who_moves_an_axis_as_long_as_somebody_does(visit: Visit) -> None:
+    """Whoever wonders about an exception 6 finds the name here."""
+    row = "article.axis .facts > div:nth-last-child(2)"
+    visit.stage.show(model({"x": axis(writer="panel (192.168.0.9)")}))
+    visit.until_text(row, "Moved bypanel (192.168.0.9)")
+    assert visit.page.locator(row).is_visible()
+    visit.stage.show(model({"x": axis(writer=None)}))
+    visit.until(f"document.querySelector({row!r}).checkVisibility()", False)
+
+
 @pytest.mark.parametrize(
     ("units", "digits", "correction"),
     [
@@ -218,6 +228,17 @@ def test_lines_and_their_controllers_say_how_they_are(visit: Visit) -> None:
     assert counts[1:] == ["Time-outs31", "CRC errors4", "Exceptions2", "Refused0", "Late0"]
     states = visit.page.locator("article.line .controller-state").all_text_contents()
     assert states == ["port closed: no such device", "not connected"]
+
+
+def test_a_controller_with_a_certificate_is_named_by_it(visit: Visit) -> None:
+    secured = line()
+    sessions = [{"peer": "192.168.0.7:50000", "certified": "Fitter", "role": "motion", "subject": "CN=panel"}]
+    secured["controllers"][1] |= {"tls": {"sessions": sessions}}
+    visit.stage.show(model(None, {"xyz": secured}))
+    visit.until_text("article.line li:nth-child(2) .controller-state", "connected: CN=panel (Fitter)")
+    assert (
+        visit.page.locator("article.line li:nth-child(2) p > .quiet").first.text_content() == "by certificate"
+    )
 
 
 def test_exchanges_are_counted_each_second(visit: Visit) -> None:
