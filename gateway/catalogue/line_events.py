@@ -56,7 +56,7 @@ CONNECTION_CLOSED: Final = EventEntry(
 CONNECTION_MALFORMED: Final = EventEntry(
     "connection-malformed",
     Severity.WARNING,
-    "somebody sent bytes that are not Modbus/TCP, which were dropped; told once for each peer",
+    "somebody sent bytes that are not Modbus/TCP, which were dropped; told once a minute for each host",
     "a scanner, a web browser, or a controller that speaks RTU over TCP",
     "find out what runs at that address, and see that `allow` names the controllers only",
 )

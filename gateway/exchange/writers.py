@@ -236,6 +236,8 @@ def _note_beside_stop(stop: Meaning, request: Request, port: ControllerPort) -> 
     axis, hold, motion = stop.axis, stop.axis.hold, stop.axis.motion
     is_writer = hold.is_shared or hold.writer in ("", port.writer)
     if is_writer and port.plan.role is Role.MOTION:
+        if stop.commands:
+            hold.overwritten_by = ""
         return
     for address in {mode.address for mode in motion.plan.modes if mode is not None}:
         was = motion.word(address)

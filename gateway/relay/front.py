@@ -14,7 +14,7 @@ from gateway.catalogue.line_events import (
 from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
-from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
+from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort, host_of
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Place, keep_port, open_kept
 from gateway.relay.refusals import Refusals
@@ -28,10 +28,7 @@ from gateway.transport.framing import frame_silence_ns, request_decoder
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpListener
 
-NOTED_PEERS: Final = 256
-"""So many peers are named once each for what they sent; all are counted."""
-
-
+GARBAGE: Final = "it sent something that is not Modbus/TCP; that was dropped"
 HALF_FRAME_GRACE_NS: Final = 2 * NS_PER_S
 """A request that is not whole for so long after its controller has given up on it ends the connection."""
 
@@ -52,7 +49,6 @@ class TcpFront:
         self._exchange = exchange
         self._note = _noter(journal, line, link.plan.name)
         self._counters = MbapCounters()
-        self._noted_peers: set[str] = set()
         self._refusals = Refusals(self._note)
         self._closings = Refusals(self._note, event=CONNECTION_CLOSED)
         self._door = None
@@ -132,10 +128,7 @@ class TcpFront:
         return MbapControllerPort(plan, self._exchange, self._counters, self._malformed)
 
     def _malformed(self, peer: str) -> None:
-        if peer in self._noted_peers or len(self._noted_peers) >= NOTED_PEERS:
-            return
-        self._noted_peers.add(peer)
-        self._note(CONNECTION_MALFORMED, f"{peer} sent something that is not Modbus/TCP; it was dropped")
+        self._refusals.count(CONNECTION_MALFORMED, host_of(peer), GARBAGE)
 
 
 class SerialFront:

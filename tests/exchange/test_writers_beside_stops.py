@@ -64,6 +64,17 @@ def test_m3_what_a_stop_of_another_one_writes_beside_is_never_run(
     assert (kind, abs(counts - 5_000) <= 10) == ("absolute", True)
 
 
+def test_m3_a_target_beside_ones_own_stop_comes_in_place_of_that_of_another_one() -> None:
+    bench = span_bench(compensation=CompensationMode.OFF)
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 4_000)
+    for port, counts in ((panel, 9_000), (cnc, 5_000)):
+        stop = image(counts, STOP)
+        assert ask(bench, port, stop) == stop[:5]
+    assert ask(bench, cnc, RUN_SPAN) == RUN_SPAN
+    assert bench.drive.moves[2:] == [("absolute", 5_000)]
+
+
 @pytest.mark.parametrize("role", [Role.MOTION, Role.OPERATOR])
 def test_m3_a_stop_of_another_one_with_the_target_that_stands_there_takes_nothing(role: Role) -> None:
     bench = span_bench()

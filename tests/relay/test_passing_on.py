@@ -150,6 +150,19 @@ async def test_garbage_on_a_tcp_connection_costs_no_good_frame(
     assert pdu_of("tcp", far.data) == bytes.fromhex("03 0010 0001")
 
 
+async def test_a_host_that_sends_garbage_on_every_connection_is_told_of_once(
+    bench: "Bench", tools: "Tools"
+) -> None:
+    near, _, relay = await bench.raw_pair("tcp", "tcp", lambda data: reply_to("tcp", data, b"\x83\x02"))
+    [where] = next(iter(relay.addresses.values()))
+    ends = [near, *[await bench.connect(where) for _ in range(9)]]
+    for end in ends:
+        end.write(b"GET / HTTP/1.1\r\n\r\n")
+    await tools.eventually(lambda: tools.first_controller(relay)["dropped_bytes"] == 18 * len(ends))
+    told = [dict(note.fields)["detail"] for note in bench.notes if note.event == "connection-malformed"]
+    assert told == ["127.0.0.1: it sent something that is not Modbus/TCP; that was dropped"]
+
+
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])
 async def test_a_broadcast_goes_out_once_and_the_next_request_follows(
     bench: "Bench", controller: str
