@@ -163,6 +163,7 @@ class TcpListener:
         self._on_refused = on_refused
         self._servers: list[asyncio.Server] = []
         self._channels: set[TcpChannel] = set()
+        self._is_accepting = True
         self.refused = 0
         self.accepted = 0
         """All that were let in or refused."""
@@ -201,7 +202,8 @@ class TcpListener:
             raise RefusedError(_why_not_listening(self._endpoint, error)) from error
 
     def stop_accepting(self) -> None:
-        """Take no more connections; those that are open stay."""
+        """Take no more connections, not even one that was handed over just now; those that are open stay."""
+        self._is_accepting = False
         if self._sweeping is not None:
             self._sweeping.cancel()
         for server in self._servers:
@@ -222,6 +224,8 @@ class TcpListener:
 
     def admit(self, channel: _AcceptedChannel) -> bool:
         """Whether a new connection is let in."""
+        if not self._is_accepting:
+            return False
         self.accepted += 1
         # Who may not connect at all learns nothing about how many do.
         if not self._is_allowed(channel.host):

@@ -13,7 +13,7 @@ import pytest
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import RefusedError
 from gateway.transport.limits import MAX_CONNECTIONS
-from gateway.transport.tcp import Refusal, TcpChannel, TcpConnector, TcpListener
+from gateway.transport.tcp import Refusal, TcpChannel, TcpConnector, TcpListener, _AcceptedChannel
 
 if TYPE_CHECKING:
     from tests.transport.conftest import Eventually, Recorder
@@ -152,6 +152,24 @@ async def test_connections_are_limited(make_recorder: "type[Recorder]", eventual
         writer.close()
     del reader
     await listener.close()
+
+
+async def test_who_was_accepted_while_the_listener_stopped_is_closed(make_recorder: "type[Recorder]") -> None:
+    """The loop calls a protocol a turn after the system has handed a connection over."""
+    receiver = make_recorder()
+    listener = TcpListener(LOOPBACK, (), lambda: receiver, lambda host, why: None)
+    await listener.open()
+    with socket.create_server(("127.0.0.1", 0)) as handing_over:
+        there = socket.create_connection(handing_over.getsockname())
+        here, _ = handing_over.accept()
+    here.setblocking(False)
+    listener.stop_accepting()
+    with there:
+        channel = _AcceptedChannel(listener, receiver)
+        await asyncio.get_running_loop().connect_accepted_socket(lambda: channel, here)
+        assert await asyncio.get_running_loop().run_in_executor(None, there.recv, 1) == b""
+    await listener.close()
+    assert (listener.peers, listener.accepted, listener.refused) == ([], 0, 0)
 
 
 async def test_a_port_in_use_is_named_with_the_remedy(make_recorder: "type[Recorder]") -> None:
