@@ -54,7 +54,9 @@ def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> 
     private_key = key_path((*TLS_KEY, "key"), tls.key, folder)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
-    context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION
+    # Without tickets: who is let in is decided anew each time, and a certificate may have ended since.
+    context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
+    context.num_tickets = 0
     try:
         # OpenSSL would ask a terminal for the password of an encrypted key.
         context.load_cert_chain(certificate, private_key, password=lambda: "")

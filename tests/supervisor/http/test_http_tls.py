@@ -132,6 +132,26 @@ async def test_old_tls_is_not_spoken(tmp_path: Path, certificates: Path, version
         writer.transport.abort()
 
 
+def met_again(port: int, context: ssl.SSLContext) -> bool:
+    """Ask twice, the second time with what the first left; returns whether that was taken for the first."""
+    session: ssl.SSLSession | None = None
+    for _ in range(2):
+        plain = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
+        with context.wrap_socket(plain, server_hostname="127.0.0.1", session=session) as line:
+            line.sendall(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+            while line.recv(4096):
+                pass
+            session = line.session
+            is_reused = line.session_reused
+    return bool(is_reused)
+
+
+async def test_nobody_comes_in_by_a_ticket_of_before(tmp_path: Path, certificates: Path) -> None:
+    async with asking(tmp_path, certificates, clients=True) as visitor:
+        context = trusting(certificates, "panel")
+        assert not await asyncio.to_thread(met_again, visitor.served.port, context)
+
+
 async def test_whoever_does_not_know_the_authority_is_named(tmp_path: Path, certificates: Path) -> None:
     async with asking(tmp_path, certificates) as visitor:
         context = ssl.create_default_context(cafile=certificates / "foreign.crt")
