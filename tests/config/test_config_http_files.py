@@ -47,6 +47,18 @@ def tls(folder: Path, **files: str) -> str:
 ONE = 'tokens = [{ name = "people", file = "a.token" }]'
 
 
+@pytest.mark.parametrize(("days", "is_warned"), [(20.0, True), (100.0, False)])
+def test_a_list_that_runs_out_is_warned_of(tmp_path: Path, days: float, is_warned: bool) -> None:
+    """It is good as long as its authority, and nobody comes in with one that has run out."""
+    shop = Shop(tmp_path, days=days)
+    shop.server("mill")
+    shop.revoke()
+    files = {"certificate": "mill.pem", "key": "mill.key", "clients": "ca.pem", "revoked": "crl.pem"}
+    warnings = loaded(tmp_path, page(tls(tmp_path, **files))).warnings
+    found = [each.found for each in warnings if each.key == "http.tls.revoked"]
+    assert [f"{tmp_path}/crl.pem is good until " in each for each in found] == ([True] if is_warned else [])
+
+
 def test_a_token_and_tls_open_the_page_to_others(tmp_path: Path, certificates: Path) -> None:
     token(tmp_path)
     taken = loaded(tmp_path, page(ONE, tls(certificates)))
@@ -146,6 +158,9 @@ def test_two_tokens_are_two(tmp_path: Path) -> None:
         ({"certificate": "text.pem"}, "certificate", "cannot be used together"),
         ({"clients": "text.pem"}, "clients", "no certificates"),
         ({"clients": "none.pem"}, "clients", "no such file"),
+        ({"clients": "ca.crt", "revoked": "ca.crt"}, "revoked", "no list of revoked certificates"),
+        ({"clients": "ca.crt", "revoked": "none.pem"}, "revoked", "no such file"),
+        ({"revoked": "text.pem"}, "revoked", "without clients"),
     ],
 )
 def test_certificates_that_cannot_be_used(
