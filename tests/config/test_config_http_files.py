@@ -172,6 +172,14 @@ def test_certificates_that_cannot_be_used(
     assert problem.remedy
 
 
+def test_a_credential_that_was_handed_over_and_cannot_be_opened_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", f"/{'a' * 300}")
+    problem = only(refused(tmp_path, page(CREDENTIAL, listen="127.0.0.1:8480")), "http.tokens[1].file")
+    assert "File name too long" in problem.found
+
+
 CREDENTIAL = 'tokens = [{ name = "people", file = "credential:page.token" }]'
 
 
