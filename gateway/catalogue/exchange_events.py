@@ -179,8 +179,8 @@ SECOND_WRITER: Final = EventEntry(
     "a controller wanted to move an axis that another one moves, and was refused with exception 6; told at "
     "most once "
     "a minute for each axis and controller",
-    "a panel that jogs while the program runs, two programs at once, or somebody who tries",
-    "let one of them finish: `writer` of the axis in `status` says who holds it; where both are to move it, "
-    "set "
-    '`writers = "any"`',
+    "a panel that jogs while the program runs, two programs at once, or somebody who tries; or the one that "
+    "holds it writes a trigger in every cycle, also when that starts nothing, and so never lets go",
+    "let one of them finish: `writer` of the axis in `status` says who holds it (on a terminal `moved by`), "
+    'and have it write triggers only when they change; where both are to move it, set `writers = "any"`',
 )

@@ -23,6 +23,8 @@ COUNTERS: Final = {
 }
 """Of a line: what stands beside each number. The first two are shown always, the others where they count."""
 ALWAYS: Final = frozenset({"exchanges", "timeouts"})
+BY_CERTIFICATE: Final = "by role"
+"""In the place of a role: each certificate brings its own, and 80 columns are few."""
 COLOURS: Final = {
     "up": "green",
     "active": "green",
@@ -100,7 +102,7 @@ def _line(name: str, line: Mapping[str, Any]) -> Iterator[RenderableType]:
         took_us = controller["gateway_us"]
         table.add_row(
             f"  {escape(controller['name'])}",
-            "by certificate" if "tls" in controller else escape(controller["role"]),
+            BY_CERTIFICATE if "tls" in controller else escape(controller["role"]),
             _connected(controller),
             *(_number(took_us[key], 1) for key in ("p50", "p99", "max")),
             *(_number(computed.get(key), 2) for key in ("exchange_ms", "round_ms")),

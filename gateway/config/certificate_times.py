@@ -57,6 +57,21 @@ def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -
             findings.warn(key, problem.found, problem.remedy)
 
 
+def warn_of_list(findings: Findings, key: KeyPath, path: Path, now: datetime) -> None:
+    """Warn of a list of revoked certificates that has run out, or soon will: nobody comes in then."""
+    from gateway.transport.certificate_facts import list_ends
+
+    try:
+        _, ends = list_ends(path)
+    except FileRefusedError as error:
+        findings.warn(key, f"{path}: until when it is good could not be read ({error.found})", error.remedy)
+        return
+    if ends is not None and ends < now + SOON:
+        when = "out of date since" if ends < now else "good until"
+        remedy = "have the authority write a new list: with one that is out of date nobody comes in"
+        findings.warn(key, f"{path} is {when} {day(ends)}", remedy)
+
+
 def day(when: datetime) -> str:
     """Return the day of a time, for people."""
     return when.date().isoformat()

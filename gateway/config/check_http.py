@@ -5,7 +5,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from gateway.config.certificate_times import warn_of_times
+from gateway.config.certificate_times import warn_of_list, warn_of_times
 from gateway.config.check_lines import WILDCARDS, controller_key, is_loopback, is_same
 from gateway.config.findings import Findings
 from gateway.config.http_files import TLS_KEY, read_token, server_context
@@ -56,7 +56,19 @@ def check_http_files(findings: Findings, http: HttpSection, folder: Path, now: d
 def _check_tls(findings: Findings, http: HttpSection, folder: Path, now: datetime) -> None:
     if http.tls is None:
         return
-    named = {"certificate": http.tls.certificate, "key": http.tls.key, "clients": http.tls.clients}
+    if http.tls.revoked is not None and http.tls.clients is None:
+        findings.refuse(
+            (*TLS_KEY, "revoked"),
+            "a list of revoked certificates without clients, whose they would be",
+            "add clients, the authority that signs certificates of clients, or leave it out",
+        )
+        return
+    named = {
+        "certificate": http.tls.certificate,
+        "key": http.tls.key,
+        "clients": http.tls.clients,
+        "revoked": http.tls.revoked,
+    }
     away = [key for key, file in named.items() if file is not None and is_out_of_reach(file)]
     for key in away:
         warn_out_of_reach(findings, (*TLS_KEY, key), str(named[key]))
@@ -71,6 +83,9 @@ def _check_tls(findings: Findings, http: HttpSection, folder: Path, now: datetim
         file, path = named[name], (*TLS_KEY, name)
         if file is not None:
             warn_of_times(findings, path, path_of(path, file, folder), now)
+    if named["revoked"] is not None:
+        path = (*TLS_KEY, "revoked")
+        warn_of_list(findings, path, path_of(path, named["revoked"], folder), now)
 
 
 def _check_names(findings: Findings, http: HttpSection) -> None:

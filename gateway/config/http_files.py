@@ -16,6 +16,8 @@ from gateway.config.named_files import (
     why_unusable,
 )
 from gateway.config.toml_lines import KeyPath
+from gateway.transport.tls import load_revoked
+from gateway.transport.tls_files import TlsFileError
 
 SHORTEST_TOKEN: Final = 32
 FEWEST_CHARACTERS: Final = 8
@@ -69,6 +71,8 @@ def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> 
     if tls.clients is not None:
         _trust(context, certificates_path((*TLS_KEY, "clients"), tls.clients, folder), tls.clients)
         context.verify_mode = ssl.CERT_REQUIRED if needs_client else ssl.CERT_OPTIONAL
+    if tls.revoked is not None:
+        _turn_away(context, certificates_path((*TLS_KEY, "revoked"), tls.revoked, folder))
     return context
 
 
@@ -81,3 +85,10 @@ def _trust(context: ssl.SSLContext, authorities: Path, name: str) -> None:
             f"{name}: no certificates ({why_unusable(error)})",
             "give a file with certificates in PEM",
         ) from None
+
+
+def _turn_away(context: ssl.SSLContext, revoked: Path) -> None:
+    try:
+        load_revoked(context, revoked)
+    except TlsFileError as error:
+        raise NamedFileError((*TLS_KEY, "revoked"), error.found, error.remedy) from None

@@ -47,6 +47,9 @@ class HttpTlsSection(StrictModel):
         default=None,
         description="file with the authorities that sign certificates of clients: whoever has one may look",
     )
+    revoked: FileName | None = Field(
+        default=None, description="file with the list of certificates of clients that were revoked"
+    )
 
 
 class HttpSection(StrictModel):

@@ -38,7 +38,15 @@ def is_out_of_reach(name: str) -> bool:
     if not name.startswith(CREDENTIAL) or not is_credential_name(name):
         return False
     handed_over = os.environ.get(CREDENTIALS_FOLDER)
-    return not handed_over or not (Path(handed_over) / name.removeprefix(CREDENTIAL)).exists()
+    if not handed_over:
+        return True
+    try:
+        (Path(handed_over) / name.removeprefix(CREDENTIAL)).stat()
+    except FileNotFoundError:
+        return True
+    except OSError:
+        pass  # handed over, and what is wrong with it is said when it is read
+    return False
 
 
 def warn_out_of_reach(findings: Findings, key: KeyPath, name: str) -> None:

@@ -1,5 +1,6 @@
 """The dialects that can be read and written. A new one is one file and one entry in :data:`DIALECTS`."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -41,6 +42,10 @@ DIALECTS: Final = (
 )
 
 
+_OF_A_TABLE: Final = re.compile(r"(?i)(cnc|#)[\w .#-]*|[0-9e+., \t-]*")
+"""What is quoted in messages. Where a table should be, a link may lead to a password, and messages go far."""
+
+
 def sniff(source: SourceText) -> Dialect:
     """Return the dialect of a file by its first line.
 
@@ -51,8 +56,10 @@ def sniff(source: SourceText) -> Dialect:
     for dialect in DIALECTS:
         if dialect.recognise(first.text):
             return dialect
+    is_shown = _OF_A_TABLE.fullmatch(first.text) is not None
+    what = shown(first.text) if is_shown else f"of {len(first.text)} characters, which is of no table"
     raise source.error(
-        f"an unknown first line {shown(first.text)}",
+        f"an unknown first line {what}",
         "'CNC10 TAB FILE VERSION 3', or six numbers that begin with 2 (version 2), or two whole numbers "
         "(version 1)",
         line=first.number,

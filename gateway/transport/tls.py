@@ -148,16 +148,24 @@ def _load_clients(context: ssl.SSLContext, paths: dict[str, Path]) -> None:
     except (ssl.SSLError, OSError) as error:
         found = f"{paths['clients']}: no certificates ({reason_of(error)})"
         raise TlsFileError("clients", found, "give the authority's certificate in PEM") from None
-    if "revoked" not in paths:
-        return
+    if "revoked" in paths:
+        load_revoked(context, paths["revoked"])
+
+
+def load_revoked(context: ssl.SSLContext, path: Path) -> None:
+    """Have a context turn away what a list of an authority names, and everybody where it has run out.
+
+    Raises:
+        TlsFileError: it is no such list.
+    """
     lists_before = context.cert_store_stats()["crl"]
     try:
-        context.load_verify_locations(os.fspath(paths["revoked"]))
+        context.load_verify_locations(os.fspath(path))
     except (ssl.SSLError, OSError) as error:
-        found = f"{paths['revoked']}: no list of revoked certificates ({reason_of(error)})"
+        found = f"{path}: no list of revoked certificates ({reason_of(error)})"
         raise TlsFileError("revoked", found, "give the authority's list (CRL) in PEM") from None
     if context.cert_store_stats()["crl"] == lists_before:
-        found = f"{paths['revoked']}: no list of revoked certificates"
+        found = f"{path}: no list of revoked certificates"
         raise TlsFileError("revoked", found, "give the authority's list (CRL) in PEM")
     context.verify_flags |= ssl.VERIFY_CRL_CHECK_LEAF
 

@@ -100,7 +100,7 @@ def test_who_came_by_certificate_and_who_was_turned_away_is_said() -> None:
     cnc, _ = model["lines"]["xyz"]["controllers"]
     cnc |= {"refused_connections": 3, "tls": tls}
     lines = shown(model)
-    assert "cnc by certificate 2 101.3 187.4 495.1 34.15 136.50 1000" in lines
+    assert "cnc by role 2 101.3 187.4 495.1 34.15 136.50 1000" in lines
     assert "cnc: TLS with 192.168.0.7:50000, CN=[panel], Fitter (motion)" in lines
     assert "cnc: connections refused 3, handshakes failed 1" in lines
     assert not any(line.startswith("hmi:") for line in lines)

@@ -47,6 +47,18 @@ def tls(folder: Path, **files: str) -> str:
 ONE = 'tokens = [{ name = "people", file = "a.token" }]'
 
 
+@pytest.mark.parametrize(("days", "is_warned"), [(20.0, True), (100.0, False)])
+def test_a_list_that_runs_out_is_warned_of(tmp_path: Path, days: float, is_warned: bool) -> None:
+    """It is good as long as its authority, and nobody comes in with one that has run out."""
+    shop = Shop(tmp_path, days=days)
+    shop.server("mill")
+    shop.revoke()
+    files = {"certificate": "mill.pem", "key": "mill.key", "clients": "ca.pem", "revoked": "crl.pem"}
+    warnings = loaded(tmp_path, page(tls(tmp_path, **files))).warnings
+    found = [each.found for each in warnings if each.key == "http.tls.revoked"]
+    assert [f"{tmp_path}/crl.pem is good until " in each for each in found] == ([True] if is_warned else [])
+
+
 def test_a_token_and_tls_open_the_page_to_others(tmp_path: Path, certificates: Path) -> None:
     token(tmp_path)
     taken = loaded(tmp_path, page(ONE, tls(certificates)))
@@ -146,6 +158,9 @@ def test_two_tokens_are_two(tmp_path: Path) -> None:
         ({"certificate": "text.pem"}, "certificate", "cannot be used together"),
         ({"clients": "text.pem"}, "clients", "no certificates"),
         ({"clients": "none.pem"}, "clients", "no such file"),
+        ({"clients": "ca.crt", "revoked": "ca.crt"}, "revoked", "no list of revoked certificates"),
+        ({"clients": "ca.crt", "revoked": "none.pem"}, "revoked", "no such file"),
+        ({"revoked": "text.pem"}, "revoked", "without clients"),
     ],
 )
 def test_certificates_that_cannot_be_used(
@@ -155,6 +170,14 @@ def test_certificates_that_cannot_be_used(
     problem = only(refused(tmp_path, page(ONE, tls(certificates, **files))), f"http.tls.{key}")
     assert said in problem.found
     assert problem.remedy
+
+
+def test_a_credential_that_was_handed_over_and_cannot_be_opened_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", f"/{'a' * 300}")
+    problem = only(refused(tmp_path, page(CREDENTIAL, listen="127.0.0.1:8480")), "http.tokens[1].file")
+    assert "File name too long" in problem.found
 
 
 CREDENTIAL = 'tokens = [{ name = "people", file = "credential:page.token" }]'

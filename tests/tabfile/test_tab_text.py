@@ -69,7 +69,9 @@ def test_lines_are_counted_from_the_top_of_the_file() -> None:
         (GOOD + b"\x1a20 0.002 0", "text after an end-of-file mark"),
         (b"# linuxcnc\n0 0 0\n", "unknown first line '# linuxcnc'"),
         (b"3 9 0.5 20 1 0\n", "unknown first line"),
-        (b"24\n", "unknown first line"),
+        (b"24\n", "unknown first line '24'"),
+        (b"CNC11 TABLE\n", "unknown first line 'CNC11 TABLE'"),
+        (b"0123456789abcdefghijklmnopqrstuv\n", "unknown first line of 32 characters, which is of no table"),
         (b"24 1.5\n", "unknown first line"),
         (b"CNC10 TAB FILE VERSION 2\n", "version 2"),
     ],
@@ -78,6 +80,14 @@ def test_what_is_no_table_is_refused_by_name(data: bytes, found: str) -> None:
     with pytest.raises(TabFileError, match=r"cnc10x\.tab") as caught:
         parse(data, file_start=0.0)
     assert found in str(caught.value)
+
+
+def test_a_secret_in_the_place_of_a_table_is_not_shown() -> None:
+    """Who may save tables may make a link of one; the status and the log show why it was refused."""
+    for secret in (b"s3cret-Token_0123456789", b"root:$y$j9T$abc:19000:0:::", b"correct horse battery"):
+        with pytest.raises(TabFileError) as caught:
+            parse(secret + b"\n")
+        assert secret.decode() not in str(caught.value)
 
 
 def test_long_lines_are_shortened_in_messages() -> None:

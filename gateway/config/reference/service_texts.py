@@ -57,7 +57,8 @@ HTTP: Final[Texts] = {
         meaning=(
             "`certificate` and its `key`, both in PEM, the key not encrypted; with `clients`, the "
             "authorities that sign certificates of "
-            "clients, whoever has such a certificate may look, with or without a token. Read anew by `reload`"
+            "clients, whoever has such a certificate may look, with or without a token, but for those in the "
+            "authorities' list `revoked`. Read anew by `reload`"
         ),
         default="none: no TLS",
     ),

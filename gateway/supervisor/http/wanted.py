@@ -49,7 +49,7 @@ def wanted_by(section: HttpSection, folder: Path) -> Wanted | None:
     endpoint, tls = section.endpoint, section.tls
     if endpoint is None:
         return None
-    files = () if tls is None else (tls.certificate, tls.key, tls.clients)
+    files = () if tls is None else (tls.certificate, tls.key, tls.clients, tls.revoked)
     return Wanted(endpoint, section.tokens, tls, folder, tuple(_look_at(file, folder) for file in files))
 
 

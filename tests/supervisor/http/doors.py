@@ -38,7 +38,12 @@ def write_token(folder: Path, token: str, name: str = "people.token") -> None:
 
 
 def section(
-    port: int, certificates: Path | None, *, tokens: bool = True, clients: bool = False
+    port: int,
+    certificates: Path | None,
+    *,
+    tokens: bool = True,
+    clients: bool = False,
+    revoked: str | None = None,
 ) -> HttpSection:
     tls = None
     if certificates is not None:
@@ -46,6 +51,7 @@ def section(
             certificate=str(certificates / "page.crt"),
             key=str(certificates / "page.key"),
             clients=str(certificates / "ca.crt") if clients else None,
+            revoked=None if revoked is None else str(certificates / revoked),
         )
     names = (TokenSection(name="people", file="people.token"),) if tokens else ()
     return HttpSection(listen=f"127.0.0.1:{port}", tokens=names, tls=tls)

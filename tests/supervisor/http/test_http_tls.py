@@ -114,6 +114,37 @@ async def test_a_certificate_of_the_right_authority_that_is_not_good_lets_nobody
         assert event["detail"] == f"its certificate: {said}"
 
 
+async def test_a_certificate_that_was_revoked_looks_no_more(tmp_path: Path) -> None:
+    folder = tmp_path / "certificates"
+    folder.mkdir()
+    shop = Shop(folder)
+    shop.server("page")
+    panel, _ = shop.leaf("panel")
+    shop.leaf("wall")
+    for path in folder.glob("*.pem"):
+        path.with_suffix(".crt").write_bytes(path.read_bytes())
+    shop.revoke()
+    async with asking(tmp_path, folder, clients=True) as visitor:
+
+        async def reload() -> None:
+            before = len(visitor.served.said)
+            wanted = section(visitor.served.port, folder, clients=True, revoked="crl.pem")
+            visitor.served.service.configure(wanted, tmp_path)
+            await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[before:]])
+
+        await reload()
+        assert (await visitor.ask("/status", client="panel")).status == 200
+        shop.revoke(panel)
+        await reload()
+        with contextlib.suppress(ConnectionError, ssl.SSLError):
+            line = await visitor.connect("panel")
+            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert await line.rest() == b""
+        await until(lambda: bool(visitor.events("http-refused")))
+        assert visitor.events("http-refused")[0]["detail"] == "its certificate: certificate revoked"
+        assert (await visitor.ask("/status", client="wall")).status == 200
+
+
 @pytest.mark.parametrize("version", [ssl.TLSVersion.TLSv1, ssl.TLSVersion.TLSv1_1])
 async def test_old_tls_is_not_spoken(tmp_path: Path, certificates: Path, version: ssl.TLSVersion) -> None:
     async with asking(tmp_path, certificates) as visitor:
