@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from gateway.config.rights_model import RightsKeys
+from gateway.config.rights_model import RightsKeys, RoleKeys
 from gateway.config.tls_model import ControllerTls, RoleName
 from gateway.config.values import (
     Device,
@@ -150,7 +150,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
     tls: ControllerTls | None = Field(
         default=None, description="speak TLS only, with those who have a certificate (Modbus/TCP Security)"
     )
-    roles: dict[RoleName, RightsKeys] = Field(
+    roles: dict[RoleName, RoleKeys] = Field(
         default_factory=dict, description="with tls: what each role that a certificate may have gives"
     )
 

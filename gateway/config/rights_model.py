@@ -71,3 +71,9 @@ class RightsKeys(StrictModel):
             writable=self.writable,
             requests_per_s=self.requests_per_s or 0.0,
         )
+
+
+class RoleKeys(RightsKeys):
+    """What a role in a certificate gives; nothing where it does not say what."""
+
+    role: ByName[Role] = Field(description="what a controller with this role may do")

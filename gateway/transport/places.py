@@ -2,9 +2,9 @@
 
 Whoever holds connections and asks for nothing must not lock out a controller for ever. When all places are
 taken, a newcomer gets the place of the connection that has been quiet longest, of the host that has most of
-them. A host that has them all makes room for others at once; among its own, and among hosts that have as many
-as each other, only after a while. So the one connection of a motion controller goes last, and never within
-:data:`QUIET_NS` of a request.
+them. A host that has more than half of them makes room for others at once; among its own, and among hosts
+that have as many as each other, only after a while. So the one connection of a motion controller goes last,
+and never within :data:`QUIET_NS` of a request.
 """
 
 from collections import Counter
@@ -128,6 +128,7 @@ class Places:
         counts = Counter(guest.host for guest in self._guests)
         most = max(counts.values())
         is_many = most > counts[host] + 1
+        is_hoard = most > self._max // 2 and is_many
         longest: tuple[int, Guest] | None = None
         for guest in self._guests:
             asking = guest.asking
@@ -135,7 +136,7 @@ class Places:
             if asking is None or counts[guest.host] < most or (counts[host] == most and guest.host != host):
                 continue
             quiet_ns = _quiet_ns(guest, asking, now_ns)
-            if quiet_ns < _least_ns(asking, is_many=is_many):
+            if not is_hoard and quiet_ns < _least_ns(asking, is_many=is_many):
                 continue
             if not asking.asked_ns:
                 quiet_ns += QUIET_NS  # before those that have asked for something

@@ -30,6 +30,7 @@ clients = "ca.pem"
 revoked = "crl.pem"
 
 [line.xyz.controllers.roles.Operator]
+role = "motion"
 """
 PLAIN = '\n[[line.xyz.controllers]]\nname = "secure"\ntcp = "127.0.0.1:{port}"\n'
 Certificate = tuple[Path, Path] | None

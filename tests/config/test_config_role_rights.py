@@ -20,6 +20,8 @@ ROLE = "line.xyz.controllers[2].roles.Panel"
 
 
 def with_role(*keys: str) -> str:
+    if not any(key.startswith("role =") for key in keys):
+        keys = ('role = "motion"', *keys)
     return edited(('tcp = "127.0.0.1:1502"\nrole = "monitor"\n', LISTENER + "\n".join(keys) + "\n"))
 
 
@@ -44,6 +46,13 @@ def test_rights_of_a_role_that_cannot_be_meant_are_refused(
     tmp_path: Path, keys: tuple[str, ...], key: str, found: str
 ) -> None:
     assert found in only(refused(tmp_path, with_role(*keys)), f"{ROLE}.{key}").found
+
+
+def test_a_role_that_does_not_say_what_it_is_gives_nothing(tmp_path: Path) -> None:
+    problem = only(
+        refused(tmp_path, edited(('tcp = "127.0.0.1:1502"\nrole = "monitor"\n', LISTENER))), f"{ROLE}.role"
+    )
+    assert (problem.found, problem.remedy) == ("missing", "needed: what a controller with this role may do")
 
 
 def test_a_role_that_may_move_nothing_is_warned_of(tmp_path: Path) -> None:

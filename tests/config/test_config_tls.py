@@ -27,6 +27,7 @@ key = "server.key"
 clients = "ca.pem"
 
 [line.xyz.controllers.roles.Operator]
+role = "motion"
 
 [line.xyz.controllers.roles."Beobachter Süd"]
 role = "monitor"

@@ -108,12 +108,22 @@ def test_among_its_own_a_connection_makes_room_only_after_a_while() -> None:
 
 def test_who_spoke_within_the_last_second_makes_room_for_nobody() -> None:
     door = Door()
-    for _ in range(4):
-        door.comes("10.0.0.9", asked_s=100)
+    for host in ("10.0.0.8", "10.0.0.8", "10.0.0.9", "10.0.0.9"):
+        door.comes(host, asked_s=100)
     door.wait(100.9)
     assert door.comes("10.0.0.1") is None
     door.wait(0.1)
     assert door.comes("10.0.0.1") is not None
+
+
+def test_a_host_with_more_than_half_of_the_places_makes_room_however_busy_it_is() -> None:
+    door = Door()
+    busy = [door.comes("10.0.0.9", asked_s=seconds) for seconds in (100.0, 99.0, 98.0)]
+    other = door.comes("10.0.0.8", asked_s=0)
+    door.wait(100)
+    assert door.comes("10.0.0.9") is None
+    assert door.comes("10.0.0.1") is not None
+    assert door.is_closed(*busy, other) == [False, False, True, False]
 
 
 def test_a_host_with_one_more_than_the_newcomer_has_to_be_quiet_for_long() -> None:
@@ -128,7 +138,7 @@ def test_a_host_with_one_more_than_the_newcomer_has_to_be_quiet_for_long() -> No
 
 def test_a_place_that_was_left_is_free() -> None:
     door = Door()
-    first, *_ = [door.comes("10.0.0.1", asked_s=0) for _ in range(4)]
+    first, *_ = [door.comes(f"10.0.0.{number}", asked_s=0) for number in (3, 4, 5, 6)]
     assert door.comes("10.0.0.2") is None
     assert first is not None
     door.places.leave(first)

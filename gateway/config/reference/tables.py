@@ -15,7 +15,7 @@ from gateway.config.reference import axis_texts, line_texts, register_texts, ser
 from gateway.config.reference.kinds import default_text, kind_text
 from gateway.config.reference.text import Said, Texts
 from gateway.config.relay_model import RelaySection
-from gateway.config.rights_model import RightsKeys
+from gateway.config.rights_model import RoleKeys
 from gateway.config.tls_model import ControllerTls
 from gateway.drives.registers import ActualSpec, BitSpec, CommandSpec, PositionSpec, RegisterMap
 from gateway.drives.rules import ModeSpec, TriggerSpec
@@ -59,7 +59,7 @@ TABLES: Final[Mapping[str, KeyTable]] = {
     "line.drives": KeyTable((DrivesEndpoint,), line_texts.DRIVES),
     "line.controllers": KeyTable((ControllerSection,), line_texts.CONTROLLERS, _SERIAL),
     "line.controllers.tls": KeyTable((ControllerTls,), line_texts.TLS),
-    "line.controllers.roles": KeyTable((RightsKeys,), line_texts.ROLES),
+    "line.controllers.roles": KeyTable((RoleKeys,), line_texts.ROLES),
     "axis": KeyTable((AxisSection,), axis_texts.AXIS),
     "axis.table_options": KeyTable((TableOptions,), axis_texts.TABLE_OPTIONS),
     "axis.registers": KeyTable((RegisterMap,), register_texts.REGISTERS),
