@@ -120,7 +120,7 @@ class Places:
                 self._close(guest, Closing.IDLE)
 
     def _close(self, guest: Guest, why: Closing) -> None:
-        self._guests.remove(guest)
+        self.leave(guest)
         self._on_closed(guest.host, why)
         guest.abort()
 

@@ -57,6 +57,11 @@ def with_panel(*keys: str) -> Callable[[Ground, str], str]:
     return changed
 
 
+def as_fast_as_wanted(_ground: Ground, text: str) -> str:
+    """Let connections come one after the other: of these attacks they are not the point."""
+    return text.replace('name = "cnc"', 'name = "cnc"\nconnects_per_s = 1000000')
+
+
 def flood(ground: Ground) -> str:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 2 * FLOOD)), hard))
@@ -199,7 +204,7 @@ ATTACKS = [
         "oversize and lying lengths",
         lying_lengths,
         "connection-malformed",
-        lambda _ground, text: text.replace('name = "cnc"', 'name = "cnc"\nconnects_per_s = 1000000'),
+        as_fast_as_wanted,
     ),
     Attack(
         "scans of unit ids, function codes and addresses",
@@ -207,8 +212,13 @@ ATTACKS = [
         "request-refused",
         with_panel('role = "monitor"', "unit_ids = [1]", "function_codes = [3]", 'readable = ["100-101"]'),
     ),
-    Attack("a second writer", second_writer, "second-writer"),
-    Attack("a monitor that writes", writing_monitor, "request-refused", with_panel('role = "monitor"')),
+    Attack("a second writer", second_writer, "second-writer", as_fast_as_wanted),
+    Attack(
+        "a monitor that writes",
+        writing_monitor,
+        "request-refused",
+        with_panel('role = "monitor"', "connects_per_s = 1000000"),
+    ),
 ]
 
 
