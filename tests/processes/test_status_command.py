@@ -43,7 +43,7 @@ def test_the_status_of_a_gateway_that_runs(site: Site) -> None:
         assert "exchanges 2, time-outs 0" in lines
         # 60 mm and 0.1 % of it; nothing is mapped that says where the axis stands.
         assert "x active forward 60.0000 60.0600 – – mm" in lines
-        assert "x x.tab 3 active" in lines
+        assert "x x.tab 3 active cnc (127.0.0.1)" in lines
         assert typed("disable", config).returncode == 0
         until(config, lambda model: model["axes"]["x"]["compensation"] == "off")
         assert "x off forward 60.0000 60.0600 – – mm" in [
