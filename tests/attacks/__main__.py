@@ -34,22 +34,31 @@ def row_of(attack: Attack, seconds: float) -> str:
     return f"| {attack.name} | {outcome.got} | `{attack.event}` | {calm:.2f} ms | {meanwhile:.2f} ms |\n"
 
 
+def written() -> dict[str, str]:
+    """Return the rows that the document has, by the name of their attack."""
+    found = PART.search(DOCUMENT.read_text())
+    lines = found[2].splitlines(keepends=True)[2:] if found else []
+    return {line.split(" | ")[0].removeprefix("| "): line for line in lines}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seconds", type=float, default=SECONDS)
-    parser.add_argument("--write", action="store_true", help="put the table into docs/security.md")
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="put the table into docs/security.md; with names, those rows of it",
+    )
     parser.add_argument("names", nargs="*", help="parts of names of attacks; none: all")
     options = parser.parse_args()
-    if options.write and options.names:
-        parser.error("--write is for the whole table: leave out the names")
-    rows = []
+    rows = written() if options.names and options.write else {}
     for attack in attacks():
         if options.names and not any(part in attack.name for part in options.names):
             continue
         sys.stderr.write(f"{attack.name} ...\n")
-        rows.append(row_of(attack, options.seconds))
-        sys.stderr.write(rows[-1])
-    table = HEAD + "".join(rows)
+        rows[attack.name] = row_of(attack, options.seconds)
+        sys.stderr.write(rows[attack.name])
+    table = HEAD + "".join(rows[attack.name] for attack in attacks() if attack.name in rows)
     if options.write:
         DOCUMENT.write_text(PART.sub(lambda found: found[1] + table + found[3], DOCUMENT.read_text()))
     else:
