@@ -28,6 +28,7 @@ ln -s /proc/self/fd "$0/dev/fd"
 exec chroot "$0" "$@"
 """
 """What a program needs of /proc and /dev, in namespaces that end with it."""
+TRIED = "mount -t tmpfs tmpfs /mnt && mknod /mnt/null c 1 3 && chroot / true"
 LEFT_OUT = (
     "proc",
     "sys",
@@ -51,7 +52,10 @@ def why_not() -> str:
     if os.geteuid() != 0:
         return "only root can make a bare Debian and enter it"
     missing = [name for name in ("mmdebstrap", "unshare", "dpkg-deb") if shutil.which(name) is None]
-    return f"missing: {', '.join(missing)} (Debian: apt-get install mmdebstrap)" if missing else ""
+    if missing:
+        return f"missing: {', '.join(missing)} (Debian: apt-get install mmdebstrap)"
+    tried = subprocess.run(["unshare", "--mount", "--pid", "--fork", "sh", "-c", TRIED], check=False)
+    return "" if tried.returncode == 0 else "this root may not mount or make devices, as in most containers"
 
 
 def make_seed() -> None:
