@@ -29,6 +29,7 @@ PLAIN = (
     "compensation/settings.py",
     "exchange/plan.py",
     "exchange/ports.py",
+    "exchange/rights.py",
     "modbus/registers.py",
 )
 """Left as they are: plans, which msgspec takes apart and puts together, and interfaces that Python classes of
