@@ -1,4 +1,4 @@
-"""One writer at a time for each axis: whoever moves it holds it, and another one is refused (W9).
+"""One writer at a time for each axis: whoever moves it holds it, and another one is refused (W10).
 
 What such a frame would have changed is lost to whoever sent it, and to nobody else: the axis of the one who
 holds it goes on. It comes to count when its sender takes the axis over (M3).

@@ -17,11 +17,14 @@ from gateway.ipc.state_folder import PLAN_NAME, StateError, read_state
 
 FORMAT: Final = "pitch-gateway plan"
 VERSION: Final = 3
-UPGRADES: Final[Mapping[int, Callable[[Any], Any]]] = {
-    2: lambda plan: (
-        plan
-    ),  # 3 gave controllers rights; none had limits before, which is what a missing field says
-}
+
+
+def _as_it_is(plan: Any) -> Any:
+    """What a plan has not is what its reader takes for granted: no rights mean no limits."""
+    return plan
+
+
+UPGRADES: Final[Mapping[int, Callable[[Any], Any]]] = {2: _as_it_is}
 """By version: the plain data of a plan to what the next version would have written."""
 
 

@@ -44,10 +44,7 @@ class _Input(_Entry, frozen=True):
 
 
 class Request(_Input, frozen=True, tag="request", omit_defaults=True):
-    """A whole request of a controller. ``port`` numbers connections, ``controller`` is its name.
-
-    ``role`` is that in the certificate of the connection, where it has one.
-    """
+    """A whole request of a controller. ``port`` numbers connections, ``controller`` is its name."""
 
     port: int
     controller: str

@@ -105,7 +105,6 @@ def keep_port(port: SerialPort, endpoint: SerialEndpoint, place: Place) -> bool:
     """Give a port what was kept of it, and have each opening kept; returns whether there was something."""
     port.kept = adopted_port(place.take(), endpoint.device)
     port.on_open = lambda descriptor: place.keep([descriptor])
-    port.on_lost = (
-        place.drop
-    )  # an adapter that comes back gets its name only when nobody has the old one open
+    # An adapter that comes back gets its name only when nobody has the old one open.
+    port.on_lost = place.drop
     return port.kept is not None

@@ -115,7 +115,7 @@ async def _serve(
     relay: Relay,
     plan: GatewayPlan,
     log: "_Log",
-    service: "Service",
+    service: Service,
     *,
     status_every_s: float,
     on_ready: Callable[[], None] | None,
