@@ -10,10 +10,10 @@ from gateway.config.http_model import HttpTlsSection
 from gateway.config.named_files import (
     NamedFileError,
     certificates_path,
-    key_path,
+    load_pair,
+    no_certificates,
     path_of,
     read_secret_line,
-    why_unusable,
 )
 from gateway.config.toml_lines import KeyPath
 from gateway.transport.tls import load_revoked
@@ -52,22 +52,12 @@ def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> 
         NamedFileError: a file is missing, is something else, every user may read the key, or it is not that
             of the certificate.
     """
-    certificate = certificates_path((*TLS_KEY, "certificate"), tls.certificate, folder)
-    private_key = key_path((*TLS_KEY, "key"), tls.key, folder)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     # Without tickets: who is let in is decided anew each time, and a certificate may have ended since.
     context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
     context.num_tickets = 0
-    try:
-        # OpenSSL would ask a terminal for the password of an encrypted key.
-        context.load_cert_chain(certificate, private_key, password=lambda: "")
-    except (ssl.SSLError, OSError) as error:
-        raise NamedFileError(
-            (*TLS_KEY, "certificate"),
-            f"{tls.certificate} and {tls.key} cannot be used together ({why_unusable(error)})",
-            "give a certificate and its own key, both in PEM, the key not encrypted",
-        ) from None
+    load_pair(context, (*TLS_KEY, "certificate"), (tls.certificate, tls.key), folder)
     if tls.clients is not None:
         _trust(context, certificates_path((*TLS_KEY, "clients"), tls.clients, folder), tls.clients)
         context.verify_mode = ssl.CERT_REQUIRED if needs_client else ssl.CERT_OPTIONAL
@@ -80,11 +70,7 @@ def _trust(context: ssl.SSLContext, authorities: Path, name: str) -> None:
     try:
         context.load_verify_locations(os.fspath(authorities))
     except (ssl.SSLError, OSError) as error:
-        raise NamedFileError(
-            (*TLS_KEY, "clients"),
-            f"{name}: no certificates ({why_unusable(error)})",
-            "give a file with certificates in PEM",
-        ) from None
+        raise no_certificates((*TLS_KEY, "clients"), name, error) from None
 
 
 def _turn_away(context: ssl.SSLContext, revoked: Path) -> None:

@@ -5,13 +5,7 @@ import ssl
 from pathlib import Path
 
 from gateway.config.mqtt_model import TlsSection
-from gateway.config.named_files import (
-    NamedFileError,
-    certificates_path,
-    key_path,
-    read_secret_line,
-    why_unusable,
-)
+from gateway.config.named_files import certificates_path, load_pair, no_certificates, read_secret_line
 
 PASSWORD_KEY = ("mqtt", "password_file")
 
@@ -38,21 +32,7 @@ def tls_context(tls: TlsSection, folder: Path) -> ssl.SSLContext:
     try:
         context = ssl.create_default_context(cafile=None if authorities is None else os.fspath(authorities))
     except (ssl.SSLError, OSError) as error:
-        found, remedy = (
-            f"{tls.ca}: no certificates ({why_unusable(error)})",
-            "give a file with certificates in PEM",
-        )
-        raise NamedFileError((*key, "ca"), found, remedy) from None
+        raise no_certificates((*key, "ca"), str(tls.ca), error) from None
     if tls.cert is not None and tls.key is not None:
-        certificate = certificates_path((*key, "cert"), tls.cert, folder)
-        private_key = key_path((*key, "key"), tls.key, folder)
-        try:
-            # OpenSSL would ask a terminal for the password of an encrypted key.
-            context.load_cert_chain(certificate, private_key, password=lambda: "")
-        except (ssl.SSLError, OSError) as error:
-            raise NamedFileError(
-                (*key, "cert"),
-                f"{tls.cert} and {tls.key} cannot be used together ({why_unusable(error)})",
-                "give a certificate and its own key, both in PEM, the key not encrypted",
-            ) from None
+        load_pair(context, (*key, "cert"), (tls.cert, tls.key), folder)
     return context

@@ -1,6 +1,7 @@
 """Files that a configuration names beside its tables: secrets and certificates."""
 
 import os
+import ssl
 from pathlib import Path
 from typing import Final
 
@@ -14,10 +15,9 @@ from gateway.secret_files import (
     refuse_open_to_others,
     secret_path,
 )
+from gateway.transport.tls import LARGEST_FILE, reason_of
 
 LARGEST_SECRET: Final = 4096
-LARGEST_CERTIFICATES: Final = 4_000_000
-"""Bytes. All authorities of a system are about 200 000."""
 
 
 class NamedFileError(Exception):
@@ -101,7 +101,7 @@ def certificates_path(key: KeyPath, name: str, folder: Path) -> Path:
     """
     path = path_of(key, name, folder)
     try:
-        read_regular_file(path, LARGEST_CERTIFICATES, "a file in PEM")
+        read_regular_file(path, LARGEST_FILE, "a file in PEM")
     except FileRefusedError as error:
         raise NamedFileError(key, f"{path}: {error.found}", error.remedy) from None
     return path
@@ -121,7 +121,27 @@ def key_path(key: KeyPath, name: str, folder: Path) -> Path:
     return path
 
 
-def why_unusable(error: OSError) -> str:
-    """Return what OpenSSL, or the system, says of a file."""
-    reason = getattr(error, "reason", None) or error.strerror or str(error)
-    return str(reason).lower().replace("_", " ")
+def load_pair(context: ssl.SSLContext, key: KeyPath, names: tuple[str, str], folder: Path) -> None:
+    """Have a context show a certificate; ``names`` are those of it and of its key, ``key`` names the first.
+
+    Raises:
+        NamedFileError: one of them cannot be read, every user may read the key, or they do not belong
+            together.
+    """
+    certificate = certificates_path(key, names[0], folder)
+    private_key = key_path((*key[:-1], "key"), names[1], folder)
+    try:
+        # OpenSSL would ask a terminal for the password of an encrypted key.
+        context.load_cert_chain(certificate, private_key, password=lambda: "")
+    except (ssl.SSLError, OSError) as error:
+        raise NamedFileError(
+            key,
+            f"{names[0]} and {names[1]} cannot be used together ({reason_of(error)})",
+            "give a certificate and its own key, both in PEM, the key not encrypted",
+        ) from None
+
+
+def no_certificates(key: KeyPath, name: str, error: OSError) -> NamedFileError:
+    """Return what is said of a file of authorities that OpenSSL does not take."""
+    found = f"{name}: no certificates ({reason_of(error)})"
+    return NamedFileError(key, found, "give a file with certificates in PEM")

@@ -16,6 +16,7 @@ from gateway.relay.pacing import PacedSender
 from gateway.relay.timed import TimedExchange
 from gateway.times import NS_PER_MS
 from gateway.transport.channel import Channel
+from gateway.transport.endpoints import host_of
 from gateway.transport.timer import Timer
 
 
@@ -160,12 +161,3 @@ class RtuControllerPort:
             self._exchange.request(self, 0, unit_id, pdu, now_ns)
         if requests:
             self.asked_ns = now_ns
-
-
-def host_of(peer: str) -> str:
-    """Return the host of a peer's address; empty for a serial port.
-
-    >>> host_of("192.168.0.7:40001"), host_of("[fd00::7]:40001"), host_of("/dev/ttyUSB0")
-    ('192.168.0.7', 'fd00::7', '')
-    """
-    return "" if peer.startswith("/") else peer.rpartition(":")[0].strip("[]")

@@ -14,7 +14,7 @@ from gateway.catalogue.line_events import (
 from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
-from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort, host_of
+from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Place, keep_port, open_kept
 from gateway.relay.refusals import Refusals
@@ -23,7 +23,7 @@ from gateway.relay.timed import TimedExchange
 from gateway.relay.watchdog import Accepting
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.channel import Receiver
-from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint, host_of
 from gateway.transport.framing import frame_silence_ns, request_decoder
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpListener

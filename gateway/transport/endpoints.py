@@ -38,3 +38,12 @@ class SerialEndpoint:
 
     def __str__(self) -> str:
         return self.device
+
+
+def host_of(peer: str) -> str:
+    """Return the host of a peer's address; empty for a serial port.
+
+    >>> host_of("192.168.0.7:40001"), host_of("[fd00::7]:40001"), host_of("/dev/ttyUSB0")
+    ('192.168.0.7', 'fd00::7', '')
+    """
+    return "" if peer.startswith("/") else peer.rpartition(":")[0].strip("[]")

@@ -19,6 +19,7 @@ from typing import Final, NamedTuple
 
 from gateway.transport.certificates import Identity, identity_of, now_utc
 from gateway.transport.channel import Channel, Receiver
+from gateway.transport.endpoints import host_of
 from gateway.transport.handshakes import MADE_ROOM, HandshakeLimits
 from gateway.transport.places import Asking
 from gateway.transport.tls import ServerContexts, reason_of
@@ -129,7 +130,7 @@ class SecuredConnection:
         """See ``Receiver``."""
         self._channel = channel
         self.peer = channel.peer
-        self._host = self.peer.rpartition(":")[0].strip("[]")
+        self._host = host_of(self.peer)
         why_not = self._door.limits.why_not(self._host, now_ns, self._make_room)
         if why_not:
             self._door.on_too_many(self._host, why_not)
