@@ -9,7 +9,7 @@ WHERE.png and WHERE.svg.
 import json
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, cast, Final
 
 import matplotlib as mpl
 from matplotlib import pyplot as plt
@@ -44,7 +44,7 @@ def draw(figures: dict[str, Any], where: Path) -> None:
     values = [bar["added_us"]["estimate"] for bar in bars]
     below = [max(0.0, bar["added_us"]["estimate"] - bar["added_us"]["low"]) for bar in bars]
     above = [max(0.0, bar["added_us"]["high"] - bar["added_us"]["estimate"]) for bar in bars]
-    mpl.rcParams.update(SETTINGS)
+    mpl.rcParams.update(cast("Any", SETTINGS))
     figure, axes = plt.subplots(figsize=(9, 0.48 * len(bars) + 1.5), layout="constrained")
     whiskers = {"ecolor": INK, "capsize": 3, "elinewidth": 1.1}
     axes.barh(

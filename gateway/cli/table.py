@@ -33,6 +33,7 @@ from gateway.tabfile import (
     Problem,
     Severity,
     TabFileError,
+    UnitsOf,
     V1Layout,
     WriteOptions,
     dialect_of,
@@ -276,8 +277,11 @@ def _scale(told: float | None) -> float | None:
 
 def _inspect(file: Path, context: FileContext) -> LoadedTable:
     """Read a file; its own units hold, and one without units is in inches unless told otherwise."""
-    if dialect_of(file).has_units:
+    units_of = dialect_of(file, context.format).units
+    if units_of is UnitsOf.FILE:
         return inspect_table(file, replace(context, same_units=True))
+    if units_of is UnitsOf.TOLD:
+        return inspect_table(file, replace(context, file_units=context.units))
     if context.units is not None:
         return inspect_table(file, context)
     loaded = inspect_table(file, replace(context, units=Units.INCH))
@@ -287,10 +291,11 @@ def _inspect(file: Path, context: FileContext) -> LoadedTable:
 
 
 def _dialect(name: str) -> Dialect:
-    for dialect in DIALECTS:
+    writable = [dialect for dialect in DIALECTS if dialect.is_writable]
+    for dialect in writable:
         if dialect.name == name:
             return dialect
-    names = ", ".join(sorted(dialect.name for dialect in DIALECTS))
+    names = ", ".join(sorted(dialect.name for dialect in writable))
     raise typer.BadParameter(f"{name!r}: must be one of {names}", param_hint="--to")
 
 

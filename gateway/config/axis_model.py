@@ -29,7 +29,7 @@ from gateway.exchange.plan import (
     Late,
     Reference,
 )
-from gateway.tabfile import HomeSide, V1Layout
+from gateway.tabfile import ErrorSense, HomeSide, V1Layout
 
 
 class HomeApproach(Enum):
@@ -73,13 +73,6 @@ class Writers(Enum):
     ANY = "any"
 
 
-class FagorSense(Enum):
-    """How the error of a Fagor table was meant."""
-
-    ACTUAL_MINUS_COMMAND = "actual_minus_command"
-    COMMAND_MINUS_ACTUAL = "command_minus_actual"
-
-
 class ReloadSpec(StrictModel):
     """How one table gives way to another while setpoints stream."""
 
@@ -102,7 +95,11 @@ class TableOptions(StrictModel):
     v1_layout: ByName[V1Layout] | None = Field(default=None, description="what the first value belongs to")
     file_start: Length | None = Field(default=None, description="machine position of the first point")
     file_home: ByName[HomeSide] | None = Field(default=None, description="the end at which it homes")
-    fagor_sense: ByName[FagorSense] | None = Field(default=None, description="how the error was meant")
+    format: str | None = Field(default=None, description="name of the format, where the text fits several")
+    file_units: ByName[Units] | None = Field(default=None, description="units of a file that states none")
+    file_axis: str | None = Field(default=None, description="name of the axis in a file of several")
+    fagor_sense: ByName[ErrorSense] | None = Field(default=None, description="how the error was meant")
+    isg_sense: ByName[ErrorSense] | None = Field(default=None, description="how the error was meant")
 
 
 class AxisSection(StrictModel):

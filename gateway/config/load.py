@@ -26,7 +26,6 @@ from gateway.config.document import Document, read_document
 from gateway.config.drive_files import NamedProfile, fit_drives
 from gateway.config.findings import Findings
 from gateway.config.newer_release import with_newer_release
-from gateway.config.not_built import refuse_what_is_not_built
 from gateway.config.problems import ConfigErrors, Problem, in_file_order
 from gateway.config.readings import TableReading, read_tables
 from gateway.config.sections import Sections, read_sections
@@ -169,7 +168,6 @@ def problems_of_draft(path: Path, tables: Mapping[str, Any]) -> tuple[Problem, .
 def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedProfile]]:
     sections = read_sections(findings)
     drives = fit_drives(findings, sections, findings.document.path.parent)
-    refuse_what_is_not_built(findings)
     check_ways(findings)
     check_tls_keys(findings)
     check_lines(findings, sections.lines)

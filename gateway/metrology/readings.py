@@ -1,11 +1,12 @@
 """What an instrument measured: the raw material of a table."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from math import isfinite
 from statistics import fmean
 
 from gateway.compensation.direction import Direction
+from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 
 APPROACHES = (Direction.FORWARD, Direction.BACKWARD)
@@ -13,11 +14,35 @@ APPROACHES = (Direction.FORWARD, Direction.BACKWARD)
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One stop at a target, and where the instrument saw the nut: in machine units, from the same zero."""
+    """One stop at a target, and where the instrument saw the nut: in machine units, from the same zero.
+
+    ``run`` counts the passes over the targets, from 1, those of each direction for themselves.
+    """
 
     target: float
     direction: Direction
     measured: float
+    run: int = 1
+
+    @property
+    def deviation(self) -> float:
+        """Measured less target: positive where the nut went too far (ISO 230-2 clause 3)."""
+        return self.measured - self.target
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """All readings of one axis in one set-up, in the order in which they were taken.
+
+    ``facts`` says what the instrument's file tells beside the readings: machine, serial number, date,
+    temperature, by the names that the file uses. ``source`` is the file, or what took the readings.
+    """
+
+    readings: tuple[Reading, ...]
+    units: Units
+    axis: str | None = None
+    source: str = ""
+    facts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +62,7 @@ def mean_corrections(readings: Iterable[Reading]) -> MeanCorrections:
     """
     found: dict[tuple[float, Direction], list[float]] = {}
     for number, reading in enumerate(readings, start=1):
-        _check(reading, number)
+        check_reading(reading, number)
         found.setdefault((reading.target, reading.direction), []).append(reading.target - reading.measured)
     if not found:
         raise ReadingsError("no readings: measure every target from both sides")
@@ -49,7 +74,12 @@ def mean_corrections(readings: Iterable[Reading]) -> MeanCorrections:
     return MeanCorrections(targets, forward, backward)
 
 
-def _check(reading: Reading, number: int) -> None:
+def check_reading(reading: Reading, number: int) -> None:
+    """Check one reading; ``number`` counts from 1.
+
+    Raises:
+        ReadingsError: a number that is not finite, or no direction.
+    """
     if not isfinite(reading.target) or not isfinite(reading.measured):
         raise ReadingsError(
             f"reading {number}: target {reading.target}, measured {reading.measured}: "

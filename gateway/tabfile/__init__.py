@@ -4,9 +4,9 @@ The sign is the same in all of them: what a file calls its value is turned into 
 commanded position. A reader infers only what the file proves; the rest it is told, or it refuses.
 """
 
-from gateway.tabfile.context import FileContext, HomeSide, V1Layout
+from gateway.tabfile.context import ErrorSense, FileContext, HomeSide, V1Layout
 from gateway.tabfile.decoded import Decoded, LoadedTable, SourceRow
-from gateway.tabfile.dialects import DIALECTS, Dialect, dialect_named
+from gateway.tabfile.dialects import DIALECTS, Dialect, UnitsOf, dialect_named
 from gateway.tabfile.errors import ContextError, Problem, TabFileError
 from gateway.tabfile.explanation import Explanation, explain
 from gateway.tabfile.findings import Lint, Severity
@@ -19,6 +19,7 @@ __all__ = [
     "ContextError",
     "Decoded",
     "Dialect",
+    "ErrorSense",
     "Explanation",
     "FileContext",
     "FoundTable",
@@ -30,6 +31,7 @@ __all__ = [
     "SourceRow",
     "TabFileError",
     "TableState",
+    "UnitsOf",
     "V1Layout",
     "WriteOptions",
     "Written",

@@ -37,6 +37,7 @@ from gateway.tabfile.writing import (
     Written,
     even_step,
     home_side,
+    one_curve,
     unwritable,
 )
 
@@ -60,9 +61,9 @@ class _Counts:
     lines: tuple[int, ...]
 
 
-def recognise(first_line: str) -> bool:
+def recognise(source: SourceText) -> bool:
     """Whether the first line is exactly two whole numbers."""
-    fields = first_line.split()
+    fields = source.lines[0].text.split()
     return len(fields) == 2 and all(to_integer(field) is not None for field in fields)
 
 
@@ -223,7 +224,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     even_step(table, NAME)
     home_first = home_side(table, NAME) > 0
     total = round((table.last if home_first else table.first) * scale)
-    means = [(f + b) / 2 for f, b in zip(table.forward, table.backward, strict=True)]
+    means, lost_motion = one_curve(table)
     values = [round(mean * scale) for mean in (means if home_first else reversed(means))]
     layout = options.v1_layout or V1Layout.IMPLICIT
     if values[0] != 0:
@@ -237,11 +238,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     if total == 0:
         raise unwritable(NAME, f"a travel of less than one count at {scale:g} counts per unit", LARGER_SCALE)
     losses = [f"values are whole counts: a resolution of {1 / abs(scale):.6g} {table.units.value}"]
-    if not table.is_unidirectional:
-        losses.append(
-            "one correction for both directions: the mean is written, lost motion of up to "
-            f"{table.max_reversal():.6g} {table.units.value} is not in the file"
-        )
+    losses.extend(lost_motion)
     losses.append(f"units and layout are not in the file: read it with v1_layout {layout.value}")
     text = "".join(f"{line}\r\n" for line in (f"{len(values)} {total}", *values))
     context = FileContext(units=table.units, file_counts_per_unit=scale, v1_layout=layout)

@@ -76,9 +76,9 @@ class _Start:
     remarks: tuple[Lint, ...] = ()
 
 
-def recognise(first_line: str) -> bool:
-    """Whether six or more numbers begin with 2."""
-    fields = first_line.partition(";")[0].split()
+def recognise(source: SourceText) -> bool:
+    """Whether the first line has six or more numbers that begin with 2."""
+    fields = source.lines[0].text.partition(";")[0].split()
     return len(fields) >= 6 and fields[0] == "2" and all(to_decimal(field) is not None for field in fields)
 
 
@@ -100,7 +100,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         source, reading, mirror, context, f"file_start = {mirror.rows[0].position:g} or the right travel"
     )
     check_home(source, rows, context)
-    unused = ("v1_layout", "file_counts_per_unit") if header.counts == 1 else ("v1_layout",)
+    unused = ("file_counts_per_unit",) if header.counts == 1 else ()
     rule = "value = target - measured, added as it stands; {} list (towards {} positions)"
     return Decoded(
         rows,
@@ -112,7 +112,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         comment_axis=axis_of_comment(header.comment),
         plausible=(MIN_LARGEST_VALUE, inf),
         decisions=(start.reason,),
-        remarks=(*remarks, *start.remarks, *unused_options(context, NAME, *unused)),
+        remarks=(*remarks, *start.remarks, *unused_options(context, NAME, unused)),
     )
 
 

@@ -29,7 +29,7 @@ from gateway.tabfile.context import FileContext, HomeSide
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
-from gateway.tabfile.ranges import check_home, check_range, check_start, context_in_file_units, unused_options
+from gateway.tabfile.ranges import check_home, check_range, check_start, context_in_file_units
 from gateway.tabfile.readings import Reading, describe_both
 from gateway.tabfile.text import Line, SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, home_side, unwritable
@@ -64,9 +64,9 @@ class _Header:
     entries_line: int
 
 
-def recognise(first_line: str) -> bool:
-    """Whether the line names a version of this family; another version than 3 is refused by :func:`read`."""
-    return _VERSION.fullmatch(first_line) is not None
+def recognise(source: SourceText) -> bool:
+    """Whether the first line names this family; another version than 3 is refused by :func:`read`."""
+    return _VERSION.fullmatch(source.lines[0].text) is not None
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
@@ -108,7 +108,6 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         decisions=(
             f"home {side.value}: the positions {'descend' if side is HomeSide.PLUS else 'ascend'} from 0",
         ),
-        remarks=unused_options(context, NAME, "v1_layout", "file_counts_per_unit"),
     )
 
 

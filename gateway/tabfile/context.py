@@ -31,6 +31,22 @@ class HomeSide(Enum):
     MINUS = "minus"
 
 
+class ErrorSense(Enum):
+    """What a file means by an error: where the nut was less where it should be, or the reverse."""
+
+    ACTUAL_MINUS_COMMAND = "actual_minus_command"
+    COMMAND_MINUS_ACTUAL = "command_minus_actual"
+
+    @property
+    def to_correction(self) -> float:
+        """Factor that turns an error of this sense into the amount to add.
+
+        >>> ErrorSense.ACTUAL_MINUS_COMMAND.to_correction
+        -1.0
+        """
+        return -1.0 if self is ErrorSense.ACTUAL_MINUS_COMMAND else 1.0
+
+
 @dataclass(frozen=True, slots=True)
 class FileContext:
     """Facts about the axis and about the old control that wrote the file. None: not known.
@@ -39,7 +55,9 @@ class FileContext:
     ``units`` None they are in the units that the file states.
 
     ``file_counts_per_unit`` belongs to the OLD control (encoder counts per revolution x revolutions per unit,
-    negative where its Dir Rev was Y), ``counts_per_unit`` to the drive that is commanded now. With
+    negative where its Dir Rev was Y), ``counts_per_unit`` to the drive that is commanded now. ``format``
+    names the dialect where the text fits several; ``file_units`` are those of a file that states none;
+    ``file_axis`` is what a file that holds several axes calls this one. With
     ``same_units`` a file in other units than ``units`` is refused; otherwise lengths are converted.
 
     Raises:
@@ -58,6 +76,11 @@ class FileContext:
     max_correction: float | None = None
     max_slope: float = DEFAULT_MAX_SLOPE
     same_units: bool = False
+    format: str | None = None
+    file_units: Units | None = None
+    file_axis: str | None = None
+    fagor_sense: ErrorSense | None = None
+    isg_sense: ErrorSense | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a file."""

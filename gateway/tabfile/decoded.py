@@ -32,7 +32,9 @@ class Decoded:
     ``rows`` ascend; ``context`` is in ``units``; ``value_unit`` is the unit of the file's own numbers,
     ``forward_rule`` and ``backward_rule`` say where each correction comes from and with which sign.
     ``plausible`` bounds the largest |value| of a sound file, in ``value_unit``. ``decisions`` tell how what
-    the file leaves open was settled; ``remarks`` what was taken on trust.
+    the file leaves open was settled; ``remarks`` what was taken on trust. ``behaves_as`` holds settings of
+    the axis, each a line of its configuration, that make the gateway do outside the table and at a reversal
+    what the control did that the file was made for.
     """
 
     rows: tuple[SourceRow, ...]
@@ -46,6 +48,7 @@ class Decoded:
     plausible: tuple[float, float] = (0.0, inf)
     decisions: tuple[str, ...] = ()
     remarks: tuple[Lint, ...] = ()
+    behaves_as: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

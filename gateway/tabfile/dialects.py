@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
@@ -14,30 +15,73 @@ from gateway.tabfile.text import SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written
 
 
+class UnitsOf(Enum):
+    """Where the units of a file come from."""
+
+    FILE = "file"
+    """It states them."""
+    AXIS = "axis"
+    """Its numbers are counts of the old control; they become lengths in units of the axis."""
+    TOLD = "told"
+    """Nobody knows them but who made the file: ``file_units``."""
+
+
+OPTIONS: Final = (
+    "file_counts_per_unit",
+    "v1_layout",
+    "file_start",
+    "file_home",
+    "file_axis",
+    "fagor_sense",
+    "isg_sense",
+)
+"""What can be told about a file and has a meaning in some dialects only."""
+
+
 @dataclass(frozen=True, slots=True)
 class Dialect:
     """One file format: how to tell it, read it and write it."""
 
     name: str
     title: str
-    recognise: Callable[[str], bool]
-    """Judges the first line that is not blank."""
+    recognise: Callable[[SourceText], bool]
+    """Judges a text; true as soon as it can be nothing else, so that what is wrong in it can be named."""
     read: Callable[[SourceText, FileContext], Decoded]
     write: Callable[[CorrectionTable, WriteOptions], Written]
-    has_units: bool = True
-    """Whether the file states its own units."""
+    uses: frozenset[str]
+    """Names of :data:`OPTIONS` that it may need; the others get remark R3."""
+    units: UnitsOf = UnitsOf.FILE
+    suffix: str = ".tab"
+    """What files of this dialect are usually called."""
+    is_writable: bool = True
+    """False where no system reads such files; :attr:`write` then says so."""
 
 
 DIALECTS: Final = (
-    Dialect(centroid_v3.NAME, centroid_v3.TITLE, centroid_v3.recognise, centroid_v3.read, centroid_v3.write),
-    Dialect(centroid_v2.NAME, centroid_v2.TITLE, centroid_v2.recognise, centroid_v2.read, centroid_v2.write),
+    Dialect(
+        centroid_v3.NAME,
+        centroid_v3.TITLE,
+        centroid_v3.recognise,
+        centroid_v3.read,
+        centroid_v3.write,
+        uses=frozenset({"file_start", "file_home"}),
+    ),
+    Dialect(
+        centroid_v2.NAME,
+        centroid_v2.TITLE,
+        centroid_v2.recognise,
+        centroid_v2.read,
+        centroid_v2.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
+    ),
     Dialect(
         centroid_v1.NAME,
         centroid_v1.TITLE,
         centroid_v1.recognise,
         centroid_v1.read,
         centroid_v1.write,
-        has_units=False,
+        uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
+        units=UnitsOf.AXIS,
     ),
 )
 
@@ -46,22 +90,34 @@ _OF_A_TABLE: Final = re.compile(r"(?i)(cnc|#)[\w .#-]*|[0-9e+., \t-]*")
 """What is quoted in messages. Where a table should be, a link may lead to a password, and messages go far."""
 
 
-def sniff(source: SourceText) -> Dialect:
-    """Return the dialect of a file by its first line.
+def choose(source: SourceText, told: str | None) -> Dialect:
+    """Return the dialect of a file: the one that is told, or the only one that the text can be.
 
     Raises:
-        TabFileError: no dialect knows the line.
+        TabFileError: no dialect knows the text, several do, or it is plainly another one than was told.
     """
+    candidates = [dialect for dialect in DIALECTS if dialect.recognise(source)]
+    names = " or ".join(repr(dialect.name) for dialect in candidates)
+    if told is not None:
+        dialect = dialect_named(told)
+        if candidates and dialect not in candidates:
+            raise source.error(f"a text of {names}, told format {told!r}", f"format = {names}, or none")
+        return dialect
+    if len(candidates) == 1:
+        return candidates[0]
     first = source.lines[0]
-    for dialect in DIALECTS:
-        if dialect.recognise(first.text):
-            return dialect
+    if candidates:
+        raise source.error(
+            f"a text that fits {names}: they differ in what the numbers mean",
+            f"format = {names} (--format on the command line)",
+            line=first.number,
+        )
     is_shown = _OF_A_TABLE.fullmatch(first.text) is not None
     what = shown(first.text) if is_shown else f"of {len(first.text)} characters, which is of no table"
     raise source.error(
         f"an unknown first line {what}",
         "'CNC10 TAB FILE VERSION 3', or six numbers that begin with 2 (version 2), or two whole numbers "
-        "(version 1)",
+        "(version 1), or a file of one of the other formats: pitch-gateway table formats",
         line=first.number,
     )
 

@@ -1,5 +1,6 @@
 """The road from a file to a checked table."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from gateway.compensation.errors import TableError
@@ -8,9 +9,10 @@ from gateway.files import FileRefusedError, read_regular_file
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.curves import steepest
 from gateway.tabfile.decoded import Decoded, LoadedTable
-from gateway.tabfile.dialects import Dialect, sniff
+from gateway.tabfile.dialects import OPTIONS, Dialect, choose
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.lints import run_lints
+from gateway.tabfile.ranges import unused_options
 from gateway.tabfile.text import MAX_BYTES, SourceText, decode
 
 
@@ -61,19 +63,21 @@ def parse_table(data: bytes, name: str, context: FileContext) -> LoadedTable:
         TabFileError: see there.
     """
     source = decode(data, name)
-    dialect = sniff(source)
+    dialect = choose(source, context.format)
     decoded = dialect.read(source, context)
+    unused = unused_options(context, dialect.name, (name for name in OPTIONS if name not in dialect.uses))
+    decoded = replace(decoded, remarks=(*decoded.remarks, *unused))
     table = _table(source, decoded)
     return LoadedTable(name, dialect.name, source.sha256, table, decoded, run_lints(name, table, decoded))
 
 
-def dialect_of(path: Path) -> Dialect:
-    """Return the dialect of a file without reading it as a table.
+def dialect_of(path: Path, told: str | None = None) -> Dialect:
+    """Return the dialect of a file without reading it as a table; ``told`` is its name, where it is known.
 
     Raises:
-        TabFileError: the file cannot be read or is of no known dialect.
+        TabFileError: the file cannot be read, or nothing proves which known dialect it is of.
     """
-    return sniff(decode(read_bytes(path), str(path)))
+    return choose(decode(read_bytes(path), str(path)), told)
 
 
 def _table(source: SourceText, decoded: Decoded) -> CorrectionTable:

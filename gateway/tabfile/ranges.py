@@ -1,6 +1,6 @@
 """Does the range of a table fit the axis it is meant for? The checks that every dialect shares."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from gateway.compensation.units import Units
@@ -22,6 +22,12 @@ def context_in_file_units(source: SourceText, context: FileContext, file_units: 
     Raises:
         TabFileError: the axis has other units and they must not or cannot be converted.
     """
+    if context.file_units not in (None, file_units):
+        assert context.file_units is not None
+        raise source.error(
+            f"units {file_units.value}, told file_units {context.file_units.value}",
+            f"file_units = {file_units.value!r}, or none",
+        )
     if context.units in (None, file_units):
         return context.in_units(file_units)
     assert context.units is not None
@@ -34,6 +40,20 @@ def context_in_file_units(source: SourceText, context: FileContext, file_units: 
             f"a table in {file_units.value} for an axis in {context.units.value}",
             "lengths for a linear axis, degrees for a rotary one",
         ) from None
+
+
+def told_units(source: SourceText, context: FileContext, what: str) -> Units:
+    """Return the units of a file that does not state its own; ``what`` names the kind of file.
+
+    Raises:
+        TabFileError: nobody told them.
+    """
+    if context.file_units is None:
+        raise source.error(
+            f"{what}, which states no units",
+            "file_units = 'mm', 'inch' or 'degree' (--units on the command line)",
+        )
+    return context.file_units
 
 
 def check_range(
@@ -105,7 +125,7 @@ def proven_home(rows: Sequence[SourceRow]) -> HomeSide | None:
     return HomeSide.MINUS if rows[0].position >= 0 else None
 
 
-def unused_options(context: FileContext, format_name: str, *names: str) -> tuple[Lint, ...]:
+def unused_options(context: FileContext, format_name: str, names: Iterable[str]) -> tuple[Lint, ...]:
     """Return a remark for each told option that this dialect has no use for."""
     return tuple(
         Lint("R3", Severity.WARNING, f"{name} has no meaning for {format_name} and was not used: remove it")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile.context import FileContext, V1Layout
+from gateway.tabfile.context import ErrorSense, FileContext, V1Layout
 from gateway.tabfile.errors import Problem, TabFileError
 
 EVEN_TOLERANCE: Final = 1e-4
@@ -20,12 +20,15 @@ class WriteOptions:
     """What a table does not say but a file must.
 
     ``axis`` is the letter for the file; ``file_counts_per_unit`` the encoder counts of the control that will
-    read it, per unit of the table, negative where its Dir Rev is Y.
+    read it, per unit of the table, negative where its Dir Rev is Y; ``file_axis`` what a file that can hold
+    several axes calls this one; ``sense`` that of the errors in a file whose sense is not fixed.
     """
 
     axis: str | None = None
     file_counts_per_unit: float | None = None
     v1_layout: V1Layout | None = None
+    file_axis: str | None = None
+    sense: ErrorSense | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,18 @@ def even_step(table: CorrectionTable, dialect: str) -> float:
         if abs(position - (table.first + index * step)) > EVEN_TOLERANCE * step / 2:
             raise unwritable(dialect, f"points that are not evenly spaced (at {position:g})", "an even grid")
     return step
+
+
+def one_curve(table: CorrectionTable) -> tuple[list[float], tuple[str, ...]]:
+    """Return one correction for both directions, their mean, and what of the table that does not hold."""
+    means = [(f + b) / 2 for f, b in zip(table.forward, table.backward, strict=True)]
+    if table.is_unidirectional:
+        return means, ()
+    loss = (
+        "one correction for both directions: the mean is written, lost motion of up to "
+        f"{table.max_reversal():.6g} {table.units.value} is not in the file"
+    )
+    return means, (loss,)
 
 
 def home_side(table: CorrectionTable, dialect: str) -> int:

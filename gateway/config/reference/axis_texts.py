@@ -197,7 +197,19 @@ TABLE_OPTIONS: Final[Texts] = {
     "file_home": Said(
         meaning="the end at which the axis of the file homes",
     ),
+    "format": Said(
+        meaning="name of the format where the text fits several, such as LinuxCNC's two types",
+    ),
+    "file_units": Said(
+        meaning="units of a file that states none; every length in this table stays in units of the axis",
+    ),
+    "file_axis": Said(
+        meaning="what a file that holds several axes calls this one",
+    ),
     "fagor_sense": Said(
-        meaning="Fagor tables: not built",
+        meaning="Fagor tables: whether an error is where the nut was less where it should be, or the reverse",
+    ),
+    "isg_sense": Said(
+        meaning="ISG and TwinCAT CNC tables: the same; where it is not told, actual less command",
     ),
 }

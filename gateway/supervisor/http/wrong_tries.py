@@ -58,11 +58,15 @@ def site_of(address: str) -> str:
 
     >>> site_of("192.0.2.7"), site_of("2001:db8:1:2:3::4"), site_of("")
     ('192.0.2.7', '2001:db8:1:2::/64', '')
+    >>> site_of("::ffff:192.0.2.7")  # one socket for both families
+    '192.0.2.7'
     """
     try:
         parsed = ip_address(address.partition("%")[0])
     except ValueError:
         return address
+    if isinstance(parsed, IPv6Address) and parsed.ipv4_mapped is not None:
+        return str(parsed.ipv4_mapped)
     if isinstance(parsed, IPv6Address) and not parsed.is_loopback:
         return str(ip_network((parsed, ONE_SITE_BITS), strict=False))
     return str(parsed)
