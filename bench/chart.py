@@ -9,7 +9,7 @@ WHERE.png and WHERE.svg.
 import json
 import sys
 from pathlib import Path
-from typing import Any, cast, Final
+from typing import Any, Final, cast
 
 import matplotlib as mpl
 from matplotlib import pyplot as plt
