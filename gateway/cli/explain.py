@@ -29,6 +29,20 @@ def _keys(asked: str) -> "list[Explanation]":
     return found
 
 
+def _list_all(*, as_json: bool) -> None:
+    from gateway.catalogue.lookup import everything
+
+    parts = everything()
+    if as_json:
+        data = {kind: [entry.as_data() for entry in entries] for kind, entries in parts.items()}
+        typer.echo(json.dumps(data, indent=2, ensure_ascii=False))
+        return
+    for kind, entries in parts.items():
+        typer.echo(f"{kind}:")
+        for entry in entries:
+            typer.echo(f"  {entry.name:<24}  {entry.meaning}")
+
+
 def explain(
     name: Annotated[
         str | None,
@@ -61,18 +75,10 @@ def explain(
 
         pitch-gateway explain --json | jq '.event[].name'
     """
-    from gateway.catalogue.lookup import everything, look_up, near
+    from gateway.catalogue.lookup import look_up, near
 
     if name is None:
-        parts = everything()
-        if as_json:
-            data = {kind: [entry.as_data() for entry in entries] for kind, entries in parts.items()}
-            typer.echo(json.dumps(data, indent=2, ensure_ascii=False))
-            return
-        for kind, entries in parts.items():
-            typer.echo(f"{kind}:")
-            for entry in entries:
-                typer.echo(f"  {entry.name:<24}  {entry.meaning}")
+        _list_all(as_json=as_json)
         return
     found = look_up(name) or _keys(name)
     if not found:

@@ -39,6 +39,15 @@ def time_problem(facts: "Facts", now: datetime) -> TimeProblem | None:
     return None
 
 
+def list_problem(name: str, ends: datetime | None, now: datetime) -> TimeProblem | None:
+    """Return what is to be said of a list of revoked certificates that has run out, or soon will."""
+    if ends is None or ends >= now + SOON:
+        return None
+    when = "out of date since" if ends < now else "good until"
+    remedy = "have the authority write a new list: with one that is out of date nobody comes in"
+    return TimeProblem(f"{name} is {when} {day(ends)}", remedy, is_good_now=ends >= now)
+
+
 def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -> None:
     """Warn of every certificate of a file that OpenSSL has taken and that is not, or not for long, good.
 
@@ -66,10 +75,9 @@ def warn_of_list(findings: Findings, key: KeyPath, path: Path, now: datetime) ->
     except FileRefusedError as error:
         findings.warn(key, f"{path}: until when it is good could not be read ({error.found})", error.remedy)
         return
-    if ends is not None and ends < now + SOON:
-        when = "out of date since" if ends < now else "good until"
-        remedy = "have the authority write a new list: with one that is out of date nobody comes in"
-        findings.warn(key, f"{path} is {when} {day(ends)}", remedy)
+    problem = list_problem(str(path), ends, now)
+    if problem is not None:
+        findings.warn(key, problem.found, problem.remedy)
 
 
 def day(when: datetime) -> str:

@@ -6,7 +6,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gateway.config.certificate_times import SOON, day, time_problem
+from gateway.config.certificate_times import TimeProblem, list_problem, time_problem
 from gateway.config.check_lines import controller_key
 from gateway.config.findings import Findings
 from gateway.config.named_files import is_out_of_reach
@@ -146,13 +146,7 @@ class _Check:
         except FileRefusedError as error:
             self._refuse("revoked", f"{self._files.revoked}: {error.found}", error.remedy)
             return
-        if ends is None:
-            return
-        remedy = "have the authority write a new list: with one that is out of date nobody comes in"
-        if ends < self._now:
-            self._refuse("revoked", f"{self._files.revoked} is out of date since {day(ends)}", remedy)
-        elif ends < self._now + SOON:
-            self._warn("revoked", f"{self._files.revoked} is good until {day(ends)}", remedy)
+        self._say("revoked", list_problem(self._files.revoked, ends, self._now))
 
     def _facts(self, key: str, name: str) -> "tuple[Facts, ...]":
         from gateway.transport.certificate_facts import read_facts
@@ -164,7 +158,9 @@ class _Check:
             return ()
 
     def _check_time(self, key: str, facts: "Facts") -> None:
-        problem = time_problem(facts, self._now)
+        self._say(key, time_problem(facts, self._now))
+
+    def _say(self, key: str, problem: TimeProblem | None) -> None:
         if problem is not None:
             say = self._warn if problem.is_good_now else self._refuse
             say(key, problem.found, problem.remedy)
