@@ -1,8 +1,8 @@
 """Signs of a mistake in a table that reads well. Every code keeps its meaning for ever.
 
 L1 slope, L2 columns swapped, L3 second list reversed, L4 unit slip, L5 home, L6 outlier, L7 below resolution,
-L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size. Readers add
-R1 separator missing, R2 start inferred, R3 option without meaning.
+L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size, L13 hole in
+an even grid. Readers add R1 separator missing, R2 start inferred, R3 option without meaning.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -28,6 +28,11 @@ OUTLIER_FLOOR_MM: Final = 0.001
 """Bends below a micron are the rounding of the file, not outliers."""
 UNCOVERED: Final = 1e-5
 """A stretch below this fraction of the travel is the rounding of a length in counts."""
+EVEN_SHARE: Final = 0.6
+"""A grid is meant to be even if at least this share of its distances is one step."""
+STEP_TOLERANCE: Final = 1e-3
+"""Distances within this fraction of each other are one step: positions are rounded in some files."""
+SHOWN_HOLES: Final = 3
 NOISE: Final = 1e-9
 """Rounding of sums, relative to the largest correction."""
 
@@ -243,6 +248,23 @@ def _axis(subject: _Subject) -> Iterator[Lint]:
             )
 
 
+def _hole(subject: _Subject) -> Iterator[Lint]:
+    """Where most points lie one step apart, one that does not is where a line was lost or mistyped."""
+    distances = [after.position - before.position for before, after in pairwise(subject.rows)]
+    step = median(distances)
+    uneven = [index for index, width in enumerate(distances) if abs(width - step) > STEP_TOLERANCE * step]
+    if len(distances) - len(uneven) < max(2, EVEN_SHARE * len(distances)):
+        return
+    for index in uneven[:SHOWN_HOLES]:
+        before, after = subject.rows[index : index + 2]
+        yield _warning(
+            "L13",
+            f"points at {before.position:.8g} and {after.position:.8g} {subject.unit} lie "
+            f"{distances[index]:.6g} apart, most others {step:.6g}: a line lost, a position mistyped?",
+            after.forward_line or after.backward_line,
+        )
+
+
 _CHECKS: Final[Sequence[Callable[[_Subject], Iterator[Lint]]]] = (
     _slope,
     _swapped,
@@ -255,4 +277,5 @@ _CHECKS: Final[Sequence[Callable[[_Subject], Iterator[Lint]]]] = (
     _empty_column,
     _axis,
     _size,
+    _hole,
 )
