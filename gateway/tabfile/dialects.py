@@ -53,6 +53,8 @@ class Dialect:
     units: UnitsOf = UnitsOf.FILE
     suffix: str = ".tab"
     """What files of this dialect are usually called."""
+    directions: int = 2
+    """1: its files hold one correction for both."""
     is_writable: bool = True
     """False where no system reads such files; :attr:`write` then says so."""
 
@@ -82,6 +84,7 @@ DIALECTS: Final = (
         centroid_v1.write,
         uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
+        directions=1,
     ),
 )
 
@@ -132,5 +135,5 @@ def dialect_named(name: str) -> Dialect:
         if dialect.name == name:
             return dialect
     raise TabFileError(
-        Problem("dialect", repr(name), ", ".join(sorted(dialect.name for dialect in DIALECTS)))
+        Problem("a table file", f"format {name!r}", ", ".join(sorted(dialect.name for dialect in DIALECTS)))
     )
