@@ -12,6 +12,7 @@ from gateway.config.problems import Problem, key_text
 from gateway.config.settings_of import settings_of
 from gateway.config.toml_lines import KeyPath
 from gateway.tabfile import (
+    DIALECTS,
     FileContext,
     FoundTable,
     LoadedTable,
@@ -64,7 +65,8 @@ def _near(folder: Path, name: str) -> str:
     near = get_close_matches(name.lower(), names, n=3, cutoff=0.5)
     if near:
         return f"did you mean {' or '.join(names[n] for n in near)}?"
-    tables = sorted(shown for low, shown in names.items() if low.endswith(".tab"))
+    suffixes = tuple({dialect.suffix.lower() for dialect in DIALECTS})
+    tables = sorted(shown for low, shown in names.items() if low.endswith(suffixes))
     return f"it holds {', '.join(tables[:10])}" if tables else "put the table file there"
 
 

@@ -41,6 +41,11 @@ class Sample:
     sums: bool = False
     table_options: dict[str, object] = field(default_factory=dict)
     """``context`` as the configuration of an axis says it."""
+    counts_per_unit: float = 10_000.0
+    """Of the drive that is moved by it."""
+    moves: tuple[tuple[int, int], ...] = ()
+    """Targets in counts, and what the drive is told, worked out by hand. Before the first the axis is sent to
+    the upper end of its travel, so that the first comes from above."""
 
 
 @dataclass(frozen=True, slots=True)

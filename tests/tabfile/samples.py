@@ -46,6 +46,9 @@ SAMPLES: Final = (
         _centroid_v1,
         header=frozenset({1}),
         table_options={"file_counts_per_unit": 64000.0},
+        counts_per_unit=254_000.0,
+        # -25 mm: -32/64000 inch are -127 counts; -50 mm: -38/64000 inch are -150.8
+        moves=((-250_000, -250_127), (-500_000, -500_151), (-250_000, -250_127)),
     ),
     Sample(
         "centroid-2",
@@ -54,6 +57,9 @@ SAMPLES: Final = (
         FileContext(units=Units.INCH, travel=(-2.6, 0.0)),
         _centroid_v2,
         header=frozenset({1}),
+        counts_per_unit=254_000.0,
+        # -1.25 from above: 0.5 tenths, 12.7 counts; -2: 2 tenths, 50.8; -1.25 from below: 4.5 tenths, 114.3
+        moves=((-317_500, -317_487), (-508_000, -507_949), (-317_500, -317_386)),
     ),
     Sample(
         "centroid-3",
@@ -61,5 +67,8 @@ SAMPLES: Final = (
         (TABLES / "centroid-v3" / "cnc10z.tab").read_bytes(),
         FileContext(units=Units.INCH, travel=(-4.1, 0.0)),
         _centroid_v3,
+        counts_per_unit=254_000.0,
+        # -1.25 from above: -1.85 tenths, -46.99 counts; -3: -1.7, -43.18; -1.25 from below: +1.2, +30.48
+        moves=((-317_500, -317_547), (-762_000, -762_043), (-317_500, -317_470)),
     ),
 )

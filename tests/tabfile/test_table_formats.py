@@ -1,4 +1,4 @@
-"""``table formats``, the options that all commands share, ``convert --resample``, what a control did besides."""
+"""``table formats``, the options that all commands share, ``--resample``, what a control did besides."""
 
 import json
 from dataclasses import replace
