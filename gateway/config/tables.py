@@ -87,7 +87,19 @@ def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, n
             findings.refuse_elsewhere(key, remark)
         elif lint.code != COVERAGE_LINT:
             findings.warnings.append(remark)
+    _warn_of_lost_motion(findings, key, axis, loaded)
     return AxisTable(loaded.table.in_units(axis.units), loaded, path)
+
+
+def _warn_of_lost_motion(findings: Findings, key: KeyPath, axis: AxisSection, loaded: LoadedTable) -> None:
+    """Warn where the control of the file took up lost motion beside the table, and nobody does now."""
+    stated = [line for line in loaded.source.behaves_as if line.startswith("backlash")]
+    if stated and axis.backlash is None:
+        findings.warn(
+            key,
+            f"{Path(loaded.file).name} states lost motion that its control took up beside the table",
+            f"if nobody else takes it up now, add to the axis: {stated[0]}",
+        )
 
 
 def _numbered(readings: tuple[str, ...]) -> list[str]:

@@ -10,6 +10,7 @@ import pytest
 
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
+from gateway.tabfile import DIALECTS
 from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, line_of, loaded, only, refused, written
 
 STREAM = edited(("max_speed = 200.0", 'setpoints = "stream"\nmax_speed = 200.0'))
@@ -37,6 +38,14 @@ def test_a_missing_table_gets_a_suggestion(tmp_path: Path) -> None:
     assert problem.line == line_of(text, "cnc10v.tab")
     assert problem.found == f"there is no cnc10v.tab in {tmp_path / 'tables'}"
     assert problem.remedy == "did you mean cnc10x.tab?"
+
+
+def test_a_missing_table_that_is_like_none_gets_the_tables_of_every_format(tmp_path: Path) -> None:
+    names = {dialect.suffix for dialect in DIALECTS} | {".txt"}
+    tables = {f"{number}{suffix.upper()}": TWO_WAYS for number, suffix in enumerate(sorted(names))}
+    problem = only(refused(tmp_path, edited(("cnc10x.tab", "xyz")), tables), "axis.x.table")
+    held = [name for name in sorted(tables) if not name.endswith(".TXT")]
+    assert problem.remedy == f"it holds {', '.join(held[:10])}"
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:

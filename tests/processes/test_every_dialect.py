@@ -1,34 +1,17 @@
 """One gateway with an axis for each dialect of table files: each drive is told what its file says."""
 
-import contextlib
 import json
-import socket
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from gateway.tabfile import dialect_named
-from tests.ports import free_port
-from tests.processes.bench import Drive, Master, Running, running, typed
 from tests.processes.saving import in_place
+from tests.processes.workshop import Workshop, workshop_in
 from tests.tabfile.mutants import Sample
 from tests.tabfile.samples import SAMPLES
 
-HEAD = """[gateway]
-name = "trial"
-
-[http]
-listen = ""
-
-[line.all]
-drives = {{ tcp = "127.0.0.1:{drives}" }}
-
-[[line.all.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:{port}"
-"""
 AXIS = """
 [axis.{name}]
 line = "all"
@@ -41,27 +24,6 @@ table = "{table}"
 table_options = {{ {options} }}
 registers.command = [{{ address = 100, type = "int32" }}]
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Workshop:
-    """A gateway that runs, its drives, and where its tables are."""
-
-    gateway: Running
-    drive: Drive
-    port: int
-    config: Path
-
-    def table_of(self, sample: Sample) -> Path:
-        return self.config.parent / "tables" / table_name(sample)
-
-    @contextlib.contextmanager
-    def master_of(self, sample: Sample) -> Iterator[Master]:
-        master = Master(self.port, self.drive, SAMPLES.index(sample) + 1)
-        try:
-            yield master
-        finally:
-            master.close()
 
 
 def table_name(sample: Sample) -> str:
@@ -89,35 +51,20 @@ def axis_text(sample: Sample, unit_id: int) -> str:
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
-    folder = tmp_path_factory.mktemp("workshop")
-    (folder / "tables").mkdir()
-    port = free_port()
-    with socket.create_server(("127.0.0.1", 0)) as listening:
-        text = HEAD.format(drives=listening.getsockname()[1], port=port)
-        for unit_id, sample in enumerate(SAMPLES, start=1):
-            (folder / "tables" / table_name(sample)).write_bytes(sample.data)
-            text += axis_text(sample, unit_id)
-        config = folder / "gateway.toml"
-        config.write_text(text)
-        checked = typed("check", str(config))
-        assert checked.returncode == 0, checked.stdout + checked.stderr
-        drive = Drive(listening)
-        with running("run", str(config)) as gateway:
-            assert gateway.process.stderr is not None
-            seen: set[str] = set()
-            while not {"line-up", "relay-reached"} <= seen:
-                line = gateway.process.stderr.readline()
-                assert line
-                if line.startswith("{"):  # before it come the warnings of the configuration
-                    seen.add(json.loads(line)["event"])
-            yield Workshop(gateway, drive, port, config)
-            assert gateway.end() == 0
+    axes = [axis_text(sample, unit_id) for unit_id, sample in enumerate(SAMPLES, start=1)]
+    tables = {table_name(sample): sample.data for sample in SAMPLES}
+    with workshop_in(tmp_path_factory.mktemp("workshop"), axes, tables) as workshop:
+        yield workshop
+
+
+def table_of(workshop: Workshop, sample: Sample) -> Path:
+    return workshop.tables / table_name(sample)
 
 
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda sample: sample.dialect)
 def test_the_drive_is_told_what_the_file_says(workshop: Workshop, sample: Sample) -> None:
     assert sample.context.travel is not None
-    with workshop.master_of(sample) as master:
+    with workshop.master(SAMPLES.index(sample) + 1) as master:
         master.move(round(sample.context.travel[1] * sample.counts_per_unit))
         assert sample.moves
         assert [(target, master.move(target)) for target, _ in sample.moves] == list(sample.moves)
@@ -128,7 +75,7 @@ def moved(workshop: Workshop) -> dict[str, tuple[int, int]]:
     told = {}
     for sample in SAMPLES:
         assert sample.context.travel is not None
-        with workshop.master_of(sample) as master:
+        with workshop.master(SAMPLES.index(sample) + 1) as master:
             master.move(round(sample.context.travel[1] * sample.counts_per_unit))
             target = sample.moves[0][0]
             told[sample.dialect] = (target, master.move(target))
@@ -148,7 +95,7 @@ def until_all(workshop: Workshop, event: str) -> list[dict[str, object]]:
 def test_files_of_every_kind_are_switched_off_by_renaming_them_and_on_again(workshop: Workshop) -> None:
     corrected = {sample.dialect: sample.moves[0] for sample in SAMPLES}
     plain = {sample.dialect: (sample.moves[0][0],) * 2 for sample in SAMPLES}
-    tables = [workshop.table_of(sample) for sample in SAMPLES]
+    tables = [table_of(workshop, sample) for sample in SAMPLES]
     # in place of the suffix, where that gives each a name of its own, and behind it
     for backups in (
         [table.with_suffix(".bak") for table in tables],
@@ -167,11 +114,11 @@ def test_files_of_every_kind_are_switched_off_by_renaming_them_and_on_again(work
 def test_files_of_every_kind_that_turn_bad_leave_the_last_good_one_in_force(workshop: Workshop) -> None:
     corrected = {sample.dialect: sample.moves[0] for sample in SAMPLES}
     for sample in SAMPLES:
-        in_place(workshop.table_of(sample), "no table at all")
+        in_place(table_of(workshop, sample), "no table at all")
     rejected = {note["axis"]: note["file"] for note in until_all(workshop, "table-rejected")}
-    assert rejected == {axis_name(sample): str(workshop.table_of(sample)) for sample in SAMPLES}
+    assert rejected == {axis_name(sample): str(table_of(workshop, sample)) for sample in SAMPLES}
     assert moved(workshop) == corrected
     for sample in SAMPLES:
-        workshop.table_of(sample).write_bytes(sample.data)
+        table_of(workshop, sample).write_bytes(sample.data)
     until_all(workshop, "table-mended")
     assert moved(workshop) == corrected
