@@ -1,0 +1,116 @@
+"""Any two dialects that can hold a table: from one into the other and back, as far as the target resolves."""
+
+from dataclasses import dataclass
+from itertools import pairwise, product
+from typing import Final
+
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from gateway.cli.table_writing import Converted, converted
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.tabfile import DIALECTS, ErrorSense, WriteOptions, dialect_named, parse_table
+
+COUNTS_PER_UNIT: Final = 100_000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Holds:
+    """What a dialect can hold: ``step`` of its corrections and ``place`` of its positions, in units."""
+
+    step: float
+    place: float = 0.0
+    is_even: bool = True
+    begins_at_home: bool = False
+    is_bidirectional: bool = True
+    units: Units = Units.MM
+
+    def within(self, table: CorrectionTable) -> float:
+        """Return how far off a correction may be: half a step, and what a shifted point makes of a slope."""
+        return 0.5 * self.step * (1 + 1e-6) + table.max_slope() * self.place + 1e-12
+
+
+HOLDS: Final = {
+    # whole counts, of the travel too
+    "centroid-1": Holds(
+        1 / COUNTS_PER_UNIT, 1 / COUNTS_PER_UNIT, begins_at_home=True, is_bidirectional=False
+    ),
+    "centroid-2": Holds(1e-7, 1e-6),
+    "centroid-3": Holds(1e-8, 1e-8, begins_at_home=True),
+}
+PAIRS: Final = list(product(HOLDS, HOLDS))
+
+
+@st.composite
+def tables(draw: st.DrawFn, one: Holds, other: Holds) -> CorrectionTable:
+    """What both can hold: slopes up to 0.5 %, 0 at home."""
+    size = draw(st.integers(3, 12))
+    sides = st.integers(-size + 1, 0)
+    if one.begins_at_home or other.begins_at_home:
+        sides = st.sampled_from([-size + 1, 0])
+    home = -draw(sides)
+    if one.is_even or other.is_even:
+        step = draw(st.sampled_from([0.5, 1.0, 2.5, 25.0]))
+        positions = [(index - home) * step for index in range(size)]
+    else:
+        widths = draw(st.lists(st.integers(500, 30_000), min_size=size - 1, max_size=size - 1))
+        positions = [sum(widths[:index]) / 1000 for index in range(size)]
+        positions = [round(x - positions[home], 3) for x in positions]
+    shortest = min(high - low for low, high in pairwise(positions))
+    largest = min(0.0025 * shortest, 0.05)
+    values = st.lists(st.floats(-largest, largest), min_size=size, max_size=size)
+    forward = draw(values)
+    backward = draw(values) if one.is_bidirectional and other.is_bidirectional else forward
+    # home is where the measurement is 0
+    forward, backward = ([*curve[:home], 0.0, *curve[home + 1 :]] for curve in (forward, backward))
+    return make_table(positions, forward, backward, one.units)
+
+
+def turned_into(table: CorrectionTable, name: str) -> tuple[Converted, CorrectionTable]:
+    """Return how a dialect holds a table, and what is read back."""
+    options = WriteOptions(
+        axis="x",
+        file_counts_per_unit=COUNTS_PER_UNIT,
+        file_axis="X",
+        sense=ErrorSense.ACTUAL_MINUS_COMMAND,
+    )
+    result = converted(table, dialect_named(name), options)
+    again = parse_table(result.written.text.encode(), f"a {name} file", result.written.context)
+    return result, again.table.in_units(table.units)
+
+
+@pytest.mark.parametrize(("one", "other"), PAIRS)
+def test_a_table_goes_from_one_dialect_into_the_other_and_back(one: str, other: str) -> None:
+    @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    @given(tables(HOLDS[one], HOLDS[other]))
+    def check(table: CorrectionTable) -> None:
+        assume(table.max_correction() > 0)
+        first, in_one = turned_into(table, one)
+        assert first.difference <= HOLDS[one].within(table)
+        there, in_other = turned_into(in_one, other)
+        assert there.difference <= HOLDS[other].within(table)
+        back, again = turned_into(in_other, one)
+        assert back.difference <= HOLDS[one].within(table)
+        assert again.units is table.units
+        # what both hold exactly goes back and forth without a trace
+        _, once_more = turned_into(again, other)
+        settled, _ = turned_into(once_more, one)
+        assert settled.difference <= HOLDS[one].within(table)
+
+    check()
+
+
+def test_every_dialect_that_can_be_written_has_a_row() -> None:
+    assert set(HOLDS) == {dialect.name for dialect in DIALECTS if dialect.is_writable}
+
+
+@pytest.mark.parametrize("name", HOLDS)
+def test_what_is_said_of_directions_is_so(name: str) -> None:
+    holds, dialect = HOLDS[name], dialect_named(name)
+    assert (dialect.directions == 2) is holds.is_bidirectional
+    both = make_table([0.0, 10.0, 20.0], [0.0, 0.01, 0.02], [0.0, 0.005, 0.01], holds.units)
+    result, again = turned_into(both, name)
+    assert again.is_unidirectional is not holds.is_bidirectional
+    assert any("lost motion" in loss for loss in result.written.losses) is not holds.is_bidirectional
