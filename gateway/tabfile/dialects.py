@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3
+from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, csv_table
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -82,6 +82,15 @@ DIALECTS: Final = (
         centroid_v1.write,
         uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
+    ),
+    Dialect(
+        csv_table.NAME,
+        csv_table.TITLE,
+        csv_table.recognise,
+        csv_table.read,
+        csv_table.write,
+        uses=frozenset({"file_start", "file_home"}),
+        suffix=".csv",
     ),
 )
 
