@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3
+from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, csv_table, fanuc, mitsubishi
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -85,6 +85,35 @@ DIALECTS: Final = (
         uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
         directions=1,
+    ),
+    Dialect(
+        csv_table.NAME,
+        csv_table.TITLE,
+        csv_table.recognise,
+        csv_table.read,
+        csv_table.write,
+        uses=frozenset({"file_start", "file_home"}),
+        suffix=".csv",
+    ),
+    Dialect(
+        fanuc.NAME,
+        fanuc.TITLE,
+        fanuc.recognise,
+        fanuc.read,
+        fanuc.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
+        units=UnitsOf.TOLD,
+        suffix=".csv",
+    ),
+    Dialect(
+        mitsubishi.NAME,
+        mitsubishi.TITLE,
+        mitsubishi.recognise,
+        mitsubishi.read,
+        mitsubishi.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
+        units=UnitsOf.TOLD,
+        suffix=".csv",
     ),
 )
 
