@@ -15,7 +15,7 @@ other has slopes near 1 and is refused. There are no units either.
 LinuxCNC stops reading in silence at the first line that is no such triplet (a comment, a blank line, a
 comma), drops what comes after 256 points, and holds the end values outside. Here comments (``#`` or ``;``,
 alone or behind a point) and blank lines are passed over, anything else is an error, every point counts, and
-remark R4 says where LinuxCNC itself would have stopped.
+remark R7 says where LinuxCNC itself would have stopped.
 """
 
 import itertools
@@ -203,7 +203,7 @@ def _where_linuxcnc_stops(rows: Sequence[_Row]) -> tuple[Lint, ...]:
         f"line {stop} {why}, so LinuxCNC itself reads only {before} of the {len(rows)} points, without a "
         "word; here all of them count: if the machine ran well with what LinuxCNC used, delete the others"
     )
-    return (Lint("R4", Severity.WARNING, message, stop),)
+    return (Lint("R7", Severity.WARNING, message, stop),)
 
 
 def _write(name: str, table: CorrectionTable, options: WriteOptions) -> Written:

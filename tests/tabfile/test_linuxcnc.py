@@ -104,22 +104,22 @@ def test_control_holds_outside() -> None:
 def test_points_that_linuxcnc_would_not_reach_count_with_a_remark(text: str, line: int, used: str) -> None:
     loaded = parse(text, 1)
     assert len(loaded.table.positions) == text.count(" 0 0")
-    (remark,) = (lint for lint in loaded.warnings if lint.code == "R4")
+    (remark,) = (lint for lint in loaded.warnings if lint.code == "R7")
     assert remark.line == line
     assert used in remark.message
 
 
 @pytest.mark.parametrize("text", ["0 0 0 # home\n5 0 0\n", "0 0 0\n5 0 0\n\n\n", "0 0 0\n5 0 0\n# end\n"])
 def test_what_does_not_stop_linuxcnc_gets_no_remark(text: str) -> None:
-    assert "R4" not in {lint.code for lint in parse(text, 1).lints}
+    assert "R7" not in {lint.code for lint in parse(text, 1).lints}
 
 
 def test_points_beyond_its_256_count_with_a_remark() -> None:
     lines = [f"{x} 0.001 0" for x in range(257)]
-    assert "R4" not in {lint.code for lint in parse("\n".join(lines[:256]), 1).lints}
+    assert "R7" not in {lint.code for lint in parse("\n".join(lines[:256]), 1).lints}
     loaded = parse("\n".join(lines), 1)
     assert len(loaded.table.positions) == 257
-    (remark,) = (lint for lint in loaded.warnings if lint.code == "R4")
+    (remark,) = (lint for lint in loaded.warnings if lint.code == "R7")
     assert remark.line == 257
     assert "256 of the 257" in remark.message
 
