@@ -7,7 +7,11 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
+<<<<<<< HEAD
 from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, csv_table, fanuc, mitsubishi
+=======
+from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, linuxcnc
+>>>>>>> wt-mint
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -114,6 +118,26 @@ DIALECTS: Final = (
         uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".csv",
+    ),
+    Dialect(
+        linuxcnc.NAME_0,
+        linuxcnc.TITLE_0,
+        linuxcnc.recognise,
+        linuxcnc.read_type_0,
+        linuxcnc.write_type_0,
+        uses=frozenset({"file_start"}),
+        units=UnitsOf.TOLD,
+        suffix=linuxcnc.SUFFIX,
+    ),
+    Dialect(
+        linuxcnc.NAME_1,
+        linuxcnc.TITLE_1,
+        linuxcnc.recognise,
+        linuxcnc.read_type_1,
+        linuxcnc.write_type_1,
+        uses=frozenset({"file_start"}),
+        units=UnitsOf.TOLD,
+        suffix=linuxcnc.SUFFIX,
     ),
 )
 

@@ -2,7 +2,8 @@
 
 L1 slope, L2 columns swapped, L3 second list reversed, L4 unit slip, L5 home, L6 outlier, L7 below resolution,
 L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size, L13 hole in
-an even grid. Readers add R1 separator missing, R2 start inferred, R3 option without meaning.
+an even grid. Readers add R1 separator missing, R2 start inferred, R3 option without meaning, R7 points that
+LinuxCNC would not reach.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -119,6 +120,8 @@ def _roughness(forward: Sequence[float], backward: Sequence[float]) -> float:
 
 
 def _unit_slip(subject: _Subject) -> Iterator[Lint]:
+    if subject.source.are_positions:
+        return
     values = [
         (value, line)
         for row in subject.rows
