@@ -108,6 +108,7 @@ def context_of(axis: AxisSection, name: str) -> FileContext:
         file_axis=options.file_axis,
         fagor_sense=options.fagor_sense,
         isg_sense=options.isg_sense,
+        error_sense=options.error_sense,
         counts_per_unit=axis.counts_per_unit,
         max_correction=settings_of(axis).max_correction,
         max_slope=axis.max_slope,

@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3
+from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, isg
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -34,6 +34,7 @@ OPTIONS: Final = (
     "file_axis",
     "fagor_sense",
     "isg_sense",
+    "error_sense",
 )
 """What can be told about a file and has a meaning in some dialects only."""
 
@@ -82,6 +83,16 @@ DIALECTS: Final = (
         centroid_v1.write,
         uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
+    ),
+    Dialect(
+        isg.NAME,
+        isg.TITLE,
+        isg.recognise,
+        isg.read,
+        isg.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "isg_sense", "error_sense"}),
+        units=UnitsOf.TOLD,
+        suffix=".lis",
     ),
 )
 
