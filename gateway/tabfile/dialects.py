@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, isg
+from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, fagor, isg
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -93,6 +93,16 @@ DIALECTS: Final = (
         uses=frozenset({"file_counts_per_unit", "file_start", "isg_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix=".lis",
+    ),
+    Dialect(
+        fagor.NAME,
+        fagor.TITLE,
+        fagor.recognise,
+        fagor.read,
+        fagor.write,
+        uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
+        units=UnitsOf.TOLD,
+        suffix="",
     ),
 )
 
