@@ -214,7 +214,7 @@ class _Report:
                 for name, fact in sorted(self._needed().items())
             )
             lines.append(f"to be told when it is read: {options}")
-        if self.out.suffix.lower() != self.target.suffix.lower():
+        if self.target.suffix and self.out.suffix.lower() != self.target.suffix.lower():
             lines.append(f"files of {self.target.name} are usually called *{self.target.suffix}")
         lines.append(
             f"largest difference of a correction after reading it back: {self.result.difference:.3g} "

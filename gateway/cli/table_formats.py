@@ -33,7 +33,7 @@ def formats(*, json: AsJson = False) -> None:
         facts = [
             f"{'two directions' if dialect.directions == 2 else 'one correction for both directions'}",
             f"units: {_UNITS[dialect.units]}",
-            f"files: *{dialect.suffix}",
+            f"files: *{dialect.suffix}" if dialect.suffix else "files: of any name",
             "read and written" if dialect.is_writable else "read only",
         ]
         typer.echo(f"  {'; '.join(facts)}")

@@ -86,6 +86,13 @@ IsgSense = Annotated[
         help="What the file of an ISG kernel or TwinCAT calls an error; default: actual_minus_command.",
     ),
 ]
+AnySense = Annotated[
+    ErrorSense | None,
+    typer.Option(
+        "--error-sense",
+        help="What the file calls an error, for every format that leaves it open (see 'table formats').",
+    ),
+]
 Format = Annotated[
     str | None,
     typer.Option(
@@ -139,6 +146,7 @@ class Told:
     v1_layout: Layout = None
     fagor_sense: FagorSense = None
     isg_sense: IsgSense = None
+    error_sense: AnySense = None
     travel: Travel = None
     units: AxisUnits = None
     axis: AxisLetter = None
@@ -162,6 +170,7 @@ class Told:
             file_axis=self.file_axis,
             fagor_sense=self.fagor_sense,
             isg_sense=self.isg_sense,
+            error_sense=self.error_sense,
         )
 
 

@@ -65,8 +65,8 @@ def _near(folder: Path, name: str) -> str:
     near = get_close_matches(name.lower(), names, n=3, cutoff=0.5)
     if near:
         return f"did you mean {' or '.join(names[n] for n in near)}?"
-    suffixes = tuple({dialect.suffix.lower() for dialect in DIALECTS})
-    tables = sorted(shown for low, shown in names.items() if low.endswith(suffixes))
+    suffixes = {dialect.suffix.lower() for dialect in DIALECTS}
+    tables = sorted(shown for low, shown in names.items() if Path(low).suffix in suffixes)
     return f"it holds {', '.join(tables[:10])}" if tables else "put the table file there"
 
 
@@ -122,6 +122,7 @@ def context_of(axis: AxisSection, name: str) -> FileContext:
         file_axis=options.file_axis,
         fagor_sense=options.fagor_sense,
         isg_sense=options.isg_sense,
+        error_sense=options.error_sense,
         counts_per_unit=axis.counts_per_unit,
         max_correction=settings_of(axis).max_correction,
         max_slope=axis.max_slope,

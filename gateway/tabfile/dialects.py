@@ -7,11 +7,17 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-<<<<<<< HEAD
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, csv_table, fanuc, mitsubishi
-=======
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, linuxcnc
->>>>>>> wt-mint
+from gateway.tabfile import (
+    centroid_v1,
+    centroid_v2,
+    centroid_v3,
+    csv_table,
+    fagor,
+    fanuc,
+    isg,
+    linuxcnc,
+    mitsubishi,
+)
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -38,6 +44,7 @@ OPTIONS: Final = (
     "file_axis",
     "fagor_sense",
     "isg_sense",
+    "error_sense",
 )
 """What can be told about a file and has a meaning in some dialects only."""
 
@@ -138,6 +145,26 @@ DIALECTS: Final = (
         uses=frozenset({"file_start"}),
         units=UnitsOf.TOLD,
         suffix=linuxcnc.SUFFIX,
+    ),
+    Dialect(
+        isg.NAME,
+        isg.TITLE,
+        isg.recognise,
+        isg.read,
+        isg.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "isg_sense", "error_sense"}),
+        units=UnitsOf.TOLD,
+        suffix=".lis",
+    ),
+    Dialect(
+        fagor.NAME,
+        fagor.TITLE,
+        fagor.recognise,
+        fagor.read,
+        fagor.write,
+        uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
+        units=UnitsOf.TOLD,
+        suffix="",
     ),
 )
 

@@ -225,11 +225,15 @@ def _empty_column(subject: _Subject) -> Iterator[Lint]:
     empty = [branch for branch in BRANCHES if not any(corrections(subject.rows, branch))]
     if len(empty) == len(BRANCHES):
         yield _warning("L9", "all corrections are 0: the table does nothing; fill it or remove it")
-    elif empty:
+    elif empty == ["backward"]:
         yield _warning(
             "L9",
-            f"all {empty[0]} corrections are 0: on some controls (Fagor) this means 'as the other "
+            "all backward corrections are 0: on some controls (Fagor) this means 'as the other "
             "direction', here it means none; copy the other column if that is meant",
+        )
+    elif empty:
+        yield _warning(
+            "L9", "all forward corrections are 0: was this direction measured? Fill the column if it was"
         )
 
 
