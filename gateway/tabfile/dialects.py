@@ -16,6 +16,8 @@ from gateway.tabfile import (
     fanuc,
     isg,
     linuxcnc,
+    mint,
+    mint_writing,
     mitsubishi,
 )
 from gateway.tabfile.context import FileContext
@@ -165,6 +167,14 @@ DIALECTS: Final = (
         uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix="",
+        mint.NAME,
+        mint.TITLE,
+        mint.recognise,
+        mint.read,
+        mint_writing.write,
+        uses=frozenset({"file_start", "file_axis"}),
+        units=UnitsOf.TOLD,
+        suffix=mint.SUFFIX,
     ),
 )
 

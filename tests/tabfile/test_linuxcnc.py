@@ -59,6 +59,12 @@ def test_shipped_typo_is_an_error_and_named_as_outlier() -> None:
     assert "L1" not in {lint.code for lint in parse(CORRECTED).lints}
 
 
+def test_position_near_zero_is_no_unit_slip() -> None:
+    assert "L4" not in {lint.code for lint in parse("-10 -10 -10\n0 0.0005 -0.0003\n10 10 10\n").lints}
+    # among trims it is one
+    assert "L4" in {lint.code for lint in parse("-10 0.2 0.2\n0 0.0005 0.2\n10 0.2 0.2\n", 1).lints}
+
+
 def test_documented_examples_of_both_types_do_not_mean_the_same() -> None:
     type_0 = parse("0 0.002 -0.003\n1 1.003 0.998\n")
     equal = parse("0 -0.002 0.003\n1 -0.003 0.002\n", 1)
