@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, csv_table, fanuc, mitsubishi
+from gateway.tabfile import aerotech, centroid_v1, centroid_v2, centroid_v3, csv_table, fanuc, mitsubishi
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -82,6 +82,16 @@ DIALECTS: Final = (
         centroid_v1.write,
         uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
+    ),
+    Dialect(
+        aerotech.NAME,
+        aerotech.TITLE,
+        aerotech.recognise,
+        aerotech.read,
+        aerotech.write,
+        uses=frozenset({"file_start", "file_home", "file_axis"}),
+        units=UnitsOf.TOLD,
+        suffix=".cal",
     ),
     Dialect(
         csv_table.NAME,
