@@ -6,26 +6,22 @@ Grammar::
     comment := "#" text                 above the first row only; blank lines may stand between comments
     row     := cell (separator cell)*   separator: comma, semicolon or tab, the same in all rows
 
-A comment ``# key: value`` is provenance. Three keys mean something: ``points`` is the number of points,
-``sha256`` the sum of all rows (without blanks around them, each ended by a line feed), ``axis`` a letter.
-Whatever was lost, added or changed in the rows of a file that carries both sums is found.
+A comment ``# key: value`` is provenance. Three keys mean something: ``axis``, a letter, and the two sums of
+:mod:`gateway.tabfile.sums`.
 """
 
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from typing import Final
 
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.errors import TabFileError
-from gateway.tabfile.fields import to_integer
+from gateway.tabfile.sums import Facts, check_sum, stamped, stated_facts
 from gateway.tabfile.text import Line, SourceText, shown
 
 SEPARATORS: Final = {",": "commas", ";": "semicolons", "\t": "tabs"}
 MAX_PROBLEMS: Final = 20
-_FACT: Final = re.compile(r"#\s*(points|sha256|axis)\s*:\s*(.*)", re.IGNORECASE)
-_SUM: Final = re.compile("[0-9a-f]{64}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +34,11 @@ class CsvRow:
 
 @dataclass(frozen=True, slots=True)
 class CsvText:
-    """The rows of a file and what its comments state; ``facts`` maps a key to its value and line."""
+    """The rows of a file and what its comments state."""
 
     separator: str
     rows: tuple[CsvRow, ...]
-    facts: dict[str, tuple[str, int]]
+    facts: Facts
 
 
 def first_row(source: SourceText) -> Line | None:
@@ -61,35 +57,18 @@ def parse_csv(source: SourceText, separators: str, what: str) -> CsvText:
     if first is None:
         raise source.error("nothing but comments", what, line=source.last_line)
     start = source.lines.index(first)
-    facts = _facts(source, source.lines[:start])
+    facts = stated_facts(source, source.lines[:start], "#")
     found = [separator for separator in SEPARATORS if separator in first.text]
     if len(found) != 1 or found[0] not in separators:
         names = " or ".join(SEPARATORS[separator] for separator in separators)
         raise source.error(shown(first.text), f"{what}, with {names} between its cells", line=first.number)
     body = source.lines[start:]
     _check_lines(source, body)
-    _check_sum(source, body, facts)
+    check_sum(source, body, facts)
     rows = tuple(
         CsvRow(line.number, tuple(cell.strip() for cell in line.text.split(found[0]))) for line in body
     )
     return CsvText(found[0], rows, facts)
-
-
-def check_points(source: SourceText, csv: CsvText, points: int) -> None:
-    """Check the number of points against the one that a comment states.
-
-    Raises:
-        TabFileError: they differ.
-    """
-    if "points" not in csv.facts:
-        return
-    value, line = csv.facts["points"]
-    if to_integer(value) != points:
-        raise source.error(
-            f"{points} points",
-            f"{shown(value)}, as '# points' on line {line} says: is a row lost?",
-            line=source.last_line,
-        )
 
 
 def axis_letter(source: SourceText, csv: CsvText, context: FileContext) -> str | None:
@@ -112,23 +91,7 @@ def axis_letter(source: SourceText, csv: CsvText, context: FileContext) -> str |
 
 def csv_file(comments: Iterable[str], rows: Sequence[str], points: int) -> str:
     """Return the text of a file: comments, both sums, rows."""
-    head = [*comments, f"points: {points}", f"sha256: {_sum_of(rows)}"]
-    return "".join(f"{line}\n" for line in (*(f"# {comment}" for comment in head), *rows))
-
-
-def _facts(source: SourceText, lines: Iterable[Line]) -> dict[str, tuple[str, int]]:
-    facts: dict[str, tuple[str, int]] = {}
-    for line in lines:
-        fact = _FACT.fullmatch(line.text)
-        if fact is None:
-            continue
-        key = fact[1].lower()
-        if key in facts:
-            raise source.error(
-                f"'# {key}' a second time", f"it once (line {facts[key][1]})", line=line.number
-            )
-        facts[key] = (fact[2], line.number)
-    return facts
+    return "".join(f"{line}\n" for line in stamped(comments, rows, points, "#"))
 
 
 def _check_lines(source: SourceText, body: Iterable[Line]) -> None:
@@ -143,21 +106,3 @@ def _check_lines(source: SourceText, body: Iterable[Line]) -> None:
     ]
     if problems:
         raise TabFileError(*problems[:MAX_PROBLEMS])
-
-
-def _check_sum(source: SourceText, body: Iterable[Line], facts: dict[str, tuple[str, int]]) -> None:
-    if "sha256" not in facts:
-        return
-    value, line = facts["sha256"]
-    if not _SUM.fullmatch(value):
-        raise source.error(f"'# sha256' of {shown(value)}", "64 digits 0-9 a-f, or no such line", line=line)
-    if value != _sum_of([row.text for row in body]):
-        raise source.error(
-            "rows that were changed since '# sha256' was written",
-            "the file as it was; or, if the change is meant, the file without this line",
-            line=line,
-        )
-
-
-def _sum_of(rows: Iterable[str]) -> str:
-    return sha256("".join(f"{row}\n" for row in rows).encode()).hexdigest()

@@ -8,6 +8,7 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.tabfile import (
+    aerotech,
     centroid_v1,
     centroid_v2,
     centroid_v3,
@@ -98,6 +99,16 @@ DIALECTS: Final = (
         uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
         directions=1,
+    ),
+    Dialect(
+        aerotech.NAME,
+        aerotech.TITLE,
+        aerotech.recognise,
+        aerotech.read,
+        aerotech.write,
+        uses=frozenset({"file_start", "file_home", "file_axis"}),
+        units=UnitsOf.TOLD,
+        suffix=".cal",
     ),
     Dialect(
         csv_table.NAME,

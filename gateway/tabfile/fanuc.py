@@ -116,6 +116,6 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     if steps.zero == 0 and is_turn(table.units, sections, steps.interval):
         points.insert(0, (0, points[-1][1]))
     assert options.file_counts_per_unit is not None
-    parameters = (steps.zero, points[0][0], points[-1][0], steps.magnification, f"{steps.interval:.10g}")
+    parameters = (steps.zero, points[0][0], points[-1][0], steps.magnification, f"{steps.interval:.12g}")
     resolution = steps.magnification / options.file_counts_per_unit
     return written(table, options, SYSTEM, Rows(parameters, points, resolution))

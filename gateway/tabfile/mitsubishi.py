@@ -95,6 +95,6 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         for index in range(len(steps.totals))
     ]
     assert options.file_counts_per_unit is not None
-    parameters = (steps.zero + 1, 1, len(points), steps.magnification, f"{steps.interval:.10g}")
+    parameters = (steps.zero + 1, 1, len(points), steps.magnification, f"{steps.interval:.12g}")
     resolution = steps.magnification / options.file_counts_per_unit / VALUES_PER_COUNT
     return written(table, options, SYSTEM, Rows(parameters, points, resolution))

@@ -190,7 +190,7 @@ def test_limit_of_the_values_may_be_raised() -> None:
 @pytest.mark.parametrize(("text", "values"), [(FANUC, "17"), (MITSUBISHI, "5")])
 def test_sums_in_comments_and_axis_are_checked(text: str, values: str) -> None:
     assert parse(f"# points: {values}\n# axis: x\n{text}", axis="X", **MM).source.axis == "X"
-    assert "# points" in str(refused(f"# points: 4\n{text}", **MM))
+    assert "'points' on line 1" in str(refused(f"# points: 4\n{text}", **MM))
     assert "read for axis Y" in str(refused(f"# axis: x\n{text}", axis="Y", **MM))
 
 
