@@ -15,11 +15,13 @@ from gateway.tabfile import (
     csv_table,
     fagor,
     fanuc,
+    heidenhain,
     isg,
     linuxcnc,
     mint,
     mint_writing,
     mitsubishi,
+    renishaw_ren,
 )
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
@@ -101,16 +103,6 @@ DIALECTS: Final = (
         directions=1,
     ),
     Dialect(
-        aerotech.NAME,
-        aerotech.TITLE,
-        aerotech.recognise,
-        aerotech.read,
-        aerotech.write,
-        uses=frozenset({"file_start", "file_home", "file_axis"}),
-        units=UnitsOf.TOLD,
-        suffix=".cal",
-    ),
-    Dialect(
         csv_table.NAME,
         csv_table.TITLE,
         csv_table.recognise,
@@ -178,6 +170,29 @@ DIALECTS: Final = (
         uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix="",
+    ),
+    Dialect(
+        aerotech.NAME,
+        aerotech.TITLE,
+        aerotech.recognise,
+        aerotech.read,
+        aerotech.write,
+        uses=frozenset({"file_start", "file_home", "file_axis"}),
+        units=UnitsOf.TOLD,
+        suffix=".cal",
+    ),
+    Dialect(
+        renishaw_ren.NAME,
+        renishaw_ren.TITLE,
+        renishaw_ren.recognise,
+        renishaw_ren.read,
+        renishaw_ren.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
+        units=UnitsOf.TOLD,
+        suffix=".ren",
+        is_writable=False,
+    ),
+    Dialect(
         mint.NAME,
         mint.TITLE,
         mint.recognise,
@@ -186,6 +201,15 @@ DIALECTS: Final = (
         uses=frozenset({"file_start", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=mint.SUFFIX,
+    ),
+    Dialect(
+        heidenhain.NAME,
+        heidenhain.TITLE,
+        heidenhain.recognise,
+        heidenhain.read,
+        heidenhain.write,
+        uses=frozenset({"file_start", "file_axis", "error_sense"}),
+        suffix=".com",
     ),
 )
 
