@@ -7,7 +7,16 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import aerotech, centroid_v1, centroid_v2, centroid_v3, csv_table, fanuc, mitsubishi
+from gateway.tabfile import (
+    aerotech,
+    centroid_v1,
+    centroid_v2,
+    centroid_v3,
+    csv_table,
+    fanuc,
+    mitsubishi,
+    renishaw_ren,
+)
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -121,6 +130,17 @@ DIALECTS: Final = (
         uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".csv",
+    ),
+    Dialect(
+        renishaw_ren.NAME,
+        renishaw_ren.TITLE,
+        renishaw_ren.recognise,
+        renishaw_ren.read,
+        renishaw_ren.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
+        units=UnitsOf.TOLD,
+        suffix=".ren",
+        is_writable=False,
     ),
 )
 
