@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, fagor, isg
+from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, fagor, heidenhain, isg
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -103,6 +103,15 @@ DIALECTS: Final = (
         uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix="",
+    ),
+    Dialect(
+        heidenhain.NAME,
+        heidenhain.TITLE,
+        heidenhain.recognise,
+        heidenhain.read,
+        heidenhain.write,
+        uses=frozenset({"file_start", "file_axis", "error_sense"}),
+        suffix=".com",
     ),
 )
 
