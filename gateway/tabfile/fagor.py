@@ -100,7 +100,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         units.value,
         f"{RULES[sense]}; second field",
         f"{RULES[sense]}; {'second field, as in the positive direction' if is_both_ways else 'third field'}",
-        axis=axis,
+        axis=axis if context.file_axis is None else None,
         plausible=(0.0, _MAX_PLAUSIBLE[units]),
         decisions=(f"sense {sense.value}: told", f"units {units.value}: told by file_units", decision),
         behaves_as=_behaviour(rows, units),
@@ -253,7 +253,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         raise unwritable(NAME, f"axis {axis!r}", "one letter for its lines")
     if options.sense is None:
         found = "no sense of its errors: no manual says which one the control expects"
-        raise unwritable(NAME, found, "actual_minus_command or command_minus_actual, told")
+        raise unwritable(NAME, found, "--to-sense actual_minus_command or command_minus_actual")
     if len(table.positions) > MAX_POINTS:
         raise unwritable(NAME, f"{len(table.positions)} points", f"at most {MAX_POINTS}")
     decimals, unit = DECIMALS[table.units], table.units.value

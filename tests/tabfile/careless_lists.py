@@ -33,3 +33,9 @@ def fagor(text: str) -> tuple[Points, Points]:
             up.append((place, -errors[0]))
             down.append((place, -errors[-1]))
     return up, up if not any(error for _, error in down) else down
+
+
+def heidenhain(text: str) -> tuple[Points, Points]:
+    """Columns NR, AXISPOS, one axis and BACKLASH; an error is subtracted."""
+    rows = [[float(field) for field in line.split()] for line in text.strip().splitlines()[2:-1]]
+    return [(x, -error) for _, x, error, _ in rows], [(x, -error) for _, x, _, error in rows]
