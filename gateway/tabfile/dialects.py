@@ -120,6 +120,7 @@ DIALECTS: Final = (
         uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".csv",
+        directions=1,
     ),
     Dialect(
         mitsubishi.NAME,
@@ -130,6 +131,7 @@ DIALECTS: Final = (
         uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".csv",
+        directions=1,
     ),
     Dialect(
         linuxcnc.NAME_0,
@@ -180,6 +182,7 @@ DIALECTS: Final = (
         uses=frozenset({"file_start", "file_home", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=".cal",
+        directions=1,
     ),
     Dialect(
         renishaw_ren.NAME,

@@ -2,9 +2,9 @@
 
 L1 slope, L2 columns swapped, L3 second list reversed, L4 unit slip, L5 home, L6 outlier, L7 below resolution,
 L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size, L13 hole in
-an even grid. Readers add R1 separator missing, R2 start inferred, R3 option without meaning, R4 another
-compensation beside it, R7 points that LinuxCNC would not reach, R8 what a program says beside its table, R9
-the sign of Mint's offset.
+an even grid, L14 points beyond the travel. Readers add R1 separator missing, R2 start inferred, R3 option
+without meaning, R4 another compensation beside it, R7 points that LinuxCNC would not reach, R8 what a program
+says beside its table, R9 the sign of Mint's offset.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -273,6 +273,26 @@ def _hole(subject: _Subject) -> Iterator[Lint]:
         )
 
 
+def _beyond(subject: _Subject) -> Iterator[Lint]:
+    """Whole segments outside the travel: a doubled line moves the points behind it."""
+    travel = subject.source.context.travel
+    if travel is None:
+        return
+    rows, (low, high) = subject.rows, travel
+    slack = UNCOVERED * (high - low)
+    for row, inner, is_beyond in (
+        (rows[0], rows[1], rows[1].position <= low + slack),
+        (rows[-1], rows[-2], rows[-2].position >= high - slack),
+    ):
+        if is_beyond:
+            yield _warning(
+                "L14",
+                f"points at {row.position:.8g} and {inner.position:.8g} {subject.unit} lie at the end of "
+                f"travel {low:g} to {high:g} or beyond, where the axis never gets: a line too many?",
+                row.forward_line or row.backward_line,
+            )
+
+
 _CHECKS: Final[Sequence[Callable[[_Subject], Iterator[Lint]]]] = (
     _slope,
     _swapped,
@@ -286,4 +306,5 @@ _CHECKS: Final[Sequence[Callable[[_Subject], Iterator[Lint]]]] = (
     _axis,
     _size,
     _hole,
+    _beyond,
 )

@@ -27,11 +27,11 @@ registers.command = [{{ address = 100, type = "int32" }}]
 
 
 def table_name(sample: Sample) -> str:
-    return f"{sample.dialect}{dialect_named(sample.dialect).suffix}"
+    return f"{sample.title}{dialect_named(sample.dialect).suffix}"
 
 
 def axis_name(sample: Sample) -> str:
-    return sample.dialect.replace("-", "_")
+    return sample.title.replace("-", "_")
 
 
 def axis_text(sample: Sample, unit_id: int) -> str:
@@ -61,7 +61,7 @@ def table_of(workshop: Workshop, sample: Sample) -> Path:
     return workshop.tables / table_name(sample)
 
 
-@pytest.mark.parametrize("sample", SAMPLES, ids=lambda sample: sample.dialect)
+@pytest.mark.parametrize("sample", SAMPLES, ids=lambda sample: sample.title)
 def test_the_drive_is_told_what_the_file_says(workshop: Workshop, sample: Sample) -> None:
     assert sample.context.travel is not None
     with workshop.master(SAMPLES.index(sample) + 1) as master:
@@ -78,7 +78,7 @@ def moved(workshop: Workshop) -> dict[str, tuple[int, int]]:
         with workshop.master(SAMPLES.index(sample) + 1) as master:
             master.move(round(sample.context.travel[1] * sample.counts_per_unit))
             target = sample.moves[0][0]
-            told[sample.dialect] = (target, master.move(target))
+            told[sample.title] = (target, master.move(target))
     return told
 
 
@@ -93,8 +93,8 @@ def until_all(workshop: Workshop, event: str) -> list[dict[str, object]]:
 
 
 def test_files_of_every_kind_are_switched_off_by_renaming_them_and_on_again(workshop: Workshop) -> None:
-    corrected = {sample.dialect: sample.moves[0] for sample in SAMPLES}
-    plain = {sample.dialect: (sample.moves[0][0],) * 2 for sample in SAMPLES}
+    corrected = {sample.title: sample.moves[0] for sample in SAMPLES}
+    plain = {sample.title: (sample.moves[0][0],) * 2 for sample in SAMPLES}
     tables = [table_of(workshop, sample) for sample in SAMPLES]
     # in place of the suffix, where that gives each a name of its own, and behind it
     for backups in (
@@ -112,7 +112,7 @@ def test_files_of_every_kind_are_switched_off_by_renaming_them_and_on_again(work
 
 
 def test_files_of_every_kind_that_turn_bad_leave_the_last_good_one_in_force(workshop: Workshop) -> None:
-    corrected = {sample.dialect: sample.moves[0] for sample in SAMPLES}
+    corrected = {sample.title: sample.moves[0] for sample in SAMPLES}
     for sample in SAMPLES:
         in_place(table_of(workshop, sample), "no table at all")
     rejected = {note["axis"]: note["file"] for note in until_all(workshop, "table-rejected")}

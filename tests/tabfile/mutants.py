@@ -38,14 +38,23 @@ class Sample:
     context: FileContext
     meaning: Callable[[str], Meaning]
     header: frozenset[int] = frozenset()
+    line_of_place: dict[int, int] = field(default_factory=dict)
+    """Where a position stands on another line than its value: the line of the value, by that of the place."""
     sums: bool = False
     table_options: dict[str, object] = field(default_factory=dict)
     """``context`` as the configuration of an axis says it."""
     counts_per_unit: float = 10_000.0
     """Of the drive that is moved by it."""
+    label: str = ""
+    """Its name among several samples of a dialect."""
     moves: tuple[tuple[int, int], ...] = ()
     """Targets in counts, and what the drive is told, worked out by hand. Before the first the axis is sent to
     the upper end of its travel, so that the first comes from above."""
+
+    @property
+    def title(self) -> str:
+        """Name that no other sample has."""
+        return self.label or self.dialect
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +183,7 @@ class Judge:
 
     ``said``: as many points, and the table differs only around the lines that were changed, where it is what
     their numbers say by the sample's own ``meaning``. Lines of the header may say something about all points.
-    ``remark``: lines came or went, and a remark that was not there before names the place.
+    ``remark``: lines or points came or went, and a remark that was not there before names the place.
     """
 
     def __init__(self, sample: Sample) -> None:
@@ -189,12 +198,15 @@ class Judge:
             found = parse_table(mutant.data, self.sample.name, self.sample.context)
         except TabFileError as error:
             return "error" if str(error).strip() and error.file else "silent: an error without words"
+        if found.errors:
+            return "error"  # a lint with which the gateway does not load the table
         if _same(meaning_of(found), meaning_of(self.sound)):
             return "equal"
         lines = text_lines(mutant.data)
         changed = _changed(self.lines, lines)
         end = self._said(mutant.data, found, lines, changed)
-        came_or_went = len(lines) != len(self.lines)
+        sizes = len(found.source.rows), len(self.sound.source.rows)
+        came_or_went = len(lines) != len(self.lines) or sizes[0] != sizes[1]
         if came_or_went and any(self._names_the_place(lint, changed, found) for lint in self._new(found)):
             return "remark"
         return end
@@ -224,7 +236,7 @@ class Judge:
         try:
             expected = self.sample.meaning(_text(data))
             is_as_said = _same(meaning_of(found), expected)
-        except (ValueError, IndexError, KeyError, ZeroDivisionError, AssertionError) as error:
+        except (ValueError, IndexError, KeyError, ZeroDivisionError, StopIteration) as error:
             return f"silent: read where a careless reader fails: {error!r}"
         if not is_as_said:
             return f"silent: not what the numbers say, {_difference(found, self.sound)}"
@@ -239,12 +251,15 @@ class Judge:
     def _reach(self, changed: Sequence[int], found: LoadedTable) -> tuple[float, float]:
         """Return the stretch that the numbers of some lines have a say in: up to the points beside theirs."""
         low, high = inf, -inf
+        lines = {self.sample.line_of_place.get(line, line) for line in changed}
         for loaded in (self.sound, found):
-            rows = loaded.source.rows
-            places = [-inf, *(row.position for row in rows), inf]
-            for index, row in enumerate(rows, start=1):
-                if {row.forward_line, row.backward_line} & set(changed):
-                    low, high = min(low, places[index - 1]), max(high, places[index + 1])
+            for ours, other in (("forward_line", "backward_line"), ("backward_line", "forward_line")):
+                # A point that is listed for the other direction only bends this one nowhere.
+                rows = [row for row in loaded.source.rows if getattr(row, ours) or not getattr(row, other)]
+                places = [-inf, *(row.position for row in rows), inf]
+                for index, row in enumerate(rows, start=1):
+                    if getattr(row, ours) in lines:
+                        low, high = min(low, places[index - 1]), max(high, places[index + 1])
         if self.sample.sums:
             return (-inf, high) if high <= 0 else (low, inf) if low >= 0 else (-inf, inf)
         return low, high

@@ -13,39 +13,56 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, ErrorSense, WriteOptions, dialect_named, parse_table
 
-COUNTS_PER_UNIT: Final = 100_000.0
-
 
 @dataclass(frozen=True, slots=True)
 class Holds:
-    """What a dialect can hold: ``step`` of its corrections and ``place`` of its positions, in units."""
+    """What a dialect can hold: ``step`` of its corrections and ``place`` of its positions, in units.
+
+    ``largest`` correction that fits, ``scale`` in counts per unit of the control that reads the file.
+    """
 
     step: float
     place: float = 0.0
     is_even: bool = True
     begins_at_home: bool = False
-    is_bidirectional: bool = True
-    units: Units = Units.MM
+    largest: float = 0.05
+    scale: float | None = 100_000.0
+    slope_error: float = 0.0
+    """Share of slope x correction that the dialect cuts off at bends."""
 
     def within(self, table: CorrectionTable) -> float:
         """Return how far off a correction may be: half a step, and what a shifted point makes of a slope."""
-        return 0.5 * self.step * (1 + 1e-6) + table.max_slope() * self.place + 1e-12
+        bends = self.slope_error * table.max_slope() * table.max_correction()
+        return 0.5 * self.step * (1 + 1e-6) + table.max_slope() * self.place + bends + 1e-12
 
 
 HOLDS: Final = {
     # whole counts, of the travel too
-    "centroid-1": Holds(
-        1 / COUNTS_PER_UNIT, 1 / COUNTS_PER_UNIT, begins_at_home=True, is_bidirectional=False
-    ),
+    "centroid-1": Holds(1e-5, 1e-5, begins_at_home=True),
     "centroid-2": Holds(1e-7, 1e-6),
     "centroid-3": Holds(1e-8, 1e-8, begins_at_home=True),
+    "csv": Holds(0.0, is_even=False),
+    # 1 µm and -7 to 7 of them from point to point, half a µm and -128 to 127
+    "fanuc-csv": Holds(1e-3, largest=0.003, scale=1000.0),
+    "mitsubishi-csv": Holds(0.5e-3, largest=0.03, scale=1000.0),
+    # both numbers of type 0 are rounded
+    "linuxcnc-0": Holds(2e-8, 1e-8, is_even=False),
+    "linuxcnc-1": Holds(1e-8, 1e-8, is_even=False),
+    # 0.01 of an increment
+    "isg": Holds(1e-7, 1e-7, is_even=False),
+    # twice 0.0001: the first negative error may have to differ from 0
+    "fagor-8055": Holds(2e-4, 1e-4, is_even=False),
+    "aerotech-cal": Holds(1e-6, 1e-6),
+    "mint": Holds(1e-6, 1e-6, is_even=False, slope_error=4.0),
+    "heidenhain-com": Holds(1e-6, 1e-6, is_even=False),
 }
 PAIRS: Final = list(product(HOLDS, HOLDS))
 
 
 @st.composite
-def tables(draw: st.DrawFn, one: Holds, other: Holds) -> CorrectionTable:
+def tables(draw: st.DrawFn, names: tuple[str, str]) -> CorrectionTable:
     """What both can hold: slopes up to 0.5 %, 0 at home."""
+    one, other = (HOLDS[name] for name in names)
     size = draw(st.integers(3, 12))
     sides = st.integers(-size + 1, 0)
     if one.begins_at_home or other.begins_at_home:
@@ -59,20 +76,20 @@ def tables(draw: st.DrawFn, one: Holds, other: Holds) -> CorrectionTable:
         positions = [sum(widths[:index]) / 1000 for index in range(size)]
         positions = [round(x - positions[home], 3) for x in positions]
     shortest = min(high - low for low, high in pairwise(positions))
-    largest = min(0.0025 * shortest, 0.05)
+    largest = min(0.0025 * shortest, one.largest, other.largest)
     values = st.lists(st.floats(-largest, largest), min_size=size, max_size=size)
     forward = draw(values)
-    backward = draw(values) if one.is_bidirectional and other.is_bidirectional else forward
+    backward = draw(values) if all(dialect_named(name).directions == 2 for name in names) else forward
     # home is where the measurement is 0
     forward, backward = ([*curve[:home], 0.0, *curve[home + 1 :]] for curve in (forward, backward))
-    return make_table(positions, forward, backward, one.units)
+    return make_table(positions, forward, backward, Units.MM)
 
 
 def turned_into(table: CorrectionTable, name: str) -> tuple[Converted, CorrectionTable]:
     """Return how a dialect holds a table, and what is read back."""
     options = WriteOptions(
         axis="x",
-        file_counts_per_unit=COUNTS_PER_UNIT,
+        file_counts_per_unit=HOLDS[name].scale,
         file_axis="X",
         sense=ErrorSense.ACTUAL_MINUS_COMMAND,
     )
@@ -84,7 +101,7 @@ def turned_into(table: CorrectionTable, name: str) -> tuple[Converted, Correctio
 @pytest.mark.parametrize(("one", "other"), PAIRS)
 def test_a_table_goes_from_one_dialect_into_the_other_and_back(one: str, other: str) -> None:
     @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-    @given(tables(HOLDS[one], HOLDS[other]))
+    @given(tables((one, other)))
     def check(table: CorrectionTable) -> None:
         assume(table.max_correction() > 0)
         first, in_one = turned_into(table, one)
@@ -108,9 +125,8 @@ def test_every_dialect_that_can_be_written_has_a_row() -> None:
 
 @pytest.mark.parametrize("name", HOLDS)
 def test_what_is_said_of_directions_is_so(name: str) -> None:
-    holds, dialect = HOLDS[name], dialect_named(name)
-    assert (dialect.directions == 2) is holds.is_bidirectional
-    both = make_table([0.0, 10.0, 20.0], [0.0, 0.01, 0.02], [0.0, 0.005, 0.01], holds.units)
+    has_two = dialect_named(name).directions == 2
+    both = make_table([0.0, 10.0, 20.0], [0.0, 0.003, 0.006], [0.0, 0.001, 0.002], Units.MM)
     result, again = turned_into(both, name)
-    assert again.is_unidirectional is not holds.is_bidirectional
-    assert any("lost motion" in loss for loss in result.written.losses) is not holds.is_bidirectional
+    assert again.is_unidirectional is not has_two
+    assert any("lost motion" in loss for loss in result.written.losses) is not has_two

@@ -13,14 +13,14 @@ COUNT = 10_000
 
 
 def names(sample: Sample) -> str:
-    return sample.dialect
+    return sample.title
 
 
 @pytest.mark.parametrize("sample", SAMPLES, ids=names)
 def test_no_damaged_copy_is_read_as_another_table_in_silence(sample: Sample) -> None:
     judge = Judge(sample)
     ends: Counter[str] = Counter()
-    for mutant in mutants(sample.data, f"1 {sample.dialect}", COUNT):
+    for mutant in mutants(sample.data, f"1 {sample.title}", COUNT):
         end = judge.judge(mutant)
         assert not end.startswith("silent"), f"{mutant.what}: {end}"
         ends[end] += 1
