@@ -52,7 +52,7 @@ def fanuc(text: str) -> tuple[Points, Points]:
 
 
 def mitsubishi(text: str) -> tuple[Points, Points]:
-    """1000 output units make a mm, half of them a value; a point is the section on the side of the reference."""
+    """A value is half a micrometre; a point is the section on the side of the reference."""
     (reference, lowest, highest, magnification, interval), values = _increments(text)
     assert list(values) == list(range(int(lowest), int(highest) + 1))
     assert values.pop(int(reference)) == 0
