@@ -20,14 +20,14 @@ def laser_errors(text: str) -> tuple[Points, Points]:
 
 
 def aerotech(text: str) -> tuple[Points, Points]:
-    """The first value lies at -100 mm; a value is added."""
+    """The first value lies at 0; a value is added."""
     rows = _rows(text, ";'")
     head = " ".join(row for row in rows if row.upper().startswith(":START"))
     step = float(re.findall(r"(?i)SAMPLEDIST=(\S+)", head)[0])
     (unit,) = re.findall(r"(?i)CORUNIT=PRIMARY(?:/(\d+))?(?: |$)", head)
     values = [float(value) for row in rows if row[0] != ":" for value in row.split()]
     sign = -1 if "NEGCOR" in head.upper() else 1
-    points = [(-100 + i * step, sign * value / float(unit or 1)) for i, value in enumerate(values)]
+    points = [(i * step, sign * value / float(unit or 1)) for i, value in enumerate(values)]
     return points, points
 
 
