@@ -38,6 +38,7 @@ from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, told_units
 from gateway.tabfile.readings import Reading
+from gateway.tabfile.strangers import stranger
 from gateway.tabfile.sums import check_points, check_sum, stamped, stated_facts
 from gateway.tabfile.text import Line, SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
@@ -66,9 +67,8 @@ class _Table:
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the first line that is no comment is a ``:`` statement."""
-    first = next((line for line in source.lines if line.text and line.text[0] not in COMMENTS), None)
-    return first is not None and first.text.startswith(":")
+    """Whether any line is a ``:START`` statement."""
+    return any(_head(line).startswith(":START") for line in source.lines)
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
@@ -78,6 +78,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         TabFileError: a line that is not grammar, a table in two dimensions or of another axis, no units or no
             start told, a sum that does not fit, a range that does not fit the travel.
     """
+    if not recognise(source):
+        raise stranger(source, ":START and an axis")
     start = next((i for i, line in enumerate(source.lines) if line.text.startswith(":")), len(source.lines))
     facts = stated_facts(source, source.lines[:start], COMMENTS)
     check_sum(source, source.lines[start:], facts)
@@ -160,8 +162,6 @@ def _parse(source: SourceText) -> list[_Table]:
             tables.append(_parse_table(source, line, lines))
             continue
         raise source.error(shown(line.text), "a comment (; or '), or :START and an axis", line=line.number)
-    if not tables:
-        raise source.error("no table", ":START and an axis", line=source.last_line)
     return tables
 
 

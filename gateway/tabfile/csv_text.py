@@ -50,12 +50,11 @@ def parse_csv(source: SourceText, separators: str, what: str) -> CsvText:
     """Split a text into rows and check its sum; ``what`` names the first row that is expected.
 
     Raises:
-        TabFileError: nothing but comments, no separator or several in the first row, a comment or a blank
+        TabFileError: no separator or several in the first row, a comment or a blank
             line among the rows, a key stated twice, rows that do not have the sum that the file states.
     """
     first = first_row(source)
-    if first is None:
-        raise source.error("nothing but comments", what, line=source.last_line)
+    assert first is not None, "a dialect recognises its files by their first row"
     start = source.lines.index(first)
     facts = stated_facts(source, source.lines[:start], "#")
     found = [separator for separator in SEPARATORS if separator in first.text]
