@@ -28,7 +28,7 @@ lengths by ``file_counts_per_unit``, counts per unit of the axis as with all oth
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import inf
 from typing import Final
 
@@ -92,10 +92,12 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     rows = _rows(keys, shape, scale, sense or ErrorSense.ACTUAL_MINUS_COMMAND)
     check_stated(source, rows, units, context)
     if shape.is_modulo and not is_closed(rows):
+        first, last = rows[0], rows[-1]
+        is_forward = first.forward_value != last.forward_value
         raise source.error(
-            "a modulo table whose first and last values differ",
+            f"a modulo table whose first and last {'pos' if is_forward else 'neg'} values differ",
             "the same values at both ends: they are one position",
-            line=rows[-1].forward_line,
+            line=last.forward_line if is_forward else last.backward_line,
         )
     forward_rule, backward_rule = _rules(sense, shape)
     unused = ("file_counts_per_unit",) if shape.is_metric else ()
@@ -202,12 +204,14 @@ def _check_indices(keys: Keys, shape: _Shape, fields: Iterable[str]) -> None:
     size_line = keys.settings["kw_nr_max"].line
     problems: list[Problem] = []
     for field in fields:
-        missing = [index for index in range(shape.size) if index not in keys.points[field]]
+        missing = shape.size - sum(index < shape.size for index in keys.points[field])
         if missing:
-            places = ", ".join(map(str, missing[:5])) + (", …" if len(missing) > 5 else "")
+            # a generator: a size may be anything, and only the first few are shown
+            absent = (index for index in range(shape.size) if index not in keys.points[field])
+            places = ", ".join(map(str, islice(absent, 5))) + (", …" if missing > 5 else "")
             problems.append(
                 keys.source.problem(
-                    f"no table[i].{field} for {len(missing)} of {shape.size} points: i = {places}",
+                    f"no table[i].{field} for {missing} of {shape.size} points: i = {places}",
                     f"0 to {shape.size - 1} all, as kw_nr_max on line {size_line} says",
                     line=size_line,
                 )

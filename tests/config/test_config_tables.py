@@ -267,3 +267,26 @@ def test_a_blend_that_would_turn_the_axis_round_is_warned_of(tmp_path: Path) -> 
     ]
     # Backward lies 0.02 mm above forward at home: 4 × 0.02 = 0.08 mm.
     assert [warning.remedy for warning in warnings] == ["it is made 0.08 mm long"]
+
+
+FAGOR = "P001 X-300 EX 0.012\nP002 X-150 EX 0.002\nP003 X0 EX 0\n"
+
+
+@pytest.mark.parametrize("key", ["fagor_sense", "error_sense"])
+def test_what_a_table_of_another_control_cannot_prove_is_told(tmp_path: Path, key: str) -> None:
+    told = edited(("cnc10x.tab", "ML1")) + f'[axis.x.table_options]\nfile_units = "mm"\n{key} = '
+    actual = loaded(tmp_path, told + '"actual_minus_command"\n', {"ML1": FAGOR}).plan.lines[0].axes[0]
+    assert actual.table_format == "fagor-8055"
+    assert actual.table is not None
+    assert list(actual.table.forward) == [-0.012, -0.002, 0.0]
+    other = loaded(tmp_path, told + '"command_minus_actual"\n', {"ML1": FAGOR}).plan.lines[0].axes[0]
+    assert other.table is not None
+    assert list(other.table.forward) == [0.012, 0.002, 0.0]
+
+
+def test_a_sense_that_nobody_told_is_asked_for_with_both_readings(tmp_path: Path) -> None:
+    text = edited(("cnc10x.tab", "ML1")) + '[axis.x.table_options]\nfile_units = "mm"\n'
+    problem = only(refused(tmp_path, text, {"ML1": FAGOR}), "axis.x.table")
+    assert "reading 1: actual_minus_command" in problem.found
+    assert "reading 2: command_minus_actual" in problem.found
+    assert "fagor_sense = 'actual_minus_command'" in problem.remedy

@@ -135,6 +135,8 @@ def test_rotary_table_of_a_whole_turn_repeats() -> None:
     turn = "P001 C0 EC 0.01\nP002 C180 EC 0.02\nP003 C360 EC 0.01\n"
     assert parse(turn, file_units=Units.DEGREE).source.behaves_as == ("modulo = 360",)
     assert parse(turn).source.behaves_as == ('outside = "hold"',)
+    half_open = "P001 C0 EC 0.01 EC 0.1\nP002 C180 EC 0.02 EC 0\nP003 C360 EC 0.01 EC 0.2\n"
+    assert parse(half_open, file_units=Units.DEGREE).source.behaves_as == ('outside = "hold"',)
     open_turn = turn.replace("C360 EC 0.01", "C360 EC 0.011")
     assert parse(open_turn, file_units=Units.DEGREE).source.behaves_as == ('outside = "hold"',)
 

@@ -142,9 +142,17 @@ def test_modulo_list_needs_its_units() -> None:
 
 
 def test_modulo_list_must_close() -> None:
-    with pytest.raises(TabFileError, match="first and last values differ") as caught:
+    with pytest.raises(TabFileError, match="first and last pos values differ") as caught:
         parse(TURN.replace("[2].pos 0", "[2].pos 1"), file_units=Units.DEGREE)
     assert caught.value.line == 8
+    two = TURN.replace("bilateral 0", "bilateral 1") + "".join(
+        f"kw.ssfk.table[{i}].neg {value}\n" for i, value in enumerate([3, 5, 4])
+    )
+    with pytest.raises(TabFileError, match="first and last neg values differ") as caught:
+        parse(two, file_units=Units.DEGREE)
+    assert caught.value.line == 12
+    closed = parse(two.replace("neg 4", "neg 3"), file_units=Units.DEGREE)
+    assert closed.table.backward[0] == closed.table.backward[2] == pytest.approx(-0.0003, abs=1e-15)
 
 
 def test_rotary_list_and_wrong_units() -> None:
@@ -253,6 +261,12 @@ def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: in
         parse(ONE_WAY.replace(old, new, 1))
     assert caught.value.line == line
     assert found in caught.value.found
+
+
+def test_absurd_number_of_points_is_refused_at_once() -> None:
+    text = ONE_WAY.replace("nr_max 3", "nr_max 999999999999999") + "kw.ssfk.max_points 999999999999999\n"
+    with pytest.raises(TabFileError, match="999999999999996 of 999999999999999 points: i = 3, 4, 5, 6, 7, …"):
+        parse(text)
 
 
 def test_neg_values_need_a_list_of_two_directions() -> None:
