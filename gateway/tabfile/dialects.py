@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, linuxcnc, mint, mint_writing
+from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3, linuxcnc, mint, mint_writing, siemens
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -112,6 +112,16 @@ DIALECTS: Final = (
         uses=frozenset({"file_start", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=mint.SUFFIX,
+    ),
+    Dialect(
+        siemens.NAME,
+        siemens.TITLE,
+        siemens.recognise,
+        siemens.read,
+        siemens.write,
+        uses=frozenset({"file_start", "file_axis"}),
+        units=UnitsOf.TOLD,
+        suffix=siemens.SUFFIX,
     ),
 )
 
