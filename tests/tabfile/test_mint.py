@@ -129,6 +129,7 @@ def test_values_know_their_own_lines() -> None:
         ("20.01", "a + 1", 1, "no expression"),
         ("20.01", "20 + .01", 1, "no expression"),
         ("20.01", "20.0.1", 1, "'20.0.1'"),
+        ("30.00", "30:00", 1, "a statement that begins with '00'"),
         ("20.01", "", 1, "decimal number"),
         ("DIM fwd(3) =", "DIM fwd(3)", 1, "allowed: ="),
         ("DIM fwd", "DIM rev", 2, "an array FWD that has no values"),
