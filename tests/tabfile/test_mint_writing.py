@@ -145,8 +145,8 @@ def test_even_tables_come_back_within_what_was_said(
     places = [position + part * step for position in positions[:-1] for part in (0, 0.01, 0.5, 0.99)]
     difference = largest_difference(table, read_back(written).table, [*places, positions[-1]])
     assert difference <= said(written) * 1.01 + 3e-8
-    # bends are cut by no more than slope x correction, and both are small
-    assert said(written) <= 4 * table.max_slope() * table.max_correction() + 3e-8
+    # bends are cut by no more than slope x correction, and both are small; below the table the slope is 0.004
+    assert said(written) <= 4 * (table.max_slope() + 0.004) * table.max_correction() + 3e-8
 
 
 @given(
