@@ -57,6 +57,13 @@ def test_corrections_by_hand(at: float, forward: float, backward: float) -> None
     assert explained.backward.correction == pytest.approx(backward, abs=1e-12)
 
 
+def test_points_of_both_directions_that_nearly_coincide_are_one() -> None:
+    loaded = parse(SAMPLE.replace("= 10.01,", "= 10.0200004,"))
+    assert [row[5:] for row in loaded.source.rows][:2] == [(None, None), (1, 2)]
+    assert loaded.table.positions[1] == 10.02
+    assert loaded.table.backward[1] == pytest.approx(-0.0200004, abs=1e-9)
+
+
 def test_mark_a_moves_the_table() -> None:
     program = SAMPLE.replace("PRECISIONOFFSET.0 = 0", "PRECISIONOFFSET.0 = -25.5")
     loaded = parse(program)
