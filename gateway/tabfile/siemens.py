@@ -54,8 +54,10 @@ _DATA: Final = re.compile(r"(?i)CHANDATA\s*\(\s*[0-9]{1,2}\s*\)")
 _END: Final = re.compile(r"(?i)M(17|0?2|30)")
 _ASSIGNMENT: Final = re.compile(
     r"(?i)\$AA_ENC_COMP(?P<key>_STEP|_MIN|_MAX|_IS_MODULO)?\s*\[\s*(?P<encoder>[0-9])\s*,"
-    r"\s*(?:(?P<index>[0-9]{1,6})\s*,)?\s*(?P<axis>[A-Z][A-Z0-9_]*)\s*\]\s*=\s*(?P<value>\S+)"
+    r"\s*(?:(?P<index>[0-9]{1,6})\s*,\s*)?(?P<axis>[A-Z][A-Z0-9_]*)\s*\]\s*=\s*(?P<value>\S+)"
 )
+_LETTER: Final = re.compile("[A-Z][0-9]{0,2}")
+"""Names of axes, such as X1, that tell the letter of the axis; AX1 does not."""
 _EXPONENT: Final = re.compile(r"(?i)(?<=[0-9.])EX(?=[+-]?[0-9])")
 _KEYS: Final = ("STEP", "MIN", "MAX", "IS_MODULO")
 _ALLOWED: Final = (
@@ -116,6 +118,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         units.value,
         _RULE,
         _RULE,
+        axis=name[1][0] if _LETTER.fullmatch(name[1]) else None,
         plausible=(0.0, _PLAUSIBLE[units]),
         decisions=(
             f"axis {name[1]}, measuring system {name[0]}",

@@ -162,6 +162,13 @@ def test_values_know_their_own_lines() -> None:
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nfwd(2) = 20.02", 4, "a statement with FWD"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nGOTO start", 1, "with GOTO"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nPCI.0 = 9", 4, "the short form"),
+        (
+            "PRECISIONINCREMENT.0 = 10",
+            "PRECISIONINCREMENT.0 = 10\nPRECISIONNODE.0 = 1",
+            4,
+            "almost PRECISIONMODE",
+        ),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nBACKLAS.0 = 0.01", 4, "almost BACKLASH"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nPRECISIONTABLE(0, fwd)", 4, "a second"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nDIM fwd(1) = 3", 4, "a second DIM"),
         (

@@ -186,6 +186,12 @@ def test_several_tables_need_a_name() -> None:
         parse(SAMPLE, file_axis="Y1")
 
 
+def test_letter_of_the_axis_is_compared() -> None:
+    assert "L10" in {lint.code for lint in parse(SAMPLE, axis="y").lints}
+    assert "L10" not in {lint.code for lint in parse(SAMPLE, axis="x").lints}
+    assert "L10" not in {lint.code for lint in parse(SAMPLE.replace("X1", "AX2"), axis="y").lints}
+
+
 def test_turn_that_closes_becomes_a_setting_of_the_axis() -> None:
     text = program([0.001, -0.002, 0.0, 0.002, 0.001], modulo=1) + "\nM17"
     loaded = parse(text, file_units=Units.DEGREE)
