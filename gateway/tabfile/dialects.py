@@ -22,6 +22,7 @@ from gateway.tabfile import (
     mint_writing,
     mitsubishi,
     renishaw_ren,
+    siemens,
 )
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
@@ -213,6 +214,16 @@ DIALECTS: Final = (
         heidenhain.write,
         uses=frozenset({"file_start", "file_axis", "error_sense"}),
         suffix=".com",
+    ),
+    Dialect(
+        siemens.NAME,
+        siemens.TITLE,
+        siemens.recognise,
+        siemens.read,
+        siemens.write,
+        uses=frozenset({"file_start", "file_axis"}),
+        units=UnitsOf.TOLD,
+        suffix=siemens.SUFFIX,
     ),
 )
 

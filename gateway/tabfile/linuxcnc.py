@@ -44,8 +44,8 @@ TITLE_1: Final = "LinuxCNC COMP_FILE type 1: nominal and both trims, which are a
 SUFFIX: Final = ".dat"
 MAX_POINTS: Final = 256
 """Of LinuxCNC; what is beyond it drops in silence."""
-MIN_STEP: Final = 1e-3
-DECIMALS: Final = 8
+MIN_STEP: Final = 1e-6
+DECIMALS: Final = 12
 MAX_PROBLEMS: Final = 20
 _PLAUSIBLE_TRIM: Final = {Units.INCH: 0.1, Units.MM: 0.5, Units.DEGREE: 0.5}
 _LIKE_POSITIONS: Final = 0.5
@@ -210,14 +210,16 @@ def _write(name: str, table: CorrectionTable, options: WriteOptions) -> Written:
     """Write the table on its own points; ``options`` say nothing that such a file could hold.
 
     Raises:
-        TabFileError: more than 256 points, or points closer than 0.001 units.
+        TabFileError: more than 256 points, or points closer than 0.000001 units.
     """
     del options
     if len(table.positions) > MAX_POINTS:
         raise unwritable(name, f"{len(table.positions)} points", f"at most {MAX_POINTS}: LinuxCNC drops more")
     step = min(after - before for before, after in itertools.pairwise(table.positions))
     if step < MIN_STEP:
-        raise unwritable(name, f"points {step:g} apart", f"at least {MIN_STEP:g}: numbers have 8 decimals")
+        raise unwritable(
+            name, f"points {step:g} apart", f"at least {MIN_STEP:g}: numbers have {DECIMALS} decimals"
+        )
     lines = []
     for x, forward, backward in zip(table.positions, table.forward, table.backward, strict=True):
         nominal = round(x, DECIMALS)
@@ -232,7 +234,7 @@ def _write(name: str, table: CorrectionTable, options: WriteOptions) -> Written:
 
 
 def _number(value: float) -> str:
-    return f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}"
+    return f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".")
 
 
 write_type_0: Final = partial(_write, NAME_0)

@@ -16,7 +16,6 @@ user units, so they are told. Outside its table Mint adds nothing. BACKLASH is a
 table; with a positive one Mint adds it while moving forward, with a negative one while moving back.
 """
 
-import itertools
 import re
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -38,8 +37,11 @@ NAME: Final = "mint"
 TITLE: Final = "Baldor and ABB Mint programs: PRECISIONTABLE, absolute positions of the nut"
 SUFFIX: Final = ".mnt"
 MAX_PROBLEMS: Final = 20
-SAME_PLACE: Final = 1e-9
-"""Points of both directions that lie closer than this, in units, are one point."""
+SAME_PLACE: Final = 1e-6
+"""Points of both directions that lie closer than this, in units, are one point: at a slope of 1 % that costs
+a hundredth of it, and slopes over shorter distances would be noise."""
+NOTHING: Final = 1e-9
+"""Corrections below this, in units, are 0."""
 SAME_START: Final = 1e-6
 _SIGN: Final = re.compile(
     r"(?i)\bPRECISION(TABLE|MODE|INCREMENT|OFFSET)\b|^DIM\s+\w+\s*\(\s*[0-9]+\s*\)\s*(AS\s+FLOAT\s*)?="
@@ -235,18 +237,22 @@ def _rows(screw: _Screw, start: float) -> tuple[SourceRow, ...]:
     """Return the points of both directions, in order of position."""
     rows: list[SourceRow] = []
     lines = [{knot.place: knot.line for knot in knots} for knots in (screw.forward, screw.backward)]
-    places = sorted({knot.place for knot in (*screw.forward, *screw.backward)})
-    for place in _apart(places):
+    for places in _together(sorted({knot.place for knot in (*screw.forward, *screw.backward)})):
+        place = places[0]
         forward, backward = _at(screw.forward, place), _at(screw.backward, place)
-        numbers = [branch.get(place) for branch in lines]
+        numbers = [next((line for at in places if (line := branch.get(at))), None) for branch in lines]
         rows.append(SourceRow(start + place, forward, backward, place, place, numbers[0], numbers[1]))
     return tuple(rows)
 
 
-def _apart(places: Sequence[float]) -> list[float]:
-    kept = [places[0]]
-    kept.extend(after for before, after in itertools.pairwise(places) if after - before > SAME_PLACE)
-    return kept
+def _together(places: Sequence[float]) -> list[list[float]]:
+    """Put what is one place into one group."""
+    groups = [[places[0]]]
+    for place in places[1:]:
+        if place - groups[-1][0] > SAME_PLACE:
+            groups.append([])
+        groups[-1].append(place)
+    return groups
 
 
 def _at(knots: Sequence[_Knot], place: float) -> float:
@@ -262,7 +268,7 @@ def _at(knots: Sequence[_Knot], place: float) -> float:
 def _outside(rows: Sequence[SourceRow], units: Units) -> tuple[tuple[str, ...], str]:
     """Say what to do outside: as Mint does where that makes no step."""
     step = max(abs(correction) for row in (rows[0], rows[-1]) for correction in (row.forward, row.backward))
-    if step <= SAME_PLACE:
+    if step <= NOTHING:
         return ('outside = "zero"',), "both ends are 0: outside, Mint adds nothing"
     return (), (
         f"outside, Mint adds nothing: the axis would jump by {step:.6g} {units.value} at the end of the "

@@ -20,6 +20,7 @@ is not the number of its values.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from typing import Final
 
 from gateway.tabfile.fields import to_integer
@@ -40,6 +41,11 @@ _ALIASES: Final = {"PCO": OFFSET, "BLM": BACKLASH_MODE}
 _KEYWORDS: Final = frozenset((TABLE, *_SETTINGS, *_ALIASES))
 _ABBREVIATION: Final = re.compile("(PC|BL)[A-Z]{0,2}")
 _OPENERS: Final = frozenset(("IF", "FOR", "WHILE", "REPEAT", "SELECT", "LOOP", "DO", "EVENT"))
+_LONGEST: Final = 20
+_CLOSE: Final = 0.87
+"""Words as similar to a keyword as this (one letter off) are taken for slips of it."""
+_MARKS: Final = ("#", "?")
+"""A label and a short PRINT begin with these, all other statements with a word."""
 _CLOSERS: Final = frozenset(("ENDIF", "NEXT", "ENDW", "WEND", "ENDL", "UNTIL", "ENDSELECT"))
 
 
@@ -116,6 +122,12 @@ def _used_arrays(source: SourceText, statements: Sequence[Statement]) -> set[str
 def _check_other(source: SourceText, statement: Statement, used: set[str]) -> None:
     """Refuse what could touch a table in a way that is not of the grammar."""
     first, line = statement[0].text.upper(), statement[0].line
+    if not WORD.fullmatch(first) and first not in _MARKS:
+        found = f"a statement that begins with {shown(first)}"
+        raise source.error(found, "a word: is the line above it, or before ':', whole?", line=line)
+    meant = get_close_matches(first, _KEYWORDS, n=1, cutoff=_CLOSE) if len(first) <= _LONGEST else []
+    if meant:
+        raise source.error(f"{shown(first)}, which is almost {meant[0]}", f"{meant[0]}", line=line)
     mentioned = sorted(words_of(statement) & (used | _KEYWORDS))
     if mentioned:
         raise source.error(

@@ -44,8 +44,7 @@ def statements_of(source: SourceText) -> Iterator[Statement]:
         for index, token in enumerate(tokens):
             if token.text == "'" or (token.text.upper() == "REM" and not statement):
                 break
-            rest = tokens[index + 1 :]
-            if token.text in {"_", "\\"} and (not rest or rest[0].text == "'"):
+            if token.text in {"_", "\\"} and (index + 1 == len(tokens) or tokens[index + 1].text == "'"):
                 goes_on = True
                 break
             if token.text != ":":

@@ -24,8 +24,8 @@ DECIMALS: Final = 8
 _NOTHING: Final = 1e-9
 _FIT_MM: Final = 1e-6
 """Points that are not evenly spaced are only written where an increment fits them as well as this."""
-_RAMP: Final = 0.002
-"""Slope with which a first correction grows from 0 at mark A."""
+_RAMP: Final = 0.004
+"""Largest slope with which a first correction grows from 0 at mark A."""
 _PARTS: Final = (1, 2, 3, 4)
 
 
@@ -147,9 +147,11 @@ def _from_mark(table: CorrectionTable, increment: float) -> tuple[float, _Curve,
     largest = max(abs(table.forward[0]), abs(table.backward[0]))
     if largest <= _NOTHING:
         return (float(f"{table.first:.12g}"), *_curves(table))
-    count = 1 + ceil(largest / (_RAMP * increment))
+    # It has grown up when the motor may still be below the table.
+    ready = 2 * largest
+    count = ceil((ready + largest / _RAMP) / increment)
     start = float(f"{table.first - count * increment:.12g}")
-    before = [start, table.first - increment]
+    before = [start, table.first - ready]
     return (
         start,
         _curve([*before, *table.positions], [0.0, table.forward[0], *table.forward]),

@@ -215,8 +215,16 @@ def test_what_is_written_is_read_back(
     back = parse_table(written.text.encode(), "x.dat", replace(written.context)).table
     assert back.units is units
     assert list(back.positions) == positions
-    assert list(back.forward) == pytest.approx(forward, abs=1.1e-8)
-    assert list(back.backward) == pytest.approx(backward, abs=1.1e-8)
+    assert list(back.forward) == pytest.approx(forward, abs=1e-11)
+    assert list(back.backward) == pytest.approx(backward, abs=1e-11)
+
+
+def test_written_file() -> None:
+    table = make_table([-10, 0.5], [0.001, 0.0], [-0.0025, 0.0], Units.MM)
+    assert (
+        dialect_named("linuxcnc-0").write(table, WriteOptions()).text == "-10 -10.001 -9.9975\n0.5 0.5 0.5\n"
+    )
+    assert dialect_named("linuxcnc-1").write(table, WriteOptions()).text == "-10 0.001 -0.0025\n0.5 0 0\n"
 
 
 def test_writer_refuses_what_linuxcnc_would_drop() -> None:
@@ -226,4 +234,4 @@ def test_writer_refuses_what_linuxcnc_would_drop() -> None:
             make_table([float(x) for x in range(257)], zeros, zeros, Units.MM), WriteOptions()
         )
     with pytest.raises(TabFileError, match="apart"):
-        dialect_named("linuxcnc-1").write(make_table([0, 5e-4], [0, 0], [0, 0], Units.MM), WriteOptions())
+        dialect_named("linuxcnc-1").write(make_table([0, 5e-7], [0, 0], [0, 0], Units.MM), WriteOptions())

@@ -57,6 +57,13 @@ def test_corrections_by_hand(at: float, forward: float, backward: float) -> None
     assert explained.backward.correction == pytest.approx(backward, abs=1e-12)
 
 
+def test_points_of_both_directions_that_nearly_coincide_are_one() -> None:
+    loaded = parse(SAMPLE.replace("= 10.01,", "= 10.0200004,"))
+    assert [row[5:] for row in loaded.source.rows][:2] == [(None, None), (1, 2)]
+    assert loaded.table.positions[1] == 10.02
+    assert loaded.table.backward[1] == pytest.approx(-0.0200004, abs=1e-9)
+
+
 def test_mark_a_moves_the_table() -> None:
     program = SAMPLE.replace("PRECISIONOFFSET.0 = 0", "PRECISIONOFFSET.0 = -25.5")
     loaded = parse(program)
@@ -129,6 +136,7 @@ def test_values_know_their_own_lines() -> None:
         ("20.01", "a + 1", 1, "no expression"),
         ("20.01", "20 + .01", 1, "no expression"),
         ("20.01", "20.0.1", 1, "'20.0.1'"),
+        ("30.00", "30:00", 1, "a statement that begins with '00'"),
         ("20.01", "", 1, "decimal number"),
         ("DIM fwd(3) =", "DIM fwd(3)", 1, "allowed: ="),
         ("DIM fwd", "DIM rev", 2, "an array FWD that has no values"),
@@ -154,6 +162,13 @@ def test_values_know_their_own_lines() -> None:
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nfwd(2) = 20.02", 4, "a statement with FWD"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nGOTO start", 1, "with GOTO"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nPCI.0 = 9", 4, "the short form"),
+        (
+            "PRECISIONINCREMENT.0 = 10",
+            "PRECISIONINCREMENT.0 = 10\nPRECISIONNODE.0 = 1",
+            4,
+            "almost PRECISIONMODE",
+        ),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nBACKLAS.0 = 0.01", 4, "almost BACKLASH"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nPRECISIONTABLE(0, fwd)", 4, "a second"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nDIM fwd(1) = 3", 4, "a second DIM"),
         (

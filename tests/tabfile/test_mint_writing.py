@@ -102,13 +102,19 @@ def test_published_program_comes_back_as_it_was() -> None:
 def test_first_correction_grows_from_mark_a_below_the_table() -> None:
     table = make_table([0, 10, 20, 30], [0.03, 0.02, 0.03, 0.0], [0.01, 0.0, 0.01, -0.01], Units.MM)
     written = write(table)
-    # 0.03 at a slope of 0.002 takes 15 mm, two increments, and one more on which it stays
-    assert "PRECISIONOFFSET.0 = -30" in written.text
+    # 0.03 at a slope of 0.004 takes 7.5 mm, so one increment is enough
+    assert "PRECISIONOFFSET.0 = -10" in written.text
     assert any("grows up to 0" in loss for loss in written.losses)
     back = read_back(written)
     assert back.errors == ()
-    assert back.table.first == -30.0
-    assert explain(back, -5.0).forward.correction == pytest.approx(0.03, abs=1e-4)
+    assert back.table.first == -10.0
+    # the motor is at 0 when the nut is at -0.03; from -10 to there 0.03 grows in a line
+    assert explain(back, -5.0).forward.correction == pytest.approx(0.03 * 5 / 9.97, abs=1e-8)
+    assert explain(back, 0.0).forward.correction == pytest.approx(0.03, abs=3.1e-5)
+    # where an increment is too short for it, it takes several
+    steep = write(make_table([0, 0.5, 1], [0.03, 0.03, 0.03], [0.03, 0.03, 0.03], Units.MM))
+    assert "PRECISIONOFFSET.0 = -8" in steep.text
+    assert read_back(steep).errors == ()
     assert largest_difference(table, back.table, [0.0, 5.0, 10.0, 20.0, 30.0]) <= said(written) + 2e-8
 
 
@@ -139,8 +145,8 @@ def test_even_tables_come_back_within_what_was_said(
     places = [position + part * step for position in positions[:-1] for part in (0, 0.01, 0.5, 0.99)]
     difference = largest_difference(table, read_back(written).table, [*places, positions[-1]])
     assert difference <= said(written) * 1.01 + 3e-8
-    # bends are cut by no more than slope x correction, and both are small
-    assert said(written) <= 4 * table.max_slope() * table.max_correction() + 3e-8
+    # bends are cut by no more than slope x correction, and both are small; below the table the slope is 0.004
+    assert said(written) <= 4 * (table.max_slope() + 0.004) * table.max_correction() + 3e-8
 
 
 @given(
