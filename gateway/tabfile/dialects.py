@@ -224,6 +224,7 @@ DIALECTS: Final = (
         uses=frozenset({"file_start", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=siemens.SUFFIX,
+        directions=1,
     ),
 )
 

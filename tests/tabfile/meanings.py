@@ -137,6 +137,16 @@ def fagor(text: str) -> Meaning:
     return _two(Units.MM, rows, -1.0)
 
 
+def siemens(text: str) -> Meaning:
+    """Errors of the measuring system, of axis X1."""
+    text = "\n".join(re.sub(r"\s", "", line.split(";")[0]).upper() for line in _lines(text))
+    facts = dict(re.findall(r"^\$AA_ENC_COMP(\w*\[[^]]*\])=([^\n]*)$", text, re.MULTILINE))
+    low, step = (float(facts[f"_{name}[0,X1]"]) for name in ("MIN", "STEP"))
+    size = sum(name.startswith("[") for name in facts)
+    errors = [float(facts[f"[0,{index},X1]"].replace("EX", "E")) for index in range(size)]
+    return _both(Units.MM, [(low + index * step, -error) for index, error in enumerate(errors)])
+
+
 def heidenhain(text: str) -> Meaning:
     """NR, AXISPOS, forward, backward; errors are actual - commanded."""
     lines = [line for line in _lines(text) if line]

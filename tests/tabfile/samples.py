@@ -218,7 +218,7 @@ SAMPLES: Final = (
     Sample(
         "aerotech-cal",
         "x.cal",
-        shipped("aerotech/x.cal"),
+        shipped("aerotech/x.cal").replace(b"; points: 13\n", b""),  # as another program writes it
         _told(-300.0, 0.0, file_start=-300.0),
         meanings.aerotech,
         header=frozenset({3, 4}),
@@ -259,5 +259,17 @@ SAMPLES: Final = (
         table_options={"error_sense": "actual_minus_command"},
         # errors of 1.2 and 3.0 µm on the way down, of -2.1 on the way up
         moves=((1_000_000, 999_988), (0, -30), (1_000_000, 1_000_021)),
+    ),
+    Sample(
+        "siemens-eec",
+        "_N_AX_EEC_INI.ini",
+        shipped("siemens/_N_AX_EEC_INI.ini"),
+        _told(-200.0, -196.0),
+        meanings.siemens,
+        header=frozenset({8, 9, 10, 11}),
+        table_options={"file_units": "mm"},
+        counts_per_unit=100_000.0,
+        # errors of 6 and 10 µm, the same in both directions
+        moves=((-19_700_000, -19_700_600), (-19_900_000, -19_901_000), (-19_700_000, -19_700_600)),
     ),
 )

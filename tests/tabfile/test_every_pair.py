@@ -56,6 +56,7 @@ HOLDS: Final = {
     # twice 0.0001: the first negative error may have to differ from 0
     "fagor-8055": Holds(2e-4, 1e-4, is_even=False),
     "aerotech-cal": Holds(1e-6, 1e-6),
+    "siemens-eec": Holds(1e-8),
     "mint": Holds(2e-8, 2e-8, home="start", file_axis="0", slope_error=4.0),
     # the first negative error may have to differ from 0
     "heidenhain-com": Holds(2e-6, 1e-6, is_even=False),
