@@ -1,6 +1,6 @@
 """From the name of a table in the configuration to the table: the only place that reads table files."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Final
@@ -25,6 +25,10 @@ from gateway.tabfile import (
 
 COVERAGE_LINT: Final = "L8"
 """Reported here instead: only the configuration knows which policy holds outside the table."""
+
+
+LOST_MOTION_LINT: Final = "R8"
+"""Settled as soon as the axis has a backlash of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,21 +89,18 @@ def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, n
         remark = Problem(str(path), key_text(key), f"{lint.code} {lint.message}", "", lint.line)
         if lint.severity is Severity.ERROR:
             findings.refuse_elsewhere(key, remark)
+        elif lint.code == LOST_MOTION_LINT:
+            if axis.backlash is None:
+                findings.warnings.append(replace(remark, remedy=_backlash_of(loaded)))
         elif lint.code != COVERAGE_LINT:
             findings.warnings.append(remark)
-    _warn_of_lost_motion(findings, key, axis, loaded)
     return AxisTable(loaded.table.in_units(axis.units), loaded, path)
 
 
-def _warn_of_lost_motion(findings: Findings, key: KeyPath, axis: AxisSection, loaded: LoadedTable) -> None:
-    """Warn where the control of the file took up lost motion beside the table, and nobody does now."""
-    stated = [line for line in loaded.source.behaves_as if line.startswith("backlash")]
-    if stated and axis.backlash is None:
-        findings.warn(
-            key,
-            f"{Path(loaded.file).name} states lost motion that its control took up beside the table",
-            f"if nobody else takes it up now, add to the axis: {stated[0]}",
-        )
+def _backlash_of(loaded: LoadedTable) -> str:
+    """Return what to do about lost motion that a file states beside its table."""
+    lines = [line for line in loaded.source.behaves_as if line.startswith("backlash")]
+    return f"if nothing else takes it up now, add to the axis: {'; '.join(lines)}"
 
 
 def _numbered(readings: tuple[str, ...]) -> list[str]:

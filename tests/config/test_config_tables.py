@@ -290,3 +290,23 @@ def test_a_sense_that_nobody_told_is_asked_for_with_both_readings(tmp_path: Path
     assert "reading 1: actual_minus_command" in problem.found
     assert "reading 2: command_minus_actual" in problem.found
     assert "fagor_sense = 'actual_minus_command'" in problem.remedy
+
+
+MINT = """DIM fwd(2) = 149.99, 299.98
+PRECISIONTABLE(0, fwd)
+PRECISIONINCREMENT.0 = 150
+PRECISIONOFFSET.0 = -300
+BACKLASH.0 = -0.02
+"""
+
+
+def test_lost_motion_that_a_file_states_is_warned_of_unless_the_axis_has_a_backlash(tmp_path: Path) -> None:
+    told = (
+        edited(("cnc10x.tab", "x.mnt")) + '[axis.x.table_options]\nfile_units = "mm"\nfile_start = -300.0\n'
+    )
+    warnings = [w for w in loaded(tmp_path, told, {"x.mnt": MINT}).warnings if "R8" in w.found]
+    assert [warning.line for warning in warnings] == [5]
+    setting = 'backlash = { width = 0.02, kind = "homed-forward" }'
+    assert warnings[0].remedy == f"if nothing else takes it up now, add to the axis: {setting}"
+    settled = edited(("max_speed = 200.0", setting), text=told)
+    assert not [w for w in loaded(tmp_path, settled, {"x.mnt": MINT}).warnings if "R8" in w.found]
