@@ -28,6 +28,7 @@ from gateway.tabfile.csv_text import (
     MAX_PROBLEMS,
     CsvText,
     axis_letter,
+    check_sums,
     csv_file,
     first_row,
     parse_csv,
@@ -37,7 +38,6 @@ from gateway.tabfile.errors import TabFileError
 from gateway.tabfile.ranges import check_home, check_range, check_start, context_in_file_units
 from gateway.tabfile.readings import Reading
 from gateway.tabfile.strangers import stranger
-from gateway.tabfile.sums import check_points
 from gateway.tabfile.text import SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written
 
@@ -98,7 +98,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     header = _parse_header(source, csv)
     found = numbers(source, csv, csv.rows[1:])
     rows = _rows(source, csv, header, found)
-    check_points(source, csv.facts, len(rows))
+    check_sums(source, csv, len(rows))
     context = context_in_file_units(source, context, header.units)
     axis = axis_letter(source, csv, context)
     mirrored = tuple(row._replace(position=-row.position + 0.0) for row in reversed(rows))

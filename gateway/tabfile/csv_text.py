@@ -17,7 +17,7 @@ from typing import Final
 
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.errors import TabFileError
-from gateway.tabfile.sums import Facts, check_sum, stamped, stated_facts
+from gateway.tabfile.sums import Facts, check_points, check_sum, stamped, stated_facts
 from gateway.tabfile.text import Line, SourceText, shown
 
 SEPARATORS: Final = {",": "commas", ";": "semicolons", "\t": "tabs"}
@@ -39,6 +39,7 @@ class CsvText:
     separator: str
     rows: tuple[CsvRow, ...]
     facts: Facts
+    body: tuple[Line, ...]
 
 
 def first_row(source: SourceText) -> Line | None:
@@ -47,11 +48,11 @@ def first_row(source: SourceText) -> Line | None:
 
 
 def parse_csv(source: SourceText, separators: str, what: str) -> CsvText:
-    """Split a text into rows and check its sum; ``what`` names the first row that is expected.
+    """Split a text into rows; ``what`` names the first row that is expected.
 
     Raises:
-        TabFileError: no separator or several in the first row, a comment or a blank
-            line among the rows, a key stated twice, rows that do not have the sum that the file states.
+        TabFileError: no separator or several in the first row, a comment or a blank line among the rows, a
+            key stated twice.
     """
     first = first_row(source)
     assert first is not None, "a dialect recognises its files by their first row"
@@ -63,11 +64,20 @@ def parse_csv(source: SourceText, separators: str, what: str) -> CsvText:
         raise source.error(shown(first.text), f"{what}, with {names} between its cells", line=first.number)
     body = source.lines[start:]
     _check_lines(source, body)
-    check_sum(source, body, facts)
     rows = tuple(
         CsvRow(line.number, tuple(cell.strip() for cell in line.text.split(found[0]))) for line in body
     )
-    return CsvText(found[0], rows, facts)
+    return CsvText(found[0], rows, facts, body)
+
+
+def check_sums(source: SourceText, csv: CsvText, points: int) -> None:
+    """Check a file that reads well against the sums that it states.
+
+    Raises:
+        TabFileError: another number of points, or rows that were changed.
+    """
+    check_points(source, csv.facts, points)
+    check_sum(source, csv.body, csv.facts)
 
 
 def axis_letter(source: SourceText, csv: CsvText, context: FileContext) -> str | None:

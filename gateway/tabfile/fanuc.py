@@ -33,7 +33,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.csv_text import first_row
 from gateway.tabfile.decoded import Decoded
-from gateway.tabfile.increment_tables import Rows, decode, round_steps, written
+from gateway.tabfile.increment_tables import Meaning, Rows, decode, round_steps, written
 from gateway.tabfile.increments import Increments, Point, System, is_turn, parse_increments, sum_up
 from gateway.tabfile.ranges import told_units
 from gateway.tabfile.strangers import stranger
@@ -54,7 +54,11 @@ SYSTEM: Final = System(
     highest_limit=127,
     refused=dict.fromkeys(("3605", "3626", "3627"), _BIDIRECTIONAL),
 )
-RULE: Final = "values x magnification / file_counts_per_unit, summed up from the reference point: added"
+_MEANING: Final = Meaning(
+    1,
+    "values x magnification / file_counts_per_unit, summed up from the reference point: added",
+    ("assumed: a point is the section below it, its value a step upwards, on both sides of the reference",),
+)
 
 
 def recognise(source: SourceText) -> bool:
@@ -87,7 +91,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             line=file.reference_line,
         )
     sums = sum_up([(point.number - 1 - file.reference, point) for point in points])
-    return decode(source, context, file, sums, (1, RULE))
+    return decode(source, context, file, sums, _MEANING)
 
 
 def _without_the_double(source: SourceText, context: FileContext, file: Increments) -> tuple[Point, ...]:

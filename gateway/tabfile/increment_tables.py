@@ -27,14 +27,23 @@ HOLDS: Final = ('outside = "hold"',)
 """Beyond the last point no more steps follow, so the sum stays as it is."""
 
 
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What sums become: how many values make one count, the rule in words, what no source proves of it."""
+
+    values_per_count: int
+    rule: str
+    assumed: tuple[str, ...] = ()
+
+
 def decode(
     source: SourceText,
     context: FileContext,
     file: Increments,
     sums: Sequence[Sum],
-    per_count: tuple[int, str],
+    meaning: Meaning,
 ) -> Decoded:
-    """Make points of sums; ``per_count`` is how many values make one count, and the rule in words.
+    """Make points of sums.
 
     The reference point is 0 of the machine unless ``file_start`` says where the lowest point lies.
 
@@ -54,13 +63,12 @@ def decode(
         )
     _check_turn(source, units, file, sums)
     axis = axis_letter(source, file.csv, context)
-    values_per_count, rule = per_count
     start = context.file_start
     offset = 0.0 if start is None else start - sums[0].step * file.interval
     rows = tuple(
         SourceRow(
             total.step * file.interval + offset + 0.0,
-            *(total.total * file.magnification / (scale * values_per_count) + 0.0,) * 2,
+            *(total.total * file.magnification / (scale * meaning.values_per_count) + 0.0,) * 2,
             *(total.total,) * 2,
             *(total.line,) * 2,
         )
@@ -81,11 +89,11 @@ def decode(
         rows,
         units,
         context,
-        "values summed up from the reference point",
-        rule,
-        rule,
+        "values, summed",
+        meaning.rule,
+        meaning.rule,
         axis=axis,
-        decisions=(f"{place}, {told}",),
+        decisions=(f"{place}, {told}", *meaning.assumed),
         behaves_as=HOLDS,
     )
 

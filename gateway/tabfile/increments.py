@@ -20,10 +20,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.tabfile.csv_text import MAX_PROBLEMS, CsvRow, CsvText, parse_csv
+from gateway.tabfile.csv_text import MAX_PROBLEMS, CsvRow, CsvText, check_sums, parse_csv
 from gateway.tabfile.errors import TabFileError
 from gateway.tabfile.fields import INTEGER_ALLOWED, to_decimal, to_integer
-from gateway.tabfile.sums import check_points
 from gateway.tabfile.text import SourceText, shown
 
 LIMIT: Final = "limit"
@@ -112,7 +111,7 @@ def parse_increments(source: SourceText, system: System) -> Increments:
         low, start = -high, start + 1
     _check_header(source, rows, start, system)
     points = _points(source, rows[start + 1 :], (lowest, highest), (low, high))
-    check_points(source, csv.facts, len(points))
+    check_sums(source, csv, len(points))
     return Increments(reference, rows[0].number, magnification, interval, points, csv)
 
 

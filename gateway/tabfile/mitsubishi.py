@@ -27,7 +27,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.csv_text import first_row
 from gateway.tabfile.decoded import Decoded
-from gateway.tabfile.increment_tables import Rows, decode, round_steps, written
+from gateway.tabfile.increment_tables import Meaning, Rows, decode, round_steps, written
 from gateway.tabfile.increments import System, parse_increments, sum_up
 from gateway.tabfile.strangers import stranger
 from gateway.tabfile.text import SourceText
@@ -45,7 +45,10 @@ SYSTEM: Final = System(
     highest_limit=0,
     refused={"absolute": "the absolute system, whose values are not increments"},
 )
-RULE: Final = "values x magnification / 2 / file_counts_per_unit, summed up from the reference point: added"
+_MEANING: Final = Meaning(
+    VALUES_PER_COUNT,
+    "values x magnification / 2 / file_counts_per_unit, summed up from the reference point: added",
+)
 
 
 def recognise(source: SourceText) -> bool:
@@ -83,7 +86,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         for point in file.points
         if point is not home
     ]
-    return decode(source, context, file, sum_up(sections), (VALUES_PER_COUNT, RULE))
+    return decode(source, context, file, sum_up(sections), _MEANING)
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:

@@ -162,8 +162,11 @@ def test_two_decimal_marks_are_refused(rows: str, line: int, found: str) -> None
     ("old", "new", "line", "message"),
     [
         ("0.0107", "0.0108", 5, "changed since"),
-        ("position_mm", "position_inch", 5, "changed since"),
-        ("-125.5,0.0107,0.0044\n", "", 5, "changed since"),
+        ("position_mm", "position_inch", 6, "positions in inch with values in mm"),
+        ("-125.5,0.0107,0.0044\n", "", 10, "4 points"),
+        ("0.0107", "0.0107x", 9, "0.0107x"),
+        ("-125.5,0.0107,0.0044\n", "-125.5,0.0107,0.0044\n-100,0,0\n", 12, "6 points"),
+        ("forward_mm,backward_mm", "backward_mm,forward_mm", 5, "changed since"),
         ("# sha256: ", "# sha256: 0", 5, "64 digits"),
         ("# points: 5", "# points: 6", 11, "5 points"),
         ("# points: 5", "# points: five", 11, "5 points"),

@@ -64,6 +64,7 @@ def test_fanuc_manual_example_is_summed_up_from_the_reference_outward() -> None:
     assert explain(loaded, -225.0).forward.correction == pytest.approx(0.003, abs=1e-15)
     assert loaded.source.behaves_as == ('outside = "hold"',)
     assert "reference point 40 is 0 mm" in loaded.source.decisions[0]
+    assert loaded.source.decisions[1].startswith("assumed")
 
 
 def test_line_of_a_point_is_that_of_the_value_which_leads_there() -> None:
