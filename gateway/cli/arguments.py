@@ -17,5 +17,10 @@ Config = Annotated[
 ]
 TableFile = Annotated[
     Path,
-    typer.Argument(metavar="FILE", help="A .tab file of any dialect.", show_default=False, readable=False),
+    typer.Argument(
+        metavar="FILE",
+        help="A table file of any format (see 'table formats').",
+        show_default=False,
+        readable=False,
+    ),
 ]

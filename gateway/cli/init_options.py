@@ -32,7 +32,7 @@ Counts = Annotated[
     float | None, Option(help="Counts of the drive in one unit; negative where it counts down.")
 ]
 Travel = Annotated[tuple[float, float] | None, Option(help="Lowest and highest machine position.")]
-Table = Annotated[str | None, Option(help="Name of the .tab file in the tables folder.")]
+Table = Annotated[str | None, Option(help="Name of the table file in the tables folder.")]
 Referenced = Annotated[str | None, Option(help="absolute, drive-bit, homing or set-position.")]
 HomeApproach = Annotated[str, Option(help="none, forward or backward.")]
 Ask = Annotated[

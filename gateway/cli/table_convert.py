@@ -1,133 +1,223 @@
-"""``pitch-gateway table convert``: write a table in another dialect, checked by reading it back."""
+"""``pitch-gateway table convert``: a table in another format, and what that format cannot hold."""
 
-import os
-import secrets
-import stat
-from contextlib import suppress
+from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
 from gateway.cli import table_output as output
+from gateway.cli.arguments import TableFile
+from gateway.cli.table_options import AsJson, Target, Told, takes_file_options
+from gateway.cli.table_reading import inspect, problems, usage
+from gateway.cli.table_writing import Converted, converted, write
 from gateway.compensation.errors import TableError
+from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.files import kind_of
 from gateway.tabfile import (
+    OPTIONS,
     Dialect,
+    ErrorSense,
+    FileContext,
     LoadedTable,
     Problem,
     TabFileError,
+    UnitsOf,
+    V1Layout,
     WriteOptions,
-    Written,
     axis_of_name,
-    parse_table,
+    dialect_named,
 )
-from gateway.tabfile.readings import largest_difference
+from gateway.tabfile.context import MAX_SCALE, MIN_SCALE
+from gateway.tabfile.resampling import Resampled, resample
 
 
-def converted(
-    loaded: LoadedTable, target: Dialect, options: WriteOptions, units: Units | None
-) -> tuple[Written, float]:
-    """Return the text and the largest difference of its corrections when it is read back, in its units.
-
-    Raises:
-        TabFileError: the target cannot hold the table, or units of another kind were asked for.
-    """
-    try:
-        table = loaded.table.in_units(units or loaded.table.units)
-    except (ValueError, TableError) as error:
-        raise TabFileError(Problem(loaded.file, str(error), "--to-units of the same kind")) from error
-    written = target.write(table, options)
-    again = parse_table(written.text.encode(), f"a {target.name} file", written.context)
-    # Compared in the units of the file: its rows are scaled like its table.
-    factor = loaded.table.units.convert_factor(table.units)
-    rows = [
-        row._replace(
-            position=row.position * factor, forward=row.forward * factor, backward=row.backward * factor
-        )
-        for row in loaded.source.rows
-    ]
-    return written, largest_difference(rows, again.source.rows)[0]
-
-
-def write(out: Path, text: str, *, force: bool) -> None:
-    """Write the file; an existing one only with ``force``, and then in one step, with the mode it had.
-
-    A symbolic link is followed: the file that it names is written.
-
-    Raises:
-        TabFileError: a file of this name exists, it is no regular file, or the place cannot be written to.
-    """
-    try:
-        if force:
-            _replace(Path(os.path.realpath(out)), text.encode())
-        else:
-            _create(out, text.encode())
-    except FileExistsError:
-        raise TabFileError(Problem(str(out), "a file of this name", "a new name, or --force")) from None
-    except OSError as error:
-        raise TabFileError(Problem(str(out), error.strerror or str(error), "a place to write to")) from error
-
-
-def _create(out: Path, content: bytes) -> None:
-    with out.open("xb") as stream:
-        try:
-            stream.write(content)
-            stream.flush()
-        except OSError:
-            out.unlink(missing_ok=True)
-            raise
-
-
-def _replace(out: Path, content: bytes) -> None:
-    try:
-        existing = out.stat()
-    except FileNotFoundError:
-        existing = None
-    if existing is not None and not stat.S_ISREG(existing.st_mode):
-        raise TabFileError(Problem(str(out), kind_of(existing.st_mode), "a regular file, or a new name"))
-    beside = out.with_name(f".pitch-gateway-{secrets.token_hex(8)}")
-    try:
-        with beside.open("xb") as stream:
-            if existing is not None:
-                with suppress(PermissionError):  # only root gives files away
-                    os.fchown(stream.fileno(), existing.st_uid, existing.st_gid)
-                os.fchmod(stream.fileno(), stat.S_IMODE(existing.st_mode))
-            stream.write(content)
-        beside.replace(out)
-    finally:
-        beside.unlink(missing_ok=True)
-
-
-def report(
-    loaded: LoadedTable, out: Path, target: Dialect, result: tuple[Written, float], *, json: bool
+@takes_file_options
+def convert(
+    file: TableFile,
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
+    ],
+    *,
+    to: Target,
+    to_units: Annotated[Units | None, typer.Option(help="Units of OUT; default: those of FILE.")] = None,
+    to_axis: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LETTER", help="The axis that OUT is for; default: that of FILE or of a file name."
+        ),
+    ] = None,
+    to_file_axis: Annotated[
+        str | None, typer.Option(metavar="NAME", help="What OUT calls the axis, if its format names axes.")
+    ] = None,
+    to_counts_per_unit: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            help="Encoder counts per unit of the control that will read OUT, if its format holds counts.",
+        ),
+    ] = None,
+    to_v1_layout: Annotated[
+        V1Layout | None, typer.Option(help="Layout of a Centroid version 1 OUT; default: implicit.")
+    ] = None,
+    to_sense: Annotated[
+        ErrorSense | None, typer.Option(help="What OUT calls an error, if its format leaves that open.")
+    ] = None,
+    resample_step: Annotated[
+        float | None,
+        typer.Option(
+            "--resample",
+            metavar="STEP",
+            help="Write an even grid of this step (in units of OUT), and say how much that changes.",
+        ),
+    ] = None,
+    told: Told,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.")] = False,
+    json: AsJson = False,
 ) -> None:
-    """Print what was written, what it does not hold and what its reader must be told."""
-    written, difference = result
-    told = {
-        "file_counts_per_unit": written.context.file_counts_per_unit,
-        "v1_layout": written.context.v1_layout.value if written.context.v1_layout else None,
-        "file_start": written.context.file_start,
-    }
-    needed = {name: fact for name, fact in told.items() if fact is not None}
+    """Write a table in another format, and say what that format cannot hold.
+
+    What was written is read back and compared before OUT is touched. A format that knows even grids only
+    takes a free grid with --resample. Centroid version 1 takes the counts per unit from --to-counts-per-unit
+    or --file-counts-per-unit.
+
+    Examples:
+      pitch-gateway table convert CNC7Z.TAB cnc10z.tab --to centroid-3 --file-start -2.5 --axis z
+
+      pitch-gateway table convert cnc10z.tab CNC7Z.TAB --to centroid-1 --to-counts-per-unit 25400
+
+      pitch-gateway table convert x.csv cnc10x.tab --to centroid-3 --axis x --resample 10
+    """
+    target = dialect_named(to)
+    with usage(), problems():
+        loaded = inspect(file, told.context())
+        scale = _scale(to_counts_per_unit)
+        if scale is None and target.name == "centroid-1":
+            scale = told.file_counts_per_unit
+        table = _in_units(loaded, to_units)
+        even = None if resample_step is None else resample(table, resample_step, str(file))
+        letter = _letter(to_axis) or letter_for(loaded, told.axis, out)
+        options = WriteOptions(letter, scale, to_v1_layout, to_file_axis, to_sense)
+        result = converted(even.table if even else table, target, options)
+        write(out, result.written.text, force=force)
+    report = _Report(loaded, out, target, table.units, even, result)
     if json:
-        output.print_json(
-            {
-                "file": loaded.file,
-                "out": str(out),
-                "from": loaded.format,
-                "to": target.name,
-                "losses": list(written.losses),
-                "largest_difference": difference,
-                "read_with": needed,
-            }
-        )
-        return
-    typer.echo(f"{out}: {target.name}, from {loaded.file} ({loaded.format})")
-    output.print_lines(f"not in the file: {loss}" for loss in written.losses)
-    typer.echo(f"largest difference of a correction after reading it back: {difference:.3g}")
+        output.print_json(report.to_json())
+    else:
+        output.print_lines(report.lines())
+
+
+def _scale(told: float | None) -> float | None:
+    """Return the scale of OUT.
+
+    Raises:
+        BadParameter: 0, or of a size that no machine has.
+    """
+    if told is not None and not MIN_SCALE <= abs(told) <= MAX_SCALE:
+        rule = f"must be a number other than 0, its size from {MIN_SCALE:g} to {MAX_SCALE:g}"
+        raise typer.BadParameter(f"{told:g}: {rule}", param_hint="--to-counts-per-unit")
+    return told
+
+
+def _letter(told: str | None) -> str | None:
+    """Return the axis letter of OUT as told.
+
+    Raises:
+        ContextError: it is no letter.
+    """
+    return FileContext(axis=told).axis
 
 
 def letter_for(loaded: LoadedTable, axis: str | None, out: Path) -> str | None:
     """Return the axis letter for a file: told, in the source, or in one of the names."""
     return axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(Path(loaded.file).name)
+
+
+def _in_units(loaded: LoadedTable, units: Units | None) -> CorrectionTable:
+    try:
+        return loaded.table.in_units(units or loaded.table.units)
+    except (ValueError, TableError) as error:
+        raise TabFileError(Problem(loaded.file, str(error), "--to-units of the same kind")) from error
+
+
+@dataclass(frozen=True, slots=True)
+class _Report:
+    """What was written, what it does not hold and what its reader must be told."""
+
+    loaded: LoadedTable
+    out: Path
+    target: Dialect
+    units: Units
+    even: Resampled | None
+    result: Converted
+
+    def _losses(self) -> list[str]:
+        # What the control of FILE did by itself, and no table says.
+        backlash = [line for line in self.loaded.source.behaves_as if line.startswith("backlash")]
+        return [
+            *self.result.written.losses,
+            *(
+                f"the lost motion that {self.loaded.format} states beside the table: {line}"
+                for line in backlash
+            ),
+        ]
+
+    def _needed(self) -> dict[str, object]:
+        context = self.result.written.context
+        names = ["format", *OPTIONS]
+        if self.target.units is not UnitsOf.FILE:
+            names.append("file_units" if self.target.units is UnitsOf.TOLD else "units")
+        told = {name: getattr(context, name) for name in names}
+        return {
+            name: fact.value if isinstance(fact, Enum) else fact
+            for name, fact in told.items()
+            if fact is not None
+        }
+
+    def to_json(self) -> dict[str, object]:
+        """Return it as plain data; lengths are in the units of OUT."""
+        even = self.even
+        return {
+            "file": self.loaded.file,
+            "out": str(self.out),
+            "from": self.loaded.format,
+            "to": self.target.name,
+            "losses": self._losses(),
+            "resampled": None
+            if even is None
+            else {
+                "points": len(even.table.positions),
+                "largest_difference": even.difference,
+                "at": even.at,
+            },
+            "largest_difference": self.result.difference,
+            "largest_difference_at": self.result.at,
+            "units": self.units.value,
+            "read_with": self._needed(),
+            "usual_suffix": self.target.suffix,
+        }
+
+    def lines(self) -> list[str]:
+        """Return it as lines for a person."""
+        lines = [f"{self.out}: {self.target.name}, from {self.loaded.file} ({self.loaded.format})"]
+        if self.even is not None:
+            size = len(self.even.table.positions)
+            lines.append(
+                f"on an even grid of {size} points: corrections change by at most "
+                f"{self.even.difference:.3g} {self.units.value} (at {self.even.at:g})"
+            )
+        lines += [f"not in the file: {loss}" for loss in self._losses()]
+        if self._needed():
+            options = " ".join(
+                f"--{'units' if name == 'file_units' else name.replace('_', '-')} {fact}"
+                for name, fact in sorted(self._needed().items())
+            )
+            lines.append(f"to be told when it is read: {options}")
+        if self.target.suffix and self.out.suffix.lower() != self.target.suffix.lower():
+            lines.append(f"files of {self.target.name} are usually called *{self.target.suffix}")
+        lines.append(
+            f"largest difference of a correction after reading it back: {self.result.difference:.3g} "
+            f"{self.units.value} (at {self.result.at:g})"
+        )
+        return lines

@@ -50,6 +50,7 @@ def summary(loaded: LoadedTable) -> dict[str, object]:
         "forward_rule": loaded.source.forward_rule,
         "backward_rule": loaded.source.backward_rule,
         "decisions": list(loaded.source.decisions),
+        "behaves_as": list(loaded.source.behaves_as),
         "lints": [lint.to_json() for lint in loaded.lints],
     }
 
@@ -62,7 +63,7 @@ def row_json(row: SourceRow) -> dict[str, object]:
 def show_text(loaded: LoadedTable, limit: int) -> None:
     """Print a table for a person; of its points the first ``limit``, 0 for all."""
     for key, item in summary(loaded).items():
-        if key not in ("lints", "decisions") and item is not None:
+        if key not in ("lints", "decisions", "behaves_as") and item is not None:
             typer.echo(f"{key:15} {_plain(item)}")
     unit, file_unit = loaded.table.units.value, loaded.source.value_unit
     rows = loaded.source.rows[:limit] if limit else loaded.source.rows
@@ -103,8 +104,9 @@ def explain_text(loaded: LoadedTable, explanation: Explanation) -> None:
 
 
 def print_remarks(loaded: LoadedTable) -> None:
-    """Print how open questions were settled, and every lint."""
+    """Print how open questions were settled, what the control did besides the table, and every lint."""
     print_lines(f"decided: {decision}" for decision in loaded.source.decisions)
+    print_lines(f"to do as its control did, for the axis: {line}" for line in loaded.source.behaves_as)
     print_lines(finding_line(loaded.file, lint) for lint in loaded.lints)
 
 

@@ -100,6 +100,7 @@ class TableOptions(StrictModel):
     file_axis: str | None = Field(default=None, description="name of the axis in a file of several")
     fagor_sense: ByName[ErrorSense] | None = Field(default=None, description="how the error was meant")
     isg_sense: ByName[ErrorSense] | None = Field(default=None, description="how the error was meant")
+    error_sense: ByName[ErrorSense] | None = Field(default=None, description="how the error was meant")
 
 
 class AxisSection(StrictModel):

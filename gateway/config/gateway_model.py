@@ -16,7 +16,7 @@ class GatewaySection(StrictModel):
 
     name: Name = Field(default="gateway", description="name of this gateway in status and messages")
     tables: Folder = Field(
-        default="tables", description="folder with the .tab files, relative to the configuration file"
+        default="tables", description="folder with the table files, relative to the configuration file"
     )
     state: Folder = Field(
         default=DEFAULT_STATE,

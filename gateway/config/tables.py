@@ -1,6 +1,6 @@
 """From the name of a table in the configuration to the table: the only place that reads table files."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Final
@@ -12,6 +12,7 @@ from gateway.config.problems import Problem, key_text
 from gateway.config.settings_of import settings_of
 from gateway.config.toml_lines import KeyPath
 from gateway.tabfile import (
+    DIALECTS,
     FileContext,
     FoundTable,
     LoadedTable,
@@ -24,6 +25,10 @@ from gateway.tabfile import (
 
 COVERAGE_LINT: Final = "L8"
 """Reported here instead: only the configuration knows which policy holds outside the table."""
+
+
+LOST_MOTION_LINT: Final = "R8"
+"""Settled as soon as the axis has a backlash of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +69,8 @@ def _near(folder: Path, name: str) -> str:
     near = get_close_matches(name.lower(), names, n=3, cutoff=0.5)
     if near:
         return f"did you mean {' or '.join(names[n] for n in near)}?"
-    tables = sorted(shown for low, shown in names.items() if low.endswith(".tab"))
+    suffixes = {dialect.suffix.lower() for dialect in DIALECTS}
+    tables = sorted(shown for low, shown in names.items() if Path(low).suffix in suffixes)
     return f"it holds {', '.join(tables[:10])}" if tables else "put the table file there"
 
 
@@ -83,9 +89,18 @@ def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, n
         remark = Problem(str(path), key_text(key), f"{lint.code} {lint.message}", "", lint.line)
         if lint.severity is Severity.ERROR:
             findings.refuse_elsewhere(key, remark)
+        elif lint.code == LOST_MOTION_LINT:
+            if axis.backlash is None:
+                findings.warnings.append(replace(remark, remedy=_backlash_of(loaded)))
         elif lint.code != COVERAGE_LINT:
             findings.warnings.append(remark)
     return AxisTable(loaded.table.in_units(axis.units), loaded, path)
+
+
+def _backlash_of(loaded: LoadedTable) -> str:
+    """Return what to do about lost motion that a file states beside its table."""
+    lines = [line for line in loaded.source.behaves_as if line.startswith("backlash")]
+    return f"if nothing else takes it up now, add to the axis: {'; '.join(lines)}"
 
 
 def _numbered(readings: tuple[str, ...]) -> list[str]:
@@ -108,6 +123,7 @@ def context_of(axis: AxisSection, name: str) -> FileContext:
         file_axis=options.file_axis,
         fagor_sense=options.fagor_sense,
         isg_sense=options.isg_sense,
+        error_sense=options.error_sense,
         counts_per_unit=axis.counts_per_unit,
         max_correction=settings_of(axis).max_correction,
         max_slope=axis.max_slope,

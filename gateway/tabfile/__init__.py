@@ -6,7 +6,7 @@ commanded position. A reader infers only what the file proves; the rest it is to
 
 from gateway.tabfile.context import ErrorSense, FileContext, HomeSide, V1Layout
 from gateway.tabfile.decoded import Decoded, LoadedTable, SourceRow
-from gateway.tabfile.dialects import DIALECTS, Dialect, UnitsOf, dialect_named
+from gateway.tabfile.dialects import DIALECTS, OPTIONS, Dialect, UnitsOf, dialect_named
 from gateway.tabfile.errors import ContextError, Problem, TabFileError
 from gateway.tabfile.explanation import Explanation, explain
 from gateway.tabfile.findings import Lint, Severity
@@ -16,6 +16,7 @@ from gateway.tabfile.writing import WriteOptions, Written
 
 __all__ = [
     "DIALECTS",
+    "OPTIONS",
     "ContextError",
     "Decoded",
     "Dialect",

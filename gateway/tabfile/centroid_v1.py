@@ -13,9 +13,10 @@ with the right sign, and Dir Rev is never needed again. One value serves both di
 in the file.
 
 The two sources lay the points out differently. "listed": N points, the first is home (CNC Services).
-"implicit": N intervals, home is not listed and has no correction (TB058). A first value that is not 0 proves
-the second, because home is the zero of the measurement; else the layout whose interval is a round length is
-proven if the other's is not. Where neither is proven, the file is refused.
+"implicit": N intervals, home is not listed and has no correction (TB058). A first value that is not 0 speaks
+for the second, because home is the zero of the measurement; else the layout whose interval is a round length
+is proven if the other's is not. Where neither is proven, or where the first value speaks for one layout and
+the round length for the other, the file is refused.
 """
 
 from dataclasses import dataclass, replace
@@ -163,10 +164,6 @@ def _decide_layout(
         if context.v1_layout is V1Layout.LISTED and size == 1:
             raise source.error("one value, told v1_layout listed", "at least 2 values, or v1_layout implicit")
         return context.v1_layout, f"layout {context.v1_layout.value}: told by v1_layout"
-    if counts.values[0] != 0:
-        return V1Layout.IMPLICIT, (
-            f"layout implicit: the first value is {counts.values[0]}, and home itself has no correction"
-        )
     if size == 1:
         return V1Layout.IMPLICIT, "layout implicit: one value makes no interval unless home stands beside it"
     length = abs(counts.total / scale)
@@ -174,6 +171,19 @@ def _decide_layout(
     listed_round = _is_round(length, size - 1, tolerance, units)
     implicit_round = _is_round(length, size, tolerance, units)
     listed_step, implicit_step = (f"{length / n:.6g} {units.value}" for n in (size - 1, size))
+    readings = [Reading(f"v1_layout {w.value}", _rows(counts, scale, w), units) for w in V1Layout]
+    if counts.values[0] != 0:
+        if listed_round and not implicit_round:
+            raise source.error(
+                f"a first value of {counts.values[0]}, which home itself would not have, while only the "
+                f"interval with home listed is round ({listed_step}; without {implicit_step})",
+                "v1_layout = 'listed' or 'implicit', or 0 as the value of home",
+                line=counts.lines[0],
+                readings=describe_both(*readings),
+            )
+        return V1Layout.IMPLICIT, (
+            f"layout implicit: the first value is {counts.values[0]}, and home itself has no correction"
+        )
     if listed_round and not implicit_round:
         return (
             V1Layout.LISTED,
@@ -184,7 +194,6 @@ def _decide_layout(
             V1Layout.IMPLICIT,
             f"layout implicit: an interval of {implicit_step} is round, {listed_step} is not",
         )
-    readings = [Reading(f"v1_layout {w.value}", _rows(counts, scale, w), units) for w in V1Layout]
     raise source.error(
         f"a layout that nothing proves: intervals of {listed_step} (first value is home) and "
         f"{implicit_step} (home not listed) are {'both' if listed_round else 'neither'} round",

@@ -57,7 +57,8 @@ class FileContext:
     ``file_counts_per_unit`` belongs to the OLD control (encoder counts per revolution x revolutions per unit,
     negative where its Dir Rev was Y), ``counts_per_unit`` to the drive that is commanded now. ``format``
     names the dialect where the text fits several; ``file_units`` are those of a file that states none;
-    ``file_axis`` is what a file that holds several axes calls this one. With
+    ``file_axis`` is what a file that holds several axes calls this one; ``error_sense`` holds for every
+    format whose errors have no fixed sense, ``fagor_sense`` and ``isg_sense`` for one each. With
     ``same_units`` a file in other units than ``units`` is refused; otherwise lengths are converted.
 
     Raises:
@@ -81,6 +82,7 @@ class FileContext:
     file_axis: str | None = None
     fagor_sense: ErrorSense | None = None
     isg_sense: ErrorSense | None = None
+    error_sense: ErrorSense | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a file."""

@@ -34,7 +34,8 @@ class Decoded:
     ``plausible`` bounds the largest |value| of a sound file, in ``value_unit``. ``decisions`` tell how what
     the file leaves open was settled; ``remarks`` what was taken on trust. ``behaves_as`` holds settings of
     the axis, each a line of its configuration, that make the gateway do outside the table and at a reversal
-    what the control did that the file was made for.
+    what the control did that the file was made for. ``are_positions``: the values are places of the nut, not
+    corrections, so that their size says nothing about their unit.
     """
 
     rows: tuple[SourceRow, ...]
@@ -49,6 +50,7 @@ class Decoded:
     decisions: tuple[str, ...] = ()
     remarks: tuple[Lint, ...] = ()
     behaves_as: tuple[str, ...] = ()
+    are_positions: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,23 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import centroid_v1, centroid_v2, centroid_v3
+from gateway.tabfile import (
+    aerotech,
+    centroid_v1,
+    centroid_v2,
+    centroid_v3,
+    csv_table,
+    fagor,
+    fanuc,
+    heidenhain,
+    isg,
+    linuxcnc,
+    mint,
+    mint_writing,
+    mitsubishi,
+    renishaw_ren,
+    siemens,
+)
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
@@ -34,6 +50,7 @@ OPTIONS: Final = (
     "file_axis",
     "fagor_sense",
     "isg_sense",
+    "error_sense",
 )
 """What can be told about a file and has a meaning in some dialects only."""
 
@@ -53,6 +70,8 @@ class Dialect:
     units: UnitsOf = UnitsOf.FILE
     suffix: str = ".tab"
     """What files of this dialect are usually called."""
+    directions: int = 2
+    """1: its files hold one correction for both."""
     is_writable: bool = True
     """False where no system reads such files; :attr:`write` then says so."""
 
@@ -82,6 +101,130 @@ DIALECTS: Final = (
         centroid_v1.write,
         uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
+        directions=1,
+    ),
+    Dialect(
+        csv_table.NAME,
+        csv_table.TITLE,
+        csv_table.recognise,
+        csv_table.read,
+        csv_table.write,
+        uses=frozenset({"file_start", "file_home"}),
+        suffix=".csv",
+    ),
+    Dialect(
+        fanuc.NAME,
+        fanuc.TITLE,
+        fanuc.recognise,
+        fanuc.read,
+        fanuc.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
+        units=UnitsOf.TOLD,
+        suffix=".csv",
+        directions=1,
+    ),
+    Dialect(
+        mitsubishi.NAME,
+        mitsubishi.TITLE,
+        mitsubishi.recognise,
+        mitsubishi.read,
+        mitsubishi.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
+        units=UnitsOf.TOLD,
+        suffix=".csv",
+        directions=1,
+    ),
+    Dialect(
+        linuxcnc.NAME_0,
+        linuxcnc.TITLE_0,
+        linuxcnc.recognise,
+        linuxcnc.read_type_0,
+        linuxcnc.write_type_0,
+        uses=frozenset({"file_start"}),
+        units=UnitsOf.TOLD,
+        suffix=linuxcnc.SUFFIX,
+    ),
+    Dialect(
+        linuxcnc.NAME_1,
+        linuxcnc.TITLE_1,
+        linuxcnc.recognise,
+        linuxcnc.read_type_1,
+        linuxcnc.write_type_1,
+        uses=frozenset({"file_start"}),
+        units=UnitsOf.TOLD,
+        suffix=linuxcnc.SUFFIX,
+    ),
+    Dialect(
+        isg.NAME,
+        isg.TITLE,
+        isg.recognise,
+        isg.read,
+        isg.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "isg_sense", "error_sense"}),
+        units=UnitsOf.TOLD,
+        suffix=".lis",
+    ),
+    Dialect(
+        fagor.NAME,
+        fagor.TITLE,
+        fagor.recognise,
+        fagor.read,
+        fagor.write,
+        uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
+        units=UnitsOf.TOLD,
+        suffix="",
+    ),
+    Dialect(
+        aerotech.NAME,
+        aerotech.TITLE,
+        aerotech.recognise,
+        aerotech.read,
+        aerotech.write,
+        uses=frozenset({"file_start", "file_home", "file_axis"}),
+        units=UnitsOf.TOLD,
+        suffix=".cal",
+        directions=1,
+    ),
+    Dialect(
+        renishaw_ren.NAME,
+        renishaw_ren.TITLE,
+        renishaw_ren.recognise,
+        renishaw_ren.read,
+        renishaw_ren.write,
+        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
+        units=UnitsOf.TOLD,
+        suffix=".ren",
+        is_writable=False,
+    ),
+    Dialect(
+        mint.NAME,
+        mint.TITLE,
+        mint.recognise,
+        mint.read,
+        mint_writing.write,
+        uses=frozenset({"file_start", "file_axis"}),
+        units=UnitsOf.TOLD,
+        suffix=mint.SUFFIX,
+    ),
+    Dialect(
+        heidenhain.NAME,
+        heidenhain.TITLE,
+        heidenhain.recognise,
+        heidenhain.read,
+        heidenhain.write,
+        uses=frozenset({"file_start", "file_axis", "error_sense"}),
+        suffix=".com",
+    ),
+    Dialect(
+        siemens.NAME,
+        siemens.TITLE,
+        siemens.recognise,
+        siemens.read,
+        siemens.write,
+        uses=frozenset({"file_start", "file_axis"}),
+        units=UnitsOf.TOLD,
+        suffix=siemens.SUFFIX,
+        directions=1,
     ),
 )
 
@@ -132,5 +275,5 @@ def dialect_named(name: str) -> Dialect:
         if dialect.name == name:
             return dialect
     raise TabFileError(
-        Problem("dialect", repr(name), ", ".join(sorted(dialect.name for dialect in DIALECTS)))
+        Problem("a table file", f"format {name!r}", ", ".join(sorted(dialect.name for dialect in DIALECTS)))
     )

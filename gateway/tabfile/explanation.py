@@ -100,6 +100,7 @@ def to_json(loaded: LoadedTable, explanation: Explanation) -> dict[str, object]:
         "forward": _direction_json(explanation.forward, is_forward=True),
         "backward": _direction_json(explanation.backward, is_forward=False),
         "decisions": list(loaded.source.decisions),
+        "behaves_as": list(loaded.source.behaves_as),
         "lints": [lint.to_json() for lint in loaded.lints],
     }
 

@@ -1,8 +1,10 @@
 """Signs of a mistake in a table that reads well. Every code keeps its meaning for ever.
 
 L1 slope, L2 columns swapped, L3 second list reversed, L4 unit slip, L5 home, L6 outlier, L7 below resolution,
-L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size. Readers add
-R1 separator missing, R2 start inferred, R3 option without meaning.
+L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size, L13 hole in
+an even grid, L14 points beyond the travel. Readers add R1 separator missing, R2 start inferred, R3 option
+without meaning, R4 another compensation beside it, R7 points that LinuxCNC would not reach, R8 lost
+motion beside it, R9 the sign of Mint's offset, R10 compensation left off.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -28,6 +30,11 @@ OUTLIER_FLOOR_MM: Final = 0.001
 """Bends below a micron are the rounding of the file, not outliers."""
 UNCOVERED: Final = 1e-5
 """A stretch below this fraction of the travel is the rounding of a length in counts."""
+EVEN_SHARE: Final = 0.6
+"""A grid is meant to be even if at least this share of its distances is one step."""
+STEP_TOLERANCE: Final = 1e-3
+"""Distances within this fraction of each other are one step: positions are rounded in some files."""
+SHOWN_HOLES: Final = 3
 NOISE: Final = 1e-9
 """Rounding of sums, relative to the largest correction."""
 
@@ -114,6 +121,8 @@ def _roughness(forward: Sequence[float], backward: Sequence[float]) -> float:
 
 
 def _unit_slip(subject: _Subject) -> Iterator[Lint]:
+    if subject.source.are_positions:
+        return
     values = [
         (value, line)
         for row in subject.rows
@@ -217,11 +226,15 @@ def _empty_column(subject: _Subject) -> Iterator[Lint]:
     empty = [branch for branch in BRANCHES if not any(corrections(subject.rows, branch))]
     if len(empty) == len(BRANCHES):
         yield _warning("L9", "all corrections are 0: the table does nothing; fill it or remove it")
-    elif empty:
+    elif empty == ["backward"]:
         yield _warning(
             "L9",
-            f"all {empty[0]} corrections are 0: on some controls (Fagor) this means 'as the other "
+            "all backward corrections are 0: on some controls (Fagor) this means 'as the other "
             "direction', here it means none; copy the other column if that is meant",
+        )
+    elif empty:
+        yield _warning(
+            "L9", "all forward corrections are 0: was this direction measured? Fill the column if it was"
         )
 
 
@@ -243,6 +256,43 @@ def _axis(subject: _Subject) -> Iterator[Lint]:
             )
 
 
+def _hole(subject: _Subject) -> Iterator[Lint]:
+    """Where most points lie one step apart, one that does not is where a line was lost or mistyped."""
+    distances = [after.position - before.position for before, after in pairwise(subject.rows)]
+    step = median(distances)
+    uneven = [index for index, width in enumerate(distances) if abs(width - step) > STEP_TOLERANCE * step]
+    if len(distances) - len(uneven) < max(2, EVEN_SHARE * len(distances)):
+        return
+    for index in uneven[:SHOWN_HOLES]:
+        before, after = subject.rows[index : index + 2]
+        yield _warning(
+            "L13",
+            f"points at {before.position:.8g} and {after.position:.8g} {subject.unit} lie "
+            f"{distances[index]:.6g} apart, most others {step:.6g}: a line lost, a position mistyped?",
+            after.forward_line or after.backward_line,
+        )
+
+
+def _beyond(subject: _Subject) -> Iterator[Lint]:
+    """Whole segments outside the travel: a doubled line moves the points behind it."""
+    travel = subject.source.context.travel
+    if travel is None:
+        return
+    rows, (low, high) = subject.rows, travel
+    slack = UNCOVERED * (high - low)
+    for row, inner, is_beyond in (
+        (rows[0], rows[1], rows[1].position <= low + slack),
+        (rows[-1], rows[-2], rows[-2].position >= high - slack),
+    ):
+        if is_beyond:
+            yield _warning(
+                "L14",
+                f"points at {row.position:.8g} and {inner.position:.8g} {subject.unit} lie at the end of "
+                f"travel {low:g} to {high:g} or beyond, where the axis never gets: a line too many?",
+                row.forward_line or row.backward_line,
+            )
+
+
 _CHECKS: Final[Sequence[Callable[[_Subject], Iterator[Lint]]]] = (
     _slope,
     _swapped,
@@ -255,4 +305,6 @@ _CHECKS: Final[Sequence[Callable[[_Subject], Iterator[Lint]]]] = (
     _empty_column,
     _axis,
     _size,
+    _hole,
+    _beyond,
 )

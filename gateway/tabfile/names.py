@@ -2,7 +2,8 @@
 
 Software of the old controls: ``CNC7?.TAB`` (CNC7, MS-DOS), ``cnc10?.tab`` (CNC10, Linux), ``cnc-?.tab``
 (CNC11 and CNC12, Windows); ``?`` is the letter of the axis. A name says nothing about the dialect inside.
-Turning compensation off renamed the file to ``.bak``.
+Turning compensation off renamed the file to ``.bak``. Files of other systems have other suffixes; each is
+switched off in the same way, by ``.bak`` in place of its suffix or behind it.
 """
 
 import re
@@ -64,9 +65,10 @@ def find_table(folder: Path, name: str) -> FoundTable:
     matches = _matches(folder, wanted)
     if matches:
         return FoundTable(TableState.PRESENT, matches)
-    switched_off = _matches(folder, str(Path(wanted).with_suffix(OFF_SUFFIX)))
-    if switched_off:
-        return FoundTable(TableState.OFF, switched_off)
+    for backup in (str(Path(wanted).with_suffix(OFF_SUFFIX)), wanted + OFF_SUFFIX):
+        switched_off = _matches(folder, backup)
+        if switched_off:
+            return FoundTable(TableState.OFF, switched_off)
     return FoundTable(TableState.MISSING, folder / name)
 
 

@@ -69,7 +69,7 @@ def decode(data: bytes, name: str) -> SourceText:
         TabFileError: the file is empty, binary, UTF-16, longer than 16 MiB or 500 000 lines, or goes on after
             its Ctrl-Z.
     """
-    allowed = "the plain text of a .tab file"
+    allowed = "the plain text of a table"
     if len(data) > MAX_BYTES:
         raise TabFileError(Problem(name, f"{len(data)} bytes", f"at most {MAX_BYTES} bytes"))
     if data.startswith(_UTF16_MARKS):
@@ -109,7 +109,7 @@ def _check_control(lines: Iterable[Line], name: str) -> None:
         control = _CONTROL.search(line.text)
         if control:
             found = f"control character 0x{ord(control.group()):02X}: the file is binary"
-            raise TabFileError(Problem(name, found, "the plain text of a .tab file", line.number))
+            raise TabFileError(Problem(name, found, "the plain text of a table", line.number))
 
 
 def shown(text: str) -> str:

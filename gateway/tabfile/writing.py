@@ -54,7 +54,11 @@ def even_step(table: CorrectionTable, dialect: str) -> float:
     step = (table.last - table.first) / (len(table.positions) - 1)
     for index, position in enumerate(table.positions):
         if abs(position - (table.first + index * step)) > EVEN_TOLERANCE * step / 2:
-            raise unwritable(dialect, f"points that are not evenly spaced (at {position:g})", "an even grid")
+            raise unwritable(
+                dialect,
+                f"points that are not evenly spaced (at {position:g})",
+                "an even grid: --resample STEP",
+            )
     return step
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
+from gateway.tabfile import DIALECTS
 from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, line_of, loaded, only, refused, written
 
 STREAM = edited(("max_speed = 200.0", 'setpoints = "stream"\nmax_speed = 200.0'))
@@ -37,6 +38,14 @@ def test_a_missing_table_gets_a_suggestion(tmp_path: Path) -> None:
     assert problem.line == line_of(text, "cnc10v.tab")
     assert problem.found == f"there is no cnc10v.tab in {tmp_path / 'tables'}"
     assert problem.remedy == "did you mean cnc10x.tab?"
+
+
+def test_a_missing_table_that_is_like_none_gets_the_tables_of_every_format(tmp_path: Path) -> None:
+    names = {dialect.suffix for dialect in DIALECTS} | {".txt"}
+    tables = {f"{number}{suffix.upper()}": TWO_WAYS for number, suffix in enumerate(sorted(names))}
+    problem = only(refused(tmp_path, edited(("cnc10x.tab", "xyz")), tables), "axis.x.table")
+    held = [name for name in sorted(tables) if not name.endswith(".TXT")]
+    assert problem.remedy == f"it holds {', '.join(held[:10])}"
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
@@ -258,3 +267,46 @@ def test_a_blend_that_would_turn_the_axis_round_is_warned_of(tmp_path: Path) -> 
     ]
     # Backward lies 0.02 mm above forward at home: 4 × 0.02 = 0.08 mm.
     assert [warning.remedy for warning in warnings] == ["it is made 0.08 mm long"]
+
+
+FAGOR = "P001 X-300 EX 0.012\nP002 X-150 EX 0.002\nP003 X0 EX 0\n"
+
+
+@pytest.mark.parametrize("key", ["fagor_sense", "error_sense"])
+def test_what_a_table_of_another_control_cannot_prove_is_told(tmp_path: Path, key: str) -> None:
+    told = edited(("cnc10x.tab", "ML1")) + f'[axis.x.table_options]\nfile_units = "mm"\n{key} = '
+    actual = loaded(tmp_path, told + '"actual_minus_command"\n', {"ML1": FAGOR}).plan.lines[0].axes[0]
+    assert actual.table_format == "fagor-8055"
+    assert actual.table is not None
+    assert list(actual.table.forward) == [-0.012, -0.002, 0.0]
+    other = loaded(tmp_path, told + '"command_minus_actual"\n', {"ML1": FAGOR}).plan.lines[0].axes[0]
+    assert other.table is not None
+    assert list(other.table.forward) == [0.012, 0.002, 0.0]
+
+
+def test_a_sense_that_nobody_told_is_asked_for_with_both_readings(tmp_path: Path) -> None:
+    text = edited(("cnc10x.tab", "ML1")) + '[axis.x.table_options]\nfile_units = "mm"\n'
+    problem = only(refused(tmp_path, text, {"ML1": FAGOR}), "axis.x.table")
+    assert "reading 1: actual_minus_command" in problem.found
+    assert "reading 2: command_minus_actual" in problem.found
+    assert "fagor_sense = 'actual_minus_command'" in problem.remedy
+
+
+MINT = """DIM fwd(2) = 149.99, 299.98
+PRECISIONTABLE(0, fwd)
+PRECISIONINCREMENT.0 = 150
+PRECISIONOFFSET.0 = -300
+BACKLASH.0 = -0.02
+"""
+
+
+def test_lost_motion_that_a_file_states_is_warned_of_unless_the_axis_has_a_backlash(tmp_path: Path) -> None:
+    told = (
+        edited(("cnc10x.tab", "x.mnt")) + '[axis.x.table_options]\nfile_units = "mm"\nfile_start = -300.0\n'
+    )
+    warnings = [w for w in loaded(tmp_path, told, {"x.mnt": MINT}).warnings if "R8" in w.found]
+    assert [warning.line for warning in warnings] == [5]
+    setting = 'backlash = { width = 0.02, kind = "homed-forward" }'
+    assert warnings[0].remedy == f"if nothing else takes it up now, add to the axis: {setting}"
+    settled = edited(("max_speed = 200.0", setting), text=told)
+    assert not [w for w in loaded(tmp_path, settled, {"x.mnt": MINT}).warnings if "R8" in w.found]

@@ -88,7 +88,8 @@ class Drive:
 class Master:
     """Commands positions, and sees every answer."""
 
-    def __init__(self, port: int, drive: Drive) -> None:
+    def __init__(self, port: int, drive: Drive, unit_id: int = 1) -> None:
+        self._unit_id = unit_id
         self._connection = socket.create_connection(("127.0.0.1", port), timeout=SECONDS)
         self._drive = drive
         self._number = 0
@@ -96,13 +97,15 @@ class Master:
     def move(self, counts: int) -> int:
         """Command a position; returns what the drive was told."""
         self.send(counts)
-        assert self._connection.recv(300) == encode_mbap(self._number, 1, bytes.fromhex("10 0064 0002"))
+        assert self._connection.recv(300) == encode_mbap(
+            self._number, self._unit_id, bytes.fromhex("10 0064 0002")
+        )
         return self._drive.told[-1]
 
     def is_refused(self, counts: int) -> bool:
         """Command a position; returns whether the answer is that it cannot be."""
         self.send(counts)
-        return self._connection.recv(300) == encode_mbap(self._number, 1, bytes.fromhex("90 04"))
+        return self._connection.recv(300) == encode_mbap(self._number, self._unit_id, bytes.fromhex("90 04"))
 
     def is_answered_with_an_exception(self) -> bool:
         """Return whether what was sent last is answered with any exception."""
@@ -112,8 +115,8 @@ class Master:
     def send(self, counts: int) -> None:
         """Command a position, and leave the answer where it is."""
         self._number = self._number % 60_000 + 1
-        pdu = bytes.fromhex("10 0064 0002 04") + counts.to_bytes(4, "big")
-        self._connection.sendall(encode_mbap(self._number, 1, pdu))
+        pdu = bytes.fromhex("10 0064 0002 04") + counts.to_bytes(4, "big", signed=True)
+        self._connection.sendall(encode_mbap(self._number, self._unit_id, pdu))
 
     def close(self) -> None:
         self._connection.close()

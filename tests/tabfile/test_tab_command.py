@@ -220,7 +220,11 @@ def test_convert_says_what_the_target_cannot_hold(tmp_path: Path) -> None:
     assert any("one correction for both directions" in loss for loss in data["losses"])
     # the columns differ by 3.9 tenths at most, at -2: half of it is lost, and up to half a count
     assert data["largest_difference"] == pytest.approx(0.000195, abs=2.1e-6)
-    assert data["read_with"] == {"file_counts_per_unit": 254000.0, "v1_layout": "implicit"}
+    assert data["read_with"] == {
+        "file_counts_per_unit": 254000.0,
+        "v1_layout": "implicit",
+        "units": "inch",
+    }
 
 
 def test_convert_between_versions_keeps_the_corrections(tmp_path: Path) -> None:

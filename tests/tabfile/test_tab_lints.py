@@ -6,8 +6,19 @@ from typing import Any
 
 import pytest
 
+from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.tabfile import FileContext, LoadedTable, Severity, TabFileError, parse_table, read_table
+from gateway.tabfile import (
+    Decoded,
+    FileContext,
+    LoadedTable,
+    Severity,
+    SourceRow,
+    TabFileError,
+    parse_table,
+    read_table,
+)
+from gateway.tabfile.lints import run_lints
 
 TABLES = Path(__file__).parents[2] / "tables"
 
@@ -205,6 +216,25 @@ def test_l12_correction_above_its_limit_is_an_error() -> None:
     assert (lint.code, lint.severity, lint.line) == ("L12", Severity.ERROR, 12)
     (lint,) = microns(rising, rising, max_slope=0.1, max_correction=0.4).errors
     assert "0.4" in lint.message
+
+
+def test_l13_names_the_hole_in_an_even_grid() -> None:
+    def holes(*positions: float) -> list[tuple[int | None, str]]:
+        rows = tuple(SourceRow(x, 0.001 * x, 0.0, 0.0, 0.0, n, n) for n, x in enumerate(positions, start=1))
+        table = make_table(positions, [0.001 * x for x in positions], [0.0] * len(positions), Units.MM)
+        source = Decoded(rows, Units.MM, FileContext(), "mm", "", "")
+        lints = run_lints("table.csv", table, source)
+        return [(lint.line, lint.message) for lint in lints if lint.code == "L13"]
+
+    (hole,) = holes(0, 10, 20, 40, 50, 60)
+    assert hole[0] == 4
+    assert "points at 20 and 40 mm lie 20 apart, most others 10" in hole[1]
+    # a position mistyped: 31 for 30
+    assert [line for line, _ in holes(0, 10, 20, 31, 40, 50, 60)] == [4, 5]
+    assert holes(0, 10, 20, 30, 40.004, 50) == []
+    # a free grid
+    assert holes(0, 1, 3, 7, 15, 31) == []
+    assert holes(0, 10, 30) == []
 
 
 def test_limits_are_converted_into_the_units_of_the_file() -> None:

@@ -38,6 +38,15 @@ def test_table_renamed_to_bak_is_off(tmp_path: Path) -> None:
     assert (found.state, found.path.name) == (TableState.OFF, "CNC7X.BAK")
 
 
+@pytest.mark.parametrize("backup", ["axis1.bak", "AXIS1.BAK", "axis1.lis.bak", "Axis1.LIS.Bak"])
+def test_table_of_any_suffix_is_off_with_bak_in_place_of_it_or_behind_it(tmp_path: Path, backup: str) -> None:
+    (tmp_path / backup).touch()
+    found = find_table(tmp_path, "Axis1.lis")
+    assert (found.state, found.path.name) == (TableState.OFF, backup)
+    (tmp_path / "axis1.lis").touch()
+    assert find_table(tmp_path, "Axis1.lis").state is TableState.PRESENT
+
+
 def test_table_beside_its_old_bak_is_on(tmp_path: Path) -> None:
     (tmp_path / "cnc7x.bak").touch()
     (tmp_path / "cnc7x.tab").touch()

@@ -74,6 +74,19 @@ def test_first_value_other_than_0_proves_an_implicit_home() -> None:
     assert any("implicit" in decision for decision in parse(TB058).source.decisions)
 
 
+def test_first_value_against_a_round_interval_is_refused_with_both_readings() -> None:
+    # 23 intervals are 25 mm each, 24 are 23.96: only home listed is round, and then home would be 0
+    text = CNC_SERVICES.read_text().replace("\n0\n", "\n-1\n", 1)
+    with pytest.raises(TabFileError, match="a first value of -1") as caught:
+        parse(text, file_counts_per_unit=64000.0)
+    assert caught.value.line == 2
+    assert [reading.split(":")[0] for reading in caught.value.readings] == [
+        "v1_layout listed",
+        "v1_layout implicit",
+    ]
+    assert len(parse(text, file_counts_per_unit=64000.0, v1_layout=V1Layout.LISTED).table.positions) == 24
+
+
 @pytest.mark.parametrize("scale", [64000.0, 20000.0, 40000.0, 50000.0, 80000.0])
 def test_cnc_services_file_reads_listed_with_any_plausible_scale(scale: float) -> None:
     loaded = read_table(CNC_SERVICES, FileContext(units=Units.INCH, file_counts_per_unit=scale))

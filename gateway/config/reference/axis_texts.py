@@ -212,4 +212,7 @@ TABLE_OPTIONS: Final[Texts] = {
     "isg_sense": Said(
         meaning="ISG and TwinCAT CNC tables: the same; where it is not told, actual less command",
     ),
+    "error_sense": Said(
+        meaning="the same for every format whose errors have no fixed sign, such as Heidenhain's",
+    ),
 }

@@ -1,0 +1,59 @@
+"""``pitch-gateway table formats``: every format of table that can be read, and what must be told about it."""
+
+import typer
+
+from gateway.cli import table_output as output
+from gateway.cli.table_options import AsJson
+from gateway.tabfile import DIALECTS, OPTIONS, Dialect, UnitsOf
+
+_UNITS = {
+    UnitsOf.FILE: "in the file",
+    UnitsOf.AXIS: "counts: units of the axis",
+    UnitsOf.TOLD: "must be told",
+}
+
+
+def formats(*, json: AsJson = False) -> None:
+    """List the formats of table that can be read, and what has to be told about each.
+
+    The format of a file is found out from its text. Options are those of the other commands; in a
+    configuration they stand under table_options, with _ for -. An option is needed only where the file leaves
+    open what it says.
+
+    Examples:
+      pitch-gateway table formats
+
+      pitch-gateway table formats --json
+    """
+    if json:
+        output.print_json({"formats": [_as_data(dialect) for dialect in DIALECTS]})
+        return
+    for dialect in DIALECTS:
+        typer.echo(f"{dialect.name}: {dialect.title}")
+        facts = [
+            f"{'two directions' if dialect.directions == 2 else 'one correction for both directions'}",
+            f"units: {_UNITS[dialect.units]}",
+            f"files: *{dialect.suffix}" if dialect.suffix else "files: of any name",
+            "read and written" if dialect.is_writable else "read only",
+        ]
+        typer.echo(f"  {'; '.join(facts)}")
+        if options := _options(dialect):
+            typer.echo(f"  may need {', '.join(options)}")
+
+
+def _options(dialect: Dialect) -> list[str]:
+    """Return the options that may be needed, as they are typed."""
+    told = [f"--{name.replace('_', '-')}" for name in OPTIONS if name in dialect.uses]
+    return told if dialect.units is UnitsOf.FILE else ["--units", *told]
+
+
+def _as_data(dialect: Dialect) -> dict[str, object]:
+    return {
+        "name": dialect.name,
+        "title": dialect.title,
+        "directions": dialect.directions,
+        "units": dialect.units.value,
+        "options": _options(dialect),
+        "writable": dialect.is_writable,
+        "suffix": dialect.suffix,
+    }

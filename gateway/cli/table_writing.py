@@ -1,0 +1,102 @@
+"""A table written in another dialect: read back first, then the file replaced in one step."""
+
+import os
+import secrets
+import stat
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gateway.compensation.table import CorrectionTable
+from gateway.files import kind_of
+from gateway.tabfile import (
+    DIALECTS,
+    Dialect,
+    Problem,
+    SourceRow,
+    TabFileError,
+    WriteOptions,
+    Written,
+    parse_table,
+)
+from gateway.tabfile.readings import largest_difference
+from gateway.tabfile.text import decode
+
+
+@dataclass(frozen=True, slots=True)
+class Converted:
+    """A text; by how much its corrections differ when it is read back, and where, in units of the table."""
+
+    written: Written
+    difference: float
+    at: float
+
+
+def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) -> Converted:
+    """Return the text of a table, and how far what is read back from it lies from the table.
+
+    Raises:
+        TabFileError: the target cannot hold the table.
+    """
+    written = target.write(table, options)
+    data = written.text.encode()
+    name = f"a {target.name} file"
+    if written.context.format is None and sum(d.recognise(decode(data, name)) for d in DIALECTS) > 1:
+        written = replace(written, context=replace(written.context, format=target.name))
+    again = parse_table(data, name, written.context).table
+    again = again.in_units(table.units)
+    return Converted(written, *largest_difference(_rows(table), _rows(again)))
+
+
+def _rows(table: CorrectionTable) -> list[SourceRow]:
+    points = zip(table.positions, table.forward, table.backward, strict=True)
+    return [SourceRow(x, forward, backward, 0.0, 0.0, None, None) for x, forward, backward in points]
+
+
+def write(out: Path, text: str, *, force: bool) -> None:
+    """Write the file; an existing one only with ``force``, and then in one step, with the mode it had.
+
+    A symbolic link is followed: the file that it names is written.
+
+    Raises:
+        TabFileError: a file of this name exists, it is no regular file, or the place cannot be written to.
+    """
+    try:
+        if force:
+            _replace(Path(os.path.realpath(out)), text.encode())
+        else:
+            _create(out, text.encode())
+    except FileExistsError:
+        raise TabFileError(Problem(str(out), "a file of this name", "a new name, or --force")) from None
+    except OSError as error:
+        raise TabFileError(Problem(str(out), error.strerror or str(error), "a place to write to")) from error
+
+
+def _create(out: Path, content: bytes) -> None:
+    with out.open("xb") as stream:
+        try:
+            stream.write(content)
+            stream.flush()
+        except OSError:
+            out.unlink(missing_ok=True)
+            raise
+
+
+def _replace(out: Path, content: bytes) -> None:
+    try:
+        existing = out.stat()
+    except FileNotFoundError:
+        existing = None
+    if existing is not None and not stat.S_ISREG(existing.st_mode):
+        raise TabFileError(Problem(str(out), kind_of(existing.st_mode), "a regular file, or a new name"))
+    beside = out.with_name(f".pitch-gateway-{secrets.token_hex(8)}")
+    try:
+        with beside.open("xb") as stream:
+            if existing is not None:
+                with suppress(PermissionError):  # only root gives files away
+                    os.fchown(stream.fileno(), existing.st_uid, existing.st_gid)
+                os.fchmod(stream.fileno(), stat.S_IMODE(existing.st_mode))
+            stream.write(content)
+        beside.replace(out)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -1,0 +1,117 @@
+"""What the CSV dialects share: comments above the rows, one separator throughout, sums that show damage.
+
+Grammar::
+
+    file    := comment* row+
+    comment := "#" text                 above the first row only; blank lines may stand between comments
+    row     := cell (separator cell)*   separator: comma, semicolon or tab, the same in all rows
+
+A comment ``# key: value`` is provenance. Three keys mean something: ``axis``, a letter, and the two sums of
+:mod:`gateway.tabfile.sums`.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from gateway.tabfile.context import FileContext
+from gateway.tabfile.errors import TabFileError
+from gateway.tabfile.sums import Facts, check_points, check_sum, stamped, stated_facts
+from gateway.tabfile.text import Line, SourceText, shown
+
+SEPARATORS: Final = {",": "commas", ";": "semicolons", "\t": "tabs"}
+MAX_PROBLEMS: Final = 20
+
+
+@dataclass(frozen=True, slots=True)
+class CsvRow:
+    """One row; ``cells`` without blanks around them."""
+
+    number: int
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CsvText:
+    """The rows of a file and what its comments state."""
+
+    separator: str
+    rows: tuple[CsvRow, ...]
+    facts: Facts
+    body: tuple[Line, ...]
+
+
+def first_row(source: SourceText) -> Line | None:
+    """Return the first line that is neither blank nor a comment."""
+    return next((line for line in source.lines if line.text and not line.text.startswith("#")), None)
+
+
+def parse_csv(source: SourceText, separators: str, what: str) -> CsvText:
+    """Split a text into rows; ``what`` names the first row that is expected.
+
+    Raises:
+        TabFileError: no separator or several in the first row, a comment or a blank line among the rows, a
+            key stated twice.
+    """
+    first = first_row(source)
+    assert first is not None, "a dialect recognises its files by their first row"
+    start = source.lines.index(first)
+    facts = stated_facts(source, source.lines[:start], "#")
+    found = [separator for separator in SEPARATORS if separator in first.text]
+    if len(found) != 1 or found[0] not in separators:
+        names = " or ".join(SEPARATORS[separator] for separator in separators)
+        raise source.error(shown(first.text), f"{what}, with {names} between its cells", line=first.number)
+    body = source.lines[start:]
+    _check_lines(source, body)
+    rows = tuple(
+        CsvRow(line.number, tuple(cell.strip() for cell in line.text.split(found[0]))) for line in body
+    )
+    return CsvText(found[0], rows, facts, body)
+
+
+def check_sums(source: SourceText, csv: CsvText, points: int) -> None:
+    """Check a file that reads well against the sums that it states.
+
+    Raises:
+        TabFileError: another number of points, or rows that were changed.
+    """
+    check_points(source, csv.facts, points)
+    check_sum(source, csv.body, csv.facts)
+
+
+def axis_letter(source: SourceText, csv: CsvText, context: FileContext) -> str | None:
+    """Return the letter that a comment states; other words about an axis are provenance.
+
+    Raises:
+        TabFileError: the file is for another axis than it is read for.
+    """
+    value, line = csv.facts.get("axis", ("", 0))
+    if not re.fullmatch("[A-Za-z]", value):
+        return None
+    letter = value.upper()
+    if context.axis is not None and context.axis.upper() != letter:
+        told = context.axis.upper()
+        raise source.error(
+            f"axis {letter}, read for axis {told}", f"axis {told}: is this the right file?", line=line
+        )
+    return letter
+
+
+def csv_file(comments: Iterable[str], rows: Sequence[str], points: int) -> str:
+    """Return the text of a file: comments, both sums, rows."""
+    return "".join(f"{line}\n" for line in stamped(comments, rows, points, "#"))
+
+
+def _check_lines(source: SourceText, body: Iterable[Line]) -> None:
+    problems = [
+        source.problem(
+            "a comment among the rows" if line.text else "a blank line among the rows",
+            "comments above the first row, rows without a gap",
+            line=line.number,
+        )
+        for line in body
+        if not line.text or line.text.startswith("#")
+    ]
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])

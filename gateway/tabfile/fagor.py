@@ -1,0 +1,300 @@
+"""Leadscrew tables of the Fagor 8055: as the control transfers them, and as its manual prints them.
+
+Source: installation manual 8055, "Leadscrew error compensation" (7.5.7, tables in 6.10.2), its example, and
+the transfer files of a machine in use. One line for each point, nothing else::
+
+    P001   X-  20.00000   EX    0.00100                position, error in the positive direction
+    P002   X    0.00000   EX-   0.00100   EX   0.00050     ... and in the negative one (newer software)
+    P001 X-20 EX 0.001                                 the same line as printed in the manual
+
+``Pnnn`` counts from P001 without holes, up to 1000 points. A minus sign is glued to its letter, blanks lie
+between it and the number; the manual glues it to the number. Positions are coordinates from machine zero and
+begin with the most negative one. The third field is there in all lines or in none. Two different letters are
+a table of cross compensation, refused here.
+
+Units are those of the machine's parameters; the file has none, so ``file_units`` is required. The manual
+speaks of the "amount of error" and never says which sign it has, so ``fagor_sense`` is required. If all
+negative errors are 0, the positive ones hold in both directions; the manual's own example (compensation in
+the positive direction) contradicts this rule, and the rule is followed. The control allows a slope of 100 %;
+here it must stay below, or it could not be undone.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf
+from typing import Final
+
+from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
+from gateway.tabfile.context import ErrorSense, FileContext
+from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.fields import to_decimal
+from gateway.tabfile.ranges import context_in_file_units, told_units
+from gateway.tabfile.senses import RULES, required_sense
+from gateway.tabfile.stated import check_stated, is_closed
+from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.writing import WriteOptions, Written, unwritable
+
+NAME: Final = "fagor-8055"
+TITLE: Final = "Fagor 8055 leadscrew table (P001 X-20 EX 0.001), one or two directions"
+MAX_POINTS: Final = 1000
+MAX_VALUE: Final = {Units.MM: 99999.9999, Units.INCH: 3937.00787, Units.DEGREE: 99999.9999}
+DECIMALS: Final = {Units.MM: 4, Units.INCH: 5, Units.DEGREE: 4}
+"""Digits after the point that the control has room for."""
+MAX_PROBLEMS: Final = 20
+TURN: Final = 360.0
+_MAX_PLAUSIBLE: Final = {Units.MM: 0.5, Units.INCH: 0.1, Units.DEGREE: inf}
+_WHAT: Final = "a Fagor 8055 table"
+_GRAMMAR: Final = "such as 'P001 X- 20.00000 EX 0.00100', with a third field (EX) in all lines or in none"
+_SIGN: Final = r"(-[ \t]*|[ \t]*-?)"
+_NUMBER: Final = r"([0-9]+\.?[0-9]*|\.[0-9]+)"
+_FIELD: Final = rf"[ \t]+E([A-Z]){_SIGN}{_NUMBER}"
+_ROW: Final = re.compile(
+    rf"P([0-9]{{3,4}})[ \t]+([A-Z]){_SIGN}{_NUMBER}{_FIELD}(?:{_FIELD})?", re.IGNORECASE | re.ASCII
+)
+_RECOGNISED: Final = re.compile(r"P[0-9]{3,4}[ \t]+[A-Z][ \t]*-?[ \t]*[0-9.]", re.IGNORECASE | re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """One line as it stands; ``negative`` is None where there is no third field."""
+
+    axis: str
+    error_axes: tuple[str, ...]
+    position: float
+    positive: float
+    negative: float | None
+    line: int
+
+
+def recognise(source: SourceText) -> bool:
+    """Whether half of the lines or more begin with a point number, a letter and a number."""
+    hits = sum(_RECOGNISED.match(line.text) is not None for line in source.lines)
+    return 2 * hits >= len(source.lines)
+
+
+def read(source: SourceText, context: FileContext) -> Decoded:
+    """Read the table in the units and with the sense that the context tells.
+
+    Raises:
+        TabFileError: a line that is no point, points that are not numbered through or do not ascend, a table
+            of cross compensation or of another axis, no units or no sense told, a range that does not fit the
+            travel.
+    """
+    found = _parse(source)
+    axis = _check_axes(source, found, context)
+    units = told_units(source, context, _WHAT)
+    _check_values(source, found, units)
+    context = context_in_file_units(source, context, units)
+    sense = required_sense(source, context, "fagor_sense", _WHAT)
+    is_both_ways, decision = _directions(found)
+    rows = _rows(found, sense, is_both_ways=is_both_ways)
+    check_stated(source, rows, units, context)
+    return Decoded(
+        rows,
+        units,
+        context,
+        units.value,
+        f"{RULES[sense]}; second field",
+        f"{RULES[sense]}; {'second field, as in the positive direction' if is_both_ways else 'third field'}",
+        axis=axis if context.file_axis is None else None,
+        plausible=(0.0, _MAX_PLAUSIBLE[units]),
+        decisions=(f"sense {sense.value}: told", f"units {units.value}: told by file_units", decision),
+        behaves_as=_behaviour(rows, units),
+    )
+
+
+def _parse(source: SourceText) -> list[_Row]:
+    rows: list[_Row] = []
+    problems: list[Problem] = []
+    for number, line in enumerate(source.lines, start=1):
+        row = _parse_row(line, number)
+        if isinstance(row, _Row):
+            rows.append(row)
+        else:
+            problems.append(source.problem(*row, line=line.number))
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+    if not 2 <= len(rows) <= MAX_POINTS:
+        raise source.error(f"{len(rows)} point(s)", f"2 to {MAX_POINTS}", line=source.last_line)
+    odd = next((row for row in rows if (row.negative is None) is not (rows[0].negative is None)), None)
+    if odd is not None:
+        found = "2 fields after lines of 3" if odd.negative is None else "3 fields after lines of 2"
+        raise source.error(found, "as many in all lines", line=odd.line)
+    for before, after in pairwise(rows):
+        if after.position <= before.position:
+            problems.append(
+                source.problem(
+                    f"position {after.position:g} after {before.position:g}",
+                    "positions that begin with the most negative one and ascend",
+                    line=after.line,
+                    code="L11",
+                )
+            )
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+    return rows
+
+
+def _parse_row(line: Line, number: int) -> _Row | tuple[str, str]:
+    """Return the row, or what was found and what is allowed."""
+    match = _ROW.fullmatch(line.text)
+    if match is None:
+        return (shown(line.text) if line.text else "a blank line"), _GRAMMAR
+    point, axis, sign, position, one_axis, one_sign, one, other_axis, other_sign, other = match.groups()
+    if point != f"{number:03d}":
+        return f"point P{point}", f"P{number:03d}: points are numbered through from P001"
+    numbers = [
+        None if text is None else _signed(mark, text)
+        for mark, text in ((sign, position), (one_sign, one), (other_sign, other))
+    ]
+    if numbers[0] is None or numbers[1] is None or (other is not None and numbers[2] is None):
+        return shown(line.text), "numbers of at most 40 characters"
+    axes = tuple(name.upper() for name in (one_axis, other_axis) if name is not None)
+    return _Row(axis.upper(), axes, numbers[0], numbers[1], numbers[2], line.number)
+
+
+def _signed(sign: str, text: str) -> float | None:
+    number = to_decimal(text)
+    return number if number is None or "-" not in sign else 0.0 - number
+
+
+def _check_axes(source: SourceText, found: Sequence[_Row], context: FileContext) -> str:
+    """Return the letter of the axis.
+
+    Raises:
+        TabFileError: several letters, or the letter of another axis.
+    """
+    axis = found[0].axis
+    for row in found:
+        for error_axis in row.error_axes:
+            if row.axis == axis and error_axis != axis:
+                raise source.error(
+                    f"a table of cross compensation: errors of {error_axis} by the position of {axis}",
+                    f"a leadscrew table ({axis} and E{axis}); for the 'cross' key of axis {error_axis} write "
+                    f"it with E{axis} instead of E{error_axis}",
+                    line=row.line,
+                )
+        if row.axis != axis:
+            raise source.error(f"axis {row.axis} after axis {axis}", "one axis in a file", line=row.line)
+    told = context.file_axis or context.axis
+    if told is not None and told.upper() != axis:
+        raise source.error(
+            f"a table of axis {axis}, read for axis {told.upper()}",
+            f"axis {told.upper()}: is this the right file? If so: file_axis = {axis!r}",
+            line=found[0].line,
+        )
+    return axis
+
+
+def _check_values(source: SourceText, found: Sequence[_Row], units: Units) -> None:
+    limit = MAX_VALUE[units]
+    problems = [
+        source.problem(f"{number:g}", f"{-limit:.10g} to {limit:.10g} {units.value}", line=row.line)
+        for row in found
+        for number in (row.position, row.positive, row.negative or 0.0)
+        if abs(number) > limit
+    ]
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+
+
+def _directions(found: Sequence[_Row]) -> tuple[bool, str]:
+    """Return whether the positive errors hold in both directions, and why."""
+    if found[0].negative is None:
+        return True, "no third field: the positive errors hold in both directions"
+    if any(row.negative for row in found):
+        return False, "third field: errors in the negative direction"
+    return True, (
+        "the negative errors are all 0: on this control the positive ones then hold in both directions"
+    )
+
+
+def _rows(found: Sequence[_Row], sense: ErrorSense, *, is_both_ways: bool) -> tuple[SourceRow, ...]:
+    rows = []
+    for row in found:
+        backward = row.positive if is_both_ways or row.negative is None else row.negative
+        rows.append(
+            SourceRow(
+                row.position,
+                sense.to_correction * row.positive + 0.0,
+                sense.to_correction * backward + 0.0,
+                row.positive,
+                backward,
+                row.line,
+                row.line,
+            )
+        )
+    return tuple(rows)
+
+
+def _behaviour(rows: Sequence[SourceRow], units: Units) -> tuple[str, ...]:
+    """A rotary table from 0 to 360 with equal ends repeats; any other holds its end values."""
+    ends = (rows[0].position, rows[-1].position)
+    if units is Units.DEGREE and ends == (0.0, TURN) and is_closed(rows):
+        return (f"modulo = {TURN:g}",)
+    return ('outside = "hold"',)
+
+
+def write(table: CorrectionTable, options: WriteOptions) -> Written:
+    """Write the table as the control transfers it, with CRLF; a third field if the directions differ.
+
+    Numbers are rounded to 4 decimals of mm or degrees, or 5 of inches.
+
+    Raises:
+        TabFileError: no axis letter or no sense told, more than 1000 points, numbers that the control has no
+            room for, points that fall together once rounded.
+    """
+    axis = options.file_axis or options.axis
+    if axis is None or not re.fullmatch("[A-Za-z]", axis):
+        raise unwritable(NAME, f"axis {axis!r}", "one letter for its lines")
+    if options.sense is None:
+        found = "no sense of its errors: no manual says which one the control expects"
+        raise unwritable(NAME, found, "--to-sense actual_minus_command or command_minus_actual")
+    if len(table.positions) > MAX_POINTS:
+        raise unwritable(NAME, f"{len(table.positions)} points", f"at most {MAX_POINTS}")
+    decimals, unit = DECIMALS[table.units], table.units.value
+    to_error = options.sense.to_correction
+    columns = [
+        [round(number * factor, decimals) + 0.0 for number in numbers]
+        for numbers, factor in ((table.positions, 1.0), (table.forward, to_error), (table.backward, to_error))
+    ]
+    losses = [f"positions and values are rounded to {decimals} decimals ({unit})"]
+    _check_columns(columns, table.units)
+    forward, backward = columns[1:]
+    if table.is_unidirectional:
+        columns.pop()
+    elif any(forward) and not any(backward):
+        backward[0] = 10**-decimals
+        losses.append(
+            "negative errors that are all 0 would mean 'as the positive ones' to the control: the first one "
+            f"is written as {backward[0]:.{decimals}f}"
+        )
+    lines = []
+    for index, (position, *errors) in enumerate(zip(*columns, strict=True), start=1):
+        fields = "".join(
+            f"{'':11}E{axis.upper()}{_sign(error)}{abs(error):10.{decimals}f}" for error in errors
+        )
+        place = f"{axis.upper()}{_sign(position)}{abs(position):10.{decimals}f}"
+        lines.append(f"{'':11}P{index:03d}{'':14}{place}{fields}\r\n")
+    context = FileContext(
+        axis=options.axis, file_axis=options.file_axis, file_units=table.units, fagor_sense=options.sense
+    )
+    return Written("".join(lines), tuple(losses), context)
+
+
+def _check_columns(columns: Sequence[Sequence[float]], units: Units) -> None:
+    for before, after in pairwise(columns[0]):
+        if after <= before:
+            found = f"points closer than {10 ** -DECIMALS[units]:g} {units.value} at {after:g}"
+            raise unwritable(NAME, found, "points further apart")
+    worst = max((abs(number) for column in columns for number in column), default=0.0)
+    if worst > MAX_VALUE[units]:
+        raise unwritable(NAME, f"a number of {worst:g}", f"at most {MAX_VALUE[units]:.10g} {units.value}")
+
+
+def _sign(number: float) -> str:
+    return "-" if number < 0 else " "

@@ -1,0 +1,290 @@
+"""Mint programs of Baldor and ABB that hold leadscrew tables (grammar: ``mint_program``).
+
+After the Mint v4 Advanced Programming Guide (MN1270, 3.4.2 and the keywords). Entry i of a table, counted
+from 1, is where the nut really stands, measured from mark A of the screw, when theory says
+i x PRECISIONINCREMENT; at A itself both are 0 and nothing is listed. ``fwd`` holds while the axis moves from
+A to B, which is the positive direction, ``rev`` on the way back.
+
+Mint replaces the position that it measures, so its motor stops at the inverse of the table: the motor has to
+be at i x increment for the nut to be at entry i. The inverse of a polygon is a polygon: point i lies at
+A + entry, and i x increment - entry is added there, exactly. The points of both directions differ; a table
+has those of both, each curve worked out on its own polygon at the points of the other.
+
+A lies at PRECISIONOFFSET ("the position of point A relative to axis zero"; a chapter before, the guide says
+that the offset is ADDED to a position to look it up, which would be the other sign: remark R9). Units are
+user units, so they are told. Outside its table Mint adds nothing. BACKLASH is a constant beside a single
+table; with a positive one Mint adds it while moving forward, with a negative one while moving back.
+"""
+
+import re
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from gateway.compensation.units import Units
+from gateway.tabfile.context import FileContext
+from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.mint_program import INCREMENT, MODE, OFFSET, TABLE, Array, Program, parse_program
+from gateway.tabfile.mint_reversal import Reversal, reversal_of
+from gateway.tabfile.ranges import context_in_file_units, told_units
+from gateway.tabfile.stated import check_stated
+from gateway.tabfile.text import SourceText
+
+NAME: Final = "mint"
+TITLE: Final = "Baldor and ABB Mint programs: PRECISIONTABLE, absolute positions of the nut"
+SUFFIX: Final = ".mnt"
+MAX_PROBLEMS: Final = 20
+SAME_PLACE: Final = 1e-6
+"""Points of both directions that lie closer than this, in units, are one point: at a slope of 1 % that costs
+a hundredth of it, and slopes over shorter distances would be noise."""
+NOTHING: Final = 1e-9
+"""Corrections below this, in units, are 0."""
+SAME_START: Final = 1e-6
+_SIGN: Final = re.compile(
+    r"(?i)\bPRECISION(TABLE|MODE|INCREMENT|OFFSET)\b|^DIM\s+\w+\s*\(\s*[0-9]+\s*\)\s*(AS\s+FLOAT\s*)?="
+)
+_RULE: Final = (
+    "value is where the nut stands, from mark A, when theory says i x increment: i x increment - value is "
+    "added (exact inverse); {}"
+)
+
+
+class _Knot(NamedTuple):
+    place: float
+    correction: float
+    line: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Screw:
+    """The table of one axis; ``forward`` and ``backward`` are places from A with what is added there."""
+
+    axis: int
+    increment: float
+    forward: Sequence[_Knot]
+    backward: Sequence[_Knot]
+    decisions: tuple[str, ...]
+    remarks: tuple[Lint, ...]
+
+
+def recognise(source: SourceText) -> bool:
+    """Whether a line has a keyword of leadscrew compensation or fills an array."""
+    return any(_SIGN.search(line.text) for line in source.lines)
+
+
+def read(source: SourceText, context: FileContext) -> Decoded:
+    """Read the tables of one axis.
+
+    Raises:
+        TabFileError: no units were told, a statement that is not of the grammar, several axes and none told,
+            no increment, no place for mark A, positions that do not ascend, backlash beside two tables.
+    """
+    units = told_units(source, context, "a Mint program")
+    axis_units = context.units
+    program = parse_program(source)
+    axis = _choose_axis(source, program, context)
+    screw = _screw_of(source, program, axis)
+    context = context_in_file_units(source, context, units)
+    start, from_where, remarks = _start_of(source, program, axis, context)
+    rows = _rows(screw, start)
+    check_stated(source, rows, units, context)
+    has_two = program.tables[axis].reverse is not None and screw.forward is not screw.backward
+    reversal = reversal_of(source, program, axis, has_two_tables=has_two)
+    outside, at_the_ends = _outside(rows, units)
+    return Decoded(
+        rows,
+        units,
+        context,
+        units.value,
+        _RULE.format("forward table"),
+        _RULE.format("reverse table" if has_two else "the one table, both directions"),
+        decisions=(
+            f"axis {axis}",
+            *screw.decisions,
+            f"mark A at {start:g} {units.value}: {from_where}",
+            *reversal.decisions,
+            at_the_ends,
+            f"{program.others} other statements, none of which mentions a table or its settings",
+        ),
+        remarks=(*screw.remarks, *remarks, *reversal.remarks),
+        behaves_as=(*outside, *_reversal_lines(reversal, units, axis_units)),
+        are_positions=True,
+    )
+
+
+def _choose_axis(source: SourceText, program: Program, context: FileContext) -> int:
+    names = [str(axis) for axis in sorted(program.tables)]
+    told = context.file_axis
+    if told is not None and told not in names:
+        raise source.error(
+            f"tables of axis {', '.join(names)}, told file_axis {told!r}", f"file_axis = {' or '.join(names)}"
+        )
+    if told is None and len(names) > 1:
+        raise source.error(
+            f"tables of the axes {', '.join(names)}",
+            f"file_axis = {names[0]!r}, for example (--file-axis on the command line)",
+        )
+    return int(told or names[0])
+
+
+def _screw_of(source: SourceText, program: Program, axis: int) -> _Screw:
+    table = program.tables[axis]
+    increment = program.settings.get((INCREMENT, axis))
+    if increment is None:
+        raise source.error(
+            f"a table of axis {axis} without its {INCREMENT}",
+            f"{INCREMENT}.{axis} = a distance",
+            line=table.line,
+        )
+    distance = float(increment.value)
+    if not distance > 0:
+        raise source.error(f"{INCREMENT} {distance:g}", "a distance above 0", line=increment.line)
+    is_dual, decision, remarks = _is_dual(source, program, axis)
+    forward = _knots(source, table.forward, distance, "forward")
+    backward = _knots(source, table.reverse, distance, "reverse") if is_dual and table.reverse else forward
+    sizes = (len(forward) - 1, len(backward) - 1)
+    if sizes[0] != sizes[1]:
+        raise source.error(
+            f"{sizes[0]} forward and {sizes[1]} reverse positions of axis {axis}",
+            "as many in both tables",
+            line=table.line,
+        )
+    decisions = (decision, f"increment {distance:g}, {sizes[0]} positions from mark A")
+    return _Screw(axis, distance, forward, backward, decisions, remarks)
+
+
+def _is_dual(source: SourceText, program: Program, axis: int) -> tuple[bool, str, tuple[Lint, ...]]:
+    """Whether the reverse table counts, why, and a remark where the program switches all of it off."""
+    has_two = program.tables[axis].reverse is not None
+    both = "two tables, one for each direction" if has_two else "one table for both directions"
+    setting = program.settings.get((MODE, axis))
+    if setting is None:
+        return has_two, f"{both}: {TABLE} names as many", ()
+    word = str(setting.value) if isinstance(setting.value, str) else f"{setting.value:g}"
+    if word in {"0", "_LSOFF"}:
+        message = (
+            f"the program leaves {MODE} of axis {axis} off, so the control itself did not use this table: "
+            "make sure that it is the right one"
+        )
+        return (
+            has_two,
+            f"{both}: {TABLE} names as many",
+            (Lint("R10", Severity.WARNING, message, setting.line),),
+        )
+    if (word == "_LSDUAL_TABLE" and has_two) or (word in {"1", "_LSSINGLE_TABLE"} and not has_two):
+        return has_two, f"{both}: {MODE} says so", ()
+    if word == "_LSSINGLE_TABLE":
+        return False, f"one table for both directions: {MODE} leaves the reverse table aside", ()
+    if word == "2" and has_two:
+        return True, f"{both}: {MODE} says so", ()
+    raise source.error(
+        f"{MODE} {word} with {2 if has_two else 1} table(s) in {TABLE}",
+        "_lsDUAL_TABLE with two tables, _lsSINGLE_TABLE with one, or _lsOFF",
+        line=setting.line,
+    )
+
+
+def _knots(source: SourceText, array: Array, increment: float, what: str) -> list[_Knot]:
+    knots = [_Knot(0.0, 0.0, None)]
+    problems: list[Problem] = []
+    for index, (place, line) in enumerate(zip(array.values, array.lines, strict=True), start=1):
+        if not place > knots[-1].place:
+            found = f"{what} position {place:g} of entry {index} after {knots[-1].place:g}"
+            problems.append(
+                source.problem(found, "positions that ascend from mark A, 0", line=line, code="L11")
+            )
+        knots.append(_Knot(place, index * increment - place, line))
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+    return knots
+
+
+def _start_of(
+    source: SourceText, program: Program, axis: int, context: FileContext
+) -> tuple[float, str, tuple[Lint, ...]]:
+    """Return where mark A lies on the axis, who says so, and a remark where the guide has two readings."""
+    setting, told = program.settings.get((OFFSET, axis)), context.file_start
+    if setting is None:
+        if told is None:
+            raise source.error(
+                f"no {OFFSET} of axis {axis}: nothing says where mark A of the screw is",
+                "file_start = the machine position of mark A (--file-start on the command line)",
+                line=program.tables[axis].line,
+            )
+        return told, "told by file_start", ()
+    offset = float(setting.value)
+    if told is not None:
+        if abs(told - offset) > SAME_START:
+            raise source.error(
+                f"{OFFSET} {offset:g}, but file_start is {told:g}",
+                f"file_start = {offset:g}, or the program without {OFFSET} if its sign was meant otherwise",
+                line=setting.line,
+            )
+        return offset, f"{OFFSET}, and file_start says the same", ()
+    if offset == 0:
+        return offset, f"{OFFSET}", ()
+    message = (
+        f"{OFFSET} {offset:g} is taken as the position of mark A; Mint's guide also says that it is added to "
+        f"a position before the look-up, which would put A at {-offset:g}: tell file_start to confirm it"
+    )
+    return offset, f"{OFFSET}", (Lint("R9", Severity.WARNING, message, setting.line),)
+
+
+def _rows(screw: _Screw, start: float) -> tuple[SourceRow, ...]:
+    """Return the points of both directions, in order of position."""
+    rows: list[SourceRow] = []
+    lines = [{knot.place: knot.line for knot in knots} for knots in (screw.forward, screw.backward)]
+    for places in _together(sorted({knot.place for knot in (*screw.forward, *screw.backward)})):
+        place = places[0]
+        forward, backward = _at(screw.forward, place), _at(screw.backward, place)
+        numbers = [next((line for at in places if (line := branch.get(at))), None) for branch in lines]
+        rows.append(SourceRow(start + place, forward, backward, place, place, numbers[0], numbers[1]))
+    return tuple(rows)
+
+
+def _together(places: Sequence[float]) -> list[list[float]]:
+    """Put what is one place into one group."""
+    groups = [[places[0]]]
+    for place in places[1:]:
+        if place - groups[-1][0] > SAME_PLACE:
+            groups.append([])
+        groups[-1].append(place)
+    return groups
+
+
+def _at(knots: Sequence[_Knot], place: float) -> float:
+    """Return the correction of one direction; behind its last point it stays."""
+    above = bisect_right(knots, place, key=lambda knot: knot.place)
+    if above == len(knots) or knots[above - 1].place == place:
+        return knots[above - 1].correction
+    low, high = knots[above - 1], knots[above]
+    share = (place - low.place) / (high.place - low.place)
+    return low.correction + share * (high.correction - low.correction)
+
+
+def _outside(rows: Sequence[SourceRow], units: Units) -> tuple[tuple[str, ...], str]:
+    """Say what to do outside: as Mint does where that makes no step."""
+    step = max(abs(correction) for row in (rows[0], rows[-1]) for correction in (row.forward, row.backward))
+    if step <= NOTHING:
+        return ('outside = "zero"',), "both ends are 0: outside, Mint adds nothing"
+    return (), (
+        f"outside, Mint adds nothing: the axis would jump by {step:.6g} {units.value} at the end of the "
+        "table; the gateway refuses that and holds"
+    )
+
+
+def _reversal_lines(reversal: Reversal, units: Units, axis_units: Units | None) -> tuple[str, ...]:
+    """Return the settings of the reversal, lengths in units of the axis."""
+    lines: list[str] = []
+    if reversal.backlash:
+        width = abs(reversal.backlash) * (units.convert_factor(axis_units) if axis_units else 1.0)
+        kind = "homed-backward" if reversal.backlash > 0 else "homed-forward"
+        lines.append(f'backlash = {{ width = {width:.10g}, kind = "{kind}" }}')
+    if reversal.cycles is not None:
+        lines.append(
+            f"reversal = {{ cycles = {reversal.cycles} }}" if reversal.cycles else 'reversal = "step"'
+        )
+    return tuple(lines)

@@ -1,0 +1,268 @@
+"""The statements of a Mint program that make its leadscrew tables, and nothing else of it.
+
+Grammar, after the Mint v4 Advanced Programming Guide (MN1270, 3.4 and the keywords), words in any case::
+
+    DIM name (size) [AS FLOAT] = value, value, ...
+    PRECISIONTABLE (axis, forward [, reverse])
+    keyword.axis = value
+    keyword [axis, axis ...] = value, value ...      brackets or parentheses
+    keyword = value                                  where there is one axis only
+
+    keyword: PRECISIONMODE PRECISIONINCREMENT PRECISIONOFFSET BACKLASH BACKLASHMODE BACKLASHINTERVAL
+             (PCO for PRECISIONOFFSET, BLM for BACKLASHMODE)
+
+Values are numbers (or, of the two modes, Mint's constants): an expression is not worked out but refused.
+Other statements are counted and left alone, if they mention neither a keyword nor an array that is used. What
+may not run (in an IF or a loop, in an EVENT, in a program with GOTO) is refused, as is every array whose size
+is not the number of its values.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import Final
+
+from gateway.tabfile.fields import to_integer
+from gateway.tabfile.mint_statements import WORD, Cursor, Setting, Statement, statements_of, text_of, words_of
+from gateway.tabfile.text import SourceText, shown
+
+TABLE: Final = "PRECISIONTABLE"
+MODE: Final = "PRECISIONMODE"
+INCREMENT: Final = "PRECISIONINCREMENT"
+OFFSET: Final = "PRECISIONOFFSET"
+BACKLASH: Final = "BACKLASH"
+BACKLASH_MODE: Final = "BACKLASHMODE"
+BACKLASH_INTERVAL: Final = "BACKLASHINTERVAL"
+_MODES: Final = (MODE, BACKLASH_MODE)
+"""Programs turn them off, load, and turn them on again: the last one counts."""
+_SETTINGS: Final = (MODE, INCREMENT, OFFSET, BACKLASH, BACKLASH_MODE, BACKLASH_INTERVAL)
+_ALIASES: Final = {"PCO": OFFSET, "BLM": BACKLASH_MODE}
+_KEYWORDS: Final = frozenset((TABLE, *_SETTINGS, *_ALIASES))
+_ABBREVIATION: Final = re.compile("(PC|BL)[A-Z]{0,2}")
+_OPENERS: Final = frozenset(("IF", "FOR", "WHILE", "REPEAT", "SELECT", "LOOP", "DO", "EVENT"))
+_LONGEST: Final = 20
+_CLOSE: Final = 0.87
+"""Words as similar to a keyword as this (one letter off) are taken for slips of it."""
+_MARKS: Final = ("#", "?")
+"""A label and a short PRINT begin with these, all other statements with a word."""
+_CLOSERS: Final = frozenset(("ENDIF", "NEXT", "ENDW", "WEND", "ENDL", "UNTIL", "ENDSELECT"))
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """An array of numbers and the lines that they stand on."""
+
+    values: tuple[float, ...]
+    lines: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """What one ``PRECISIONTABLE`` gives to one axis; ``reverse`` is None where one table serves both ways."""
+
+    forward: Array
+    reverse: Array | None
+    line: int
+
+
+@dataclass(slots=True)
+class Program:
+    """Tables and settings by axis; ``others`` counts the statements that were left alone."""
+
+    tables: dict[int, Table] = field(default_factory=dict)
+    settings: dict[tuple[str, int], Setting] = field(default_factory=dict)
+    others: int = 0
+
+
+_Settings = list[tuple[str, int | None, Setting]]
+
+
+def parse_program(source: SourceText) -> Program:
+    """Return the tables of a program and what is set for them.
+
+    Raises:
+        TabFileError: no table, or a statement that has to do with one and is not of the grammar.
+    """
+    statements = list(statements_of(source))
+    used = _used_arrays(source, statements)
+    program, arrays, settings = Program(), dict[str, Array](), list[tuple[str, int | None, Setting]]()
+    blocks = _Blocks(source, has_goto=any("GOTO" in words_of(statement) for statement in statements))
+    for statement in statements:
+        first = statement[0].text.upper()
+        first = _ALIASES.get(first, first)
+        is_array = first == "DIM" and not used.isdisjoint(words_of(statement))
+        if not is_array and first not in _KEYWORDS:
+            _check_other(source, statement, used)
+            blocks.pass_over(statement)
+            program.others += 1
+            continue
+        blocks.check(statement)
+        cursor = Cursor(source, statement)
+        if is_array:
+            _add_array(cursor, arrays)
+        elif first == TABLE:
+            _add_table(cursor, arrays, program)
+        else:
+            _add_settings(cursor, first, settings)
+    _give_to_axes(source, program, settings)
+    return program
+
+
+def _used_arrays(source: SourceText, statements: Sequence[Statement]) -> set[str]:
+    calls = [statement for statement in statements if statement[0].text.upper() == TABLE]
+    if not calls:
+        raise source.error(
+            f"a Mint program in which no statement begins with {TABLE}",
+            f"DIM fwd(5) = ... and {TABLE}(axis, fwd) or {TABLE}(axis, fwd, rev)",
+        )
+    return {word for statement in calls for word in words_of(statement[1:])}
+
+
+def _check_other(source: SourceText, statement: Statement, used: set[str]) -> None:
+    """Refuse what could touch a table in a way that is not of the grammar."""
+    first, line = statement[0].text.upper(), statement[0].line
+    if not WORD.fullmatch(first) and first not in _MARKS:
+        found = f"a statement that begins with {shown(first)}"
+        raise source.error(found, "a word: is the line above it, or before ':', whole?", line=line)
+    meant = get_close_matches(first, _KEYWORDS, n=1, cutoff=_CLOSE) if len(first) <= _LONGEST else []
+    if meant:
+        raise source.error(f"{shown(first)}, which is almost {meant[0]}", f"{meant[0]}", line=line)
+    mentioned = sorted(words_of(statement) & (used | _KEYWORDS))
+    if mentioned:
+        raise source.error(
+            f"a statement with {mentioned[0]} that is not read: {shown(text_of(statement))}",
+            f"DIM, {TABLE} and assignments of numbers only: what this does cannot be worked out",
+            line=line,
+        )
+    if _ABBREVIATION.fullmatch(first) and len(statement) > 1 and statement[1].text[0] in ".[(=":
+        raise source.error(
+            f"{first}, perhaps the short form of a keyword",
+            "the keyword in full, such as BACKLASH",
+            line=line,
+        )
+
+
+class _Blocks:
+    """Follows whether a statement is sure to run."""
+
+    def __init__(self, source: SourceText, *, has_goto: bool) -> None:
+        self._source = source
+        self._has_goto = has_goto
+        self._depth = 0
+        self._conditional_line = 0
+
+    def pass_over(self, statement: Statement) -> None:
+        """Take note of a statement that opens or closes a block."""
+        words = [token.text.upper() for token in statement]
+        if words[0] == "IF" and words[-1] != "THEN" and "THEN" in words:
+            self._conditional_line = statement[-1].line
+        elif words[0] in _OPENERS:
+            self._depth += 1
+        elif words[0] in _CLOSERS or (words[0] == "END" and len(words) > 1 and words[1] in _OPENERS):
+            self._depth = max(0, self._depth - 1)
+
+    def check(self, statement: Statement) -> None:
+        """Refuse a statement of a table that may not run.
+
+        Raises:
+            TabFileError: it stands in a block, behind an IF, or in a program that jumps.
+        """
+        line = statement[0].line
+        if self._depth or self._has_goto or self._conditional_line == line:
+            where = "a program with GOTO" if self._has_goto else "an IF, a loop or an EVENT"
+            raise self._source.error(
+                f"{shown(text_of(statement))} in {where}: nobody knows whether it runs",
+                "tables and their settings where they run once, always",
+                line=line,
+            )
+
+
+def _add_array(cursor: Cursor, arrays: dict[str, Array]) -> None:
+    name = cursor.word("the name of an array")
+    cursor.expect("(")
+    size = cursor.whole("the number of its values")
+    cursor.expect(")")
+    if cursor.is_next("AS"):
+        cursor.expect("FLOAT")
+    cursor.expect("=")
+    values = [cursor.number()]
+    while cursor.is_next(","):
+        values.append(cursor.number())
+    cursor.end()
+    if name in arrays:
+        raise cursor.error("one DIM for each array", f"a second DIM of {name}")
+    if len(values) != size:
+        raise cursor.error(f"{size}, as DIM says", f"{len(values)} values in {name}({size})")
+    arrays[name] = Array(tuple(float(value) for value, _ in values), tuple(line for _, line in values))
+
+
+def _add_table(cursor: Cursor, arrays: dict[str, Array], program: Program) -> None:
+    cursor.expect("(")
+    axis = cursor.whole("the number of an axis")
+    cursor.expect(",")
+    names = [cursor.word("the name of an array")]
+    if cursor.expect(",", ")") == ",":
+        names.append(cursor.word("the name of an array"))
+        cursor.expect(")")
+    cursor.end()
+    for name in names:
+        if name not in arrays:
+            raise cursor.error(f"DIM {name}(n) = ... above it", f"an array {name} that has no values")
+    if axis in program.tables:
+        raise cursor.error(f"one {TABLE} for each axis", f"a second {TABLE} of axis {axis}")
+    reverse = arrays[names[1]] if len(names) > 1 else None
+    program.tables[axis] = Table(arrays[names[0]], reverse, cursor.line)
+
+
+def _add_settings(cursor: Cursor, key: str, settings: _Settings) -> None:
+    axes: list[int | None] = []
+    if cursor.is_next("(") or cursor.is_next("["):
+        axes.append(cursor.whole("the number of an axis"))
+        while cursor.expect(",", ")", "]") == ",":
+            axes.append(cursor.whole("the number of an axis"))
+        cursor.expect("=")
+    else:
+        text = cursor.take().text
+        axis = to_integer(text[1:]) if text.startswith(".") else None
+        if text != "=" and axis is None:
+            raise cursor.error(f"{key}.axis = value, {key}[axis, axis] = value, value, or {key} = value")
+        axes.append(axis)
+        if text != "=":
+            cursor.expect("=")
+    values = [_value(cursor, key)]
+    while cursor.is_next(","):
+        values.append(_value(cursor, key))
+    cursor.end()
+    if len(values) != len(axes):
+        raise cursor.error("one value for each axis", f"{len(values)} values for {len(axes)} axes of {key}")
+    settings.extend((key, axis, value) for axis, value in zip(axes, values, strict=True))
+
+
+def _value(cursor: Cursor, key: str) -> Setting:
+    if key not in _MODES:
+        return cursor.number()
+    token = cursor.take()
+    number = to_integer(token.text)
+    if number is None and not WORD.fullmatch(token.text):
+        raise cursor.error("a whole number or a constant of Mint")
+    return Setting(token.text.upper() if number is None else float(number), token.line)
+
+
+def _give_to_axes(source: SourceText, program: Program, settings: _Settings) -> None:
+    for key, own, setting in settings:
+        if own is None and len(program.tables) > 1:
+            raise source.error(
+                f"{key} without an axis, in a program with tables for {len(program.tables)} axes",
+                f"{key}.axis = value",
+                line=setting.line,
+            )
+        axis = next(iter(program.tables)) if own is None else own
+        before = program.settings.get((key, axis))
+        if before is not None and before.value != setting.value and key not in _MODES:
+            raise source.error(
+                f"{key} of axis {axis}: {setting.value:g} here, {before.value:g} on line {before.line}",
+                "one value",
+                line=setting.line,
+            )
+        program.settings[key, axis] = setting

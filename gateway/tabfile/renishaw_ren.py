@@ -1,0 +1,198 @@
+"""Renishaw error compensation tables (``.ren``), made by the laser's software from a measurement. Read only.
+
+Grammar, after public programs that read such tables; words in any case, any blanks and tabs, ``:`` or ``=``
+allowed after a name::
+
+    Compensation start    position
+    Compensation end      position
+    Compensation spacing  distance           the three in any order
+    No.  Axis position  Combined             or: No.  Axis position  Forward  Reverse
+    number  position  value  [value]         numbered from 1, from the start to the end in equal steps
+
+Blank lines may stand anywhere above the first row. Any other line is refused: a setting that nothing
+documents may turn the sign of all values. What the file does not say must be told: ``file_units``, the units
+of the positions, and ``file_counts_per_unit``, how many of the values make one such unit, negative where they
+are measured errors (actual - commanded) instead of amounts to add: 1000 for corrections in micrometres of an
+axis in mm, -1000 for errors. ``Combined`` holds in both directions; ``Forward`` while the position grows.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.compensation.table import CorrectionTable
+from gateway.tabfile.context import FileContext
+from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
+from gateway.tabfile.ranges import check_home, check_range, check_start, context_in_file_units, told_units
+from gateway.tabfile.readings import Reading
+from gateway.tabfile.strangers import stranger
+from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.writing import WriteOptions, Written, unwritable
+
+NAME: Final = "renishaw-ren"
+TITLE: Final = "Renishaw error compensation table (.ren), even grid; read only"
+MAX_PROBLEMS: Final = 20
+MAX_POINTS: Final = 100_000
+STEP_TOLERANCE: Final = 1e-4
+"""A position may be off its even place by this fraction of the spacing."""
+_SETTINGS: Final = ("start", "end", "spacing")
+_SETTING: Final = re.compile(r"compensation\s+(start|end|spacing)\s*[:=]?\s*(\S.*)?", re.IGNORECASE)
+_COLUMNS: Final = re.compile(r"no\.?\s+axis\s+position\s+(combined|forward\s+reverse)", re.IGNORECASE)
+_HEADINGS: Final = "'No. Axis position Combined' or 'No. Axis position Forward Reverse'"
+
+
+def recognise(source: SourceText) -> bool:
+    """Whether one of the first lines, above the columns, is a setting of such a table or the columns are."""
+    head = source.lines[: len(_SETTINGS) + 2]
+    return any(_SETTING.fullmatch(line.text) or _COLUMNS.fullmatch(line.text) for line in head)
+
+
+def read(source: SourceText, context: FileContext) -> Decoded:
+    """Read the table with the units, the scale and the sign that the context tells.
+
+    Raises:
+        TabFileError: a line that is not grammar, rows that do not run from the start to the end, no units or
+            no scale told, a range that does not fit the travel.
+    """
+    if not recognise(source):
+        raise stranger(source, "Compensation start, end and spacing")
+    settings, values_per_row, body = _parse_head(source)
+    found = _parse_rows(source, body, 2 + values_per_row)
+    _check_grid(source, settings, found)
+    units = told_units(source, context, "a Renishaw table")
+    context = context_in_file_units(source, context, units)
+    scale = context.file_counts_per_unit
+    if scale is None:
+        raise source.error(
+            "a Renishaw table, which states neither the unit nor the sign of its values, and no "
+            "file_counts_per_unit",
+            f"file_counts_per_unit = how many of its values make one {units.value}, negative if they are "
+            "errors (actual - commanded) to be taken off: 1000 or -1000 for micrometres of mm",
+        )
+    rows = [
+        SourceRow(
+            cells[1] + 0.0,
+            cells[2] / scale + 0.0,
+            cells[-1] / scale + 0.0,
+            cells[2],
+            cells[-1],
+            line,
+            line,
+        )
+        for cells, line in found
+    ]
+    ascending = tuple(rows if settings["start"][0] < settings["end"][0] else reversed(rows))
+    mirrored = tuple(row._replace(position=-row.position + 0.0) for row in reversed(ascending))
+    check_home(source, ascending, context)
+    check_start(source, ascending, context)
+    check_range(
+        source,
+        Reading("positions as they stand", ascending, units),
+        Reading("positions mirrored", mirrored, units),
+        context,
+        "a table of this axis; the right file_units and travel",
+    )
+    sign = "added" if scale > 0 else "told as errors (actual - commanded): subtracted"
+    rule = f"column {{}}: value / {abs(scale):g} is {sign}"
+    columns = ("Combined", "Combined") if values_per_row == 1 else ("Forward", "Reverse")
+    return Decoded(
+        ascending,
+        units,
+        context,
+        f"{units.value}/{abs(scale):g}",
+        rule.format(columns[0]),
+        rule.format(columns[1]),
+    )
+
+
+def _parse_head(source: SourceText) -> tuple[dict[str, tuple[float, int]], int, Sequence[Line]]:
+    """Return the settings with their lines, the number of values in a row, and the lines of the rows."""
+    settings: dict[str, tuple[float, int]] = {}
+    for index, line in enumerate(source.lines):
+        columns = _COLUMNS.fullmatch(line.text)
+        if columns is not None:
+            missing = [name for name in _SETTINGS if name not in settings]
+            if missing:
+                allowed = f"Compensation {missing[0]} above the columns"
+                raise source.error(f"no Compensation {missing[0]}", allowed, line=line.number)
+            return settings, len(columns[1].split()), source.lines[index + 1 :]
+        if not line.text:
+            continue
+        setting = _SETTING.fullmatch(line.text)
+        if setting is None:
+            allowed = f"Compensation start, end or spacing, or the columns {_HEADINGS}"
+            raise source.error(shown(line.text), allowed, line=line.number)
+        name, number = setting[1].lower(), to_decimal(setting[2] or "")
+        if name in settings:
+            allowed = f"it once (line {settings[name][1]})"
+            raise source.error(f"a second Compensation {name}", allowed, line=line.number)
+        if number is None or (name == "spacing" and number <= 0):
+            allowed = "a distance above 0" if name == "spacing" else DECIMAL_ALLOWED
+            raise source.error(shown(line.text), f"Compensation {name} and {allowed}", line=line.number)
+        settings[name] = (number, line.number)
+    raise source.error("the end of the file", f"the columns {_HEADINGS}", line=source.last_line)
+
+
+def _parse_rows(source: SourceText, body: Sequence[Line], width: int) -> list[tuple[tuple[float, ...], int]]:
+    rows: list[tuple[tuple[float, ...], int]] = []
+    problems: list[Problem] = []
+    for index, line in enumerate(body, start=1):
+        fields = line.text.split()
+        numbers = [to_decimal(field) for field in fields]
+        if len(fields) != width or to_integer(fields[0]) != index or None in numbers:
+            allowed = f"number {index}, a position and {width - 2} value(s), each {DECIMAL_ALLOWED}"
+            problems.append(source.problem(shown(line.text), allowed, line=line.number))
+        rows.append((tuple(number or 0.0 for number in numbers), line.number))
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+    return rows
+
+
+def _check_grid(
+    source: SourceText,
+    settings: dict[str, tuple[float, int]],
+    rows: Sequence[tuple[tuple[float, ...], int]],
+) -> None:
+    start, end, spacing = (settings[name][0] for name in _SETTINGS)
+    intervals = abs(end - start) / spacing
+    size = round(intervals) + 1 if intervals < MAX_POINTS else 0
+    if size < 2 or abs(intervals - round(intervals)) > STEP_TOLERANCE:
+        raise source.error(
+            f"{start:g} to {end:g} in steps of {spacing:g}",
+            f"a whole number of steps, 1 to {MAX_POINTS - 1}",
+            line=settings["spacing"][1],
+        )
+    if len(rows) != size:
+        raise source.error(
+            f"{len(rows)} rows",
+            f"{size}: {start:g} to {end:g} in steps of {spacing:g}",
+            line=source.last_line,
+        )
+    step = (end - start) / (size - 1)
+    problems = [
+        source.problem(
+            f"position {cells[1]:.9g}",
+            f"{start + index * step:.9g}, as start, end and spacing say",
+            line=line,
+            code="L11",
+        )
+        for index, (cells, line) in enumerate(rows)
+        if abs(cells[1] - (start + index * step)) > STEP_TOLERANCE * spacing
+    ]
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+
+
+def write(table: CorrectionTable, _: WriteOptions) -> Written:
+    """Refuse: the laser's software makes these tables, no control reads them.
+
+    Raises:
+        TabFileError: always.
+    """
+    raise unwritable(
+        NAME,
+        f"a table of {len(table.positions)} points to be written",
+        "another format (csv holds everything): only the laser's software makes these files",
+    )

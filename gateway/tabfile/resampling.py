@@ -1,0 +1,59 @@
+"""A free grid made even, for the controls that know no other, and what that changes."""
+
+from dataclasses import dataclass
+from math import ceil, floor
+from typing import Final
+
+from gateway.compensation.curve import Curve
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.tabfile.errors import Problem, TabFileError
+
+MAX_POINTS: Final = 100_000
+ON_GRID: Final = 1e-6
+"""An end that lies within this fraction of a step from a point of the grid is that point."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resampled:
+    """The table on its new grid; its corrections differ from the old ones by at most this, and there."""
+
+    table: CorrectionTable
+    difference: float
+    at: float
+
+
+def resample(table: CorrectionTable, step: float, name: str) -> Resampled:
+    """Return a table with points every ``step``, in units of the table; ``name`` is for the error.
+
+    Home is a point of the grid if the table reaches there, else its first point is. Where the length is no
+    multiple of the step, the grid ends within one step behind the table, with the value at its end.
+
+    Raises:
+        TabFileError: a step that is not above 0, above the length of the table, or that makes more than
+            100 000 points.
+    """
+    length = table.last - table.first
+    unit = table.units.value
+    if not 0 < step <= length * (1 + ON_GRID) or length / step > MAX_POINTS:
+        raise TabFileError(
+            Problem(
+                name,
+                f"a step of {step:g} for a table of {length:g} {unit}",
+                f"--resample from {length / MAX_POINTS:g} to {length:g} {unit}",
+            )
+        )
+    origin = 0.0 if table.first - ON_GRID * step <= 0 <= table.last + ON_GRID * step else table.first
+    lowest = floor((table.first - origin) / step + ON_GRID)
+    highest = ceil((table.last - origin) / step - ON_GRID)
+    positions = [origin + index * step for index in range(lowest, highest + 1)]
+    curve = Curve(table)
+    forward, backward = ([branch(x) for x in positions] for branch in (curve.forward, curve.backward))
+    even = make_table(positions, forward, backward, table.units, has_backlash=table.facts.has_backlash)
+    again = Curve(even)
+    # Both are straight between the points of either, and the same at those of the new grid.
+    difference, at = max(
+        (abs(value - branch(x)), x)
+        for values, branch in ((table.forward, again.forward), (table.backward, again.backward))
+        for x, value in zip(table.positions, values, strict=True)
+    )
+    return Resampled(even, difference, at)

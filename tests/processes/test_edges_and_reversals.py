@@ -1,0 +1,106 @@
+"""Beyond the ends of a table and at a reversal the gateway does what each control did, as it is told to."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.processes.workshop import Workshop, workshop_in
+
+AXIS = """
+[axis.{name}]
+line = "all"
+unit_id = {unit_id}
+units = "mm"
+counts_per_unit = 1000.0
+travel = [-50.0, 150.0]
+referenced = "absolute"
+table = "{table}"
+registers.command = [{{ address = 100, type = "int32" }}]
+{settings}
+"""
+HEADER = b"CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 50\nENTRIES 3\n"
+TABLES = {
+    "bow.tab": HEADER + b"0 0 0\n50 .05 .05\n100 0 0\n",
+    "ramp.tab": HEADER + b"0 0 0\n50 .05 .05\n100 .1 .1\n",
+    "lost.tab": HEADER + b"0 .01 -.01\n50 .01 -.01\n100 .01 -.01\n",
+    "flat.tab": HEADER + b"0 0 0\n50 .05 .05\n100 .05 .05\n",
+}
+STREAM = 'setpoints = "stream"\n'
+AXES = {
+    "mint": ("bow.tab", 'outside = "zero"'),
+    "isg": ("ramp.tab", 'outside = "hold"'),
+    "wmx": ("ramp.tab", "outside = { fade = 20.0 }"),
+    "refusing": ("ramp.tab", 'outside = "refuse"'),
+    "cycles": ("lost.tab", STREAM + "reversal = { cycles = 4 }"),
+    "jump": ("lost.tab", STREAM + 'reversal = "step"'),
+    "backlash": (
+        "flat.tab",
+        STREAM + 'backlash = { width = 0.02, kind = "homed-forward" }\nreversal = { cycles = 2 }',
+    ),
+}
+UNIT_IDS = {name: unit_id for unit_id, name in enumerate(AXES, start=1)}
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
+    axes = [
+        AXIS.format(name=name, unit_id=UNIT_IDS[name], table=table, settings=settings)
+        for name, (table, settings) in AXES.items()
+    ]
+    with workshop_in(tmp_path_factory.mktemp("workshop"), axes, TABLES) as workshop:
+        yield workshop
+
+
+def told(workshop: Workshop, name: str, *targets: int) -> list[int]:
+    """Send targets to an axis, in counts; returns what its drive is told."""
+    with workshop.master(UNIT_IDS[name]) as master:
+        return [master.move(target) for target in targets]
+
+
+def test_zero_switches_the_correction_off_beyond_the_ends_and_on_again_inside(workshop: Workshop) -> None:
+    assert told(workshop, "mint", 50_000, 120_000, 75_000, -10_000) == [50_050, 120_000, 75_025, -10_000]
+
+
+def test_hold_keeps_the_value_of_the_end(workshop: Workshop) -> None:
+    assert told(workshop, "isg", 50_000, 120_000, -10_000, 150_000) == [50_050, 120_100, -10_000, 150_100]
+
+
+def test_a_fade_leads_to_zero_over_its_length(workshop: Workshop) -> None:
+    # 10 of 20 mm beyond the end: half of 0.1 mm
+    assert told(workshop, "wmx", 110_000, 120_000, 150_000) == [110_050, 120_000, 150_000]
+
+
+def test_refuse_answers_with_an_exception(workshop: Workshop) -> None:
+    with workshop.master(UNIT_IDS["refusing"]) as master:
+        assert master.move(100_000) == 100_100
+        assert master.is_refused(100_001)
+
+
+def test_a_reversal_over_cycles_is_a_sine_squared_of_as_many_setpoints(workshop: Workshop) -> None:
+    assert told(workshop, "cycles", 10_000, 20_000, 30_000, 35_000, 40_000)[-1] == 40_010
+    # of 20 counts: sin² of an eighth, a quarter, three eighths of a turn of 180 degrees, then all of it
+    assert told(workshop, "cycles", 39_990, 39_980, 39_970, 39_960, 39_950) == [
+        39_997,  # + 10 - 20 * 0.146 = + 7.07
+        39_980,  # half way: no correction
+        39_963,  # - 7.07
+        39_950,
+        39_940,
+    ]
+    # and a reversal that is interrupted goes back the way it came
+    assert told(workshop, "cycles", 39_960, 39_970, 39_960, 39_950) == [39_953, 39_970, 39_953, 39_940]
+
+
+def test_a_setpoint_that_stands_still_is_no_cycle(workshop: Workshop) -> None:
+    assert told(workshop, "cycles", 60_000, 61_000, 62_000, 63_000, 64_000)[-1] == 64_010
+    assert told(workshop, "cycles", 63_990, 63_990, 63_990, 63_980) == [63_997, 63_997, 63_997, 63_980]
+
+
+def test_step_takes_the_other_branch_at_once(workshop: Workshop) -> None:
+    assert told(workshop, "jump", 10_000, 20_000, 40_000)[-1] == 40_010
+    assert told(workshop, "jump", 39_990, 39_980) == [39_980, 39_970]
+
+
+def test_lost_motion_is_taken_up_against_the_direction_of_homing(workshop: Workshop) -> None:
+    assert told(workshop, "backlash", 10_000, 60_000, 70_000)[-1] == 70_050
+    # forward: the table alone, + 50; backward 20 less, half of it after the first of two setpoints
+    assert told(workshop, "backlash", 69_000, 68_000) == [69_040, 68_030]

@@ -1,0 +1,275 @@
+"""A sound file or two of each dialect, with what they mean: what the tests of all dialects go by."""
+
+from pathlib import Path
+from typing import Final
+
+from gateway.compensation.units import Units
+from gateway.tabfile import ErrorSense, FileContext
+from tests.tabfile import meanings
+from tests.tabfile.mutants import Sample
+
+TABLES: Final = Path(__file__).parents[2] / "tables"
+AMC: Final = ErrorSense.ACTUAL_MINUS_COMMAND
+
+LINUXCNC_1: Final = b"""-10 0.001 -0.001
+ -8 0.001 -0.001
+ -6 0.002 -0.001
+ -4 0.002 -0.002
+ -2 0.003 -0.002
+  0 0.003 -0.002
+  2 0.003 -0.003
+  4 0.003 -0.002
+  6 0.002 -0.001
+  8 0.001 -0.001
+ 10 0.001 0.000
+"""
+ISG_EVEN: Final = b"""kopf.log_achs_name      X_ACHSE   # an even grid of 20 mm
+kw.ssfk.unit            1
+kw.ssfk.interval        200000
+kw.ssfk.kw_startpos     -400000
+kw.ssfk.kw_nr_max       4
+kw.ssfk.bilateral       1
+kw.ssfk.table[0].pos    30
+kw.ssfk.table[1].pos    10
+kw.ssfk.table[2].pos    0
+kw.ssfk.table[3].pos    -25
+kw.ssfk.table[0].neg    60
+kw.ssfk.table[1].neg    45
+kw.ssfk.table[2].neg    30
+kw.ssfk.table[3].neg    15
+"""
+ISG_FREE: Final = b"""kw.ssfk.unit 1
+kw.ssfk.interval 0
+kw.ssfk.kw_startpos 0
+kw.ssfk.kw_nr_max 3
+kw.ssfk.bilateral 1
+kw.ssfk.table[0].setpoint -400000
+kw.ssfk.table[0].pos 30
+kw.ssfk.table[0].neg 60
+kw.ssfk.table[1].setpoint -200000
+kw.ssfk.table[1].pos 10
+kw.ssfk.table[1].neg 45
+kw.ssfk.table[2].setpoint 150000
+kw.ssfk.table[2].pos 0
+kw.ssfk.table[2].neg 30
+"""
+FAGOR_TWO_WAYS: Final = b"""P001 X-20 EX 0.001 EX 0.004
+P002 X0 EX -0.001 EX 0.001
+P003 X30 EX 0 EX 0.003
+P004 X60 EX 0.002 EX 0.006
+P005 X90 EX 0.001 EX 0.003
+"""
+
+
+def shipped(name: str) -> bytes:
+    return (TABLES / name).read_bytes()
+
+
+def _mm(low: float, high: float) -> FileContext:
+    return FileContext(units=Units.MM, travel=(low, high))
+
+
+def _told(low: float, high: float, **facts: object) -> FileContext:
+    return FileContext(units=Units.MM, travel=(low, high), file_units=Units.MM, **facts)  # type: ignore[arg-type]
+
+
+SAMPLES: Final = (
+    Sample(
+        "centroid-1",
+        "CNC7X.TAB",
+        shipped("centroid-v1/CNC7X.TAB"),
+        FileContext(units=Units.INCH, file_counts_per_unit=64000.0, travel=(-22.7, 0.0)),
+        meanings.centroid_v1,
+        header=frozenset({1}),
+        table_options={"file_counts_per_unit": 64000.0},
+        counts_per_unit=254_000.0,
+        # -25 mm: -32/64000 inch are -127 counts; -50 mm: -38/64000 inch are -150.8
+        moves=((-250_000, -250_127), (-500_000, -500_151), (-250_000, -250_127)),
+    ),
+    Sample(
+        "centroid-2",
+        "cnc10z.tab",
+        shipped("centroid-v2-tb058/cnc10z.tab"),
+        FileContext(units=Units.INCH, travel=(-2.6, 0.0)),
+        meanings.centroid_v2,
+        header=frozenset({1}),
+        counts_per_unit=254_000.0,
+        # -1.25 from above: 0.5 tenths, 12.7 counts; -2: 2 tenths, 50.8; -1.25 from below: 4.5 tenths, 114.3
+        moves=((-317_500, -317_487), (-508_000, -507_949), (-317_500, -317_386)),
+    ),
+    Sample(
+        "centroid-3",
+        "cnc10z.tab",
+        shipped("centroid-v3/cnc10z.tab"),
+        FileContext(units=Units.INCH, travel=(-4.1, 0.0)),
+        meanings.centroid_v3,
+        counts_per_unit=254_000.0,
+        # -1.25 from above: -1.85 tenths, -46.99 counts; -3: -1.7, -43.18; -1.25 from below: +1.2, +30.48
+        moves=((-317_500, -317_547), (-762_000, -762_043), (-317_500, -317_470)),
+    ),
+    Sample(
+        "csv",
+        "laser-errors.csv",
+        shipped("csv/laser-errors.csv"),
+        _mm(0.0, 400.0),
+        meanings.csv_of_errors,
+        # errors of 1.5 and 2.0 µm on the way down, of -4.0 on the way up
+        moves=((3_000_000, 2_999_985), (1_000_000, 999_980), (2_000_000, 2_000_040)),
+    ),
+    Sample(
+        "csv",
+        "x.csv",
+        shipped("csv/x.csv"),
+        _mm(-400.0, 0.0),
+        meanings.csv_of_corrections,
+        label="csv-with-sums",
+        # corrections of 3.0 µm at -250 and -0.5 at -400 on the way down, of 9.0 at -250 on the way up
+        moves=((-2_500_000, -2_499_970), (-4_000_000, -4_000_005), (-2_500_000, -2_499_910)),
+    ),
+    Sample(
+        "fanuc-csv",
+        "x.csv",
+        shipped("fanuc/x.csv"),
+        _told(-400.0, 450.0, file_counts_per_unit=1000.0),
+        meanings.fanuc,
+        header=frozenset({3, 4, 5, 6, 7}),
+        sums=True,
+        table_options={"file_units": "mm", "file_counts_per_unit": 1000.0},
+        # 3, 4 and 3 pulses of 1 µm, each 10 counts of the drive
+        moves=((1_000_000, 1_000_030), (-2_500_000, -2_499_960), (-2_250_000, -2_249_970)),
+    ),
+    Sample(
+        "mitsubishi-csv",
+        "x.csv",
+        shipped("mitsubishi/x.csv"),
+        _told(-200.0, 200.0, file_counts_per_unit=1000.0),
+        meanings.mitsubishi,
+        header=frozenset({2, 3, 4, 5, 6}),
+        sums=True,
+        table_options={"file_units": "mm", "file_counts_per_unit": 1000.0},
+        # below: 4 half units at -100, 10 at -200, so 7 between; above: -6 at 100
+        moves=((-1_000_000, -999_980), (-1_500_000, -1_499_965), (1_000_000, 999_970)),
+    ),
+    Sample(
+        "linuxcnc-0",
+        "screwcompX.dat",
+        shipped("linuxcnc/screwcompX.dat").replace(b" -4.2 ", b" -4.002 "),
+        _told(-10.0, 10.0, format="linuxcnc-0"),
+        meanings.linuxcnc_0,
+        table_options={"format": "linuxcnc-0", "file_units": "mm"},
+        counts_per_unit=100_000.0,
+        # -6 instead of -5.999, -8 instead of -7.999; on the way up -6 instead of -6.002
+        moves=((-600_000, -600_100), (-800_000, -800_100), (-600_000, -599_800)),
+    ),
+    Sample(
+        "linuxcnc-1",
+        "trims.dat",
+        LINUXCNC_1,
+        _told(-10.0, 10.0, format="linuxcnc-1"),
+        meanings.linuxcnc_1,
+        table_options={"format": "linuxcnc-1", "file_units": "mm"},
+        counts_per_unit=100_000.0,
+        moves=((-600_000, -600_100), (-800_000, -800_100), (-600_000, -599_800)),
+    ),
+    Sample(
+        "isg",
+        "achskw1.lis",
+        ISG_EVEN,
+        _mm(-40.0, 20.0),
+        meanings.isg,
+        header=frozenset({2, 3, 4, 5, 6}),
+        counts_per_unit=100_000.0,
+        # errors of 45 and 60 times 0.1 µm on the way down, of 10 on the way up: each 10 counts
+        moves=((-2_000_000, -2_000_450), (-4_000_000, -4_000_600), (-2_000_000, -2_000_100)),
+    ),
+    Sample(
+        "isg",
+        "achskw2.lis",
+        ISG_FREE,
+        _mm(-40.0, 15.0),
+        meanings.isg,
+        label="isg-with-setpoints",
+        header=frozenset({1, 2, 3, 4, 5}),
+        line_of_place={6: 7, 9: 10, 12: 13},
+        counts_per_unit=100_000.0,
+        moves=((-2_000_000, -2_000_450), (-4_000_000, -4_000_600), (-2_000_000, -2_000_100)),
+    ),
+    Sample(
+        "fagor-8055",
+        "ML1",
+        shipped("fagor-8055/ML1"),
+        _told(-20.0, 160.0, fagor_sense=AMC),
+        meanings.fagor,
+        table_options={"file_units": "mm", "fagor_sense": "actual_minus_command"},
+        # errors of 0.001 at 90 and -0.002 at 130, so -0.0005 half way
+        moves=((900_000, 899_990), (1_100_000, 1_100_005), (1_300_000, 1_300_020)),
+    ),
+    Sample(
+        "fagor-8055",
+        "table.txt",
+        FAGOR_TWO_WAYS,
+        _told(-20.0, 90.0, fagor_sense=AMC),
+        meanings.fagor,
+        label="fagor-8055-two-ways",
+        table_options={"file_units": "mm", "fagor_sense": "actual_minus_command"},
+        # errors of 6 and 3 µm on the way down, of 2 on the way up
+        moves=((600_000, 599_940), (300_000, 299_970), (600_000, 599_980)),
+    ),
+    Sample(
+        "aerotech-cal",
+        "x.cal",
+        shipped("aerotech/x.cal").replace(b"; points: 13\n", b""),  # as another program writes it
+        _told(-300.0, 0.0, file_start=-300.0),
+        meanings.aerotech,
+        header=frozenset({3, 4}),
+        table_options={"file_units": "mm", "file_start": -300.0},
+        # the seventh and the second value: -4.6 and -1.2 µm
+        moves=((-1_500_000, -1_500_046), (-2_750_000, -2_750_012), (-1_500_000, -1_500_046)),
+    ),
+    Sample(
+        "renishaw-ren",
+        "x.ren",
+        shipped("renishaw/x.ren"),
+        _told(-400.0, 0.0, file_counts_per_unit=1000.0),
+        meanings.renishaw_ren,
+        header=frozenset({1, 2, 3}),
+        table_options={"file_units": "mm", "file_counts_per_unit": 1000.0},
+        # 1.9 and 3.6 µm on the way down, 7.1 on the way up
+        moves=((-1_000_000, -999_981), (-2_000_000, -1_999_964), (-1_000_000, -999_929)),
+    ),
+    Sample(
+        "mint",
+        "leadscrew.mnt",
+        shipped("mint/leadscrew.mnt"),
+        _told(0.0, 50.0),
+        meanings.mint,
+        header=frozenset({4, 5}),
+        table_options={"file_units": "mm"},
+        counts_per_unit=100_000.0,
+        # down: 10 / 1.001 = 9.990010 and 2.5 / 1.001 = 2.497502; up: 10 / 1.002 = 9.980040
+        moves=((1_000_000, 999_001), (250_000, 249_750), (1_000_000, 998_004)),
+    ),
+    Sample(
+        "heidenhain-com",
+        "Z_PITCH.COM",
+        shipped("heidenhain-com/Z_PITCH.COM"),
+        FileContext(units=Units.MM, travel=(-200.0, 600.0), error_sense=AMC),
+        meanings.heidenhain,
+        header=frozenset({1, 2}),
+        table_options={"error_sense": "actual_minus_command"},
+        # errors of 1.2 and 3.0 µm on the way down, of -2.1 on the way up
+        moves=((1_000_000, 999_988), (0, -30), (1_000_000, 1_000_021)),
+    ),
+    Sample(
+        "siemens-eec",
+        "_N_AX_EEC_INI.ini",
+        shipped("siemens/_N_AX_EEC_INI.ini"),
+        _told(-200.0, -196.0),
+        meanings.siemens,
+        header=frozenset({8, 9, 10, 11}),
+        table_options={"file_units": "mm"},
+        counts_per_unit=100_000.0,
+        # errors of 6 and 10 µm, the same in both directions
+        moves=((-19_700_000, -19_700_600), (-19_900_000, -19_901_000), (-19_700_000, -19_700_600)),
+    ),
+)

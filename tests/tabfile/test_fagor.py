@@ -1,0 +1,279 @@
+"""Fagor 8055 tables: the manual's example and lines of real files by hand, strict grammar, sense, writing."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.tabfile import (
+    ErrorSense,
+    FileContext,
+    HomeSide,
+    LoadedTable,
+    TabFileError,
+    WriteOptions,
+    dialect_named,
+    explain,
+    parse_table,
+)
+
+FOLDER = Path(__file__).parents[2] / "tables" / "fagor-8055"
+PRINTED = (FOLDER / "manual.txt").read_text()
+TRANSFER = (FOLDER / "ML1").read_bytes().decode()
+REAL = (
+    "           P001              Z-  24.00000           EZ-   0.01600\r\n"
+    "           P002              Z-  20.00000           EZ-   0.02200\r\n"
+)
+"""The first lines of a file of a machine in use, in inches."""
+CROSS = (
+    "           P001              Y-  60.00000           EZ    0.01500\r\n"
+    "           P002              Y-  50.00000           EZ    0.01600\r\n"
+)
+TWO_WAY = "P001 X- 20.000 EX 0.001 EX- 0.002\nP002 X 0.000 EX 0 EX 0\nP003 X 20.000 EX- .004 EX- 0.005\n"
+ACTUAL, COMMAND = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
+
+
+def parse(text: str, **facts: Any) -> LoadedTable:
+    told = {"file_units": Units.MM, "fagor_sense": ACTUAL, **facts}
+    return parse_table(text.encode(), "ML1", FileContext(**told))
+
+
+@pytest.mark.parametrize("text", [PRINTED, TRANSFER])
+def test_the_example_of_the_manual_by_hand(text: str) -> None:
+    loaded = parse(text)
+    assert loaded.format == "fagor-8055"
+    assert list(loaded.table.positions) == [-20.0, 0.0, 30.0, 60.0, 90.0, 130.0, 160.0]
+    # at X-20 the error is +0.001: taken off; it is 0 half way to X0, where it is -0.001
+    assert explain(loaded, -20.0).forward.correction == -0.001
+    assert explain(loaded, -10.0).forward.correction == pytest.approx(0.0, abs=1e-15)
+    # half way from X30 (0) to X60 (0.002)
+    assert explain(loaded, 45.0).forward.correction == pytest.approx(-0.001, abs=1e-15)
+    # a quarter of the way from X90 (0.001) to X130 (-0.002): 0.00025
+    assert explain(loaded, 100.0).backward.correction == pytest.approx(-0.00025, abs=1e-15)
+    assert explain(loaded, 160.0).forward.correction == 0.003
+
+
+def test_sense_turns_every_value_round() -> None:
+    loaded = parse(PRINTED, fagor_sense=COMMAND)
+    assert explain(loaded, -20.0).forward.correction == 0.001
+    assert loaded.source.forward_rule == "error = commanded - actual: added as it stands; second field"
+    assert explain(parse(PRINTED, fagor_sense=None, error_sense=COMMAND), 160.0).forward.correction == -0.003
+
+
+def test_sense_is_never_guessed() -> None:
+    with pytest.raises(TabFileError, match="no manual says which sign") as caught:
+        parse(PRINTED, fagor_sense=None)
+    assert len(caught.value.readings) == 2
+    assert caught.value.allowed.startswith("fagor_sense = 'actual_minus_command' or 'command_minus_actual'")
+    with pytest.raises(TabFileError, match="fagor_sense actual_minus_command and error_sense"):
+        parse(PRINTED, error_sense=COMMAND)
+
+
+def test_units_are_never_guessed() -> None:
+    with pytest.raises(TabFileError, match="a Fagor 8055 table, which states no units"):
+        parse(PRINTED, file_units=None, units=Units.MM)
+    loaded = parse(PRINTED, file_units=Units.MM, units=Units.INCH, travel=(-1.0, 7.0))
+    assert loaded.table.units is Units.MM
+
+
+def test_lines_of_a_real_file_by_hand() -> None:
+    loaded = parse(REAL, file_units=Units.INCH, units=Units.INCH)
+    assert (loaded.table.first, loaded.table.last) == (-24.0, -20.0)
+    # a quarter of the way from -0.016 to -0.022: -0.0175
+    assert explain(loaded, -23.0).forward.correction == pytest.approx(0.0175, abs=1e-15)
+    assert loaded.source.axis == "Z"
+    assert loaded.source.behaves_as == ('outside = "hold"',)
+
+
+def test_third_field_is_for_the_negative_direction() -> None:
+    loaded = parse(TWO_WAY)
+    assert list(loaded.table.forward) == [-0.001, 0.0, 0.004]
+    assert list(loaded.table.backward) == [0.002, 0.0, 0.005]
+    assert loaded.source.backward_rule.endswith("third field")
+
+
+def test_negative_errors_that_are_all_zero_mean_as_the_positive_ones() -> None:
+    text = "P001 X-20 EX 0.001 EX 0\nP002 X0 EX -0.001 EX- 0.000\n"
+    loaded = parse(text)
+    assert list(loaded.table.backward) == list(loaded.table.forward) == [-0.001, 0.001]
+    assert loaded.table.is_unidirectional
+    assert "the negative errors are all 0" in loaded.source.decisions[2]
+    assert "L9" not in [lint.code for lint in loaded.lints]
+    one_more = parse(text.replace("EX- 0.000", "EX 0.0001"))
+    assert list(one_more.table.backward) == [0.0, -0.0001]
+
+
+def test_positive_errors_that_are_all_zero_mean_none() -> None:
+    loaded = parse("P001 X-20 EX 0 EX 0.001\nP002 X0 EX 0 EX 0.002\n")
+    assert list(loaded.table.forward) == [0.0, 0.0]
+    lint = next(lint for lint in loaded.lints if lint.code == "L9")
+    assert "Fagor" not in lint.message
+
+
+def test_cross_compensation_is_refused_by_name() -> None:
+    with pytest.raises(TabFileError, match="errors of Z by the position of Y") as caught:
+        parse(CROSS)
+    assert "'cross' key of axis Z" in caught.value.allowed
+    assert caught.value.line == 1
+
+
+def test_axis_must_be_the_one_it_is_read_for() -> None:
+    parse(PRINTED, axis="x")
+    with pytest.raises(TabFileError, match="a table of axis X, read for axis Y") as caught:
+        parse(PRINTED, axis="y")
+    assert "file_axis = 'X'" in caught.value.allowed
+    meant = parse(PRINTED, axis="y", file_axis="x")
+    assert "L10" not in [lint.code for lint in meant.lints]
+    assert list(meant.table.forward) == list(parse(PRINTED).table.forward)
+
+
+def test_rotary_table_of_a_whole_turn_repeats() -> None:
+    turn = "P001 C0 EC 0.01\nP002 C180 EC 0.02\nP003 C360 EC 0.01\n"
+    assert parse(turn, file_units=Units.DEGREE).source.behaves_as == ("modulo = 360",)
+    assert parse(turn).source.behaves_as == ('outside = "hold"',)
+    half_open = "P001 C0 EC 0.01 EC 0.1\nP002 C180 EC 0.02 EC 0\nP003 C360 EC 0.01 EC 0.2\n"
+    assert parse(half_open, file_units=Units.DEGREE).source.behaves_as == ('outside = "hold"',)
+    open_turn = turn.replace("C360 EC 0.01", "C360 EC 0.011")
+    assert parse(open_turn, file_units=Units.DEGREE).source.behaves_as == ('outside = "hold"',)
+
+
+@pytest.mark.parametrize("text", [TRANSFER.replace("\r\n", "\r"), "\ufeff\n" + PRINTED.lower() + " \n\x1a"])
+def test_line_ends_blanks_and_case(text: str) -> None:
+    assert list(parse(text).table.forward) == list(parse(PRINTED).table.forward)
+
+
+@pytest.mark.parametrize(
+    "row", ["P002 X0 EX -0.001", "P002 X 0 EX- 0.001", "P002\tX\t0\tEX-\t.001", "P002   X  0.  EX-0.0010"]
+)
+def test_spellings_of_one_line(row: str) -> None:
+    assert parse(PRINTED.replace("P002 X0 EX -0.001", row)).table.forward[1] == 0.001
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "found"),
+    [
+        ("P002", "P003", 2, "point P003"),
+        ("P002", "P02", 2, "'P02 X0"),
+        ("P002", "P0002", 2, "point P0002"),
+        ("P002 X0 EX -0.001\n", "", 2, "point P003"),
+        ("P002 X0 EX -0.001\n", "\n", 2, "a blank line"),
+        ("P002 X0 EX -0.001\n", "P001 X-20 EX 0.001\n", 2, "point P001"),
+        ("P002 X0 EX -0.001\n", "; a comment\n", 2, "'; a comment'"),
+        ("X0 EX -0.001", "X0 EX - 0.001", 2, "'P002 X0 EX - 0.001'"),
+        ("X0 EX -0.001", "X0 EX -0,001", 2, "'P002 X0 EX -0,001'"),
+        ("X0 EX -0.001", "X0 EX +0.001", 2, "'P002 X0 EX +0.001'"),
+        ("X0 EX -0.001", "X0 EX --0.001", 2, "'P002 X0 EX --0.001'"),
+        ("X0 EX -0.001", "X0 EX- -0.001", 2, "'P002 X0 EX- -0.001'"),
+        ("X0 EX -0.001", "X0 EX 0 .001", 2, "'P002 X0 EX 0 .001'"),
+        ("X0 EX -0.001", "X0EX -0.001", 2, "'P002 X0EX -0.001'"),
+        ("X0 EX -0.001", "X0 EX 1e-3", 2, "'P002 X0 EX 1e-3'"),
+        ("X0 EX -0.001", "X0 EX " + "1" * 41, 2, "'P002 X0"),
+        ("X0 EX -0.001", "X0", 2, "'P002 X0'"),
+        ("X0 EX -0.001", "X0 EX -0.001 EX 0", 2, "3 fields after lines of 2"),
+        ("X0 EX -0.001", "X0 EX -0.001 EX 0 EX 0", 2, "'P002 X0 EX -0.001 EX 0 EX 0'"),
+        ("X0 EX -0.001", "Y0 EY -0.001", 2, "axis Y after axis X"),
+        ("X0 EX -0.001", "X0 EY -0.001", 2, "errors of Y by the position of X"),
+        ("X0 EX -0.001", "X-20 EX -0.001", 2, "position -20 after -20"),
+        ("X0 EX -0.001", "X31 EX -0.001", 3, "position 30 after 31"),
+        ("X160", "X100000", 7, "100000"),
+    ],
+)
+def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: int, found: str) -> None:
+    with pytest.raises(TabFileError) as caught:
+        parse(PRINTED.replace(old, new, 1))
+    assert caught.value.line == line
+    assert found in caught.value.found
+
+
+def test_a_line_without_its_third_field_is_named() -> None:
+    with pytest.raises(TabFileError, match="2 fields after lines of 3") as caught:
+        parse(TWO_WAY.replace(" EX 0 EX 0", " EX 0"))
+    assert caught.value.line == 2
+
+
+def test_number_of_points_has_limits() -> None:
+    rows = [f"P{i:03d} X{i} EX 0.001\n" for i in range(1, 1002)]
+    assert len(parse("".join(rows[:1000])).table.positions) == 1000
+    with pytest.raises(TabFileError, match="1001 point"):
+        parse("".join(rows))
+    with pytest.raises(TabFileError, match="1 point"):
+        parse(rows[0])
+
+
+def test_slope_must_stay_below_the_hundred_percent_of_the_control() -> None:
+    with pytest.raises(TabFileError, match="slope"):
+        parse("P001 X0 EX 0\nP002 X1 EX 1\n")
+
+
+def test_range_start_and_what_has_no_meaning() -> None:
+    with pytest.raises(TabFileError, match="misses travel"):
+        parse(PRINTED, units=Units.MM, travel=(-300.0, -100.0))
+    with pytest.raises(TabFileError, match="lowest position of -20"):
+        parse(PRINTED, file_start=0.0)
+    told = parse(PRINTED, file_home=HomeSide.MINUS, file_counts_per_unit=5.0, isg_sense=ACTUAL)
+    assert [lint.code for lint in told.source.remarks] == ["R3", "R3", "R3"]
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> CorrectionTable:
+    units = draw(st.sampled_from(list(Units)))
+    unit = 1e-5 if units is Units.INCH else 1e-4
+    steps = draw(st.lists(st.integers(10_000, 900_000), min_size=1, max_size=20))
+    start, positions = draw(st.integers(-(10**7), 10**7)), []
+    for step in [0, *steps]:
+        start += step
+        positions.append(start * unit)
+    values = st.lists(st.integers(-400, 400), min_size=len(positions), max_size=len(positions))
+    forward = draw(values)
+    backward = draw(st.one_of(st.just(forward), values, st.just([0] * len(positions))))
+    return make_table(positions, [v * unit for v in forward], [v * unit for v in backward], units)
+
+
+@given(tables(), st.sampled_from(ErrorSense))
+def test_what_is_written_is_read_back(table: CorrectionTable, sense: ErrorSense) -> None:
+    written = dialect_named("fagor-8055").write(table, WriteOptions(axis="z", sense=sense))
+    again = parse_table(written.text.encode(), "ML3", written.context)
+    assert again.table.units is table.units
+    assert again.source.axis == "Z"
+    assert list(again.table.positions) == pytest.approx(list(table.positions), abs=1e-9)
+    assert list(again.table.forward) == pytest.approx(list(table.forward), abs=1e-9)
+    if any(table.backward) or not any(table.forward):
+        assert list(again.table.backward) == pytest.approx(list(table.backward), abs=1e-9)
+    else:
+        # all 0 would mean "as the positive ones": one unit of the last place is written instead
+        unit = 1e-5 if table.units is Units.INCH else 1e-4
+        assert [abs(error) for error in again.table.backward] == [unit, *[0.0] * (len(table.positions) - 1)]
+        assert "is written as 0.0" in written.losses[1]
+
+
+def test_layout_is_that_of_the_control() -> None:
+    table = make_table([-24, -20], [0.016, 0.022], [0.016, 0.022], Units.INCH)
+    written = dialect_named("fagor-8055").write(table, WriteOptions(axis="z", sense=ACTUAL))
+    assert written.text == REAL
+    two = make_table([-24, -20], [0.016, 0.022], [0.015, -0.022], Units.INCH)
+    written = dialect_named("fagor-8055").write(two, WriteOptions(axis="z", sense=ACTUAL))
+    assert written.text == REAL.replace("600\r", "600           EZ-   0.01500\r").replace(
+        "200\r", "200           EZ    0.02200\r"
+    )
+
+
+def test_what_a_table_cannot_hold() -> None:
+    table = make_table([0, 10], [0, 0.001], [0, 0.001], Units.MM)
+    write = dialect_named("fagor-8055").write
+    with pytest.raises(TabFileError, match="axis None"):
+        write(table, WriteOptions(sense=ACTUAL))
+    with pytest.raises(TabFileError, match="no sense of its errors"):
+        write(table, WriteOptions(axis="x"))
+    zeros = [0.0] * 1001
+    with pytest.raises(TabFileError, match="1001 points"):
+        write(make_table(list(range(1001)), zeros, zeros, Units.MM), WriteOptions(axis="x", sense=ACTUAL))
+    close = make_table([0, 0.00002], [0, 0], [0, 0], Units.MM)
+    with pytest.raises(TabFileError, match=r"closer than 0\.0001 mm"):
+        write(close, WriteOptions(axis="x", sense=ACTUAL))
+    far = make_table([0, 4000], [0, 0], [0, 0], Units.INCH)
+    with pytest.raises(TabFileError, match="a number of 4000"):
+        write(far, WriteOptions(axis="x", sense=ACTUAL))

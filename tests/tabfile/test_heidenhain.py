@@ -1,0 +1,230 @@
+"""Heidenhain .COM tables: values by hand, what nothing proves is refused, strict grammar, writing."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.tabfile import (
+    ErrorSense,
+    FileContext,
+    HomeSide,
+    LoadedTable,
+    TabFileError,
+    WriteOptions,
+    dialect_named,
+    explain,
+    parse_table,
+)
+
+SAMPLE = (Path(__file__).parents[2] / "tables" / "heidenhain-com" / "Z_PITCH.COM").read_bytes().decode()
+ONE = "BEGIN Y .COM MM\nNR AXISPOS Y\n0 -90 +0.01\n1 -85 -0.02\n2 -80 +0\n[END]\n"
+SEVERAL = "BEGIN Y .COM MM\nNR AXISPOS Z Y\n0 -90 +0.5 +0.01\n1 -85 +0.5 -0.02\n[END]\n"
+ACTUAL, COMMAND = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
+
+
+def parse(text: str, **facts: Any) -> LoadedTable:
+    told = {"error_sense": ACTUAL, **facts}
+    return parse_table(text.encode(), "Z_PITCH.COM", FileContext(**told))
+
+
+def test_two_directions_by_hand() -> None:
+    loaded = parse(SAMPLE)
+    assert loaded.format == "heidenhain-com"
+    assert loaded.table.units is Units.MM
+    assert (loaded.table.first, loaded.table.last, len(loaded.table.positions)) == (-200.0, 600.0, 9)
+    explained = explain(loaded, 150.0)
+    # half way from -0.0021 to -0.0017, and from 0.0012 to 0.0014; subtracted
+    assert explained.forward.correction == pytest.approx(0.0019, abs=1e-15)
+    assert explained.backward.correction == pytest.approx(-0.0013, abs=1e-15)
+    assert explained.forward.low.forward_line == 6
+    assert loaded.source.forward_rule == "error = actual - commanded: subtracted; column Z"
+    assert loaded.source.backward_rule == "error = actual - commanded: subtracted; column BACKLASH"
+    assert loaded.source.axis == "Z"
+
+
+def test_one_column_holds_in_both_directions() -> None:
+    loaded = parse(ONE, error_sense=COMMAND)
+    assert list(loaded.table.forward) == list(loaded.table.backward) == [0.01, -0.02, 0.0]
+    assert loaded.source.backward_rule.endswith("one value for both directions")
+    assert "only the .CMA file says whose they are" in loaded.source.decisions[2]
+
+
+def test_lost_motion_speaks_against_the_wrong_sense() -> None:
+    assert "L2" not in [lint.code for lint in parse(SAMPLE).lints]
+    assert "L2" in [lint.code for lint in parse(SAMPLE, error_sense=COMMAND).lints]
+
+
+def test_sense_is_never_guessed() -> None:
+    with pytest.raises(TabFileError, match="no manual says which sign") as caught:
+        parse(SAMPLE, error_sense=None)
+    assert len(caught.value.readings) == 2
+    assert caught.value.allowed.startswith("error_sense = 'actual_minus_command' or 'command_minus_actual'")
+
+
+def test_one_of_several_axes_must_be_told() -> None:
+    with pytest.raises(TabFileError, match="2 axes") as caught:
+        parse(SEVERAL, axis="y")
+    assert (caught.value.line, "file_axis = 'Z'" in caught.value.allowed) == (2, True)
+    loaded = parse(SEVERAL, file_axis="y")
+    assert list(loaded.table.forward) == [-0.01, 0.02]
+    assert loaded.source.decisions[3] == "not used: Z, cross compensation by these positions"
+    with pytest.raises(TabFileError, match="columns Z, Y, told file_axis X"):
+        parse(SEVERAL, file_axis="X")
+
+
+def test_backlash_of_several_axes_is_refused() -> None:
+    text = "BEGIN Y .COM MM\nNR AXISPOS Z Y BACKLASH\n0 -90 0 0 1\n1 -85 0 0 1\n[END]\n"
+    with pytest.raises(TabFileError, match="BACKLASH beside the columns Z, Y") as caught:
+        parse(text, file_axis="Y")
+    assert "AXISPOS, Y and its BACKLASH only" in caught.value.allowed
+
+
+def test_backlash_of_zeros_has_two_readings() -> None:
+    text = "BEGIN Y .COM MM\nNR AXISPOS Y BACKLASH\n0 -90 0.01 0\n1 -85 0 +0.0\n[END]\n"
+    with pytest.raises(TabFileError, match="a BACKLASH column of zeros") as caught:
+        parse(text)
+    assert len(caught.value.readings) == 2
+    assert list(parse(text.replace("0.01", "0.00")).table.backward) == [0.0, 0.0]
+    assert list(parse(text.replace("+0.0", "+0.1")).table.backward) == [0.0, -0.1]
+
+
+def test_column_must_be_that_of_the_axis() -> None:
+    parse(ONE, axis="y")
+    with pytest.raises(TabFileError, match="a column of axis Y, read for axis X") as caught:
+        parse(ONE, axis="x")
+    assert "file_axis = 'Y'" in caught.value.allowed
+    meant = parse(ONE, axis="x", file_axis="Y")
+    assert "L10" not in [lint.code for lint in meant.lints]
+
+
+def test_columns_in_any_order() -> None:
+    text = "BEGIN Y .COM INCH\nNR BACKLASH Z2 AXISPOS\n0 1e-3 -.002 0.\n1 0 0 5\n[END]\n"
+    loaded = parse(text)
+    assert loaded.table.units is Units.INCH
+    assert (list(loaded.table.positions), list(loaded.table.forward)) == ([0.0, 5.0], [0.002, 0.0])
+    assert list(loaded.table.backward) == [-0.001, 0.0]
+    assert loaded.source.axis is None
+
+
+@pytest.mark.parametrize("key", ["units", "file_units"])
+def test_numbers_of_a_rotary_axis_are_degrees(key: str) -> None:
+    loaded = parse(ONE, **{key: Units.DEGREE})
+    assert loaded.table.units is Units.DEGREE
+    assert loaded.source.decisions[1] == "units degree: the axis is a rotary one, whatever MM says"
+
+
+def test_told_units_must_agree() -> None:
+    assert parse(ONE, units=Units.INCH).table.units is Units.MM
+    with pytest.raises(TabFileError, match="units mm, told file_units inch"):
+        parse(ONE, file_units=Units.INCH)
+    with pytest.raises(TabFileError, match="a table in mm for an axis in degree"):
+        parse(ONE, file_units=Units.MM, units=Units.DEGREE)
+
+
+@pytest.mark.parametrize("text", [SAMPLE.replace("\r\n", "\r"), "\ufeff\n" + SAMPLE.lower() + "\t\n\x1a"])
+def test_line_ends_blanks_and_case(text: str) -> None:
+    assert list(parse(text).table.backward) == list(parse(SAMPLE).table.backward)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "found"),
+    [
+        ("BEGIN Y", "BEGIN", 1, "'BEGIN .COM MM'"),
+        (".COM MM", ".COM", 1, "'BEGIN Y .COM'"),
+        (".COM MM", ".COM CM", 1, "'BEGIN Y .COM CM'"),
+        (".COM MM", ".TAB MM", 1, "'BEGIN Y .TAB MM'"),
+        (".COM MM", ".CMA MM", 1, "a .CMA file"),
+        ("BEGIN Y .COM MM\n", "", 1, "'NR AXISPOS Y'"),
+        ("NR AXISPOS Y", "AXISPOS Y", 2, "'AXISPOS Y'"),
+        ("NR AXISPOS Y", "NR AXISPOS", 2, "'NR AXISPOS'"),
+        ("NR AXISPOS Y", "NR AXISPO Y", 2, "column 'AXISPO' in"),
+        ("NR AXISPOS Y", "NR AXISPOS Y Y", 2, "column 'Y' in"),
+        ("NR AXISPOS Y", "NR AXISPOS Y BACKLASH", 3, "3 fields in '0 -90 +0.01'"),
+        ("1 -85 -0.02", "1 -85", 4, "2 fields in '1 -85'"),
+        ("1 -85 -0.02", "1 -85 -0.02 0", 4, "4 fields"),
+        ("1 -85 -0.02", "1 -85 -0,02", 4, "'-0,02'"),
+        ("1 -85 -0.02", "2 -85 -0.02", 4, "row '2'"),
+        ("1 -85 -0.02", "01 -85 -0.02", 4, "row '01'"),
+        ("1 -85 -0.02\n", "", 4, "row '2'"),
+        ("1 -85 -0.02\n", "\n", 4, "a blank line"),
+        ("1 -85 -0.02", "1 -90 -0.02", 4, "position -90 after -90"),
+        ("1 -85 -0.02", "1 85 -0.02", 5, "position -80 after 85"),
+        ("[END]", "", 5, "the last line '2 -80 +0'"),
+        ("[END]", "[END]\nx", 7, "the last line 'x'"),
+    ],
+)
+def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: int, found: str) -> None:
+    with pytest.raises(TabFileError) as caught:
+        parse(ONE.replace(old, new, 1))
+    assert caught.value.line == line
+    assert found in caught.value.found
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("BEGIN Y .COM MM\n", "the end of the file"),
+        ("BEGIN Y .COM MM\nNR AXISPOS Y\n", "the last line"),
+        ("BEGIN Y .COM MM\nNR AXISPOS Y\n[END]", "0 row"),
+        ("BEGIN Y .COM MM\nNR AXISPOS Y\n0 1 2\n[END]", "1 row"),
+    ],
+)
+def test_files_that_end_early_are_named(text: str, found: str) -> None:
+    with pytest.raises(TabFileError, match=found):
+        parse(text)
+
+
+def test_range_start_and_what_has_no_meaning() -> None:
+    with pytest.raises(TabFileError, match="misses travel"):
+        parse(ONE, units=Units.MM, travel=(0.0, 100.0))
+    with pytest.raises(TabFileError, match="lowest position of -90"):
+        parse(ONE, file_start=0.0)
+    told = parse(ONE, file_home=HomeSide.PLUS, fagor_sense=ACTUAL)
+    assert [lint.code for lint in told.source.remarks] == ["R3", "R3"]
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> CorrectionTable:
+    steps = draw(st.lists(st.integers(10_000, 90_000_000), min_size=1, max_size=20))
+    start, positions = draw(st.integers(-(10**9), 10**9)), []
+    for step in [0, *steps]:
+        start += step
+        positions.append(start * 1e-6)
+    values = st.lists(st.integers(-400, 400), min_size=len(positions), max_size=len(positions))
+    forward = draw(values)
+    backward = draw(st.one_of(st.just(forward), values, st.just([0] * len(positions))))
+    units = draw(st.sampled_from(list(Units)))
+    return make_table(positions, [v * 1e-6 for v in forward], [v * 1e-6 for v in backward], units)
+
+
+@given(tables(), st.sampled_from(ErrorSense), st.sampled_from(["z", "Z2"]))
+def test_what_is_written_is_read_back(table: CorrectionTable, sense: ErrorSense, name: str) -> None:
+    options = WriteOptions(axis="z", file_axis=None if len(name) == 1 else name, sense=sense)
+    written = dialect_named("heidenhain-com").write(table, options)
+    again = parse_table(written.text.encode(), "Z.COM", written.context)
+    assert again.table.units is table.units
+    assert list(again.table.positions) == pytest.approx(list(table.positions), abs=1e-9)
+    assert list(again.table.forward) == pytest.approx(list(table.forward), abs=1e-12)
+    if any(table.backward) or not any(table.forward):
+        assert list(again.table.backward) == pytest.approx(list(table.backward), abs=1e-12)
+    else:
+        # a column of zeros has two meanings: one unit of the last place is written instead
+        assert [abs(error) for error in again.table.backward] == [1e-6, *[0.0] * (len(table.positions) - 1)]
+        assert "its first value is 0.000001" in written.losses[1]
+
+
+def test_what_a_table_cannot_hold() -> None:
+    table = make_table([0, 10], [0, 0.001], [0, 0.001], Units.MM)
+    write = dialect_named("heidenhain-com").write
+    with pytest.raises(TabFileError, match="axis ''"):
+        write(table, WriteOptions(sense=ACTUAL))
+    with pytest.raises(TabFileError, match="no sense of its errors"):
+        write(table, WriteOptions(axis="x"))
+    close = make_table([0, 2e-7], [0, 0], [0, 0], Units.MM)
+    with pytest.raises(TabFileError, match="closer than 1e-06 mm"):
+        write(close, WriteOptions(axis="x", sense=ACTUAL))

@@ -1,0 +1,288 @@
+"""Mint programs: the published example, the exact inverse, what a program may and may not do."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.compensation.units import Units
+from gateway.tabfile import FileContext, LoadedTable, TabFileError, explain, parse_table
+
+SAMPLE = (Path(__file__).parents[2] / "tables" / "mint" / "leadscrew.mnt").read_text()
+SINGLE = "DIM fwd(3) = 10.02, 20.01, 30.00\nPRECISIONTABLE(0, fwd)\nPRECISIONINCREMENT.0 = 10\n"
+
+
+def parse(text: str, **facts: Any) -> LoadedTable:
+    told: dict[str, Any] = {"file_units": Units.MM, **facts}
+    return parse_table(text.encode(), "program.mnt", FileContext(**told))
+
+
+def single(more: str = "", **facts: Any) -> LoadedTable:
+    return parse(SINGLE + more, **{"file_start": 0.0, **facts})
+
+
+def test_checked_vector_of_the_exact_inverse() -> None:
+    explained = explain(parse(SAMPLE), 10.0).forward
+    # the motor is at 10 when the nut is at 10.02, so for the nut at 10 it is at 100 / 10.02
+    assert explained.corrected == pytest.approx(9.980040, abs=5e-7)
+    assert explained.correction == pytest.approx(100 / 10.02 - 10, abs=1e-12)
+    assert "exact inverse" in explained.rule
+
+
+def test_points_of_both_directions_are_all_points_of_the_table() -> None:
+    loaded = parse(SAMPLE)
+    assert list(loaded.table.positions) == [0, 10.01, 10.02, 20.01, 20.02, 29.99, 30.0, 40.0, 40.01, 50.01]
+    lines = [(row.position, row.forward_line, row.backward_line) for row in loaded.source.rows]
+    assert lines[:4] == [(0.0, None, None), (10.01, None, 2), (10.02, 1, None), (20.01, 1, None)]
+    assert lines[-1] == (50.01, 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("at", "forward", "backward"),
+    [
+        # points of each: i x 10 - entry
+        (10.02, -0.02, -0.01 + 0.01 * (-0.02 + 0.01) / 10.01),
+        (20.01, -0.01, -0.02 + 0.01 * 0.01 / 10.01),
+        (30.0, 0.0, 0.01 - 0.01 * 0.01 / 10.01),
+        (50.01, -0.01, -0.01),
+        # halfway on the first stretch: half of -0.02, half of -0.01
+        (5.01, -0.01, -0.01 * 5.01 / 10.01),
+        # behind the last point it stays
+        (60.0, -0.01, -0.01),
+    ],
+)
+def test_corrections_by_hand(at: float, forward: float, backward: float) -> None:
+    explained = explain(parse(SAMPLE), at)
+    assert explained.forward.correction == pytest.approx(forward, abs=1e-12)
+    assert explained.backward.correction == pytest.approx(backward, abs=1e-12)
+
+
+def test_points_of_both_directions_that_nearly_coincide_are_one() -> None:
+    loaded = parse(SAMPLE.replace("= 10.01,", "= 10.0200004,"))
+    assert [row[5:] for row in loaded.source.rows][:2] == [(None, None), (1, 2)]
+    assert loaded.table.positions[1] == 10.02
+    assert loaded.table.backward[1] == pytest.approx(-0.0200004, abs=1e-9)
+
+
+def test_mark_a_moves_the_table() -> None:
+    program = SAMPLE.replace("PRECISIONOFFSET.0 = 0", "PRECISIONOFFSET.0 = -25.5")
+    loaded = parse(program)
+    assert [loaded.table.first, loaded.table.last] == pytest.approx([-25.5, 24.51], abs=1e-12)
+    assert explain(loaded, -15.48).forward.correction == pytest.approx(-0.02, abs=1e-12)
+    remark = next(lint for lint in loaded.warnings if lint.code == "R9")
+    assert (remark.line, "put A at 25.5" in remark.message) == (5, True)
+    assert "R9" not in {lint.code for lint in parse(program, file_start=-25.5).lints}
+    with pytest.raises(TabFileError, match=r"PRECISIONOFFSET -25\.5, but file_start is 25\.5") as caught:
+        parse(program, file_start=25.5)
+    assert caught.value.line == 5
+
+
+def test_mark_a_must_be_known() -> None:
+    with pytest.raises(TabFileError, match="nothing says where mark A"):
+        single(file_start=None)
+    assert single(file_start=-30.0).table.first == -30.0
+
+
+def test_units_must_be_told() -> None:
+    with pytest.raises(TabFileError, match="states no units"):
+        parse(SAMPLE, file_units=None)
+
+
+def test_single_table_serves_both_directions() -> None:
+    loaded = single()
+    assert loaded.table.is_unidirectional
+    assert list(loaded.table.forward) == pytest.approx([0.0, -0.02, -0.01, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        SINGLE.replace("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT(0) = 10"),
+        SINGLE.replace("PRECISIONINCREMENT.0 = 10", "precisionincrement[0, 1] = 10, 5"),
+        SINGLE.replace("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT = +10.0"),
+        SINGLE.replace("\n", " : "),
+        SINGLE.replace("\n", " : REM Table\n"),
+        SINGLE.replace("\n", "  ' the table\n"),
+        SINGLE.replace("20.01,", "20.01, _\n"),
+        SINGLE.replace("20.01,", "20.01, \\ ' goes on\n\t"),
+        SINGLE.replace("DIM fwd(3) =", "Dim FWD (3) As Float ="),
+        SINGLE + "PRECISIONMODE.0 = 0\nPRECISIONMODE.0 = 1\n",
+        'AXES[0, 1, 2]\nPRINT "PRECISIONTABLE(0, fwd)"\nFOR i = 1 TO 3\nSPEED.0 = i\nNEXT\n' + SINGLE,
+        "IF DRIVEENABLE.0 THEN\n BEEP\nEND IF\nIF x = 1 THEN BEEP\n" + SINGLE,
+        SINGLE.replace("\n", "\r\n"),
+        SINGLE.replace("\n", "\r"),
+        "﻿" + SINGLE.replace("\n", "\t \n") + "\n\n",
+    ],
+)
+def test_ways_to_write_the_same(text: str) -> None:
+    loaded = parse(text, file_start=0.0)
+    assert list(loaded.table.positions) == [0.0, 10.02, 20.01, 30.0]
+    assert list(loaded.table.forward) == pytest.approx([0.0, -0.02, -0.01, 0.0], abs=1e-12)
+
+
+def test_values_know_their_own_lines() -> None:
+    loaded = parse(SINGLE.replace("20.01,", "20.01, _\n"), file_start=0.0)
+    assert [row.forward_line for row in loaded.source.rows] == [None, 1, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "found"),
+    [
+        ("fwd(3)", "fwd(4)", 1, "3 values in FWD(4)"),
+        ("10.02, 20.01", "10.02", 1, "2 values in FWD(3)"),
+        ("10.02", "10,02", 1, "4 values in FWD(3)"),
+        ("20.01", "10.02", 1, "L11 forward position 10.02 of entry 2 after 10.02"),
+        ("10.02", "-10.02", 1, "L11 forward position -10.02 of entry 1 after 0"),
+        ("20.01", "a + 1", 1, "no expression"),
+        ("20.01", "20 + .01", 1, "no expression"),
+        ("20.01", "20.0.1", 1, "'20.0.1'"),
+        ("30.00", "30:00", 1, "a statement that begins with '00'"),
+        ("20.01", "", 1, "decimal number"),
+        ("DIM fwd(3) =", "DIM fwd(3)", 1, "allowed: ="),
+        ("DIM fwd", "DIM rev", 2, "an array FWD that has no values"),
+        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(x, fwd)", 2, "the number of an axis"),
+        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(0, fwd", 2, "allowed: , or )"),
+        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(0, fwd) 1", 2, "end of the statement"),
+        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABL(0, fwd)", None, "no statement begins with PRECISIONTABLE"),
+        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(1, fwd)", 2, "axis 1 without its PRECISIONINCREMENT"),
+        ("PRECISIONINCREMENT.0 = 10", "", 2, "without its PRECISIONINCREMENT"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = -10", 3, "a distance above 0"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = inc", 3, "decimal number"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0.5 = 10", 3, "PRECISIONINCREMENT.axis = value"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT[0,1] = 10", 3, "1 values for 2 axes"),
+        (
+            "PRECISIONINCREMENT.0 = 10",
+            "PRECISIONINCREMENT.0 = 10\nPRECISIONINCREMENT.0 = 9",
+            4,
+            "10 on line 3",
+        ),
+        ("PRECISIONINCREMENT.0 = 10", "IF a THEN\nPRECISIONINCREMENT.0 = 10\nENDIF", 4, "an IF, a loop"),
+        ("PRECISIONINCREMENT.0 = 10", "IF a THEN b = 1 : PRECISIONINCREMENT.0 = 10", 3, "an IF, a loop"),
+        ("PRECISIONINCREMENT.0 = 10", "IF a THEN PRECISIONINCREMENT.0 = 10", 3, "a statement with"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nfwd(2) = 20.02", 4, "a statement with FWD"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nGOTO start", 1, "with GOTO"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nPCI.0 = 9", 4, "the short form"),
+        (
+            "PRECISIONINCREMENT.0 = 10",
+            "PRECISIONINCREMENT.0 = 10\nPRECISIONNODE.0 = 1",
+            4,
+            "almost PRECISIONMODE",
+        ),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nBACKLAS.0 = 0.01", 4, "almost BACKLASH"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nPRECISIONTABLE(0, fwd)", 4, "a second"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nDIM fwd(1) = 3", 4, "a second DIM"),
+        (
+            "PRECISIONINCREMENT.0 = 10",
+            "PRECISIONINCREMENT.0 = 10\nPRECISIONMODE.0 = _lsDUAL_TABLE",
+            4,
+            "DUAL",
+        ),
+        (
+            "PRECISIONINCREMENT.0 = 10",
+            "PRECISIONINCREMENT.0 = 10\nBACKLASHINTERVAL.0 = 2.5",
+            4,
+            "a whole number",
+        ),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nBACKLASH.0 = 1\nBLM.0 = 7", 5, "_blON"),
+    ],
+)
+def test_what_is_not_of_the_grammar_is_refused_by_line(old: str, new: str, line: int, found: str) -> None:
+    assert old in SINGLE
+    with pytest.raises(TabFileError) as caught:
+        parse(SINGLE.replace(old, new), file_start=0.0)
+    assert found in str(caught.value)
+    assert caught.value.line == line
+
+
+def test_tables_of_different_length_are_refused() -> None:
+    text = SAMPLE.replace("revTable (5)", "revTable (4)").replace(", 40.00, 50.01", ", 40.00")
+    with pytest.raises(TabFileError, match="5 forward and 4 reverse"):
+        parse(text)
+
+
+def test_several_axes_need_a_name() -> None:
+    text = SAMPLE + "DIM y(2) = 5.01, 10.02\nPRECISIONTABLE(1, y)\nPRECISIONINCREMENT.1 = 5\n"
+    text = text.replace("PRECISIONOFFSET.0 = 0", "PRECISIONOFFSET[0, 1] = 0, 0")
+    with pytest.raises(TabFileError, match="the axes 0, 1"):
+        parse(text)
+    assert list(parse(text, file_axis="1").table.forward) == pytest.approx([0, -0.01, -0.02], abs=1e-12)
+    assert parse(text, file_axis="0").table.last == 50.01
+    with pytest.raises(TabFileError, match="told file_axis '2'"):
+        parse(text, file_axis="2")
+    with pytest.raises(TabFileError, match="PRECISIONINCREMENT without an axis"):
+        parse(text.replace("PRECISIONINCREMENT.0", "PRECISIONINCREMENT"), file_axis="0")
+
+
+def test_mode_decides_whether_the_reverse_table_counts() -> None:
+    loaded = parse(SAMPLE.replace("_lsDUAL_TABLE", "_lsSINGLE_TABLE"))
+    assert loaded.table.is_unidirectional
+    assert list(loaded.table.positions) == [0.0, 10.02, 20.01, 30.0, 40.01, 50.01]
+    assert not parse(SAMPLE.replace("_lsDUAL_TABLE", "2")).table.is_unidirectional
+    # 1 is the single table, but with two of them it is better spelled out
+    with pytest.raises(TabFileError, match=r"PRECISIONMODE 1 with 2 table\(s\)"):
+        parse(SAMPLE.replace("_lsDUAL_TABLE", "1"))
+
+
+def test_program_that_ends_with_compensation_off_is_remarked_on() -> None:
+    loaded = parse(SAMPLE.replace("_lsDUAL_TABLE", "_lsOFF"))
+    assert not loaded.table.is_unidirectional
+    assert [lint.line for lint in loaded.warnings if lint.code == "R10"] == [7]
+    assert "R10" not in {lint.code for lint in parse("PRECISIONMODE.0 = 0\n" + SAMPLE).lints}
+
+
+def test_backlash_beside_one_table_becomes_settings_of_the_axis() -> None:
+    on = "BACKLASH.0 = 0.02\nBACKLASHINTERVAL.0 = 200\nBACKLASHMODE.0 = 1\n"
+    loaded = single(on)
+    # positive: moving forward takes the whole size, moving back nothing
+    assert loaded.source.behaves_as == (
+        'outside = "zero"',
+        'backlash = { width = 0.02, kind = "homed-backward" }',
+        "reversal = { cycles = 200 }",
+    )
+    assert [lint.line for lint in loaded.warnings if lint.code == "R8"] == [4]
+    assert loaded.table.is_unidirectional
+    negative = single(on.replace("0.02", "-0.02")).source.behaves_as
+    assert 'backlash = { width = 0.02, kind = "homed-forward" }' in negative
+    # in units of the axis
+    inches = single(on, file_units=Units.INCH, units=Units.MM, file_start=0.0)
+    assert 'backlash = { width = 0.508, kind = "homed-backward" }' in inches.source.behaves_as
+    off = single(on.replace("BACKLASHMODE.0 = 1", "BLM.0 = _blOFF")).source
+    assert off.behaves_as == ('outside = "zero"', "reversal = { cycles = 200 }")
+    assert any("does not count" in decision for decision in off.decisions)
+
+
+def test_backlash_of_the_guide_names_several_axes() -> None:
+    loaded = single("BACKLASH[0,1] = 0.01, -0.2\n")
+    assert 'backlash = { width = 0.01, kind = "homed-backward" }' in loaded.source.behaves_as
+
+
+def test_backlash_beside_two_tables_is_refused() -> None:
+    with pytest.raises(TabFileError, match="hold the lost motion already") as caught:
+        parse(SAMPLE.replace("_blOFF", "_blON") + "BACKLASH.0 = 0.02\n")
+    assert caught.value.line == 8
+    parse(SAMPLE + "BACKLASH.0 = 0.02\n")
+
+
+def test_outside_is_zero_only_where_that_makes_no_step() -> None:
+    assert single().source.behaves_as == ('outside = "zero"',)
+    stepping = parse(SAMPLE).source
+    assert not any("outside" in line for line in stepping.behaves_as)
+    assert any("jump by 0.01 mm" in decision for decision in stepping.decisions)
+
+
+def test_other_statements_are_counted() -> None:
+    decisions = single("SPEED.0 = 10\nMOVEA.0 = 3 : GO.0\n").source.decisions
+    assert any(decision.startswith("3 other statements") for decision in decisions)
+
+
+def test_published_numbers_make_negative_backlash_and_are_remarked_on() -> None:
+    # fwd 10.02 above rev 10.01: the guide's numbers are made up
+    loaded = parse(SAMPLE)
+    assert loaded.errors == ()
+    assert loaded.table.forward[2] - loaded.table.backward[2] == pytest.approx(-0.01, abs=1e-4)
+
+
+def test_travel_is_checked() -> None:
+    with pytest.raises(TabFileError, match="misses travel"):
+        parse(SAMPLE, travel=(-50.0, -1.0))
+    assert parse(SAMPLE, travel=(0.0, 60.0), units=Units.MM).table.last == 50.01

@@ -1,0 +1,142 @@
+"""``table formats``, the options that all commands share, ``--resample``, what a control did besides."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+from typer.testing import CliRunner, Result
+
+from gateway.cli import table_output as output
+from gateway.cli.table import app
+from gateway.cli.table_options import format_names, writable_names
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.tabfile import DIALECTS, OPTIONS, FileContext, TabFileError, explain, read_table
+from gateway.tabfile.explanation import to_json
+from gateway.tabfile.resampling import resample
+
+V3 = Path(__file__).parents[2] / "tables" / "centroid-v3" / "cnc10z.tab"
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def good(*arguments: object) -> dict[str, Any]:
+    result = run(*arguments, "--json")
+    assert result.exit_code == 0, result.output
+    data: dict[str, Any] = json.loads(result.stdout)
+    return data
+
+
+def test_every_format_is_listed_with_what_must_be_told() -> None:
+    listed = {form["name"]: form for form in good("formats")["formats"]}
+    assert set(listed) == {dialect.name for dialect in DIALECTS}
+    assert listed["centroid-1"] == {
+        "name": "centroid-1",
+        "title": "Centroid version 1 (CNC7 6.00 to 7.17), one direction, encoder counts",
+        "directions": 1,
+        "units": "axis",
+        "options": ["--units", "--file-counts-per-unit", "--v1-layout", "--file-start", "--file-home"],
+        "writable": True,
+        "suffix": ".tab",
+    }
+    text = run("formats").stdout
+    for dialect in DIALECTS:
+        assert f"{dialect.name}: {dialect.title}\n" in text
+
+
+def options_of(command: str) -> set[str]:
+    found: Any = typer.main.get_command(app)
+    return {option for parameter in found.commands[command].params for option in parameter.opts}
+
+
+@pytest.mark.parametrize("command", ["show", "explain", "lint", "convert"])
+def test_every_command_takes_all_that_can_be_told_about_a_file(command: str) -> None:
+    told = {f"--{name.replace('_', '-')}" for name in OPTIONS} | {"--format", "--units", "--travel", "--axis"}
+    assert told <= options_of(command)
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "names"),
+    [("show", "--format", format_names()), ("convert", "--to", writable_names())],
+)
+def test_names_of_formats_are_completed(command: str, option: str, names: list[str]) -> None:
+    found: Any = typer.main.get_command(app)
+    (parameter,) = (p for p in found.commands[command].params if option in p.opts)
+    completed = [item.value for item in parameter.shell_complete(None, "centroid-")]
+    assert completed == [name for name in names if name.startswith("centroid-")]
+    assert len(completed) == 3
+    assert parameter.shell_complete(None, "nothing") == []
+
+
+def test_a_format_that_nobody_knows_is_wrong_usage() -> None:
+    for arguments in (("show", V3, "--format", "centroid-4"), ("convert", V3, "x", "--to", "centroid-4")):
+        result = run(*arguments)
+        assert result.exit_code == 2
+        assert "centroid-1" in result.stderr
+
+
+def test_a_told_format_that_the_text_is_not_is_refused() -> None:
+    result = run("show", V3, "--format", "centroid-2")
+    assert result.exit_code == 1
+    assert "a text of 'centroid-3', told format 'centroid-2'" in result.stderr
+
+
+def test_resampling_says_what_changes_most_and_where(tmp_path: Path) -> None:
+    out = tmp_path / "cnc10z.txt"
+    data = good("convert", V3, out, "--to", "centroid-3", "--resample", 1)
+    # backward at -1.5: -0.00023 lies 0.000035 below the line from -0.00014 to -0.00025
+    assert data["resampled"]["points"] == 5
+    assert data["resampled"]["largest_difference"] == pytest.approx(0.000035, abs=1e-12)
+    assert data["resampled"]["at"] == -1.5
+    assert data["largest_difference"] == pytest.approx(0.0, abs=1e-12)
+    said = run("convert", V3, out, "--to", "centroid-3", "--resample", 1, "--force").stdout
+    assert "on an even grid of 5 points: corrections change by at most 3.5e-05 inch (at -1.5)" in said
+    assert "files of centroid-3 are usually called *.tab" in said
+
+
+@pytest.mark.parametrize("step", ["0", "-1", "4.1", "1e-9", "nan"])
+def test_a_step_that_makes_no_grid_is_refused(tmp_path: Path, step: str) -> None:
+    result = run("convert", V3, tmp_path / "out.tab", "--to", "centroid-3", f"--resample={step}")
+    assert result.exit_code == 1
+    assert "--resample from 4e-05 to 4 inch" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_free_grid_becomes_even_around_home_and_keeps_its_ends() -> None:
+    table = make_table([-3.0, 0.0, 3.0, 10.0], [0.0, 0.0, 0.003, 0.003], [0.0] * 4, Units.MM)
+    even = resample(table, 5.0, "x.csv")
+    assert list(even.table.positions) == [-5.0, 0.0, 5.0, 10.0]
+    assert list(even.table.forward) == pytest.approx([0.0, 0.0, 0.003, 0.003])
+    # at 3 the new line from 0 at 0 to 0.003 at 5 passes 0.0018
+    assert even.difference == pytest.approx(0.0012)
+    assert even.at == 3.0
+    with pytest.raises(TabFileError, match="a step of 14 for a table of 13 mm"):
+        resample(table, 14.0, "x.csv")
+
+
+def test_a_grid_that_does_not_reach_home_begins_where_the_table_does() -> None:
+    table = make_table([1.5, 2.5, 4.0], [0.0, 0.001, 0.001], [0.0] * 3, Units.MM)
+    assert list(resample(table, 1.0, "x").table.positions) == [1.5, 2.5, 3.5, 4.5]
+
+
+def test_the_letter_in_the_file_can_be_told(tmp_path: Path) -> None:
+    out = tmp_path / "out.tab"
+    good("convert", V3, out, "--to", "centroid-3", "--to-axis", "w")
+    assert out.read_text().splitlines()[1] == "AXIS W"
+    assert run("convert", V3, tmp_path / "b.tab", "--to", "centroid-3", "--to-axis", "xx").exit_code == 2
+
+
+def test_what_the_control_did_beside_the_table_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    loaded = read_table(V3, FileContext())
+    behaves_as = ('outside = "zero"', "reversal = { cycles = 5 }")
+    loaded = replace(loaded, source=replace(loaded.source, behaves_as=behaves_as))
+    assert output.summary(loaded)["behaves_as"] == list(behaves_as)
+    assert to_json(loaded, explain(loaded, -1.0))["behaves_as"] == list(behaves_as)
+    output.show_text(loaded, 0)
+    output.explain_text(loaded, explain(loaded, -1.0))
+    assert capsys.readouterr().out.count('to do as its control did, for the axis: outside = "zero"\n') == 2
