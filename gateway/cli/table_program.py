@@ -45,6 +45,10 @@ def program(
     ] = None,
     seed: Annotated[int, typer.Option(help="The same number gives the same targets.")] = 1,
     runs: Annotated[int, typer.Option(help="Runs each way.")] = 5,
+    travel: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LO HI", help="Limits of the axis: a cycle that leaves them is refused."),
+    ] = None,
     overrun: Annotated[
         float | None, typer.Option(help="How far beyond the ends it turns round; default 2 mm.")
     ] = None,
@@ -91,7 +95,7 @@ def program(
         elif kind is Kind.LIST:
             text = "".join(f"{stop:.{decimals}f}\n" for stop in stops)
         else:
-            text = maths.bidirectional_cycle(stops, cycle)
+            text = maths.bidirectional_cycle(stops, cycle, travel)
         _warn(stops, cycle, kind)
         if out is None:
             typer.echo(text, nl=False)

@@ -114,11 +114,22 @@ def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:
     return f"G91{axis.upper()}{_short(step, decimals)}\nG4P{_short(dwell, 3)}\nM102\n"
 
 
-def bidirectional_cycle(targets: Sequence[float], cycle: Cycle) -> str:
+def bidirectional_cycle(
+    targets: Sequence[float], cycle: Cycle, travel: tuple[float, float] | None = None
+) -> str:
     """Return a program that stops at every target upwards, overruns, and stops at each downwards; each run.
 
     The first move goes below the lowest target, so that it too is approached from below.
+
+    Raises:
+        ReadingsError: it would leave the travel.
     """
+    low, high = min(targets) - cycle.overrun, max(targets) + cycle.overrun
+    if travel is not None and not travel[0] <= low < high <= travel[1]:
+        raise ReadingsError(
+            f"the cycle goes from {low:g} to {high:g} with its overrun of {cycle.overrun:g}, the travel is "
+            f"{travel[0]:g} to {travel[1]:g}: targets further inside, or a smaller overrun"
+        )
     return "".join(f"{line}\n" for line in _cycle_lines(targets, cycle))
 
 

@@ -191,6 +191,14 @@ def test_refining_adds_nominal_minus_measured() -> None:
     assert list(kept.table.forward) == pytest.approx([0.0, 0.01, 0.02])
 
 
+def test_refining_keeps_the_reference_of_a_table_that_is_not_zero_at_home() -> None:
+    old = make_table([0, 10], [0.005, 0.01], [0.0, 0.0], Units.MM)
+    readings = [Reading(x, way, x - 0.003) for way in (UP, DOWN) for x in (0.0, 10.0)]
+    new = refine_table(old, Survey(tuple(readings), Units.MM), home=HomeReference(0.0, UP))
+    assert list(new.table.forward) == pytest.approx([0.005, 0.01])
+    assert list(new.table.backward) == pytest.approx([0.0, 0.0])
+
+
 def test_refining_on_the_union_keeps_every_target() -> None:
     old = make_table([0, 20], [0.0, 0.02], [0.0, 0.0], Units.MM)
     readings = [Reading(x, way, x - 0.001 * x) for way in (UP, DOWN) for x in (0.0, 5.0, 15.0)]

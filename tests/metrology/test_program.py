@@ -43,6 +43,13 @@ def test_a_cycle_of_two_targets_by_hand() -> None:
     ]
 
 
+def test_a_cycle_that_leaves_the_travel_is_refused() -> None:
+    assert bidirectional_cycle([0, 10], MM, (-2.0, 12.0)) == bidirectional_cycle([0, 10], MM)
+    for travel in ((-1.9, 20.0), (-5.0, 11.0)):
+        with pytest.raises(ReadingsError, match="the cycle goes from -2 to 12"):
+            bidirectional_cycle([0, 10], MM, travel)
+
+
 @given(st.sets(st.integers(-500, 500), min_size=2, max_size=12), st.integers(1, 4), st.sampled_from(Units))
 def test_every_stop_is_approached_from_the_side_it_counts_for(
     places: set[int], runs: int, units: Units
