@@ -45,6 +45,7 @@ def evaluate(
         Path | None,
         typer.Option(metavar="OUT", help="Write a report: .html, .png or .svg.", readable=False),
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the report.")] = False,
     json: AsJson = False,
 ) -> None:
     """Judge an axis by the formulas of ISO 230-2: A, R, E, M and B, for each direction and both.
@@ -83,7 +84,7 @@ def evaluate(
         second_results = iso_230_2(second) if second else None
         notes = _notes(before, second if loaded is None else None)
         if report is not None:
-            _write_report(report, _story(before, second, loaded, notes))
+            _write_report(report, _story(before, second, loaded, notes), force=force)
     if json:
         found: dict[str, object] = {
             "readings": before.source,
@@ -127,8 +128,8 @@ def _story(
     )
 
 
-def _write_report(path: Path, story: AxisStory) -> None:
+def _write_report(path: Path, story: AxisStory, *, force: bool) -> None:
     from gateway.report.writing import write_report  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
     made_at = datetime.now(UTC).astimezone().isoformat(sep=" ", timespec="minutes")
-    write_report(Report(f"Accuracy of axis {story.axis}", (story,), made_at), path)
+    write_report(Report(f"Accuracy of axis {story.axis}", (story,), made_at), path, force=force)
