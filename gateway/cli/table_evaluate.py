@@ -129,7 +129,11 @@ def _story(
 
 
 def _write_report(path: Path, story: AxisStory, *, force: bool) -> None:
+    from gateway.report.errors import ReportError  # type: ignore[import-untyped, import-not-found, unused-ignore]
     from gateway.report.writing import write_report  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
     made_at = datetime.now(UTC).astimezone().isoformat(sep=" ", timespec="minutes")
-    write_report(Report(f"Accuracy of axis {story.axis}", (story,), made_at), path, force=force)
+    try:
+        write_report(Report(f"Accuracy of axis {story.axis}", (story,), made_at), path, force=force)
+    except ReportError as error:
+        raise ValueError(str(error)) from error
