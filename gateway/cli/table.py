@@ -6,6 +6,7 @@ from typing import Annotated, Final
 
 import typer
 
+from gateway.cli import table_build, table_evaluate, table_program, table_refine
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.table_convert import convert
@@ -23,6 +24,11 @@ app = typer.Typer(
     help="Look at correction tables (Centroid .tab and those of other controls), check and convert them. "
     "The format is found out from the text; 'table formats' lists all of them.",
 )
+
+app.command("build")(table_build.build)
+app.command("refine")(table_refine.refine)
+app.command("evaluate")(table_evaluate.evaluate)
+app.command("program")(table_program.program)
 
 FAILING: Final = frozenset({"L4"})
 """Warnings with which ``lint`` ends as with an error: a unit slip leaves the axis as good as uncorrected."""
