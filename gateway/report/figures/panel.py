@@ -1,0 +1,56 @@
+"""What all pictures of a report share: frame, labels, curves."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from gateway.report.envelope import thinned
+from gateway.report.findings import Findings
+from gateway.report.ink import ZERO
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_MARKS: Final = 90
+"""With more points than this a curve is a line without marks: they would cover it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One picture. ``about`` is its caption, and what is read to whoever cannot see it.
+
+    ``is_half``: it is as good at half the width, beside its neighbour.
+    """
+
+    name: str
+    title: str
+    about: str
+    draw: "Callable[[Axes], None]"
+    is_half: bool = False
+
+
+def dress(axes: "Axes", found: Findings, quantity: str, unit: str | None = None) -> None:
+    """Label both axes with their units and draw the line of no deviation."""
+    axes.set_xlabel(f"position of axis {found.axis} / {found.scale.position}")
+    axes.set_ylabel(f"{quantity} / {unit or found.scale.deviation}")
+    axes.axhline(0.0, color=ZERO, linewidth=0.9, zorder=1.5, gid="zero")
+    axes.margins(x=0.02)
+
+
+def curve(
+    axes: "Axes",
+    positions: Sequence[float],
+    values: Sequence[float],
+    gid: str,
+    **style: Any,
+) -> None:
+    """Draw a curve; one of very many points without marks, and thinned to what a picture can show."""
+    shown_x, shown_y = thinned(positions, values)
+    if len(positions) > MOST_MARKS:
+        style["marker"] = ""
+    axes.plot(shown_x, shown_y, gid=gid, **style)
+
+
+def legend(axes: "Axes", columns: int = 3) -> None:
+    """Put the legend above the picture, where it covers no data."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns)
