@@ -20,7 +20,7 @@ def thinned(positions: Sequence[float], values: Sequence[float]) -> tuple[list[f
     count = len(positions)
     if count <= MOST_POINTS:
         return list(positions), list(values)
-    stretch = -(-count // ((MOST_POINTS - 2) // 2))
+    stretch = stretch_of(count)
     kept = {0, count - 1}
     for start in range(0, count, stretch):
         part = range(start, min(start + stretch, count))
@@ -29,9 +29,13 @@ def thinned(positions: Sequence[float], values: Sequence[float]) -> tuple[list[f
     return [positions[i] for i in order], [values[i] for i in order]
 
 
+def stretch_of(count: int) -> int:
+    """Return how many neighbouring points of ``count`` make one stretch: two points of the picture."""
+    return -(-count // ((MOST_POINTS - 2) // 2))
+
+
 def thinning_note(count: int) -> str:
     """Say that a curve of ``count`` points was thinned; empty where it was not."""
     if count <= MOST_POINTS:
         return ""
-    stretch = -(-count // ((MOST_POINTS - 2) // 2))
-    return f" Of each {stretch} of the {count} points the smallest and the largest are drawn."
+    return f" Of each {stretch_of(count)} of the {count} points the smallest and the largest are drawn."

@@ -63,9 +63,9 @@ _HEADLINES: Final = (
     (FIGURES[0], "accurate to"),
     (FIGURES[1], "accurate in forward direction to"),
     (FIGURES[2], "accurate in backward direction to"),
-    (FIGURES[6], "on average within"),
-    (FIGURES[7], "in forward direction on average within"),
-    (FIGURES[8], "in backward direction on average within"),
+    (FIGURES[6], "on average within a band of"),
+    (FIGURES[7], "in forward direction on average within a band of"),
+    (FIGURES[8], "in backward direction on average within a band of"),
 )
 """What the sentence is about: the first that all readings carry."""
 

@@ -7,19 +7,22 @@ from gateway import __version__
 from gateway.metrology.evaluation import Evaluation
 from gateway.report.drawing import saved, svg_of
 from gateway.report.figures import Panel, panels
+from gateway.report.figures.panel import legend_to_the_right
 from gateway.report.findings import FIGURES, Findings, about_readings, sentence
-from gateway.report.ink import GRID, QUIET, ZERO, settings
+from gateway.report.ink import GRID, INK, QUIET, ZERO, settings
 from gateway.report.story import Report
 from gateway.report.words import NONE, clean, cut, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
+    from matplotlib.lines import Line2D
 
 WIDTH_IN: Final = 10.0
 ROW_IN: Final = 2.75
 TITLE_IN: Final = 0.5
-HEAD_IN: Final = 0.75
+SENTENCE_IN: Final = 0.42
+FACTS_IN: Final = 0.25
 RESULT_IN: Final = 0.28
 MARGIN_IN: Final = 0.1
 LEFT: Final = 0.014
@@ -71,7 +74,8 @@ def _rows(its: list[Panel]) -> list[list[Panel]]:
 
 def _head_height(found: Findings) -> float:
     results = [each for each in (found.before, found.after) if each is not None]
-    return HEAD_IN + (RESULT_IN * (len(results) + 1) if results else 0.0)
+    lines = SENTENCE_IN + (FACTS_IN if found.story.facts else 0.0)
+    return lines + (RESULT_IN * (len(results) + 1) if results else 0.0)
 
 
 def _title(part: "SubFigure", report: Report) -> None:
@@ -88,18 +92,21 @@ def _sheet(part: "SubFigure", found: Findings, rows: list[list[Panel]]) -> None:
     for row, strip in zip(rows, body.subfigures(len(rows), 1, squeeze=False)[:, 0], strict=True):
         for panel, axes in zip(row, strip.subplots(1, len(row), squeeze=False)[0], strict=True):
             panel.draw(axes)
+            legend_to_the_right(axes)
             axes.set_title(panel.title, pad=8 if len(row) == 1 else 20)
 
 
 def _head(head: "SubFigure", found: Findings, height: float) -> None:
     """Write the sentence, the facts and the results in their lines from the top."""
-    head.text(LEFT, 1 - 0.2 / height, cut(sentence(found), 110), fontsize=11.5, va="center")
+    rule = 1 - 0.03 / height
+    head.add_artist(_line((LEFT, RIGHT), (rule, rule)))
+    head.text(LEFT, 1 - 0.23 / height, cut(sentence(found), 110), fontsize=11.5, va="center")
     facts = (
         f"{cut(clean(name), _FACT_CHARACTERS)}: {cut(clean(text), _FACT_CHARACTERS)}"
         for name, text in found.story.facts.items()
     )
     shown = cut("   ·   ".join(facts), _FACTS_CHARACTERS)
-    head.text(LEFT, 1 - 0.47 / height, shown, fontsize=7.5, color=QUIET, va="center")
+    head.text(LEFT, 1 - 0.48 / height, shown, fontsize=7.5, color=QUIET, va="center")
     results = [
         (word, each)
         for word, each in (("before", found.before), (f"after, {found.after_word}", found.after))
@@ -108,6 +115,12 @@ def _head(head: "SubFigure", found: Findings, height: float) -> None:
     if results:
         axes = head.add_axes((0.0, 0.02, 1.0, (RESULT_IN * (len(results) + 1)) / height))
         _results(axes, found, results)
+
+
+def _line(x: tuple[float, float], y: tuple[float, float]) -> "Line2D":
+    from matplotlib.lines import Line2D
+
+    return Line2D(x, y, color=INK, linewidth=1.1)
 
 
 def _results(axes: "Axes", found: Findings, results: list[tuple[str, Evaluation]]) -> None:

@@ -27,6 +27,8 @@ def backlash_panel(found: Findings) -> Panel | None:
     """Return lost motion over position, if a table or readings of both directions tell it."""
     table = found.story.table
     measured, left = _lost(found.before), _lost(found.after)
+    if table is not None and table.is_unidirectional:
+        table = None  # it knows nothing of lost motion, and a line at 0 would say that there is none
     if table is None and not measured and not left:
         return None
     show = found.scale.of
@@ -43,9 +45,10 @@ def backlash_panel(found: Findings) -> Panel | None:
             curve(axes, *_shown(left, found), "backlash-after", label=words, **_AFTER)
         legend(axes)
 
-    about = "How far the nut stays behind when the axis turns round: forward less backward correction."
+    about = "How far the nut stays behind when the axis turns round."
     if table is not None:
-        about += f" In the table it reaches {found.scale.rounded(table.max_reversal())}."
+        largest = found.scale.rounded(table.max_reversal())
+        about += f" In the table it is the forward less the backward correction, and reaches {largest}."
         about += thinning_note(len(table.positions))
     return Panel("backlash", "Backlash", about, draw, is_half=True)
 

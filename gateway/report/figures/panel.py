@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from gateway.report.envelope import thinned
+from gateway.report.envelope import stretch_of, thinned
 from gateway.report.findings import Findings
 from gateway.report.ink import ZERO
 
@@ -48,9 +48,25 @@ def curve(
     shown_x, shown_y = thinned(positions, values)
     if len(positions) > MOST_MARKS:
         style["marker"] = ""
+    if len(shown_x) < len(positions):
+        say_thinned(axes, len(positions))
     axes.plot(shown_x, shown_y, gid=gid, **style)
 
 
-def legend(axes: "Axes", columns: int = 3) -> None:
-    """Put the legend above the picture, where it covers no data."""
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns)
+def say_thinned(axes: "Axes", count: int) -> None:
+    """Say in the picture itself that it does not show every point."""
+    label = axes.get_xlabel().partition(";")[0]
+    axes.set_xlabel(f"{label}; extremes of each {stretch_of(count)} points")
+
+
+def legend(axes: "Axes") -> None:
+    """Put the legend above the picture, where it covers no data and is seen first."""
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+
+
+def legend_to_the_right(axes: "Axes") -> None:
+    """Make room for a title on the left."""
+    drawn = axes.get_legend()
+    if drawn is not None:
+        drawn.set_loc("lower right")
+        drawn.set_bbox_to_anchor((1.0, 1.0), transform=axes.transAxes)

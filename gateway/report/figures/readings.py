@@ -24,11 +24,12 @@ def readings_panels(found: Findings) -> list[Panel]:
     limits = _limits(found)
     made = []
     if found.before is not None:
-        title = "Before: readings as measured" if found.after is not None else "Readings as measured"
+        title = f"{'Before: readings' if found.after is not None else 'Readings'}, {_shown(found.before)}"
         made.append(_panel(found, found.before, "before", title, limits))
     if found.after is not None:
-        words = "same scale, " if found.before is not None else ""
-        made.append(_panel(found, found.after, "after", f"After: {words}{found.after_word}", limits))
+        words = ", same scale" if found.before is not None else ""
+        title = f"After: {found.after_word}, {_shown(found.after)}{words}"
+        made.append(_panel(found, found.after, "after", title, limits))
     return made
 
 
@@ -41,13 +42,16 @@ def _panel(
             draw_approach(axes, found, evaluation, (when, way, colour, style))
         if limits is not None:
             axes.set_ylim(*limits)
-        legend(axes, columns=2)
+        legend(axes)
 
-    about = (
-        f"Deviation of the nut from each target: {about_readings(evaluation)}. Positive: the nut went too "
-        "far. Dots are single readings, the line is their mean"
-    )
-    about += ", the band two standard deviations (2s) to either side." if _has_bands(evaluation) else "."
+    if when == "after" and found.before is not None:
+        about = f"The same after compensation, on the same scale: {about_readings(evaluation)}."
+    else:
+        about = (
+            f"Deviation of the nut from each target: {about_readings(evaluation)}. Positive: the nut went "
+            "too far. Dots are single readings, the line is their mean"
+        )
+        about += ", the band two standard deviations (2s) to either side." if _has_bands(evaluation) else "."
     if when == "after" and found.story.is_predicted:
         about += " These readings are predicted: nobody measured them."
     is_half = found.before is not None and found.after is not None
@@ -92,6 +96,10 @@ def _outline(targets: list[float], low: list[float], high: list[float]) -> tuple
     """Return the corners of a band; its edges are thinned, so each has points of its own."""
     (x_low, low), (x_high, high) = thinned(targets, low), thinned(targets, high)
     return [*x_low, *reversed(x_high)], [*low, *reversed(high)]
+
+
+def _shown(evaluation: Evaluation) -> str:
+    return "means, 2s bands" if _has_bands(evaluation) else "means"
 
 
 def _has_bands(evaluation: Evaluation) -> bool:

@@ -26,7 +26,7 @@ def residue_panel(found: Findings) -> Panel | None:
         if bounds is not None:
             for place, edge in zip(("low", "high"), bounds, strict=True):
                 axes.axhline(edge, color=QUIET, linewidth=0.9, linestyle=(0, (6, 3)), gid=f"accuracy-{place}")
-        legend(axes, columns=2)
+        legend(axes)
 
     about = f"What is left after compensation ({found.after_word}), magnified."
     if accuracy is not None:

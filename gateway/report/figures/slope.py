@@ -4,7 +4,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from gateway.report.envelope import thinned, thinning_note
-from gateway.report.figures.panel import Panel, dress, legend
+from gateway.report.figures.panel import Panel, dress, legend, say_thinned
 from gateway.report.findings import Findings
 from gateway.report.ink import BACKWARD_STYLE, BOTH_STYLE, FORWARD_STYLE
 
@@ -31,6 +31,8 @@ def slope_panel(found: Findings) -> Panel | None:
         for name, values, style in branches:
             edges, slopes = _steps(table, values, found.scale.factor)
             line = {key: style[key] for key in ("color", "linestyle")}
+            if len(edges) < 2 * (len(values) - 1):
+                say_thinned(axes, len(values))
             axes.plot(edges, slopes, gid=f"slope-{name}", label=name, **line)
         legend(axes)
 
