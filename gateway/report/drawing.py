@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 PNG_DPI: Final = 150
 FULL_SIZE: Final = (8.0, 3.0)
-HALF_SIZE: Final = (3.9, 2.9)
+HALF_SIZE: Final = (3.9, 2.7)
 """Inches. Half of the width of a page each, less the gap: letters of one size in all of them."""
 _METADATA: Final[dict[str, dict[str, None]]] = {
     "svg": {"Date": None, "Creator": None, "Format": None, "Type": None},

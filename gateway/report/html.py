@@ -30,8 +30,7 @@ _PAGE: Final = """\
 <body>
 <header>
 <h1>{title}</h1>
-<p class="quiet">{made_at}</p>
-{facts}</header>
+{made_at}{facts}</header>
 <main>
 {axes}{method}</main>
 <footer><p>Made by pitch-gateway {version}.</p></footer>
@@ -65,7 +64,7 @@ def html_page(report: Report, found: Sequence[Findings]) -> str:
     return _PAGE.format(
         version=escape(__version__),
         title=text(report.title),
-        made_at=text(report.made_at),
+        made_at=f'<p class="quiet">{text(report.made_at)}</p>\n' if report.made_at else "",
         style=files("gateway.report").joinpath("sheet.css").read_text(encoding="utf-8"),
         facts=_facts(report.facts.items()),
         axes="".join(_axis(each, index) for index, each in enumerate(found, start=1)),

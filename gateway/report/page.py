@@ -80,7 +80,7 @@ def _head_height(found: Findings) -> float:
 
 def _title(part: "SubFigure", report: Report) -> None:
     part.text(LEFT, 0.45, cut(clean(report.title), 75), fontsize=15, fontweight="bold", va="center")
-    made = f"{cut(clean(report.made_at), 60)}\npitch-gateway {__version__}"
+    made = f"{cut(clean(report.made_at), 60)}\npitch-gateway {__version__}".lstrip()
     part.text(RIGHT, 0.45, made, fontsize=7.5, color=QUIET, ha="right", va="center", linespacing=1.5)
 
 
