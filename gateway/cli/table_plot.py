@@ -11,6 +11,7 @@ from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
 from gateway.cli.table_reading import inspect, problems, usage
 from gateway.report.errors import ReportError
 from gateway.report.story import AxisStory, Report
+from gateway.report.words import shortest
 from gateway.report.writing import check_place, place, render
 from gateway.tabfile import LoadedTable, axis_of_name
 
@@ -92,7 +93,7 @@ def story_of(loaded: LoadedTable, axis: str | None) -> AxisStory:
         "file": Path(loaded.file).name,
         "format": loaded.format,
         "points": f"{len(table.positions)}",
-        "range": f"{table.first:g} to {table.last:g} {table.units.value}",
+        "range": f"{shortest(table.first)} to {shortest(table.last)} {table.units.value}",
         "SHA-256": loaded.sha256,
     }
     notes = (
