@@ -34,7 +34,7 @@ def slope_panel(found: Findings) -> Panel | None:
             line = {key: style[key] for key in ("color", "linestyle")}
             if len(edges) < 2 * (len(values) - 1):
                 say_thinned(axes, len(values))
-            axes.plot(edges, slopes, gid=f"slope-{name}", label=name, **line)
+            axes.plot(edges, slopes, gid=name, label=name, **line)
         legend(axes)
 
     about = (
