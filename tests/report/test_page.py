@@ -197,7 +197,10 @@ def test_what_strangers_wrote_is_text() -> None:
         assert render(Report(EVIL, (axis,), EVIL, facts), suffix)
 
 
-def test_no_ids_are_given_twice() -> None:
+def test_every_name_is_given_once_and_every_reference_has_its_name() -> None:
     two = Page(report(story(), story()))
     ids = [attributes["id"] for _, attributes in two.tags if "id" in attributes]
     assert len(ids) == len(set(ids))
+    named = re.findall(r"url\(#([^)]*)\)", two.source) + re.findall(r'href="#([^"]*)"', two.source)
+    assert len(named) > 100
+    assert set(named) <= set(ids)

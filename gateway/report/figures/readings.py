@@ -27,8 +27,8 @@ def readings_panels(found: Findings) -> list[Panel]:
         title = f"{'Before: readings' if found.after is not None else 'Readings'}, {_shown(found.before)}"
         made.append(_panel(found, found.before, "before", title, limits))
     if found.after is not None:
-        words = ", same scale" if found.before is not None else ""
-        title = f"After: {found.after_word}, {_shown(found.after)}{words}"
+        words = "same scale" if found.before is not None else _shown(found.after)
+        title = f"After ({found.after_word}): {words}"
         made.append(_panel(found, found.after, "after", title, limits))
     return made
 
