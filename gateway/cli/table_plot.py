@@ -7,6 +7,7 @@ import typer
 
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
+from gateway.cli.readings_options import Readings, ReadingsFormat, ReadingsRuns, with_readings
 from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
 from gateway.cli.table_reading import inspect, problems, usage
 from gateway.report.errors import ReportError
@@ -34,10 +35,13 @@ def plot(
     *,
     told: Told,
     counts_per_unit: Counts = None,
+    readings: Readings = None,
+    readings_format: ReadingsFormat = None,
+    runs: ReadingsRuns = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.")] = False,
     json: AsJson = False,
 ) -> None:
-    """Draw a table: forward and backward corrections, backlash, slope.
+    """Draw a table: forward and backward corrections, backlash, slope; with READINGS also what it does.
 
     The suffix of OUT decides: PNG or SVG is one picture, HTML a report to hand on, in a single file that
     needs no network. Deviations are in µm, positions in the units of the table.
@@ -47,11 +51,15 @@ def plot(
 
       pitch-gateway table plot cnc10z.tab z-axis.html
 
+      pitch-gateway table plot cnc10x.tab x.html --readings laser.rtl
+
       pitch-gateway table plot CNC7X.TAB - --file-counts-per-unit 64000 > x.svg
     """
     with usage(), problems():
         loaded = inspect(file, told.context(counts_per_unit))
     story = story_of(loaded, told.axis)
+    if readings:
+        story = with_readings(story, readings, readings_format, runs)
     write(story, file, out, force=force, json=json)
 
 

@@ -110,3 +110,40 @@ def test_a_bad_file_is_told_as_by_show(tmp_path: Path) -> None:
     assert result.stderr.startswith(f"error: {bad}:")
     assert list(tmp_path.iterdir()) == [bad]
     assert plot(tmp_path / "none.tab").exit_code == 1
+
+
+CSV = """target_mm,direction,run,measured_mm
+0,forward,1,0.001
+0,forward,2,0.003
+10,forward,1,9.996
+10,forward,2,9.996
+10,backward,1,10.006
+10,backward,2,10.008
+0,backward,1,0.010
+0,backward,2,0.014
+"""
+
+
+def test_readings_stand_beside_what_the_table_would_leave_of_them(tmp_path: Path) -> None:
+    pytest.importorskip("gateway.metrology.formats")
+    readings, table, out = (tmp_path / name for name in ("laser.csv", "cnc10x.tab", "x.html"))
+    readings.write_text(CSV)
+    # adds -2 and +4 µm moving forward (away from home), -12 and -7 µm backward: the means less themselves
+    table.write_text(
+        "CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 10\nENTRIES 2\n"
+        "0 -0.002 -0.012\n10 0.004 -0.007\n"
+    )
+    result = plot(table, out, "--readings", readings)
+    assert result.exit_code == 0, result.stderr
+    page = out.read_text()
+    # A before: 12 + 4 sqrt 2 - -4; predicted: all means 0, the widest band is 2 x 4 sqrt 2
+    row = '<tr class="total"><th scope="row"><b>A</b> accuracy</th><td>21.66</td><td>11.31</td>'
+    assert row in page
+    assert 'after, <span class="predicted">predicted</span>' in page
+    assert "is predicted to be accurate to" in page
+    assert plot(table, tmp_path / "y.html", "--readings", readings, "--runs", "sideways").exit_code == 2
+    readings.write_text(CSV.replace("9.996", "9,996"))
+    bad = plot(table, tmp_path / "y.html", "--readings", readings)
+    assert bad.exit_code == 1
+    assert bad.stderr.startswith(f"error: {readings}:")
+    assert not (tmp_path / "y.html").exists()
