@@ -54,6 +54,8 @@ def with_readings(
         predicted_residue,
     )
 
+    table = story.table
+    assert table is not None, "the story of a table has one"
     names = [each.value for each in Runs]
     if runs is not None and runs not in names:
         raise typer.BadParameter(f"{runs!r}: must be one of {', '.join(names)}", param_hint="--runs")
@@ -62,7 +64,7 @@ def with_readings(
     )
     try:
         before = merged([read_survey(file, context) for file in files]).in_units(story.units)
-        after = predicted_residue(before, story.table)
+        after = predicted_residue(before, table)
     except TabFileError as error:
         print_lines((f"error: {problem}" for problem in error.problems), err=True)
         raise typer.Exit(1) from None

@@ -55,6 +55,8 @@ def plot(
 
       pitch-gateway table plot CNC7X.TAB - --file-counts-per-unit 64000 > x.svg
     """
+    if json and out == STDOUT:
+        raise typer.BadParameter("standard output takes one of both: SVG or JSON", param_hint="--json")
     with usage(), problems():
         loaded = inspect(file, told.context(counts_per_unit))
     story = story_of(loaded, told.axis)

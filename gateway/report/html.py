@@ -98,7 +98,7 @@ def _axis(found: Findings, index: int) -> str:
         _facts(found.story.facts.items()),
         results_table(found),
         readings_lines(found),
-        f"<h3>To know</h3>\n<ul>\n{notes}</ul>\n" if notes else "",
+        f"<h3>Notes</h3>\n<ul>\n{notes}</ul>\n" if notes else "",
         '<div class="pictures">\n',
         *(_picture(panel, prefix) for panel in panels(found)),
         "</div>\n",
@@ -123,7 +123,7 @@ def _picture(panel: Panel, prefix: str) -> str:
     kind = ' class="half"' if panel.is_half else ""
     return (
         f"<figure{kind}>\n<h3>{escape(panel.title)}</h3>\n"
-        f'<div class="wide" tabindex="0">{opening}{drawing.rstrip()}</div>\n'
+        f'<div class="wide">{opening}{drawing.rstrip()}</div>\n'
         f'<figcaption id="{name}-about">{escape(panel.about)}</figcaption>\n</figure>\n'
     )
 

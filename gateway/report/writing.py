@@ -13,6 +13,8 @@ from gateway.report.findings import find
 from gateway.report.story import Report
 
 SUFFIXES: Final = (".html", ".png", ".svg")
+MOST_SHEETS: Final = 24
+"""Axes of one PNG or SVG: more make a picture longer than programs can show."""
 
 
 def write_report(report: Report, path: Path, *, force: bool = False) -> None:
@@ -42,6 +44,8 @@ def render(report: Report, suffix: str) -> bytes:
         from gateway.report.html import html_page
 
         return html_page(report, found).encode()
+    if len(found) > MOST_SHEETS:
+        raise ReportError(f"{len(found)} axes: one picture shows {MOST_SHEETS} at most; write .html")
     from gateway.report.page import draw_page
 
     return draw_page(report, found, suffix.removeprefix("."))
@@ -94,7 +98,23 @@ def _put(path: Path, content: bytes, *, force: bool) -> None:
         if force:
             beside.replace(path)
         else:
-            # A link, unlike a rename, does not replace what somebody has put there meanwhile.
-            path.hardlink_to(beside)
+            _put_new(beside, path)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def _put_new(beside: Path, path: Path) -> None:
+    """Give a file its name, if the name is free.
+
+    Raises:
+        FileExistsError: it is not.
+    """
+    try:
+        # A link, unlike a rename, does not replace what somebody has put there meanwhile.
+        path.hardlink_to(beside)
+    except FileExistsError:
+        raise
+    except OSError:  # a stick with FAT knows no links
+        if path.exists():
+            raise FileExistsError(path) from None
+        beside.replace(path)

@@ -52,6 +52,10 @@ def test_a_dash_prints_svg_and_nothing_else(file: Path) -> None:
     assert list(file.parent.iterdir()) == [file]
 
 
+def test_svg_and_json_do_not_share_standard_output(file: Path) -> None:
+    assert plot(file, "-", "--json").exit_code == 2
+
+
 def test_json_tells_what_was_written(file: Path, tmp_path: Path) -> None:
     out = tmp_path / "z.svg"
     told = json.loads(plot(file, out, "--json").stdout)

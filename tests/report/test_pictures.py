@@ -9,6 +9,7 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.metrology.readings import Survey
 from gateway.report.envelope import MOST_POINTS
 from gateway.report.story import Report
 from gateway.report.writing import render
@@ -140,6 +141,14 @@ def test_what_nobody_measured_is_not_drawn() -> None:
     once = Drawing(report(story(table=None, before=survey(runs=1), after=None)))
     shown = {"mean-forward", "mean-backward", "dots-forward", "dots-backward", "zero"}
     assert once.names("axis1-readings-before-") == shown
+
+
+def test_a_single_target_and_a_table_of_zeros_are_drawn_too() -> None:
+    here = tuple(each for each in survey().readings if each.target == 100.0)
+    zeros = make_table([0, 1], [0.0, 0.0], [0.0, 0.0], Units.MM)
+    one = Drawing(report(story(before=Survey(here, Units.MM), table=zeros, after=None)))
+    assert one.marks("axis1-readings-before-dots-forward") == 2
+    assert one.heights("axis1-correction", "both") == [0, 0]
 
 
 def test_each_axis_has_its_own_sheet() -> None:

@@ -1,5 +1,6 @@
 """A report as a file: whole or not at all, and the same bytes everywhere."""
 
+import errno
 import hashlib
 import os
 import stat
@@ -11,8 +12,8 @@ import pytest
 
 from gateway.report.errors import ReportError
 from gateway.report.story import Report
-from gateway.report.writing import render, write_report
-from tests.report.stories import report
+from gateway.report.writing import MOST_SHEETS, place, render, write_report
+from tests.report.stories import report, story
 
 ROOT = Path(__file__).parents[2]
 
@@ -81,6 +82,22 @@ def test_a_disk_that_is_full_leaves_what_was_there(tmp_path: Path, force: bool) 
     assert not force or path.read_text() == "mine"
 
 
+def no_links(self: Path, target: Path) -> None:
+    raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+
+def test_a_stick_that_knows_no_links_takes_a_report_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "hardlink_to", no_links)
+    path = tmp_path / "report.svg"
+    place(path, b"first", force=False)
+    with pytest.raises(ReportError, match="a file of this name"):
+        place(path, b"second", force=False)
+    assert path.read_bytes() == b"first"
+    assert names_in(tmp_path) == ["report.svg"]
+
+
 def test_places_that_are_none_are_named(tmp_path: Path) -> None:
     with pytest.raises(ReportError, match=r"there is no folder .*nowhere: make it first"):
         write_report(report(), tmp_path / "nowhere" / "report.html")
@@ -96,6 +113,12 @@ def test_a_report_of_nothing_is_none(tmp_path: Path) -> None:
     with pytest.raises(ReportError, match="nothing to show"):
         write_report(Report("empty", (), ""), tmp_path / "report.html")
     assert names_in(tmp_path) == []
+
+
+def test_more_axes_than_a_picture_can_show_are_for_a_page() -> None:
+    many = report(*[story(axis=f"a{index}") for index in range(MOST_SHEETS + 1)])
+    with pytest.raises(ReportError, match=r"25 axes: one picture shows 24 at most; write \.html"):
+        render(many, ".png")
 
 
 def test_the_same_report_is_the_same_bytes_whoever_makes_it(tmp_path: Path) -> None:
