@@ -55,7 +55,8 @@ of the mean forward and the mean backward, B̄ its mean with its sign. The readi
 given; none is left out unless a note says so. """
 _PREDICTED: Final = (
     " Where a result is marked as predicted nobody measured it: it is computed from the readings before and "
-    "the table."
+    "the table. The means of readings that the table itself was made of vanish by that alone: what is left "
+    "is their scatter, and only a new measurement shows the rest."
 )
 _COLOURS: Final = re.compile("|".join(VARIABLES))
 

@@ -29,6 +29,7 @@ LEFT: Final = 0.014
 RIGHT: Final = 0.986
 _FACT_CHARACTERS: Final = 40
 _FACTS_CHARACTERS: Final = 165
+_BETWEEN_FACTS: Final = "   ·   "
 _COLUMN: Final = 0.114
 _SHORT: Final = {"systematic deviation": "systematic", "mean systematic deviation": "mean syst."}
 _SHOWN: Final = [figure for figure in FIGURES if figure.direction == "both"]
@@ -101,12 +102,7 @@ def _head(head: "SubFigure", found: Findings, height: float) -> None:
     rule = 1 - 0.03 / height
     head.add_artist(_line((LEFT, RIGHT), (rule, rule)))
     head.text(LEFT, 1 - 0.23 / height, cut(sentence(found), 110), fontsize=11.5, va="center")
-    facts = (
-        f"{cut(clean(name), _FACT_CHARACTERS)}: {cut(clean(text), _FACT_CHARACTERS)}"
-        for name, text in found.story.facts.items()
-    )
-    shown = cut("   ·   ".join(facts), _FACTS_CHARACTERS)
-    head.text(LEFT, 1 - 0.48 / height, shown, fontsize=7.5, color=QUIET, va="center")
+    head.text(LEFT, 1 - 0.48 / height, _facts_line(found), fontsize=7.5, color=QUIET, va="center")
     results = [
         (word, each)
         for word, each in (("before", found.before), (f"after, {found.after_word}", found.after))
@@ -115,6 +111,18 @@ def _head(head: "SubFigure", found: Findings, height: float) -> None:
     if results:
         axes = head.add_axes((0.0, 0.02, 1.0, (RESULT_IN * (len(results) + 1)) / height))
         _results(axes, found, results)
+
+
+def _facts_line(found: Findings) -> str:
+    """Return as many whole facts as a line has room for; an ellipsis stands for the others."""
+    line = ""
+    for name, text in found.story.facts.items():
+        fact = f"{cut(clean(name), _FACT_CHARACTERS)}: {cut(clean(text), _FACT_CHARACTERS)}"
+        longer = f"{line}{_BETWEEN_FACTS}{fact}" if line else fact
+        if len(longer) > _FACTS_CHARACTERS:
+            return f"{line}{_BETWEEN_FACTS}…"
+        line = longer
+    return line
 
 
 def _line(x: tuple[float, float], y: tuple[float, float]) -> "Line2D":

@@ -39,7 +39,7 @@ def backlash_panel(found: Findings) -> Panel | None:
             curve(axes, *_shown(measured, found), "before", label="before", **_BEFORE)
         if table is not None:
             lost = [show(f - b) for f, b in zip(table.forward, table.backward, strict=True)]
-            curve(axes, table.positions, lost, "table", label="in the table", **BOTH_STYLE)
+            curve(axes, table.positions, lost, "table", label="table", **BOTH_STYLE)
         if left:
             words = f"after ({found.after_word})"
             curve(axes, *_shown(left, found), "after", label=words, **_AFTER)
