@@ -12,6 +12,7 @@ from gateway.cli.arguments import TableFile
 from gateway.cli.table_convert import convert
 from gateway.cli.table_formats import formats
 from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
+from gateway.cli.table_plot import plot
 from gateway.cli.table_reading import fail, inspect, problems, usage
 from gateway.tabfile import Lint, Problem, Severity, TabFileError
 from gateway.tabfile import explain as explain_at
@@ -29,6 +30,7 @@ app.command("build")(table_build.build)
 app.command("refine")(table_refine.refine)
 app.command("evaluate")(table_evaluate.evaluate)
 app.command("program")(table_program.program)
+app.command("plot")(plot)
 
 FAILING: Final = frozenset({"L4"})
 """Warnings with which ``lint`` ends as with an error: a unit slip leaves the axis as good as uncorrected."""

@@ -57,7 +57,18 @@ def test_the_commands_are_found() -> None:
         *((name,) for name in ("relay", "supervise", "reload", "explain")),
         *(
             ("table", name)
-            for name in ("show", "explain", "lint", "convert", "formats", "plot", "build", "refine", "evaluate", "program")
+            for name in (
+                "show",
+                "explain",
+                "lint",
+                "convert",
+                "formats",
+                "plot",
+                "build",
+                "refine",
+                "evaluate",
+                "program",
+            )
         ),
         ("drives", "show"),
         *(("certificate", name) for name in ("ca", "server", "controller", "revoke", "show")),
