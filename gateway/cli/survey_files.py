@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli import table_convert
+from gateway.cli import table_writing
 from gateway.cli.table_output import finding_line, print_lines
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
@@ -170,7 +170,7 @@ def write_file(out: Path, text: str, *, force: bool) -> None:
     """
     if is_readings(out):
         raise TabFileError(Problem(str(out), "a file of readings", "another name for OUT, the last argument"))
-    table_convert.write(out, text, force=force)
+    table_writing.write(out, text, force=force)
 
 
 def told_to_reader(result: Written) -> dict[str, object]:

@@ -38,7 +38,6 @@ from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, told_units
 from gateway.tabfile.readings import Reading
-from gateway.tabfile.strangers import stranger
 from gateway.tabfile.sums import check_points, check_sum, stamped, stated_facts
 from gateway.tabfile.text import Line, SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
@@ -78,8 +77,6 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         TabFileError: a line that is not grammar, a table in two dimensions or of another axis, no units or no
             start told, a sum that does not fit, a range that does not fit the travel.
     """
-    if not recognise(source):
-        raise stranger(source, ":START and an axis")
     start = next((i for i, line in enumerate(source.lines) if line.text.startswith(":")), len(source.lines))
     facts = stated_facts(source, source.lines[:start], COMMENTS)
     tables = _parse(source)

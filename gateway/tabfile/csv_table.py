@@ -37,7 +37,6 @@ from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import TabFileError
 from gateway.tabfile.ranges import check_home, check_range, check_start, context_in_file_units
 from gateway.tabfile.readings import Reading
-from gateway.tabfile.strangers import stranger
 from gateway.tabfile.text import SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written
 
@@ -92,8 +91,6 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             positions that do not run one way, a sum that does not fit, another axis, a range that does not
             fit the travel.
     """
-    if not recognise(source):
-        raise stranger(source, EXAMPLE)
     csv = parse_csv(source, ",;\t", EXAMPLE)
     header = _parse_header(source, csv)
     found = numbers(source, csv, csv.rows[1:])

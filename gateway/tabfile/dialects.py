@@ -243,9 +243,17 @@ def choose(source: SourceText, told: str | None) -> Dialect:
     names = " or ".join(repr(dialect.name) for dialect in candidates)
     if told is not None:
         dialect = dialect_named(told)
-        if candidates and dialect not in candidates:
+        if dialect in candidates:
+            return dialect
+        if candidates:
             raise source.error(f"a text of {names}, told format {told!r}", f"format = {names}, or none")
-        return dialect
+        # Nothing of it is quoted: where a table should be, a link may lead to a password.
+        size = len(source.lines[0].text)
+        raise source.error(
+            f"a first line of {size} characters, and nothing of format {told!r} in the file",
+            f"a file of {dialect.title}",
+            line=source.lines[0].number,
+        )
     if len(candidates) == 1:
         return candidates[0]
     first = source.lines[0]

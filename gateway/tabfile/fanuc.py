@@ -36,7 +36,6 @@ from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.increment_tables import Meaning, Rows, decode, round_steps, written
 from gateway.tabfile.increments import Increments, Point, System, is_turn, parse_increments, sum_up
 from gateway.tabfile.ranges import told_units
-from gateway.tabfile.strangers import stranger
 from gateway.tabfile.text import SourceText
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
@@ -79,8 +78,6 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         TabFileError: see :func:`parse_increments` and :func:`decode`; a reference that is not among the
             points; on a rotary axis a first value that is not that of the last point.
     """
-    if not recognise(source):
-        raise stranger(source, f"{SYSTEM.parameters[0]} and the number of the reference point")
     file = parse_increments(source, SYSTEM)
     points = _without_the_double(source, context, file)
     first, last = points[0].number, points[-1].number

@@ -29,7 +29,6 @@ from gateway.tabfile.csv_text import first_row
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.increment_tables import Meaning, Rows, decode, round_steps, written
 from gateway.tabfile.increments import System, parse_increments, sum_up
-from gateway.tabfile.strangers import stranger
 from gateway.tabfile.text import SourceText
 from gateway.tabfile.writing import WriteOptions, Written
 
@@ -66,8 +65,6 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         TabFileError: see :func:`parse_increments` and :func:`decode`; a reference that is not among the
             points, or a value there.
     """
-    if not recognise(source):
-        raise stranger(source, f"{SYSTEM.parameters[0]} and the number of the reference point")
     file = parse_increments(source, SYSTEM)
     numbers = [point.number for point in file.points]
     if file.reference not in numbers or len(numbers) < 2:

@@ -27,7 +27,6 @@ from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
 from gateway.tabfile.ranges import check_home, check_range, check_start, context_in_file_units, told_units
 from gateway.tabfile.readings import Reading
-from gateway.tabfile.strangers import stranger
 from gateway.tabfile.text import Line, SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
@@ -56,8 +55,6 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         TabFileError: a line that is not grammar, rows that do not run from the start to the end, no units or
             no scale told, a range that does not fit the travel.
     """
-    if not recognise(source):
-        raise stranger(source, "Compensation start, end and spacing")
     settings, values_per_row, body = _parse_head(source)
     found = _parse_rows(source, body, 2 + values_per_row)
     _check_grid(source, settings, found)

@@ -154,11 +154,9 @@ def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: in
     assert message in str(error)
 
 
-@pytest.mark.parametrize(
-    "text", [":START X SAMPLEDIST=1 POSUNIT=PRIMARY CORUNIT=PRIMARY\n1\n:END", "; nothing"]
-)
-def test_a_table_has_at_least_two_values(text: str) -> None:
-    assert refused(text, format="aerotech-cal", **TOLD).allowed in ("at least 2", ":START and an axis")
+def test_a_table_has_at_least_two_values() -> None:
+    text = ":START X SAMPLEDIST=1 POSUNIT=PRIMARY CORUNIT=PRIMARY\n1\n:END"
+    assert refused(text, format="aerotech-cal", **TOLD).allowed == "at least 2"
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])

@@ -127,15 +127,6 @@ def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: in
     assert message in str(error)
 
 
-@pytest.mark.parametrize("name", ["csv", "fanuc-csv", "mitsubishi-csv", "aerotech-cal", "renishaw-ren"])
-@pytest.mark.parametrize("text", ["hunter2,x;y", "# only\n# comments", "; 1", ":hunter2"])
-def test_a_text_that_is_none_of_a_told_format_is_not_quoted(name: str, text: str) -> None:
-    error = refused(text, format=name)
-    assert error.line == 1
-    assert "nothing of that format" in error.found
-    assert "hunter2" not in str(error)
-
-
 @pytest.mark.parametrize("row", ["0;1,234", "0;1,234,567"])
 def test_comma_that_may_group_thousands_is_refused_with_both_meanings(row: str) -> None:
     error = refused(f"position_mm;correction_um\n{row}\n10;0\n")

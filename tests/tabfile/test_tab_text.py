@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.compensation.units import Units
-from gateway.tabfile import ContextError, FileContext, LoadedTable, TabFileError, parse_table
+from gateway.tabfile import DIALECTS, ContextError, FileContext, LoadedTable, TabFileError, parse_table
 
 GOOD = b"CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 10\nENTRIES 2\n0 0 0\n10 0.001 0\n"
 EVERYTHING = FileContext(
@@ -88,6 +88,16 @@ def test_a_secret_in_the_place_of_a_table_is_not_shown() -> None:
         with pytest.raises(TabFileError) as caught:
             parse(secret + b"\n")
         assert secret.decode() not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", [dialect.name for dialect in DIALECTS])
+@pytest.mark.parametrize("text", ["hunter2,x;y", "hunter2\n", ":hunter2", "hunter2 0 0 0"])
+def test_a_text_that_is_none_of_a_told_format_is_not_quoted(name: str, text: str) -> None:
+    with pytest.raises(TabFileError) as caught:
+        parse(text.encode(), format=name, file_start=0.0, file_units=Units.MM)
+    assert caught.value.line == 1
+    assert f"nothing of format {name!r}" in caught.value.found
+    assert "hunter2" not in str(caught.value)
 
 
 def test_long_lines_are_shortened_in_messages() -> None:
