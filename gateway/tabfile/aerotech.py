@@ -321,7 +321,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     axis = options.file_axis or options.axis
     if axis is None or not _AXIS.fullmatch(axis):
         raise unwritable(
-            NAME, f"axis {axis!r}", "a name or number for its :START line: --axis or --file-axis"
+            NAME, f"axis {axis!r}", "a name or number for its :START line: --to-axis or --to-file-axis"
         )
     step = even_step(table, NAME)
     means, lost_motion = one_curve(table)

@@ -253,7 +253,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
             closer than 0.001 units.
     """
     if options.axis is None or not re.fullmatch("[A-Za-z]", options.axis):
-        raise unwritable(NAME, f"axis {options.axis!r}", "one letter for its AXIS line")
+        raise unwritable(NAME, f"axis {options.axis!r}", "one letter for its AXIS line: --to-axis LETTER")
     if table.units not in _UNIT_WORDS:
         raise unwritable(NAME, f"a table in {table.units.value}", "inch or mm")
     step = even_step(table, NAME)

@@ -250,7 +250,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """
     axis = options.file_axis or options.axis
     if axis is None or not re.fullmatch("[A-Za-z]", axis):
-        raise unwritable(NAME, f"axis {axis!r}", "one letter for its lines")
+        raise unwritable(NAME, f"axis {axis!r}", "one letter for its lines: --to-axis LETTER")
     if options.sense is None:
         found = "no sense of its errors: no manual says which one the control expects"
         raise unwritable(NAME, found, "--to-sense actual_minus_command or command_minus_actual")
@@ -290,7 +290,7 @@ def _check_columns(columns: Sequence[Sequence[float]], units: Units) -> None:
     for before, after in pairwise(columns[0]):
         if after <= before:
             found = f"points closer than {10 ** -DECIMALS[units]:g} {units.value} at {after:g}"
-            raise unwritable(NAME, found, "points further apart")
+            raise unwritable(NAME, found, "points further apart: --resample STEP")
     worst = max((abs(number) for column in columns for number in column), default=0.0)
     if worst > MAX_VALUE[units]:
         raise unwritable(NAME, f"a number of {worst:g}", f"at most {MAX_VALUE[units]:.10g} {units.value}")

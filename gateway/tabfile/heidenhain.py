@@ -274,7 +274,9 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """
     axis = (options.file_axis or options.axis or "").upper()
     if not _AXIS.fullmatch(axis):
-        raise unwritable(NAME, f"axis {axis!r}", "a letter, and up to two digits, for its column")
+        raise unwritable(
+            NAME, f"axis {axis!r}", "a letter, and up to two digits, for its column: --to-file-axis NAME"
+        )
     if options.sense is None:
         found = "no sense of its errors: no manual says which one the control expects"
         raise unwritable(NAME, found, "--to-sense actual_minus_command or command_minus_actual")
@@ -284,7 +286,9 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         for numbers, factor in ((table.positions, 1.0), (table.forward, to_error), (table.backward, to_error))
     )
     if any(after <= before for before, after in pairwise(positions)):
-        raise unwritable(NAME, f"points closer than {10**-DECIMALS:g} {unit}", "points further apart")
+        raise unwritable(
+            NAME, f"points closer than {10**-DECIMALS:g} {unit}", "points further apart: --resample STEP"
+        )
     losses = [f"positions and values are rounded to {DECIMALS} decimals ({unit})"]
     names, columns = [_POSITION, axis], [positions, forward]
     if not table.is_unidirectional:

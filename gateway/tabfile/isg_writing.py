@@ -34,7 +34,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     positions = [round(position * factor, _DECIMALS) for position in table.positions]
     if any(after <= before for before, after in pairwise(positions)):
         found = f"points closer than {10**-_DECIMALS:g} of its unit"
-        raise unwritable(NAME, found, "points further apart, or more increments (--to-counts-per-unit N)")
+        raise unwritable(NAME, found, "points further apart (--resample STEP), or --to-counts-per-unit N")
     lines = _settings(table, positions, is_metric=scale is None)
     if options.axis is not None:
         lines.insert(0, ("kopf.log_achs_name", f"{options.axis.upper()}-ACHSE"))

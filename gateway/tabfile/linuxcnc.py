@@ -217,9 +217,7 @@ def _write(name: str, table: CorrectionTable, options: WriteOptions) -> Written:
         raise unwritable(name, f"{len(table.positions)} points", f"at most {MAX_POINTS}: LinuxCNC drops more")
     step = min(after - before for before, after in itertools.pairwise(table.positions))
     if step < MIN_STEP:
-        raise unwritable(
-            name, f"points {step:g} apart", f"at least {MIN_STEP:g}: numbers have {DECIMALS} decimals"
-        )
+        raise unwritable(name, f"points {step:g} apart", f"at least {MIN_STEP:g}: --resample STEP")
     lines = []
     for x, forward, backward in zip(table.positions, table.forward, table.backward, strict=True):
         nominal = round(x, DECIMALS)

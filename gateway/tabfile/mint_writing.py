@@ -64,7 +64,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """
     axis = "0" if options.file_axis is None else options.file_axis
     if not (axis.isascii() and axis.isdigit()):
-        raise unwritable(NAME, f"axis {axis!r}", "the number of an axis (file_axis)")
+        raise unwritable(NAME, f"axis {axis!r}", "the number of an axis: --to-file-axis N")
     increments = _increments(table)
     plans = [plan for increment in increments if (plan := _plan(table, increment)) is not None]
     fit = table.units.from_mm(_FIT_MM)
@@ -73,7 +73,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         found = "points that are not evenly spaced and fit no even increment"
         if best is not None:
             found += f" (off by {best.difference:.3g} {table.units.value} at {best.place:g})"
-        raise unwritable(NAME, found, "an even grid")
+        raise unwritable(NAME, found, "an even grid: --resample STEP")
     context = FileContext(file_units=table.units, file_axis=axis, file_start=best.start)
     return Written(_program(table, best, axis), _losses(table, best, options), context)
 

@@ -304,7 +304,9 @@ def _name(options: WriteOptions) -> tuple[str, str]:
     name = options.file_axis or (f"{options.axis}1" if options.axis else "")
     match = re.fullmatch(r"(?:([0-9]),)?([A-Z][A-Z0-9_]*)", name.upper())
     if match is None:
-        raise unwritable(NAME, f"axis {name!r}", "the name of a machine axis, such as X1 (file_axis)")
+        raise unwritable(
+            NAME, f"axis {name!r}", "the name of a machine axis, such as X1: --to-file-axis NAME"
+        )
     return match[1] or "0", match[2]
 
 

@@ -30,6 +30,8 @@ class Holds:
     largest: float = 0.05
     scale: float | None = 100_000.0
     file_axis: str = "X"
+    is_backward_filled: bool = False
+    """A backward column that is all 0 means something else there, and is not written."""
     slope_error: float = 0.0
     """Share of slope x correction that the dialect cuts off at bends."""
 
@@ -53,13 +55,11 @@ HOLDS: Final = {
     "linuxcnc-1": Holds(1e-8, 1e-8, is_even=False),
     # 0.01 of an increment
     "isg": Holds(1e-7, 1e-7, is_even=False),
-    # twice 0.0001: the first negative error may have to differ from 0
-    "fagor-8055": Holds(2e-4, 1e-4, is_even=False),
+    "fagor-8055": Holds(1e-4, 1e-4, is_even=False, is_backward_filled=True),
     "aerotech-cal": Holds(1e-6, 1e-6),
     "siemens-eec": Holds(1e-8),
     "mint": Holds(2e-8, 2e-8, home="start", file_axis="0", slope_error=4.0),
-    # the first negative error may have to differ from 0
-    "heidenhain-com": Holds(2e-6, 1e-6, is_even=False),
+    "heidenhain-com": Holds(1e-6, 1e-6, is_even=False, is_backward_filled=True),
 }
 PAIRS: Final = list(product(HOLDS, HOLDS))
 
@@ -88,6 +88,8 @@ def tables(draw: st.DrawFn, names: tuple[str, str]) -> CorrectionTable:
     values = st.lists(st.floats(-largest, largest), min_size=size, max_size=size)
     forward = draw(values)
     backward = draw(values) if all(dialect_named(name).directions == 2 for name in names) else forward
+    if any(holds.is_backward_filled for holds in (one, other)) and backward is not forward:
+        backward[1 if home == 0 else 0] = -largest
     # home is where the measurement is 0
     forward, backward = ([*curve[:home], 0.0, *curve[home + 1 :]] for curve in (forward, backward))
     return make_table(positions, forward, backward, Units.MM)
