@@ -22,6 +22,7 @@ from gateway.tabfile import (
     DIALECTS,
     ContextError,
     Dialect,
+    ErrorSense,
     FileContext,
     LoadedTable,
     Problem,
@@ -56,6 +57,14 @@ ToUnits = Annotated[Units | None, typer.Option(help="Units of OUT; default: thos
 ToCounts = Annotated[
     float | None,
     typer.Option(metavar="N", help="Encoder counts per unit of the control that will read OUT."),
+]
+ToSense = Annotated[
+    ErrorSense | None,
+    typer.Option("--to-sense", help="What OUT calls an error, if its format leaves that open."),
+]
+ToFileAxis = Annotated[
+    str | None,
+    typer.Option("--to-file-axis", metavar="NAME", help="What OUT calls the axis, if its format names axes."),
 ]
 ReadingsUnits = Annotated[Units | None, typer.Option("--units", help="Units of readings that state none.")]
 ReadingsFormat = Annotated[
@@ -141,9 +150,11 @@ def written(
     try:
         result = target.write(table, options)
     except TabFileError as error:
-        if "even" not in error.allowed:
-            raise
-        remedy = f"{error.allowed}: --step, or a format with positions of its own"
+        remedy = error.allowed
+        if "even" in remedy:
+            remedy += ": --step, or a format with positions of its own"
+        elif "subtract it" in remedy and not table.is_unidirectional:
+            remedy += ": --one-way makes one curve that is 0 at home"
         raise TabFileError(replace(error.problems[0], allowed=remedy)) from None
     context = replace(result.context, format=target.name)
     again = parse_table(result.text.encode(), f"the {target.name} file", context)

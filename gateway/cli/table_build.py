@@ -8,11 +8,12 @@ from gateway.cli import survey_files as shared
 from gateway.cli.evaluation_output import results_json, results_text
 from gateway.cli.table_options import AsJson, AxisLetter
 from gateway.cli.table_output import print_json, print_lines
+from gateway.compensation.table import CorrectionTable
 from gateway.metrology.evaluation import evaluate
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
-from gateway.tabfile import WriteOptions, axis_of_name
+from gateway.tabfile import LoadedTable, WriteOptions, axis_of_name
 
 
 def build(
@@ -42,6 +43,8 @@ def build(
     units: shared.ReadingsUnits = None,
     to_units: shared.ToUnits = None,
     to_counts_per_unit: shared.ToCounts = None,
+    to_sense: shared.ToSense = None,
+    to_file_axis: shared.ToFileAxis = None,
     readings_format: shared.ReadingsFormat = None,
     runs: shared.RunsTold = None,
     force: shared.Force = False,
@@ -65,8 +68,9 @@ def build(
         built = build_from(survey, recipe)
         table = built.table.in_units(to_units or built.table.units)
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)
-        options = WriteOptions(axis=letter, file_counts_per_unit=to_counts_per_unit)
+        options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
         result, again, difference = shared.written(table, target, options)
+        notes = [*built.notes, *_one_curve(table, again, target.name)]
         before, after = evaluate(survey), evaluate(predicted_residue(survey, again.table))
         shared.write_file(out, result.text, force=force)
     if json:
@@ -76,7 +80,7 @@ def build(
                 "to": target.name,
                 "units": table.units.value,
                 "points": len(table.positions),
-                "notes": list(built.notes),
+                "notes": notes,
                 "losses": list(result.losses),
                 "largest_difference": difference,
                 "read_with": shared.told_to_reader(result),
@@ -86,9 +90,18 @@ def build(
             }
         )
         return
-    print_lines((f"note: {note}" for note in built.notes), err=True)
+    print_lines((f"note: {note}" for note in notes), err=True)
     shared.print_written(out, result, again, difference)
     results_text(before, after, ("before", "predicted"))
+
+
+def _one_curve(table: CorrectionTable, again: LoadedTable, name: str) -> list[str]:
+    """Name a format that takes the mean of both directions: what was 0 at home is so no more."""
+    if table.is_unidirectional or not again.table.is_unidirectional:
+        return []
+    return [
+        f"{name} holds one curve, here the mean of both directions: --one-way makes one that is 0 at home"
+    ]
 
 
 def _letter(axis: str | None) -> str | None:

@@ -43,6 +43,8 @@ def refine(
     axis: AxisLetter = None,
     units: shared.ReadingsUnits = None,
     to_counts_per_unit: shared.ToCounts = None,
+    to_sense: shared.ToSense = None,
+    to_file_axis: shared.ToFileAxis = None,
     readings_format: shared.ReadingsFormat = None,
     runs: shared.RunsTold = None,
     force: shared.Force = False,
@@ -84,7 +86,7 @@ def refine(
         table = refined.table.in_units(loaded.table.units)
         letter = axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
         scale = to_counts_per_unit or file_counts_per_unit
-        options = WriteOptions(letter, scale, v1_layout)
+        options = WriteOptions(letter, scale, v1_layout, to_file_axis, to_sense)
         result, again, difference = shared.written(table, target, options)
         shared.write_file(out, result.text, force=force)
     change, unit = refined.change, survey.units.value

@@ -196,3 +196,22 @@ def test_program_writes_what_tb058_prints(tmp_path: Path) -> None:
     assert "the axis goes from" in few.stderr
     assert run("program", "--from", 0, "--to", 500).exit_code == 2
     assert run("program", "--from", 0, "--to", 500, "--step", 5, "--targets", 3).exit_code == 2
+
+
+def test_a_format_of_one_curve_wants_one_that_is_zero_at_home(rtl: Path, tmp_path: Path) -> None:
+    out = tmp_path / "CNC7X.TAB"
+    command = (
+        "build",
+        rtl,
+        out,
+        "--to",
+        "centroid-1",
+        "--home",
+        "switch-positive",
+        "--to-counts-per-unit",
+        10000,
+    )
+    assert "--one-way makes one curve that is 0 at home" in refused(*command)
+    good(*command, "--one-way")
+    # Means of both directions in µm: 1 2.5 4 3 0 -3.5; negated and less the one at home: 0 -1.5 -3 -2 1 4.5.
+    assert out.read_text().split() == ["5", "1000000", "-15", "-30", "-20", "10", "45"]
