@@ -1,5 +1,6 @@
 """``pitch-gateway table build``: readings of a laser, a scale or a dial gauge into a table."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -9,11 +10,11 @@ from gateway.cli.evaluation_output import results_json, results_text
 from gateway.cli.table_options import AsJson, AxisLetter
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
-from gateway.metrology.evaluation import evaluate
+from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
-from gateway.tabfile import LoadedTable, WriteOptions, axis_of_name
+from gateway.tabfile import LoadedTable, WriteOptions, Written, axis_of_name
 
 
 def build(
@@ -71,28 +72,38 @@ def build(
         options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
         result, again, difference = shared.written(table, target, options)
         notes = [*built.notes, *_one_curve(table, again, target.name)]
-        before, after = evaluate(survey), evaluate(predicted_residue(survey, again.table))
         shared.write_file(out, result.text, force=force)
+    results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
     if json:
-        print_json(
-            {
-                "out": str(out),
-                "to": target.name,
-                "units": table.units.value,
-                "points": len(table.positions),
-                "notes": notes,
-                "losses": list(result.losses),
-                "largest_difference": difference,
-                "read_with": shared.told_to_reader(result),
-                "lints": [lint.to_json() for lint in again.lints],
-                "before": results_json(before),
-                "predicted": results_json(after),
-            }
-        )
+        _print_json(out, notes, (result, again, difference), results)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
     shared.print_written(out, result, again, difference)
-    results_text(before, after, ("before", "predicted"))
+    results_text(*results, ("before", "predicted"))
+
+
+def _print_json(
+    out: Path,
+    notes: list[str],
+    written: tuple[Written, LoadedTable, float],
+    results: tuple[Evaluation, Evaluation],
+) -> None:
+    result, again, difference = written
+    print_json(
+        {
+            "out": str(out),
+            "to": again.format,
+            "units": again.table.units.value,
+            "points": len(again.table.positions),
+            "notes": notes,
+            "losses": list(result.losses),
+            "largest_difference": difference,
+            "read_with": shared.told_to_reader(result),
+            "lints": [lint.to_json() for lint in again.lints],
+            "before": results_json(results[0]),
+            "predicted": results_json(results[1]),
+        }
+    )
 
 
 def _one_curve(table: CorrectionTable, again: LoadedTable, name: str) -> list[str]:

@@ -10,6 +10,7 @@ from gateway.cli import survey_files as shared
 from gateway.cli.evaluation_output import results_json, results_text
 from gateway.cli.table_options import AsJson, AxisLetter, FileCounts, FileHome, FileStart, Layout, Travel
 from gateway.cli.table_output import print_json, print_lines
+from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.evaluation import evaluate as iso_230_2
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.outliers import find_outliers
@@ -80,25 +81,32 @@ def evaluate(
             )
             loaded = shared.inspect_told(table, told)
             second = predicted_residue(before, loaded.table)
-        first_results = iso_230_2(before)
-        second_results = iso_230_2(second) if second else None
+        results = (iso_230_2(before), iso_230_2(second) if second else None)
         notes = _notes(before, second if loaded is None else None)
         if report is not None:
             _write_report(report, _story(before, second, loaded, notes), force=force)
     if json:
-        found: dict[str, object] = {
-            "readings": before.source,
-            "before": results_json(first_results),
-            "after": results_json(second_results) if second_results else None,
-            "is_predicted": loaded is not None,
-            "notes": list(notes),
-        }
-        print_json(found)
+        _print_json(before.source, results, notes, is_predicted=loaded is not None)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
-    results_text(first_results, second_results, ("before", "after" if loaded is None else "predicted"))
+    results_text(*results, ("before", "after" if loaded is None else "predicted"))
     if report is not None:
         typer.echo(f"report: {report}")
+
+
+def _print_json(
+    source: str, results: tuple[Evaluation, Evaluation | None], notes: tuple[str, ...], *, is_predicted: bool
+) -> None:
+    before, after = results
+    print_json(
+        {
+            "readings": source,
+            "before": results_json(before),
+            "after": results_json(after) if after else None,
+            "is_predicted": is_predicted,
+            "notes": list(notes),
+        }
+    )
 
 
 def _notes(before: Survey, after: Survey | None) -> tuple[str, ...]:

@@ -92,10 +92,8 @@ def program(
         )
         if kind is Kind.ENDLESS:
             text = maths.endless_steps(axis, step or 0.0, dwell, decimals)
-        elif kind is Kind.LIST:
-            text = "".join(f"{stop:.{decimals}f}\n" for stop in stops)
         else:
-            text = maths.bidirectional_cycle(stops, cycle, travel)
+            text = _text(kind, stops, cycle, travel)
         _warn(stops, cycle, kind)
         if out is None:
             typer.echo(text, nl=False)
@@ -104,6 +102,12 @@ def program(
             typer.echo(
                 f"{out}: {len(stops)} targets from {stops[0]:.{decimals}f} to {stops[-1]:.{decimals}f}"
             )
+
+
+def _text(kind: Kind, stops: list[float], cycle: maths.Cycle, travel: tuple[float, float] | None) -> str:
+    if kind is Kind.LIST:
+        return "".join(f"{stop:.{maths.DECIMALS[cycle.units]}f}\n" for stop in stops)
+    return maths.bidirectional_cycle(stops, cycle, travel)
 
 
 def _warn(stops: list[float], cycle: maths.Cycle, kind: Kind) -> None:

@@ -10,8 +10,8 @@ from gateway.cli.arguments import TableFile
 from gateway.cli.table_options import AsJson, AxisLetter, FileCounts, FileHome, FileStart, Layout, Travel
 from gateway.cli.table_output import print_json, print_lines
 from gateway.metrology.formats import ReadingsContext
-from gateway.metrology.refine import Points, refine_table
-from gateway.tabfile import FileContext, WriteOptions, axis_of_name, dialect_named
+from gateway.metrology.refine import Points, Refined, refine_table
+from gateway.tabfile import FileContext, LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
 
 
 def refine(
@@ -89,28 +89,32 @@ def refine(
         options = WriteOptions(letter, scale, v1_layout, to_file_axis, to_sense)
         result, again, difference = shared.written(table, target, options)
         shared.write_file(out, result.text, force=force)
-    change, unit = refined.change, survey.units.value
-    said = (
-        f"changed by {change.rms:.3g} {unit} (root mean square), by {change.largest:.3g} at most, "
-        f"{change.direction.name.lower()} at {change.position:.9g}"
-    )
     if json:
-        print_json(
-            {
-                "file": str(file),
-                "out": str(out),
-                "to": target.name,
-                "units": unit,
-                "largest_change": change.largest,
-                "rms_change": change.rms,
-                "notes": list(refined.notes),
-                "losses": list(result.losses),
-                "largest_difference": difference,
-                "read_with": shared.told_to_reader(result),
-                "lints": [lint.to_json() for lint in again.lints],
-            }
-        )
+        _print_json(file, out, refined, (result, again, difference))
         return
+    change = refined.change
     print_lines((f"note: {note}" for note in refined.notes), err=True)
-    typer.echo(said)
+    typer.echo(
+        f"changed by {change.rms:.3g} {survey.units.value} (root mean square), by {change.largest:.3g} at "
+        f"most, {change.direction.name.lower()} at {change.position:.9g}"
+    )
     shared.print_written(out, result, again, difference)
+
+
+def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written, LoadedTable, float]) -> None:
+    result, again, difference = written
+    print_json(
+        {
+            "file": str(file),
+            "out": str(out),
+            "to": again.format,
+            "units": refined.table.units.value,
+            "largest_change": refined.change.largest,
+            "rms_change": refined.change.rms,
+            "notes": list(refined.notes),
+            "losses": list(result.losses),
+            "largest_difference": difference,
+            "read_with": shared.told_to_reader(result),
+            "lints": [lint.to_json() for lint in again.lints],
+        }
+    )

@@ -1,16 +1,18 @@
 """Readings that do not fit the others: named, and left to a person.
 
 With three and more runs at a target, each reading is compared with the others at the same target in the same
-direction: the modified z-score ``0.6745 |x - median| / MAD`` (Iglewicz and Hoaglin) above 3.5. The MAD of few
-runs is small by chance now and then, so the scale is never below that of all targets together, nor below the
-noise of a good laser. With one or two runs there is nothing to compare at the target; there the reading is
-held against the straight line between its neighbours, which a lone slip leaves by far more than a screw does.
+direction: the modified z-score ``0.6745 |x - median| / MAD`` (Iglewicz and Hoaglin) above 4. Theirs is 3.5,
+by which one sound measurement in five, with its hundreds of readings, would have an outlier. The MAD of few
+runs is small by chance now and then, so the scale is never below the mean of all targets, corrected for the
+number of runs (Croux and Rousseeuw 1992), nor below the noise of a good laser. With one or two runs there is
+nothing to compare at the target; there the reading is held against the straight line between its neighbours,
+which a lone slip leaves by far more than a screw does.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from statistics import median
+from statistics import fmean, median
 from typing import Final
 
 from gateway.compensation.direction import Direction
@@ -18,13 +20,14 @@ from gateway.metrology.readings import APPROACHES, Reading, Survey
 
 NORMAL: Final = 0.6745
 """MAD of a normal distribution, in its standard deviations."""
-MOST_SCORE: Final = 3.5
+MOST_SCORE: Final = 4.0
 MOST_SCORE_BESIDE: Final = 6.0
 """A screw bends between targets, so neighbours say less than runs do."""
 LEAST_RUNS: Final = 3
 LEAST_TARGETS: Final = 7
 """Fewer targets do not show how far a sound reading lies from the line between its neighbours."""
 NOISE_MM: Final = 0.0005
+FEW: Final = {3: 1.495, 4: 1.363, 5: 1.206, 6: 1.200, 7: 1.140, 8: 1.129, 9: 1.107}
 
 _Group = dict[tuple[Direction, float], list[Reading]]
 
@@ -73,13 +76,18 @@ def _against_runs(groups: _Group, floor: float) -> Iterable[Outlier]:
     enough = {key: group for key, group in groups.items() if len(group) >= LEAST_RUNS}
     middles = {key: median(reading.deviation for reading in group) for key, group in enough.items()}
     spreads = {key: _mad(group, middles[key]) for key, group in enough.items()}
-    common = median(spreads.values()) if spreads else 0.0
+    common = fmean(spreads[key] * _for_few(len(group)) for key, group in enough.items()) if enough else 0.0
     for key, group in enough.items():
         scale = max(spreads[key], common, floor)
         for reading in group:
             score = NORMAL * abs(reading.deviation - middles[key]) / scale
             if score > MOST_SCORE:
                 yield Outlier(reading, middles[key], score, "runs")
+
+
+def _for_few(count: int) -> float:
+    """Return the factor that takes the bias from the MAD of so many readings of normal scatter."""
+    return FEW[count] if count in FEW else count / (count - 0.8)
 
 
 def _mad(group: Sequence[Reading], middle: float) -> float:
