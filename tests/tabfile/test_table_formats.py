@@ -48,6 +48,8 @@ def test_every_format_is_listed_with_what_must_be_told() -> None:
         "writable": True,
         "suffix": ".tab",
     }
+    assert listed["linuxcnc-0"]["options"] == ["--format", "--units", "--file-start"]
+    assert listed["renishaw-ren"]["writable"] is False
     text = run("formats").stdout
     for dialect in DIALECTS:
         assert f"{dialect.name}: {dialect.title}\n" in text
