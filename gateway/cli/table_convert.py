@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
-from gateway.cli.table_options import AsJson, Target, Told, takes_file_options
+from gateway.cli.table_options import AsJson, Target, Told, Wanted, takes_file_options
 from gateway.cli.table_reading import inspect, problems, usage
 from gateway.cli.table_writing import Converted, converted, write
 from gateway.compensation.errors import TableError
@@ -18,13 +18,11 @@ from gateway.compensation.units import Units
 from gateway.tabfile import (
     OPTIONS,
     Dialect,
-    ErrorSense,
     FileContext,
     LoadedTable,
     Problem,
     TabFileError,
     UnitsOf,
-    V1Layout,
     WriteOptions,
     axis_of_name,
     dialect_named,
@@ -41,37 +39,7 @@ def convert(
     ],
     *,
     to: Target,
-    to_units: Annotated[Units | None, typer.Option(help="Units of OUT; default: those of FILE.")] = None,
-    to_axis: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LETTER", help="The axis that OUT is for; default: that of FILE or of a file name."
-        ),
-    ] = None,
-    to_file_axis: Annotated[
-        str | None, typer.Option(metavar="NAME", help="What OUT calls the axis, if its format names axes.")
-    ] = None,
-    to_counts_per_unit: Annotated[
-        float | None,
-        typer.Option(
-            metavar="N",
-            help="Encoder counts per unit of the control that will read OUT, if its format holds counts.",
-        ),
-    ] = None,
-    to_v1_layout: Annotated[
-        V1Layout | None, typer.Option(help="Layout of a Centroid version 1 OUT; default: implicit.")
-    ] = None,
-    to_sense: Annotated[
-        ErrorSense | None, typer.Option(help="What OUT calls an error, if its format leaves that open.")
-    ] = None,
-    resample_step: Annotated[
-        float | None,
-        typer.Option(
-            "--resample",
-            metavar="STEP",
-            help="Write an even grid of this step (in units of OUT), and say how much that changes.",
-        ),
-    ] = None,
+    wanted: Wanted,
     told: Told,
     force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.")] = False,
     json: AsJson = False,
@@ -92,13 +60,13 @@ def convert(
     target = dialect_named(to)
     with usage(), problems():
         loaded = inspect(file, told.context())
-        scale = _scale(to_counts_per_unit)
+        scale = _scale(wanted.to_counts_per_unit)
         if scale is None and target.name == "centroid-1":
             scale = told.file_counts_per_unit
-        table = _in_units(loaded, to_units)
-        even = None if resample_step is None else resample(table, resample_step, str(file))
-        letter = _letter(to_axis) or letter_for(loaded, told.axis, out)
-        options = WriteOptions(letter, scale, to_v1_layout, to_file_axis, to_sense)
+        table = _in_units(loaded, wanted.to_units)
+        even = None if wanted.resample is None else resample(table, wanted.resample, str(file))
+        letter = _letter(wanted.to_axis) or letter_for(loaded, told.axis, out)
+        options = WriteOptions(letter, scale, wanted.to_v1_layout, wanted.to_file_axis, wanted.to_sense)
         result = converted(even.table if even else table, target, options)
         write(out, result.written.text, force=force)
     report = _Report(loaded, out, target, table.units, even, result)

@@ -44,7 +44,11 @@ def formats(*, json: AsJson = False) -> None:
 def _options(dialect: Dialect) -> list[str]:
     """Return the options that may be needed, as they are typed."""
     told = [f"--{name.replace('_', '-')}" for name in OPTIONS if name in dialect.uses]
-    return told if dialect.units is UnitsOf.FILE else ["--units", *told]
+    if dialect.units is not UnitsOf.FILE:
+        told.insert(0, "--units")
+    if any(other.recognise is dialect.recognise for other in DIALECTS if other is not dialect):
+        told.insert(0, "--format")  # nothing in a text tells the two apart
+    return told
 
 
 def _as_data(dialect: Dialect) -> dict[str, object]:

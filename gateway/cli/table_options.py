@@ -1,13 +1,14 @@
 """Options that the commands of ``pitch-gateway table`` share: what a file does not say about itself.
 
-They stand once, in :class:`Told`; :func:`takes_file_options` gives them to a command.
+They stand once, in :class:`Told` and :class:`Wanted`; :func:`takes_file_options` gives them to a command.
 """
 
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from dataclasses import fields as fields_of
 from functools import wraps
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -174,21 +175,62 @@ class Told:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What ``convert`` was told about the file to write, besides its format."""
+
+    to_units: Annotated[Units | None, typer.Option(help="Units of OUT; default: those of FILE.")] = None
+    to_axis: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LETTER", help="The axis that OUT is for; default: that of FILE or of a file name."
+        ),
+    ] = None
+    to_file_axis: Annotated[
+        str | None, typer.Option(metavar="NAME", help="What OUT calls the axis, if its format names axes.")
+    ] = None
+    to_counts_per_unit: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            help="Encoder counts per unit of the control that will read OUT, if its format holds counts.",
+        ),
+    ] = None
+    to_v1_layout: Annotated[
+        V1Layout | None, typer.Option(help="Layout of a Centroid version 1 OUT; default: implicit.")
+    ] = None
+    to_sense: Annotated[
+        ErrorSense | None, typer.Option(help="What OUT calls an error, if its format leaves that open.")
+    ] = None
+    resample: Annotated[
+        float | None,
+        typer.Option(
+            metavar="STEP",
+            help="Write an even grid of this step (in units of OUT), and say how much that changes.",
+        ),
+    ] = None
+
+
 def takes_file_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command, in the place of its parameter ``told: Told``, an option for each field of it."""
-    own = inspect.signature(command, eval_str=True).parameters
-    shared = inspect.signature(Told, eval_str=True).parameters
+    """Give a command, in the place of a parameter that is a :class:`Told` or a :class:`Wanted`, its fields.
+
+    Each field becomes an option of the command.
+    """
     parameters: list[inspect.Parameter] = []
-    for name, parameter in own.items():
-        if name == "told":
-            parameters += [option.replace(kind=parameter.kind) for option in shared.values()]
+    groups: dict[str, type[Told | Wanted]] = {}
+    for name, parameter in inspect.signature(command, eval_str=True).parameters.items():
+        if parameter.annotation in {Told, Wanted}:
+            groups[name] = parameter.annotation
+            fields = inspect.signature(parameter.annotation, eval_str=True).parameters.values()
+            parameters += [field.replace(kind=parameter.kind) for field in fields]
         else:
             parameters.append(parameter)
 
     @wraps(command)
-    def run(**options: object) -> None:
-        told = Told(**{name: options.pop(name) for name in shared})  # type: ignore[arg-type]
-        command(told=told, **options)
+    def run(**options: Any) -> None:
+        for name, group in groups.items():
+            options[name] = group(**{field.name: options.pop(field.name) for field in fields_of(group)})
+        command(**options)
 
     # what typer looks at
     run.__dict__["__signature__"] = inspect.Signature(parameters)

@@ -237,6 +237,18 @@ def test_l13_names_the_hole_in_an_even_grid() -> None:
     assert holes(0, 10, 30) == []
 
 
+def test_l14_names_points_that_the_axis_never_reaches() -> None:
+    # points at 0 to 5 inch; of the last two at one end both lie where the travel ends, or beyond
+    lints = [lint for lint in tenths(*SOUND, travel=(-1.0, 4.0)).lints if lint.code == "L14"]
+    assert len(lints) == 1
+    assert "points at 5 and 4 inch" in lints[0].message
+    assert lints[0].line == 7
+    lints = [lint for lint in tenths(*SOUND, travel=(1.0, 6.5)).lints if lint.code == "L14"]
+    assert ["points at 0 and 1 inch" in lint.message for lint in lints] == [True]
+    assert "L14" not in codes(tenths(*SOUND, travel=(-1.0, 4.1)))
+    assert "L14" not in codes(tenths(*SOUND))
+
+
 def test_limits_are_converted_into_the_units_of_the_file() -> None:
     # 0.0127 mm is 5 tenths
     assert tenths([0.0, 5.0, 5.0], [0.0, 5.0, 5.0], units=Units.MM, max_correction=0.0127).errors == ()

@@ -18,7 +18,11 @@ from gateway.tabfile import DIALECTS, OPTIONS, FileContext, TabFileError, explai
 from gateway.tabfile.explanation import to_json
 from gateway.tabfile.resampling import resample
 
-V3 = Path(__file__).parents[2] / "tables" / "centroid-v3" / "cnc10z.tab"
+TABLES = Path(__file__).parents[2] / "tables"
+V3 = TABLES / "centroid-v3" / "cnc10z.tab"
+CSV = TABLES / "csv" / "x.csv"
+FAGOR = TABLES / "fagor-8055" / "manual.txt"
+HEIDENHAIN = TABLES / "heidenhain-com" / "Z_PITCH.COM"
 
 
 def run(*arguments: object) -> Result:
@@ -44,6 +48,8 @@ def test_every_format_is_listed_with_what_must_be_told() -> None:
         "writable": True,
         "suffix": ".tab",
     }
+    assert listed["linuxcnc-0"]["options"] == ["--format", "--units", "--file-start"]
+    assert listed["renishaw-ren"]["writable"] is False
     text = run("formats").stdout
     for dialect in DIALECTS:
         assert f"{dialect.name}: {dialect.title}\n" in text
@@ -140,3 +146,60 @@ def test_what_the_control_did_beside_the_table_is_shown(capsys: pytest.CaptureFi
     output.show_text(loaded, 0)
     output.explain_text(loaded, explain(loaded, -1.0))
     assert capsys.readouterr().out.count('to do as its control did, for the axis: outside = "zero"\n') == 2
+
+
+def test_a_free_grid_goes_to_a_control_of_even_grids_only_with_a_step(tmp_path: Path) -> None:
+    out = tmp_path / "x.tab"
+    refused = run("convert", CSV, out, "--to", "centroid-3", "--axis", "x")
+    assert refused.exit_code == 1
+    assert (
+        "points that are not evenly spaced (at -250); allowed: an even grid: --resample STEP"
+        in refused.stderr
+    )
+    assert not out.exists()
+    data = good("convert", CSV, out, "--to", "centroid-3", "--axis", "x", "--resample", 50)
+    assert data["resampled"]["points"] == 9
+    # -125.5 lies 24.5 above -150; the new line ends at -100, where the table has passed -125.5
+    low = 0.009 + (0.0107 - 0.009) * 100 / 124.5
+    high = 0.0107 + (0.0085 - 0.0107) * 25.5 / 75.5
+    assert data["resampled"]["largest_difference"] == pytest.approx(
+        0.0107 - (low + (high - low) * 24.5 / 50), abs=1e-12
+    )
+    assert data["resampled"]["at"] == -125.5
+    assert good("explain", out, "--at", -250)["forward"]["correction"] == pytest.approx(0.009, abs=1e-12)
+
+
+def test_what_a_manual_leaves_open_is_told_for_reading_and_for_writing(tmp_path: Path) -> None:
+    told = ("--units", "mm", "--fagor-sense", "actual_minus_command")
+    # X90 has an error of 0.001, X130 of -0.002: half way -0.0005
+    assert good("explain", FAGOR, "--at", 110, *told)["forward"]["correction"] == pytest.approx(0.0005)
+    turned = good("explain", FAGOR, "--at", 110, "--units", "mm", "--error-sense", "command_minus_actual")
+    assert turned["forward"]["correction"] == pytest.approx(-0.0005)
+    assert "fagor_sense" in run("explain", FAGOR, "--at", 110, "--units", "mm").stderr
+    out = tmp_path / "z_pitch.com"
+    assert "--to-sense" in run("convert", FAGOR, out, *told, "--to", "heidenhain-com").stderr
+    data = good(
+        "convert", FAGOR, out, *told, "--to", "heidenhain-com", "--to-sense", "command_minus_actual",
+        "--to-file-axis", "x",
+    )  # fmt: skip
+    assert data["read_with"]["error_sense"] == "command_minus_actual"
+    again = good("explain", out, "--at", 110, "--error-sense", "command_minus_actual")
+    assert again["forward"]["correction"] == pytest.approx(0.0005)
+
+
+def test_the_column_of_an_axis_is_chosen_by_its_name(tmp_path: Path) -> None:
+    text = HEIDENHAIN.read_text().replace("BACKLASH", "Y       ")
+    path = tmp_path / "two.com"
+    path.write_text(text)
+    sense = ("--error-sense", "command_minus_actual")
+    assert "file_axis" in run("explain", path, "--at", 100, *sense).stderr
+    for name, error in (("Z", -0.0021), ("Y", 0.0012)):
+        explained = good("explain", path, "--at", 100, *sense, "--file-axis", name)
+        assert explained["forward"]["correction"] == pytest.approx(error)
+
+
+@pytest.mark.parametrize("name", [dialect.name for dialect in DIALECTS if not dialect.is_writable])
+def test_what_no_control_reads_is_no_target(tmp_path: Path, name: str) -> None:
+    result = run("convert", V3, tmp_path / "out", "--to", name)
+    assert result.exit_code == 2
+    assert name not in result.stderr.split("must be one of")[1]
