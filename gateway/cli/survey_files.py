@@ -23,16 +23,12 @@ from gateway.tabfile import (
     ContextError,
     Dialect,
     ErrorSense,
-    FileContext,
     LoadedTable,
     Problem,
     TabFileError,
-    UnitsOf,
     V1Layout,
     WriteOptions,
     Written,
-    dialect_of,
-    inspect_table,
     parse_table,
 )
 
@@ -123,20 +119,6 @@ def dialect_to_write(name: str) -> Dialect:
     if name not in writable:
         raise typer.BadParameter(f"{name!r}: must be one of {', '.join(sorted(writable))}", param_hint="--to")
     return writable[name]
-
-
-def inspect_told(file: Path, context: FileContext) -> LoadedTable:
-    """Read a table file; its own units hold.
-
-    Raises:
-        TabFileError: see there.
-    """
-    units_of = dialect_of(file, context.format).units
-    if units_of is UnitsOf.FILE:
-        return inspect_table(file, replace(context, units=None))
-    if units_of is UnitsOf.TOLD:
-        return inspect_table(file, replace(context, file_units=context.units))
-    return inspect_table(file, context)
 
 
 def written(

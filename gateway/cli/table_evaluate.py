@@ -8,8 +8,9 @@ import typer
 
 from gateway.cli import survey_files as shared
 from gateway.cli.evaluation_output import results_json, results_text
-from gateway.cli.table_options import AsJson, AxisLetter, FileCounts, FileHome, FileStart, Layout, Travel
+from gateway.cli.table_options import AsJson, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
+from gateway.cli.table_reading import inspect
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.evaluation import evaluate as iso_230_2
 from gateway.metrology.formats import ReadingsContext
@@ -17,9 +18,10 @@ from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import predicted_residue
 from gateway.report.story import AxisStory, Report
-from gateway.tabfile import FileContext, LoadedTable
+from gateway.tabfile import LoadedTable
 
 
+@takes_file_options
 def evaluate(
     readings: shared.ReadingFiles,
     *,
@@ -33,13 +35,7 @@ def evaluate(
         Path | None,
         typer.Option(metavar="FILE", help="Predict what this table leaves of READINGS.", readable=False),
     ] = None,
-    file_counts_per_unit: FileCounts = None,
-    file_home: FileHome = None,
-    file_start: FileStart = None,
-    v1_layout: Layout = None,
-    travel: Travel = None,
-    axis: AxisLetter = None,
-    units: shared.ReadingsUnits = None,
+    told: Told,
     readings_format: shared.ReadingsFormat = None,
     runs: shared.RunsTold = None,
     report: Annotated[
@@ -65,21 +61,12 @@ def evaluate(
             "either a measurement or a prediction, not both", param_hint="--after, --table"
         )
     with shared.problems():
-        context = ReadingsContext(readings_format, units, axis, runs)
+        context = ReadingsContext(readings_format, told.units, told.axis, runs)
         before = shared.read_all(readings, context)
         loaded = None
         second = shared.read_all(after, context).in_units(before.units) if after else None
         if table is not None:
-            told = FileContext(
-                axis=axis,
-                units=units,
-                travel=travel,
-                file_counts_per_unit=file_counts_per_unit,
-                v1_layout=v1_layout,
-                file_start=file_start,
-                file_home=file_home,
-            )
-            loaded = shared.inspect_told(table, told)
+            loaded = inspect(table, told.context())
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
         notes = _notes(before, second if loaded is None else None)

@@ -7,13 +7,15 @@ import typer
 
 from gateway.cli import survey_files as shared
 from gateway.cli.arguments import TableFile
-from gateway.cli.table_options import AsJson, AxisLetter, FileCounts, FileHome, FileStart, Layout, Travel
+from gateway.cli.table_options import AsJson, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
+from gateway.cli.table_reading import inspect
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.refine import Points, Refined, refine_table
-from gateway.tabfile import FileContext, LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
+from gateway.tabfile import LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
 
 
+@takes_file_options
 def refine(
     file: TableFile,
     readings: Annotated[
@@ -35,13 +37,7 @@ def refine(
         bool, typer.Option("--union", help="Points of FILE and of the readings; default: those of FILE.")
     ] = False,
     one_way: shared.OneWay = False,
-    file_counts_per_unit: FileCounts = None,
-    file_home: FileHome = None,
-    file_start: FileStart = None,
-    v1_layout: Layout = None,
-    travel: Travel = None,
-    axis: AxisLetter = None,
-    units: shared.ReadingsUnits = None,
+    told: Told,
     to_counts_per_unit: shared.ToCounts = None,
     to_sense: shared.ToSense = None,
     to_file_axis: shared.ToFileAxis = None,
@@ -61,20 +57,9 @@ def refine(
       pitch-gateway table refine cnc10z.tab after.csv better.tab --file-start -2.5 --home switch-negative
     """
     with shared.problems():
-        loaded = shared.inspect_told(
-            file,
-            FileContext(
-                axis=axis,
-                units=units,
-                travel=travel,
-                file_counts_per_unit=file_counts_per_unit,
-                v1_layout=v1_layout,
-                file_start=file_start,
-                file_home=file_home,
-            ),
-        )
+        loaded = inspect(file, told.context())
         target = shared.dialect_to_write(to) if to is not None else dialect_named(loaded.format)
-        survey = shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs))
+        survey = shared.read_all(readings, ReadingsContext(readings_format, told.units, told.axis, runs))
         old = loaded.table.in_units(survey.units)
         refined = refine_table(
             old,
@@ -84,9 +69,9 @@ def refine(
             one_way=one_way,
         )
         table = refined.table.in_units(loaded.table.units)
-        letter = axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
-        scale = to_counts_per_unit or file_counts_per_unit
-        options = WriteOptions(letter, scale, v1_layout, to_file_axis, to_sense)
+        letter = told.axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
+        scale = to_counts_per_unit or told.file_counts_per_unit
+        options = WriteOptions(letter, scale, told.v1_layout, to_file_axis, to_sense)
         result, again, difference = shared.written(table, target, options)
         shared.write_file(out, result.text, force=force)
     if json:
