@@ -193,7 +193,8 @@ def _parse_table(source: SourceText, first: Line, lines: deque[Line]) -> _Table:
 
 
 def _head(line: Line) -> str:
-    return line.text.split()[0].upper() if line.text else ""
+    # a line may hold nothing but blanks that are no spaces
+    return next(iter(line.text.split()), "").upper()
 
 
 def _found(line: Line) -> str:

@@ -4,7 +4,8 @@ L1 slope, L2 columns swapped, L3 second list reversed, L4 unit slip, L5 home, L6
 L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size, L13 hole in
 an even grid, L14 points beyond the travel. Readers add R1 separator missing, R2 start inferred, R3 option
 without meaning, R4 another compensation beside it, R7 points that LinuxCNC would not reach, R8 lost
-motion beside it, R9 the sign of Mint's offset, R10 compensation left off.
+motion beside it, R9 the sign of Mint's offset, R10 values without a number of them, R11
+compensation left off.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -172,7 +172,7 @@ def _is_dual(source: SourceText, program: Program, axis: int) -> tuple[bool, str
         return (
             has_two,
             f"{both}: {TABLE} names as many",
-            (Lint("R10", Severity.WARNING, message, setting.line),),
+            (Lint("R11", Severity.WARNING, message, setting.line),),
         )
     if (word == "_LSDUAL_TABLE" and has_two) or (word in {"1", "_LSSINGLE_TABLE"} and not has_two):
         return has_two, f"{both}: {MODE} says so", ()

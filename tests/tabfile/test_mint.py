@@ -226,8 +226,8 @@ def test_mode_decides_whether_the_reverse_table_counts() -> None:
 def test_program_that_ends_with_compensation_off_is_remarked_on() -> None:
     loaded = parse(SAMPLE.replace("_lsDUAL_TABLE", "_lsOFF"))
     assert not loaded.table.is_unidirectional
-    assert [lint.line for lint in loaded.warnings if lint.code == "R10"] == [7]
-    assert "R10" not in {lint.code for lint in parse("PRECISIONMODE.0 = 0\n" + SAMPLE).lints}
+    assert [lint.line for lint in loaded.warnings if lint.code == "R11"] == [7]
+    assert "R11" not in {lint.code for lint in parse("PRECISIONMODE.0 = 0\n" + SAMPLE).lints}
 
 
 def test_backlash_beside_one_table_becomes_settings_of_the_axis() -> None:

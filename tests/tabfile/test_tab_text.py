@@ -4,7 +4,7 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gateway.compensation.units import Units
@@ -107,6 +107,7 @@ def test_long_lines_are_shortened_in_messages() -> None:
 
 
 @given(st.binary(max_size=400))
+@example(b"\xa0")
 def test_arbitrary_bytes_raise_nothing_but_table_errors(data: bytes) -> None:
     with suppress(TabFileError):
         parse_table(data, "x.tab", EVERYTHING)
