@@ -111,6 +111,7 @@ class WriteWay(Way):
         "_scale",
         "_shadow",
         "_start",
+        "_terms",
         "_unpack",
     )
 
@@ -121,6 +122,7 @@ class WriteWay(Way):
         self._place = place
         self._axis = hit.place.axis
         self._hold = self._axis.hold
+        self._terms = self._axis.terms
         self._shadow = hit.place.shadow
         codec = hit.place.field.codec
         self._pack, self._unpack, self._scale = codec.pack, codec.unpack, hit.place.field.scale
@@ -185,6 +187,8 @@ class WriteWay(Way):
             if each.silent_since_ns is not None or each.is_recalling:
                 return False
         if axis.unproven is not None or axis.may_have_left or self._shadow.is_torn:
+            return False
+        if self._terms is not None and self._terms.is_due(now_ns):
             return False
         return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
 
