@@ -231,6 +231,31 @@ class Terms:
             states["cross"] = self.cross_state(now_ns)
         return states
 
+    def status(self, axis: "AxisExchange", now_ns: int) -> dict[str, object]:
+        """Return its part of the status model. Corrections are in units, in force at the last target."""
+        found: dict[str, object] = {"correction": self._in_force(axis), "is_too_large": self.is_too_large}
+        thermal = self.thermal
+        if thermal is not None:
+            found["thermal"] = {
+                "state": thermal.state(now_ns).value,
+                "celsius": thermal.celsius,
+                "age_s": thermal.age_s(now_ns),
+                "difference": thermal.difference_at(now_ns),
+            }
+        if self.crosses:
+            found["cross"] = {
+                "state": self.cross_state(now_ns).value,
+                "axes": [cross.axis for cross in self.crosses],
+                "correction": self._cross,
+            }
+        return found
+
+    def _in_force(self, axis: "AxisExchange") -> float | None:
+        compensation = axis.compensation
+        if compensation.accepted is None or compensation.state.position is None:
+            return None
+        return compensation.state.spec.line_at(compensation.state.position)
+
     def _detail(self, kind: str, state: TermState) -> str:
         if kind == "thermal":
             assert self.thermal is not None
