@@ -34,7 +34,6 @@ from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.remembering import note_leaving
 from gateway.exchange.rest import Rest
 from gateway.exchange.silence import SilentUnits
-from gateway.exchange.terms import follow_terms
 from gateway.exchange.writers import Writers
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, is_exception
 from gateway.times import NS_PER_MS
@@ -343,7 +342,6 @@ class LineExchange:
             return
         for axis in self._units.axes_of(exchange.unit_id):
             axis.end_silence(is_answer=False)
-            follow_terms(axis, now_ns)
         try:
             self._deadlines.check(exchange, now_ns)
             added, pdu = self._units.next_to_send(exchange, now_ns)

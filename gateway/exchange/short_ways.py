@@ -151,6 +151,8 @@ class WriteWay(Way):
                 return None  # another register of the axis was written since: this is a target
             corrected_words = shadow.corrected_words
         else:
+            if self._terms is not None and self._terms.is_due(now_ns):
+                return None
             raw = self._unpack(words, 0)
             nominal_counts = raw if self._scale == 1.0 else raw * self._scale
             steady = compensation.plan_steady(nominal_counts, now_ns, axis.is_done_seen)
@@ -187,8 +189,6 @@ class WriteWay(Way):
             if each.silent_since_ns is not None or each.is_recalling:
                 return False
         if axis.unproven is not None or axis.may_have_left or self._shadow.is_torn:
-            return False
-        if self._terms is not None and self._terms.is_due(now_ns):
             return False
         return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
 

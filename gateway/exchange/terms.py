@@ -2,8 +2,8 @@
 
 All of it is one line over the position of the axis (``compensation.correction_spec.with_line``), so it is
 inverted, remembered and taken over like every other correction: with different targets, never by itself.
-Here is kept what the line ought to be. It is looked at when a frame of the axis takes the long way; the short
-way asks with :meth:`Terms.is_due` whether it has to.
+Here is kept what the line ought to be. It is looked at before a different target is rendered, where that is
+due (:meth:`Terms.is_due`); such a target takes the long way.
 """
 
 from collections.abc import Iterable, Mapping
@@ -87,6 +87,8 @@ class Terms:
         self._lost_ns: int | None = None
         """Since when nobody has known where one of the other axes is."""
         self._said: dict[str, TermState] = {}
+        self._began_ns: int | None = None
+        self._was_missed = False
         self._was_too_large = False
 
     # --- what is heard ---------------------------------------------------------------------------------
@@ -136,10 +138,10 @@ class Terms:
         is_small = max(abs(more + steeper * low), abs(more + steeper * high)) < self._least
         if is_small and ((offset, tilt) != _NO_LINE or (self.offset, self.tilt) == _NO_LINE):
             self.is_too_large = False
-            return False
+            return not self._fits(base, plan, self.offset, self.tilt)  # limits may have been lowered
         self.is_too_large = not self._fits(base, plan, offset, tilt)
         if self.is_too_large:
-            return False
+            return not self._fits(base, plan, self.offset, self.tilt)
         self.offset, self.tilt = offset, tilt
         return True
 
@@ -211,6 +213,9 @@ class Terms:
         found = []
         for kind, state in self.states(now_ns).items():
             said = self._said.get(kind, TermState.WAITING)
+            if state is TermState.WAITING and kind == "thermal" and self._is_missed(now_ns):
+                detail = "no temperature has been heard since the start: nothing is added"
+                found.append(Event(EventKind.TERM_HELD, name, detail, (("term", kind),)))
             if state is not said:
                 self._said[kind] = state
                 if _SAID.get(state) is not _SAID.get(said):
@@ -221,6 +226,16 @@ class Terms:
                 detail = "with the table it would come to more than max_correction; it does not follow"
                 found.append(Event(EventKind.TERM_TOO_LARGE, name, detail))
         return found
+
+    def _is_missed(self, now_ns: int) -> bool:
+        """Whether nothing has been heard for as long as a sensor may be silent; true once."""
+        assert self.thermal is not None
+        if self._began_ns is None:
+            self._began_ns = now_ns
+        if self._was_missed or now_ns - self._began_ns <= self.thermal.settings.timeout_s * NS_PER_S:
+            return False
+        self._was_missed = True
+        return True
 
     def states(self, now_ns: int) -> dict[str, TermState]:
         """Return how each kind of term is known."""
@@ -281,8 +296,7 @@ _OF_PARTNER: Final = {
 def follow_terms(axis: "AxisExchange", now_ns: int) -> None:
     """Look what the terms of an axis ought to be; another line comes into force with different targets."""
     terms = axis.terms
-    if terms is None:
-        return
+    assert terms is not None
     if terms.follow(axis.base, axis.plan, now_ns):
         axis.wanted = terms.on(axis.base, axis.plan)
         if axis.is_referenced:

@@ -182,6 +182,29 @@ def test_another_table_that_leaves_no_room_for_the_line_has_none() -> None:
     assert len(events(bench, "term-too-large")) == 1
 
 
+def test_limits_that_are_lowered_below_what_is_in_force_take_it_away_with_the_next_target() -> None:
+    bench = Bench(warm_plan())
+    warm(bench, 30.0)
+    bench.move(1_000_000)
+    assert told(bench) == 999_885
+    set_limits(bench.line.axes, "x", LimitsOf(0.1, 0.01, 0.5, 1000.0))
+    bench.wait(1000.0)
+    bench.move(999_000)
+    assert told(bench) == 999_000
+    assert len(events(bench, "term-too-large")) == 1
+
+
+def test_a_sensor_that_was_never_heard_is_told_once() -> None:
+    bench = Bench(warm_plan())
+    for counts in range(100):
+        bench.move(1_000 * counts)
+        assert told(bench) == 1_000 * counts
+    assert events(bench, "term-held") == ["no temperature has been heard since the start: nothing is added"]
+    warm(bench, 30.0)
+    bench.move(1_000_000)
+    assert events(bench, "term-follows") == ["the sensor is heard; +10 K count"]
+
+
 def test_switched_off_it_is_off_with_its_table_and_comes_back_with_it() -> None:
     bench = Bench(warm_plan())
     warm(bench, 30.0)
