@@ -93,6 +93,8 @@ def test_a_far_wrong_guess_finds_the_piece_of_a_tilted_map() -> None:
         nominal = tenth / 10
         corrected = nominal + found.correction(nominal)
         assert found.solve(corrected, -1e6).nominal == pytest.approx(nominal, rel=1e-12, abs=1e-12)
+        # Where no guess helps, the interval that is searched reaches as far as the line does: 50 mm here.
+        assert found._search(corrected).nominal == pytest.approx(nominal, rel=1e-12, abs=1e-12)
 
 
 def test_a_line_that_could_not_be_inverted_is_refused() -> None:
