@@ -195,7 +195,7 @@ TERM_HELD: Final = EventEntry(
     Severity.WARNING,
     "nothing new is heard of what `thermal` or `cross` of an axis depends on: its last value is held",
     "thermal: no temperature for `timeout_s`; cross: the other axis lost its reference, or was stopped or "
-    "jogged and has got no target since",
+    "jogged, has got no target since, and its actual position is not read",
     "look at the sensor, the broker or the address it is read from; give the other axis a target, or home it",
 )
 TERM_FADES: Final = EventEntry(

@@ -15,6 +15,7 @@ from gateway.compensation.errors import SettingsError
 from gateway.compensation.moves import Accepted
 from gateway.compensation.table import make_table
 from gateway.compensation.thermal import TermState, Thermal
+from gateway.counts import Counts
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan, CrossPlan
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -59,12 +60,25 @@ class _Cross:
         partner = self.partner
         return None if partner is None or not partner.is_referenced else partner.compensation.accepted
 
-    def correction(self, target: Accepted) -> float:
-        """Return what a target of the other axis adds, in units."""
+    def place(self, now_ns: int) -> Counts | None:
+        """Return where the other axis is, in nominal counts; None where nobody knows.
+
+        After a stop or a jog it has no target: then a reading of its actual position has to do.
+        """
+        target, partner = self.target, self.partner
+        if target is not None:
+            return target.nominal_counts
+        if partner is None or not partner.is_referenced or partner.actual is None:
+            return None
+        age_ns = now_ns - partner.actual.seen_ns
+        is_fresh = age_ns <= self._plan.fresh_s * NS_PER_S
+        return partner.nominal_of(partner.actual.counts) if is_fresh else None
+
+    def correction(self, nominal_counts: Counts) -> float:
+        """Return what a place of the other axis adds, in units."""
         assert self.partner is not None
-        return self._correction(
-            self.partner.compensation.machine_position(target.nominal_counts) * self._plan.scale
-        )
+        position = self.partner.compensation.machine_position(nominal_counts)
+        return self._correction(position * self._plan.scale)
 
 
 class Terms:
@@ -172,11 +186,12 @@ class Terms:
             return 0.0
         total, is_known = 0.0, True
         for cross in self.crosses:
-            target = cross.seen = cross.target
-            if target is None:
+            cross.seen = cross.target
+            place = cross.place(now_ns)
+            if place is None:
                 is_known = False
             else:
-                total += cross.correction(target)
+                total += cross.correction(place)
         if is_known:
             self._cross = self._held_cross = total
             self._lost_ns = None
@@ -199,7 +214,7 @@ class Terms:
 
     def cross_state(self, now_ns: int) -> TermState:
         """Return how well it is known where the other axes are."""
-        if all(cross.target is not None for cross in self.crosses):
+        if all(cross.place(now_ns) is not None for cross in self.crosses):
             return TermState.FOLLOWING
         if not self._is_cross_known:
             return TermState.WAITING

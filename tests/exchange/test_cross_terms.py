@@ -163,6 +163,23 @@ def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None
     assert told(bench) == 500_030
 
 
+def test_an_other_axis_without_a_target_counts_by_where_it_was_read_to_be() -> None:
+    bench = Bench(x_plan(), y_plan())
+    go_y(bench, 400_000)
+    bench.move(100_000)
+    bench.line.axes[1].forget()  # as a stop, a jog or a move of another kind does
+    bench.memory.put(Y_ACTUAL, 600_000)
+    bench.ask(read(Y_ACTUAL))
+    bench.wait(1000.0)
+    bench.move(200_000)
+    assert told(bench) == 200_060
+    bench.wait(59_000.0)  # that reading is too old now, and what it gave is held
+    bench.memory.put(Y_ACTUAL, 900_000)
+    bench.move(300_000)
+    assert told(bench) == 300_060
+    assert terms(bench).status(bench.line.axes[0], bench.now_ns)["cross"]["state"] == "held"
+
+
 def test_units_and_turns_of_the_other_axis_are_its_own() -> None:
     inches = CrossPlan("y", (0.0, 254.0), (0.0, 0.0254), scale=25.4)
     y = y_plan(units=Units.INCH, travel=(0.0, 40.0))
