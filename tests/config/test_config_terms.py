@@ -7,6 +7,7 @@ import pytest
 
 from gateway.compensation.settings import ThermalSettings
 from gateway.config.compile import compile_into_state, sources_of
+from gateway.config.summary import summary_lines
 from gateway.exchange.plan import AxisPlan, CrossPlan
 from gateway.ipc.compiled_plan import read_plan
 from gateway.ipc.state_folder import StateError
@@ -56,6 +57,11 @@ def test_another_axis_reaches_the_plan_with_its_table_and_comes_back_out_of_the_
         CrossPlan("y", (-300.0, -150.0, 0.0), (0.03, 0.0, 0.0), 1.0, 0.0, 60.0, "x-over-y.tab", digest),
     )
     assert result.plan.lines[0].axes[1].cross == ()
+    # 300 mm of steel, and the table over y; of y itself nothing is said.
+    assert [line for line in summary_lines(result.plan, {}) if line.startswith(("  warm", "  where"))] == [
+        "  warm: up to 0.00345 mm for each kelvin from 20 °C, held at -300 mm",
+        "  where y is (x-over-y.tab): up to 0.03 mm",
+    ]
     compile_into_state(result)
     assert read_plan(result.state_folder, result.path).plan.lines[0].axes[0] == x
     table = tmp_path / "tables" / "x-over-y.tab"
