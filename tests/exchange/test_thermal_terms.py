@@ -20,6 +20,7 @@ from gateway.exchange.plan import AxisPlan, Reference
 from gateway.exchange.terms import tell_terms
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench
+from tests.exchange.staged_bench import RUN_RELATIVE_PDU, StagedBench, staged_plan
 
 S = 1000 * MS
 FLAT = make_table([0, 1000], [0.0, 0.0], [0.0, 0.0], Units.MM)
@@ -271,3 +272,42 @@ def test_a_frame_that_was_on_the_wire_when_the_temperature_came_is_what_counts()
     bench.wait(1000.0)
     bench.move(999_000)
     assert told(bench) == 998_885
+
+
+def test_a_staged_target_is_corrected_for_the_temperature_of_its_trigger() -> None:
+    bench = StagedBench(staged_plan(table=FLAT, travel=(0.0, 1000.0), thermal=STEEL))
+    bench.go_to(500_000)
+    bench.stage(800_000)
+    warm(bench, 30.0)
+    bench.wait(1000.0)
+    assert bench.actual() == 500_000
+    bench.trigger()
+    assert bench.drive.moves == [("absolute", 500_000), ("absolute", 799_908)]
+    assert bench.line.counters.restaged == 1
+    bench.settle()
+    assert bench.actual() == 800_000
+    warm(bench, 20.0)
+    bench.wait(60_000.0)
+    bench.trigger()  # the same target once more: the same words (M4)
+    assert bench.drive.moves[2:] == [("absolute", 799_908)]
+
+
+def test_distances_add_up_to_nothing_while_it_warms() -> None:
+    bench = StagedBench(staged_plan(table=FLAT, travel=(0.0, 1000.0), thermal=STEEL))
+    bench.go_to(500_000)
+    for celsius in (25.0, 30.0, 22.0, 28.0):
+        warm(bench, celsius)
+        for distance in (100_000, -100_000):
+            bench.wait(1000.0)
+            bench.stage(distance)
+            bench.trigger(RUN_RELATIVE_PDU)
+            bench.settle()
+    assert bench.actual() == 500_000
+    warm(bench, 20.0)
+    bench.wait(600_000.0)
+    warm(bench, 20.0)
+    bench.go_to(400_000)
+    bench.wait(1000.0)
+    bench.go_to(500_000)
+    assert bench.drive.moves[-1] == ("absolute", 500_000)
+    assert bench.actual() == 500_000
