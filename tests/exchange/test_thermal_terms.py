@@ -309,5 +309,5 @@ def test_distances_add_up_to_nothing_while_it_warms() -> None:
     bench.go_to(400_000)
     bench.wait(1000.0)
     bench.go_to(500_000)
-    assert bench.drive.moves[-1] == ("absolute", 500_000)
+    assert bench.drive.moves[-1:] == [("absolute", 500_000)]
     assert bench.actual() == 500_000
