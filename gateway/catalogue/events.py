@@ -9,6 +9,7 @@ from gateway.catalogue import (
     line_events,
     process_events,
     publishing_events,
+    sensor_events,
     table_events,
     tls_events,
 )
@@ -21,6 +22,7 @@ GROUPS: Final[tuple[ModuleType, ...]] = (
     table_events,
     process_events,
     publishing_events,
+    sensor_events,
 )
 """In the order in which documents list them; the first line of each says what it holds."""
 

@@ -184,3 +184,32 @@ SECOND_WRITER: Final = EventEntry(
     "let one of them finish: `writer` of the axis in `status` says who holds it (on a terminal `moved by`), "
     'and have it write triggers only when they change; where both are to move it, set `writers = "any"`',
 )
+TERM_FOLLOWS: Final = EventEntry(
+    "term-follows",
+    Severity.INFO,
+    "what `thermal` or `cross` adds to the corrections of an axis follows its source",
+    "the first value, or the end of a `term-held` or `term-fades`; `term` says which of the two",
+)
+TERM_HELD: Final = EventEntry(
+    "term-held",
+    Severity.WARNING,
+    "nothing new is heard of what `thermal` or `cross` of an axis depends on: its last value is held",
+    "thermal: no temperature for `timeout_s`; cross: the other axis lost its reference, or was stopped or "
+    "jogged, has got no target since, and its actual position is not read",
+    "look at the sensor, the broker or the address it is read from; give the other axis a target, or home it",
+)
+TERM_FADES: Final = EventEntry(
+    "term-fades",
+    Severity.WARNING,
+    "what `thermal` or `cross` adds to the corrections of an axis goes back to 0, with its next targets",
+    "a `term-held` that went on: longer than `hold_s` of `thermal`, or `fresh_s` of `cross`",
+    "as for `term-held`; the axis is corrected by its table alone meanwhile",
+)
+TERM_TOO_LARGE: Final = EventEntry(
+    "term-too-large",
+    Severity.WARNING,
+    "what `thermal` and `cross` would add comes, together with the table, to more than `max_correction`: "
+    "they stay as they were, or are left out where another table came",
+    "a warm machine with a table that needs nearly all of `max_correction`, or a wrong `alpha` or `fixed_at`",
+    "check `alpha`, `reference` and `fixed_at`; raise `max_correction` only if the machine is that bad",
+)

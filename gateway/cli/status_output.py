@@ -60,6 +60,9 @@ def status_parts(status: Mapping[str, Any]) -> Iterator[RenderableType]:
     for make in (_positions, _tables, _times) if status["axes"] else ():
         yield ""
         yield make(status["axes"])
+    if with_terms := {name: axis for name, axis in status["axes"].items() if axis.get("terms")}:
+        yield ""
+        yield _terms(with_terms)
 
 
 def _trouble(trouble: Mapping[str, str]) -> Iterator[RenderableType]:
@@ -173,6 +176,25 @@ def _tables(axes: Mapping[str, Any]) -> Table:
             str(its["points"]),
             f"{escape(its['status'])}{error}",
             escape(axis.get("writer") or NOT_KNOWN),
+        )
+    return table
+
+
+def _terms(axes: Mapping[str, Any]) -> Table:
+    """Return what is added to the tables of axes that have thermal or cross."""
+    table = _table("axis")
+    for heading in ("added", "temperature", "counts", "sensor", "other axes"):
+        table.add_column(heading, justify="right")
+    for name, axis in axes.items():
+        terms = axis["terms"]
+        thermal, cross = terms.get("thermal"), terms.get("cross")
+        table.add_row(
+            escape(name),
+            _number(terms["correction"], 4),
+            NOT_KNOWN if thermal is None else f"{_number(thermal['celsius'], 1)} °C",
+            NOT_KNOWN if thermal is None else f"{thermal['difference']:+.2f} K",
+            NOT_KNOWN if thermal is None else escape(thermal["state"]),
+            NOT_KNOWN if cross is None else f"{escape(', '.join(cross['axes']))}: {escape(cross['state'])}",
         )
     return table
 

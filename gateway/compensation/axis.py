@@ -6,9 +6,14 @@ accepted the target. Between the two nothing has happened, and a refused target 
 
 from typing import Final
 
-from gateway.compensation.blend import shape, share_of, towards
+from gateway.compensation.blend import share_of, towards
 from gateway.compensation.correction_map import IDENTITY, CorrectionMap
-from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, changeover_distance
+from gateway.compensation.correction_spec import (
+    NOTHING,
+    CorrectionSpec,
+    changeover_distance,
+    towards_line,
+)
 from gateway.compensation.direction import Direction, Travel, follow
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.moves import (
@@ -20,6 +25,7 @@ from gateway.compensation.moves import (
     SteadyMove,
     advance_change,
     is_reversing,
+    map_in_force,
 )
 from gateway.compensation.readback import Fade, Readback, after_target
 from gateway.compensation.settings import AxisSettings, OutsideKind, Setpoints
@@ -300,14 +306,8 @@ class AxisCompensation:
 
     def _target(self, position: float, place: Place | None, now_ns: int) -> State:
         direction, is_unsure = self._direction(position, place)
-        return State(
-            position=position,
-            travel=Travel(direction, position),
-            progress=direction.goal,
-            spec=self._wanted,
-            is_unsure=is_unsure,
-            at_ns=now_ns,
-        )
+        travel = Travel(direction, position)
+        return State(position, travel, direction.goal, spec=self._wanted, is_unsure=is_unsure, at_ns=now_ns)
 
     def _direction(self, position: float, place: Place | None) -> tuple[Direction, bool]:
         """Direction of a move to ``position``, and whether it is only assumed (M6)."""
@@ -361,6 +361,9 @@ class AxisCompensation:
                 share = share_of(state.spec.reversal, distance, elapsed_ms if was_reversing else 0.0)
             return state._replace(progress=towards(state.progress, travel.direction.goal, share))
         if state.spec is not self._wanted:
+            if state.spec.is_kin_of(self._wanted):  # as steep as a table may be
+                most = self.settings.max_slope * distance
+                return state._replace(spec=towards_line(state.spec, self._wanted, position, most))
             return state._replace(
                 previous=state.spec, spec=self._wanted, change=0.0, change_distance=self._wanted_distance
             )
@@ -370,14 +373,7 @@ class AxisCompensation:
         """Return the correction that a state puts into force."""
         key = (state.spec, state.previous, state.change, state.progress)
         if key != self._map_key:
-            forward_share = shape(state.progress)
-            weight = 1.0 if state.previous is None else shape(state.change)
-            terms = state.spec.terms(forward_share, weight)
-            offset = state.spec.offset * weight
-            if state.previous is not None:
-                terms += state.previous.terms(forward_share, 1.0 - weight)
-                offset += state.previous.offset * (1.0 - weight)
-            self._map = CorrectionMap(terms, offset)
+            self._map = map_in_force(state)
             self._map_key = key
         return self._map
 

@@ -1,7 +1,8 @@
 """The correction in force: weighted branches of one or two curves, forward and exactly inverted.
 
 ``corrected = nominal + correction(nominal)``, both machine positions. Blends between the branches and between
-two tables are sums of piecewise linear curves, so they are piecewise linear and have an exact inverse too.
+two tables are sums of piecewise linear curves, so they are piecewise linear and have an exact inverse too. So
+are they with a straight line added: an offset, and a tilt about machine position 0.
 """
 
 from collections.abc import Callable
@@ -34,12 +35,15 @@ class Solution(NamedTuple):
 class CorrectionMap:
     """An immutable map between nominal and corrected machine positions, in units of the axis."""
 
-    __slots__ = ("_bound", "_single", "_weight", "offset", "terms")
+    __slots__ = ("_bound", "_branch", "_single", "_weight", "offset", "terms", "tilt")
 
-    def __init__(self, terms: tuple[Term, ...] = (), offset: float = 0.0) -> None:
+    def __init__(self, terms: tuple[Term, ...] = (), offset: float = 0.0, tilt: float = 0.0) -> None:
         self.terms = tuple(t for t in terms if t.forward_weight or t.backward_weight)
         self.offset = offset
-        self._single, self._weight = _single_branch(() if offset else self.terms)
+        self.tilt = tilt
+        self._branch, self._weight = _single_branch(self.terms)
+        self._single = None if offset or tilt else self._branch
+        """The only branch, where it is all there is."""
         weights = (abs(t.forward_weight) + abs(t.backward_weight) for t in self.terms)
         self._bound = abs(offset) + sum(
             w * t.curve.max_correction for w, t in zip(weights, self.terms, strict=True)
@@ -48,13 +52,15 @@ class CorrectionMap:
     @property
     def is_identity(self) -> bool:
         """Whether nothing is ever added."""
-        return not self.terms and not self.offset
+        return not self.terms and not self.offset and not self.tilt
 
     def correction(self, nominal: float) -> float:
         """Amount to add at a nominal machine position, in units."""
         if self._single is not None:
             return self._weight * self._single(nominal)
-        total = self.offset
+        total = self.offset + self.tilt * nominal
+        if self._branch is not None:
+            return total + self._weight * self._branch(nominal)
         for curve, forward_weight, backward_weight in self.terms:
             _, _, reference, forward, backward, forward_slope, backward_slope = curve.piece(nominal)
             distance = nominal - reference
@@ -76,7 +82,8 @@ class CorrectionMap:
                 its piece is found.
         """
         if not self.terms:
-            return Solution(corrected - self.offset, self.offset)
+            correction = (self.offset + self.tilt * corrected) / (1.0 + self.tilt)
+            return Solution(corrected - correction, correction)
         for _ in range(GUESSES):
             solution, correction, is_exact = self._step(near, corrected)
             if is_exact:
@@ -93,12 +100,15 @@ class CorrectionMap:
 
     def _piece(self, nominal: float) -> tuple[float, float, float, float]:
         """Bounds of the common straight stretch around ``nominal``, correction there, its slope."""
-        if self._single is not None:
+        if self._branch is not None:
             curve, weight = self.terms[0].curve, self._weight
-            low, high, correction, slope = curve.branch_piece(self._single, nominal)
-            return low, high, weight * correction, weight * slope
+            low, high, correction, slope = curve.branch_piece(self._branch, nominal)
+            if self._single is not None:
+                return low, high, weight * correction, weight * slope
+            line = self.offset + self.tilt * nominal
+            return low, high, line + weight * correction, self.tilt + weight * slope
         low, high = -inf, inf
-        correction, slope = self.offset, 0.0
+        correction, slope = self.offset + self.tilt * nominal, self.tilt
         for curve, forward_weight, backward_weight in self.terms:
             start, end, reference, forward, backward, forward_slope, backward_slope = curve.piece(nominal)
             if start > low:
@@ -112,7 +122,9 @@ class CorrectionMap:
         return low, high, correction, slope
 
     def _search(self, corrected: float) -> Solution:
-        low, high = corrected - self._bound, corrected + self._bound
+        # |correction| <= bound + |tilt| * |nominal|, and nominal lies within |correction| of corrected.
+        bound = (self._bound + abs(self.tilt * corrected)) / (1.0 - abs(self.tilt))
+        low, high = corrected - bound, corrected + bound
         middle = low
         for _ in range(MAX_BISECTIONS):
             middle = 0.5 * (low + high)

@@ -1,6 +1,6 @@
-"""What correction is wanted for an axis, wherever the axis is: a curve with its gains, or an offset."""
+"""What correction is wanted for an axis, wherever the axis is: its curve and gains, and a line."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from gateway.compensation.backlash import with_backlash
@@ -25,14 +25,17 @@ FULL: Final = Gain()
 
 @dataclass(frozen=True, slots=True)
 class CorrectionSpec:
-    """One thing that can be in force: nothing, a constant offset, or a curve with its gains."""
+    """One thing that can be in force: nothing, a constant offset, or a curve with its gains and a line."""
 
     curve: Curve | None = None
     gain: Gain = FULL
     offset: float = 0.0
+    """Of the line at machine position 0, in units."""
     reversal: Reversal = STEP
     table_digest: bytes = b""
     """Of the table that the curve was made from; empty without one, or where nobody asked for it."""
+    tilt: float = 0.0
+    """Slope of the line, units per unit of machine position; with that of the curve it stays below 1."""
 
     def terms(self, forward_share: float, weight: float) -> tuple[Term, ...]:
         """Terms of the map at a blend between the branches (1 = forward), scaled by ``weight``."""
@@ -56,10 +59,48 @@ class CorrectionSpec:
 
     def map_at(self, forward_share: float) -> CorrectionMap:
         """Return the map with this alone in force."""
-        return CorrectionMap(self.terms(forward_share, 1.0), self.offset)
+        return CorrectionMap(self.terms(forward_share, 1.0), self.offset, self.tilt)
+
+    def is_kin_of(self, other: "CorrectionSpec") -> bool:
+        """Whether the line is all in which two differ: the same curve and gains."""
+        return self.curve is not None and self.curve is other.curve and self.gain == other.gain
+
+    def line_at(self, position: float) -> float:
+        """Return what the line adds at a machine position, in units."""
+        return self.offset + self.tilt * position
 
 
 NOTHING: Final = CorrectionSpec()
+
+
+def with_line(spec: CorrectionSpec, offset: float, tilt: float) -> CorrectionSpec:
+    """Return a correction with another line.
+
+    Raises:
+        SettingsError: the slopes of curve and line could come to 1: the sum could not be inverted.
+    """
+    steepest = 0.0 if spec.curve is None else spec.curve.max_slope
+    if not steepest + abs(tilt) < 1.0:
+        raise SettingsError(
+            f"a line with a slope of {tilt:.4g} on a table with one of {steepest:.4g}: together they must "
+            "stay below 1"
+        )
+    return replace(spec, offset=offset, tilt=tilt)
+
+
+def towards_line(
+    spec: CorrectionSpec, wanted: CorrectionSpec, position: float, most: float
+) -> CorrectionSpec:
+    """Return ``wanted``, or a line on the way to it: it changes ``most`` at ``position``.
+
+    ``spec`` and ``wanted`` are kin. Where the lines cross the change is over at once: nothing moves there.
+    """
+    change = abs(wanted.line_at(position) - spec.line_at(position))
+    if change <= most:
+        return wanted
+    share = most / change
+    offset = spec.offset + share * (wanted.offset - spec.offset)
+    return replace(spec, offset=offset, tilt=spec.tilt + share * (wanted.tilt - spec.tilt))
 
 
 def spec_of_table(
@@ -137,6 +178,13 @@ def largest_difference(one: CorrectionSpec, other: CorrectionSpec) -> float:
     return max(_branch_change(one, other, is_forward=is_forward) for is_forward in (True, False))
 
 
+def _line_change(one: CorrectionSpec, other: CorrectionSpec, travel: tuple[float, float] | None) -> float:
+    """Bound of what the slopes of two lines make in the travel; their offsets count elsewhere."""
+    if one.tilt == other.tilt or travel is None:
+        return 0.0
+    return abs(one.tilt - other.tilt) * max(map(abs, travel))
+
+
 def _branch_change(one: CorrectionSpec, other: CorrectionSpec, *, is_forward: bool) -> float:
     if one.curve is not None and other.curve is not None and one.curve.table is other.curve.table:
         change = one.gain_of(is_forward=is_forward) - other.gain_of(is_forward=is_forward)
@@ -148,4 +196,5 @@ def _branch_change(one: CorrectionSpec, other: CorrectionSpec, *, is_forward: bo
 
 def changeover_distance(one: CorrectionSpec, other: CorrectionSpec, settings: AxisSettings) -> float:
     """Setpoint travel over which ``one`` gives way to ``other``: as configured, or longer if it must be."""
-    return max(settings.reload_distance, RELOAD_PER_DIFFERENCE * largest_difference(one, other))
+    difference = largest_difference(one, other) + _line_change(one, other, settings.travel)
+    return max(settings.reload_distance, RELOAD_PER_DIFFERENCE * difference)

@@ -47,6 +47,7 @@ class Curve:
         "backward",
         "forward",
         "max_correction",
+        "max_slope",
         "table",
     )
 
@@ -56,10 +57,12 @@ class Curve:
         self._modulo = modulo
         self._fade = outside.fade_length if outside.kind is OutsideKind.FADE else 0.0
         self.max_correction = table.max_correction()
+        self.max_slope = table.max_slope()
+        """Largest |slope| inside and outside; a step of ``zero`` has none."""
         if modulo:
             check_closes(table, modulo)
         elif self._fade:
-            _check_fade(table, self._fade)
+            self.max_slope = max(self.max_slope, _check_fade(table, self._fade))
         self._below = (table.forward[0], table.backward[0])
         self._above = (table.forward[-1], table.backward[-1])
         self._first, self._last = table.first, table.last
@@ -208,10 +211,12 @@ def check_closes(table: CorrectionTable, modulo: float) -> None:
             )
 
 
-def _check_fade(table: CorrectionTable, fade_length: float) -> None:
+def _check_fade(table: CorrectionTable, fade_length: float) -> float:
+    """Return the slope of the steepest fade."""
     largest = max(abs(c) for curve in (table.forward, table.backward) for c in (curve[0], curve[-1]))
     if largest >= fade_length:
         raise TableError(
             f"a correction of {largest:.6g} at the end of the table cannot fade out over {fade_length:g}: "
             "its slope must stay below 1"
         )
+    return largest / fade_length

@@ -19,3 +19,7 @@ class OutOfTableError(CompensationError):
 
 class OutsideTravelError(CompensationError):
     """A corrected position beyond the axis's travel and its margin."""
+
+
+class TemperatureError(CompensationError):
+    """A value that cannot be the temperature of a screw."""

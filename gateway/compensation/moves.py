@@ -3,7 +3,7 @@
 from enum import Enum
 from typing import NamedTuple
 
-from gateway.compensation.blend import towards
+from gateway.compensation.blend import shape, towards
 from gateway.compensation.correction_map import CorrectionMap
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
 from gateway.compensation.direction import Direction, Travel
@@ -69,6 +69,19 @@ def is_reversing(state: State) -> bool:
     """Whether a blend between the branches is under way."""
     direction = state.travel.direction
     return direction is not Direction.UNKNOWN and state.progress != direction.goal
+
+
+def map_in_force(state: State) -> CorrectionMap:
+    """Return the correction that a state stands for: both blends, and the straight lines."""
+    forward_share = shape(state.progress)
+    weight = 1.0 if state.previous is None else shape(state.change)
+    terms = state.spec.terms(forward_share, weight)
+    offset, tilt = state.spec.offset * weight, state.spec.tilt * weight
+    if state.previous is not None:
+        terms += state.previous.terms(forward_share, 1.0 - weight)
+        offset += state.previous.offset * (1.0 - weight)
+        tilt += state.previous.tilt * (1.0 - weight)
+    return CorrectionMap(terms, offset, tilt)
 
 
 def advance_change(state: State, distance: float) -> State:

@@ -14,6 +14,9 @@ DEFAULT_MAX_CORRECTION_MM: Final = 0.5
 DEFAULT_MAX_SLOPE: Final = 0.01
 DEFAULT_FRESH_MS: Final = 20.0
 DEFAULT_RELOAD_DISTANCE_MM: Final = 1.0
+DEFAULT_KELVIN_PER_MIN: Final = 2.0
+"""A screw warms more slowly."""
+DEFAULT_LARGEST_DT: Final = 40.0
 REVERSAL_PER_DIFFERENCE: Final = 5.0
 REVERSAL_PER_HYSTERESIS: Final = 20.0
 RELOAD_PER_DIFFERENCE: Final = 4.0
@@ -92,6 +95,26 @@ class Backlash:
 
     width: float
     kind: BacklashKind
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalSettings:
+    """How the length of a screw follows its temperature. Lengths are in the units of the axis."""
+
+    alpha: float
+    """Expansion per kelvin; steel has about 11.5e-6."""
+    reference: float = 20.0
+    """Temperature at which the table holds, °C."""
+    fixed_at: float = 0.0
+    """Machine position that stays where it is."""
+    timeout_s: float = 60.0
+    """So long after its last word the sensor is silent."""
+    hold_s: float = 600.0
+    """So long after that the last value is held."""
+    rate_per_min: float = DEFAULT_KELVIN_PER_MIN
+    """The difference that counts follows no faster, in K per minute."""
+    largest_dt: float = DEFAULT_LARGEST_DT
+    """Difference from the reference beyond which a value is no temperature of a screw, K."""
 
 
 @dataclass(frozen=True, slots=True)

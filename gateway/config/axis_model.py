@@ -9,6 +9,7 @@ from gateway.compensation import settings
 from gateway.compensation.settings import BacklashKind, Gain, Outside, Setpoints
 from gateway.compensation.units import Units
 from gateway.config.axis_values import GainValue, OutsideValue, ReversalValue
+from gateway.config.terms_model import CrossSpec, ThermalSpec
 from gateway.config.values import (
     Counts,
     CountsPerUnit,
@@ -151,6 +152,8 @@ class AxisSection(StrictModel):
         default=settings.DEFAULT_FRESH_MS, description="age in milliseconds up to which a reading counts"
     )
     backlash: BacklashSpec | None = Field(default=None, description="constant lost motion")
+    thermal: ThermalSpec | None = Field(default=None, description="what a warm screw adds")
+    cross: ListOf[CrossSpec] = Field(default=(), description="what the positions of other axes add")
     budget_us: Microseconds = Field(
         default=DEFAULT_BUDGET_US,
         description="microseconds that the gateway itself may take for one exchange",

@@ -1,14 +1,16 @@
 """Checked models to the plain plan that the relay runs from."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped, Writers
 from gateway.config.check_tls import tls_files
+from gateway.config.crosses import Crosses
 from gateway.config.drive_files import NamedProfile
 from gateway.config.line_model import ControllerSection
 from gateway.config.sections import Sections
-from gateway.config.settings_of import settings_of
+from gateway.config.settings_of import settings_of, thermal_of
 from gateway.config.tables import AxisTable
 from gateway.drives.registers import OnException, RegisterMap
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, default_late
@@ -16,14 +18,25 @@ from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, 
 
 
 def build_plan(
-    sections: Sections, tables: Mapping[str, AxisTable], drives: Mapping[str, NamedProfile]
+    sections: Sections,
+    tables: Mapping[str, AxisTable],
+    drives: Mapping[str, NamedProfile],
+    crosses: Crosses,
 ) -> GatewayPlan:
     """Build the plan of a configuration in which nothing is wrong."""
+    lines = (line_plan(name, sections, tables, drives) for name in sections.lines)
     return GatewayPlan(
         sections.gateway.name,
-        tuple(line_plan(name, sections, tables, drives) for name in sections.lines),
+        tuple(_with_crosses(line, crosses) for line in lines),
         sections.relay.options,
     )
+
+
+def _with_crosses(line: LinePlan, crosses: Crosses) -> LinePlan:
+    axes = (
+        replace(axis, cross=tuple(each.plan for each in crosses.get(axis.name, ()))) for axis in line.axes
+    )
+    return replace(line, axes=tuple(axes))
 
 
 def line_plan(
@@ -114,6 +127,7 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         table_name=(axis.table or "") if table is None else table.path.name,
         table_format="" if table is None else table.source.format,
         table_digest="" if table is None else table.source.sha256,
+        thermal=None if axis.thermal is None else thermal_of(axis.thermal),
     )
 
 

@@ -34,7 +34,9 @@ def compile_into_state(loaded: Loaded, plan: GatewayPlan | None = None) -> dict[
 
 
 def sources_of(loaded: Loaded) -> dict[str, str]:
-    """Return the files that a plan is made from, by absolute path, with the SHA-256 of each; tables are not.
+    """Return the files that a plan is made from, by absolute path, with the SHA-256 of each.
+
+    The tables of axes are not among them; those of ``cross`` are.
 
     Raises:
         StateError: a profile was removed meanwhile.
@@ -45,6 +47,8 @@ def sources_of(loaded: Loaded) -> dict[str, str]:
             if not drive.is_shipped:
                 profile = (loaded.path.parent / drive.name).resolve()
                 sources[str(profile)] = hashlib.sha256(profile.read_bytes()).hexdigest()
+        for cross in (each for crosses in loaded.crosses.values() for each in crosses):
+            sources[str(cross.path.resolve())] = cross.plan.table_digest
     except OSError as error:
         raise StateError(f"{error.filename}: {error.strerror or error}; it was there a moment ago") from None
     return sources

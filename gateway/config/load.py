@@ -20,8 +20,10 @@ from gateway.config.check_references import check_references
 from gateway.config.check_rights import check_rights
 from gateway.config.check_roles import check_roles
 from gateway.config.check_state import check_state
+from gateway.config.check_terms import check_terms
 from gateway.config.check_tls import check_tls_files, check_tls_keys
 from gateway.config.check_ways import check_ways
+from gateway.config.crosses import Crosses, read_crosses
 from gateway.config.document import Document, read_document
 from gateway.config.drive_files import NamedProfile, fit_drives
 from gateway.config.findings import Findings
@@ -53,6 +55,8 @@ class Loaded:
     document: Document
     """What it says, as TOML has it."""
     sections: Sections
+    crosses: Crosses
+    """The tables of ``cross``."""
 
 
 def load(
@@ -104,9 +108,9 @@ def load_document(
             check_http_files(findings, sections.http, document.path.parent, now)
             check_permissions(findings, sections, is_start=is_start)
             check_tls_files(findings, sections, now)
-        return _with_tables(
-            findings, sections, drives, checks_times=checks_times, forgives_tables=forgives_tables
-        )
+        crosses = read_crosses(findings, sections, document.path.parent / sections.gateway.tables)
+        parts = (sections, drives, crosses)
+        return _with_tables(findings, parts, checks_times=checks_times, forgives_tables=forgives_tables)
     except ConfigErrors as errors:
         raise with_newer_release(errors, document) from None
 
@@ -114,23 +118,24 @@ def load_document(
 def reread_tables(loaded: Loaded) -> Loaded:
     """Return a configuration with its tables as their files are now; what is wrong stays in their readings.
 
-    The configuration file itself is not looked at.
+    The configuration file itself is not looked at, nor are the tables of ``cross``, which belong to it.
 
     Raises:
         ConfigErrors: the state folder cannot be used any more.
     """
     findings = Findings(loaded.document)
-    return _with_tables(findings, loaded.sections, loaded.drives, checks_times=False, forgives_tables=True)
+    parts = (loaded.sections, loaded.drives, loaded.crosses)
+    return _with_tables(findings, parts, checks_times=False, forgives_tables=True)
 
 
 def _with_tables(
     findings: Findings,
-    sections: Sections,
-    drives: Mapping[str, NamedProfile],
+    parts: tuple[Sections, Mapping[str, NamedProfile], Crosses],
     *,
     checks_times: bool,
     forgives_tables: bool,
 ) -> Loaded:
+    sections, drives, crosses = parts
     path = findings.document.path
     tables_folder = path.parent / sections.gateway.tables
     readings = read_tables(findings, sections, tables_folder)
@@ -143,7 +148,7 @@ def _with_tables(
     findings.raise_if_any()
     return Loaded(
         path=path,
-        plan=build_plan(sections, tables, drives),
+        plan=build_plan(sections, tables, drives, crosses),
         tables_folder=tables_folder,
         state_folder=path.parent / sections.gateway.state,
         tables=tables,
@@ -152,6 +157,7 @@ def _with_tables(
         drives=drives,
         document=findings.document,
         sections=sections,
+        crosses=crosses,
     )
 
 
@@ -179,5 +185,6 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     check_rights(findings, sections)
     check_late(findings, sections)
     check_groups(findings, sections)
+    check_terms(findings, sections)
     check_drives(findings, sections, drives)
     return sections, drives

@@ -5,9 +5,11 @@ from gateway.compensation.settings import (
     DEFAULT_RELOAD_DISTANCE_MM,
     AxisSettings,
     Backlash,
+    ThermalSettings,
     default_hysteresis,
 )
 from gateway.config.axis_model import AxisSection
+from gateway.config.terms_model import ThermalSpec
 
 
 def settings_of(axis: AxisSection) -> AxisSettings:
@@ -41,4 +43,17 @@ def settings_of(axis: AxisSection) -> AxisSettings:
         max_speed=axis.max_speed,
         fresh_ms=axis.fresh_ms,
         home_approach=axis.home_approach.sign,
+    )
+
+
+def thermal_of(thermal: ThermalSpec) -> ThermalSettings:
+    """Return what the relay has to know of ``thermal``: not where the temperature comes from."""
+    return ThermalSettings(
+        thermal.alpha,
+        thermal.reference,
+        thermal.fixed_at,
+        thermal.timeout_s,
+        thermal.hold_s,
+        thermal.rate_per_min,
+        thermal.largest_dt,
     )

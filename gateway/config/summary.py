@@ -63,6 +63,7 @@ def _axis_summary(line: LinePlan, axis: AxisPlan, drive: NamedProfile | None) ->
         "max_speed": axis.settings.max_speed,
         "drive": None if drive is None else _drive_summary(drive),
         "table": None if axis.table is None else _table_summary(axis, axis.table),
+        **_terms_summary(axis),
     }
 
 
@@ -88,6 +89,21 @@ def _table_summary(axis: AxisPlan, table: CorrectionTable) -> dict[str, Any]:
         "max_slope": table.max_slope(),
         "can_cause": asdict(_motion(axis, table)),
     }
+
+
+def _terms_summary(axis: AxisPlan) -> dict[str, Any]:
+    """Return what an axis has beside its table; no keys where there is nothing."""
+    found: dict[str, Any] = {}
+    if axis.thermal is not None:
+        ends = axis.settings.travel or (0.0, 0.0)
+        furthest = max(abs(end - axis.thermal.fixed_at) for end in ends)
+        found["thermal"] = {**asdict(axis.thermal), "largest_per_kelvin": axis.thermal.alpha * furthest}
+    if axis.cross:
+        found["cross"] = [
+            {"axis": each.axis, "file": each.table_name, "max_correction": max(map(abs, each.corrections))}
+            for each in axis.cross
+        ]
+    return found
 
 
 def _motion(axis: AxisPlan, table: CorrectionTable) -> MotionReport:
@@ -116,7 +132,20 @@ def _axis_lines(name: str, axis: dict[str, Any]) -> list[str]:
         lines.append(_drive_line(axis["drive"]))
     if axis["table"] is None:
         return [*lines, "  no table: positions pass 1:1"]
-    return [*lines, *_table_lines(axis["table"], axis["units"], axis["max_speed"])]
+    lines += _table_lines(axis["table"], axis["units"], axis["max_speed"])
+    return [*lines, *_terms_lines(axis)]
+
+
+def _terms_lines(axis: dict[str, Any]) -> Iterator[str]:
+    unit = axis["units"]
+    if "thermal" in axis:
+        thermal = axis["thermal"]
+        yield (
+            f"  warm: up to {thermal['largest_per_kelvin']:.4g} {unit} for each kelvin from "
+            f"{thermal['reference']:g} °C, held at {thermal['fixed_at']:g} {unit}"
+        )
+    for cross in axis.get("cross", ()):
+        yield f"  where {cross['axis']} is ({cross['file']}): up to {cross['max_correction']:.4g} {unit}"
 
 
 def _drive_line(drive: dict[str, Any]) -> str:

@@ -76,8 +76,14 @@ def _near(folder: Path, name: str) -> str:
 
 def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, name: str) -> AxisTable | None:
     """Return the table of an axis; what is wrong with the file goes to ``findings``."""
+    loaded = table_in(findings, key, path, context_of(axis, name))
+    return None if loaded is None else AxisTable(loaded.table.in_units(axis.units), loaded, path)
+
+
+def table_in(findings: Findings, key: KeyPath, path: Path, context: FileContext) -> LoadedTable | None:
+    """Return what a file holds; what is wrong with it goes to ``findings``. None where it cannot be read."""
     try:
-        loaded = inspect_table(path, context_of(axis, name))
+        loaded = inspect_table(path, context)
     except TabFileError as error:
         for problem in error.problems:
             found = "; ".join((problem.found, *_numbered(problem.readings)))
@@ -94,7 +100,7 @@ def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, n
                 findings.warnings.append(replace(remark, remedy=_backlash_of(loaded)))
         elif lint.code != COVERAGE_LINT:
             findings.warnings.append(remark)
-    return AxisTable(loaded.table.in_units(axis.units), loaded, path)
+    return loaded
 
 
 def _backlash_of(loaded: LoadedTable) -> str:

@@ -30,6 +30,7 @@ from gateway.exchange.plan import (
 )
 from gateway.exchange.reference import ReferenceState
 from gateway.exchange.shadow import Shadow
+from gateway.exchange.terms import Terms
 from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_MS
 
@@ -65,7 +66,11 @@ class AxisExchange:
 
     plan: AxisPlan
     compensation: AxisCompensation = field(init=False)
+    base: CorrectionSpec = field(init=False)
+    """What the table asks for."""
+    terms: Terms | None = field(init=False)
     wanted: CorrectionSpec = field(init=False)
+    """The same with its terms."""
     shadows: list[Shadow] = field(init=False)
     limit_shadows: list[Shadow] = field(init=False)
     motion: MotionState = field(init=False)
@@ -107,6 +112,7 @@ class AxisExchange:
 
     def __post_init__(self) -> None:
         self.compensation = AxisCompensation(self.plan.settings)
+        self.terms = Terms(self.plan) if self.plan.thermal or self.plan.cross else None
         self.shadows = [Shadow(field_) for field_ in self.plan.command]
         self.limit_shadows = [Shadow(field_) for field_ in self.plan.limits]
         self.motion = MotionState(self.plan.motion)
@@ -118,14 +124,15 @@ class AxisExchange:
             self.compensation.find_reference(self.wanted)
 
     def _choose_correction(self) -> None:
-        self.wanted = NOTHING
+        self.base = NOTHING
         self.has_branches = False
         if self.is_enabled and not self.is_ended and self.plan.table is not None:
             table = self.plan.table
-            self.wanted = spec_of_table(table, self.plan.settings, digest=table_digest(table))
-            curve = self.wanted.curve
-            one_way = curve is not None and curve.table.is_unidirectional and self.wanted.gain.is_even
+            self.base = spec_of_table(table, self.plan.settings, digest=table_digest(table))
+            curve = self.base.curve
+            one_way = curve is not None and curve.table.is_unidirectional and self.base.gain.is_even
             self.has_branches = not one_way
+        self.wanted = self.base if self.terms is None else self.terms.on(self.base, self.plan)
 
     @property
     def is_shadow(self) -> bool:

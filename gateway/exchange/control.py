@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from gateway.compensation.correction_spec import spec_of_table
-from gateway.compensation.errors import CompensationError
+from gateway.compensation.errors import CompensationError, TemperatureError
 from gateway.compensation.settings import Gain, Setpoints
 from gateway.compensation.table import CorrectionTable
 from gateway.exchange.axis import AxisExchange
@@ -158,6 +158,22 @@ def set_limits(axes: Sequence[AxisExchange], name: str, limits: Limits) -> tuple
     )
     axis.plan = replace(axis.plan, settings=settings, budget_us=limits.budget_us)
     axis.compensation.take_limits(settings)
+    return (name,)
+
+
+def set_temperature(axes: Sequence[AxisExchange], name: str, celsius: float, now_ns: int) -> tuple[str, ...]:
+    """Tell an axis the temperature of its screw; it counts from its next different target on.
+
+    Raises:
+        ControlError: no such axis, one that does not ask for it, or no temperature of a screw.
+    """
+    terms = _group_of(axes, name)[0].terms
+    if terms is None or terms.thermal is None:
+        raise ControlError(f"axis {name} has no thermal in its configuration: it needs no temperature")
+    try:
+        terms.take_temperature(celsius, now_ns)
+    except TemperatureError as error:
+        raise ControlError(f"axis {name}: {error}; the last good value is kept: look at the sensor") from None
     return (name,)
 
 

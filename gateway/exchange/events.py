@@ -31,6 +31,10 @@ class EventKind(Enum):
     LATE_REPLY = "late-reply"
     REQUEST_REFUSED = "request-refused"
     SECOND_WRITER = "second-writer"
+    TERM_FOLLOWS = "term-follows"
+    TERM_HELD = "term-held"
+    TERM_FADES = "term-fades"
+    TERM_TOO_LARGE = "term-too-large"
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,10 +4,12 @@ from collections.abc import Iterable, Sequence
 
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.rewriting import Rewriting
+from gateway.exchange.terms import join_terms
 
 
 def join(axes: Sequence[AxisExchange], groups: Iterable[Iterable[str]]) -> None:
-    """Make the axes of each group know each other."""
+    """Make the axes of each group know each other, and each axis those that act on it."""
+    join_terms(axes)
     by_name = {axis.plan.name: axis for axis in axes}
     for names in groups:
         members = [by_name[name] for name in names if name in by_name]

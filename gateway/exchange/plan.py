@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Final
 
-from gateway.compensation.settings import AxisSettings, Gain, Setpoints
+from gateway.compensation.settings import AxisSettings, Gain, Setpoints, ThermalSettings
 from gateway.compensation.table import CorrectionTable
 from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan
 from gateway.exchange.rights import UNLIMITED, Rights
@@ -77,6 +77,28 @@ class ControllerPlan:
 
 
 @dataclass(frozen=True, slots=True)
+class CrossPlan:
+    """Corrections of one axis over the position of another: straightness, sag, squareness.
+
+    Positions and corrections are in the units of the axis that is corrected; ``scale`` turns those of the
+    other one into them.
+    """
+
+    axis: str
+    """Name of the other axis, on the same gateway."""
+    positions: tuple[float, ...]
+    """Machine positions of the other axis."""
+    corrections: tuple[float, ...]
+    scale: float = 1.0
+    modulo: float = 0.0
+    """One turn of the other axis; 0 where it is linear."""
+    fresh_s: float = 60.0
+    """So long the last position counts when nobody knows where the other axis is, and so long it fades."""
+    table_name: str = ""
+    table_digest: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class AxisPlan:
     """One axis: its place on the bus, its registers, its numbers and its table."""
 
@@ -134,6 +156,9 @@ class AxisPlan:
     """Of its file; there without a table where the file was taken away, or is bad and nothing was before."""
     table_format: str = ""
     table_digest: str = ""
+    thermal: ThermalSettings | None = None
+    """None: the length of its screw is always that of its table."""
+    cross: tuple[CrossPlan, ...] = ()
 
     @property
     def has_rules(self) -> bool:

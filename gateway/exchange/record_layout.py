@@ -3,6 +3,10 @@
 A process may be killed between any two stores, and a power cut may leave half a page: the slot that is being
 written then fails its check sum, and the other one, a generation older, holds. Little-endian, no padding; the
 check sum is the CRC-32 of everything before it. Each slot has a page of its own.
+
+Behind a slot stands its tail, with the slopes of its lines: zeros where all of them are 0, as in version 1,
+which had no tail; else with the generation that it belongs to. It is written before its slot, so that a slot
+never holds with the tail of another one.
 """
 
 import struct
@@ -13,7 +17,8 @@ from zlib import crc32
 from gateway.compensation.correction_spec import CorrectionSpec
 from gateway.counts import Counts
 
-VERSION: Final = 1
+VERSION: Final = 2
+READABLE: Final = (1, VERSION)
 PAGE: Final = 4096
 MAGIC: Final = b"PGAXREC\n"
 NAME_BYTES: Final = 32
@@ -39,6 +44,11 @@ _CRC: Final = struct.Struct("<I")
 _MOVE_AT: Final = _BODY.size
 _CRC_AT: Final = _MOVE_AT + _MOVE.size
 SLOT_SIZE: Final = _CRC_AT + _CRC.size
+_TILTS: Final = struct.Struct("<Q4d")
+"""Generation; slopes of the lines, in the order of the specs."""
+_TAIL_SIZE: Final = _TILTS.size + _CRC.size
+_NO_TAIL: Final = bytes(_TAIL_SIZE)
+_LEVEL: Final = (0.0, 0.0, 0.0, 0.0)
 _EMPTY: Final = (
     *(False, False, False, False, False, 0, 0.0, 0.0, 0.0, 0.0),
     *(0, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
@@ -56,15 +66,17 @@ Specs = tuple[
 
 
 class RememberedSpec(NamedTuple):
-    """A correction that was in force: a table by its digest, with its gains, or an offset in units."""
+    """A correction that was in force: a table by its digest, with its gains, and a line."""
 
     digest: bytes
     """Empty: no table."""
     forward_gain: float
     backward_gain: float
     offset: float
+    tilt: float
+    """Of the line: at machine position 0 in units, and its slope."""
     was_wanted: bool
-    """Nothing else was asked for then."""
+    """Nothing but another line was asked for then."""
 
 
 class RememberedState(NamedTuple):
@@ -123,7 +135,16 @@ class RecordSlots:
     The buffer has :data:`RECORD_SIZE` bytes; ``scale_digest`` belongs to the axis as it is configured now.
     """
 
-    __slots__ = ("_buffer", "_digest", "_generation", "_specs", "_specs_bytes", "_views")
+    __slots__ = (
+        "_buffer",
+        "_digest",
+        "_generation",
+        "_has_tail",
+        "_specs",
+        "_specs_bytes",
+        "_tilts",
+        "_views",
+    )
 
     def __init__(self, buffer: memoryview, scale_digest: bytes) -> None:
         self._buffer = buffer
@@ -133,6 +154,8 @@ class RecordSlots:
         self._generation: int = max(found, default=0)
         self._specs: Specs | None = None
         self._specs_bytes = b""
+        self._tilts: tuple[float, ...] = _LEVEL
+        self._has_tail = [any(_tail(buffer, number)) for number in (0, 1)]
 
     @property
     def generation(self) -> int:
@@ -155,6 +178,7 @@ class RecordSlots:
         if specs != self._specs:
             self._specs = specs
             self._specs_bytes = b"".join(_spec_bytes(spec, specs[4]) for spec in specs[:4])
+            self._tilts = tuple(0.0 if spec is None else spec.tilt for spec in specs[:4])
         self._store(True, base, move, self._specs_bytes)
 
     def clear(self) -> None:
@@ -164,7 +188,11 @@ class RecordSlots:
     def read(self) -> Remembered | None:
         """Return the newest good record; None where there is none, or where it says nothing."""
         good = [body for body in self._bodies() if body is not None]
-        return _remembered(max(good, key=_generation)) if good else None
+        newest = max(good, key=_generation, default=None)
+        if newest is None:
+            return None
+        tail = _tail(self._buffer, _generation(newest) & 1)
+        return _remembered(newest, _TILTS.unpack_from(tail)[1:])
 
     def _store(
         self, is_known: bool, base: tuple[object, ...], move: tuple[object, ...] | None, specs: bytes
@@ -173,10 +201,21 @@ class RecordSlots:
         number = generation & 1
         at = SLOTS_AT[number]
         buffer = self._buffer
+        if self._has_tail[number] or self._tilts != _LEVEL:
+            self._store_tail(number, generation)
         _BODY.pack_into(buffer, at, generation, self._digest, is_known, move is not None, *base, specs)
         if move is not None:
             _MOVE.pack_into(buffer, at + _MOVE_AT, *move)
         _CRC.pack_into(buffer, at + _CRC_AT, crc32(self._views[number]))
+
+    def _store_tail(self, number: int, generation: int) -> None:
+        at = SLOTS_AT[number] + SLOT_SIZE
+        self._has_tail[number] = self._tilts != _LEVEL
+        tail = _NO_TAIL
+        if self._has_tail[number]:
+            slopes = _TILTS.pack(generation, *self._tilts)
+            tail = slopes + _CRC.pack(crc32(slopes))
+        self._buffer[at : at + _TAIL_SIZE] = tail
 
     def _bodies(self) -> list[bytes | None]:
         return [_body(self._buffer, number) for number in (0, 1)]
@@ -199,8 +238,8 @@ def why_not_readable(data: bytes | memoryview, name: str, size: int | None = Non
     magic, version, owner = HEADER.unpack_from(data)
     if magic != MAGIC:
         return "it is no record of an axis"
-    if version != VERSION:
-        return f"it has version {version}, and this release reads version {VERSION}"
+    if version not in READABLE:
+        return f"it has version {version}, and this release reads versions {READABLE[0]} to {VERSION}"
     if owner != header(name)[-NAME_BYTES:]:
         return f"it belongs to axis {owner.rstrip(bytes(1)).decode(errors='replace')}"
     return ""
@@ -209,7 +248,7 @@ def why_not_readable(data: bytes | memoryview, name: str, size: int | None = Non
 def _spec_bytes(spec: CorrectionSpec | None, wanted: CorrectionSpec) -> bytes:
     if spec is None:
         return _NO_SPEC
-    flags = _IS_THERE | (_IS_WANTED if spec is wanted else 0)
+    flags = _IS_THERE | (_IS_WANTED if spec is wanted or spec.is_kin_of(wanted) else 0)
     return _SPEC.pack(flags, spec.table_digest, spec.gain.forward, spec.gain.backward, spec.offset)
 
 
@@ -219,18 +258,32 @@ def _body(buffer: memoryview, number: int) -> bytes | None:
     data = bytes(buffer[at : at + _CRC_AT])
     if _CRC.unpack_from(buffer, at + _CRC_AT)[0] != crc32(data):
         return None
-    return data if _generation(data) & 1 == number else None
+    is_whole = _generation(data) & 1 == number and _is_tail_of(_tail(buffer, number), _generation(data))
+    return data if is_whole else None
+
+
+def _tail(buffer: memoryview, number: int) -> bytes:
+    at = SLOTS_AT[number] + SLOT_SIZE
+    return bytes(buffer[at : at + _TAIL_SIZE])
+
+
+def _is_tail_of(tail: bytes, generation: int) -> bool:
+    """Whether a tail belongs to the slot of a generation: it is none, or whole and of the same."""
+    if tail == _NO_TAIL:
+        return True
+    is_good: bool = _CRC.unpack_from(tail, _TILTS.size)[0] == crc32(tail[: _TILTS.size])
+    return is_good and _generation(tail) == generation
 
 
 def _generation(body: bytes) -> int:
     return int.from_bytes(body[:8], "little")
 
 
-def _remembered(body: bytes) -> Remembered | None:
+def _remembered(body: bytes, tilts: Sequence[float]) -> Remembered | None:
     generation, digest, is_known, has_move, *base, spec_bytes = _BODY.unpack_from(body)
     if not is_known:
         return None
-    spec, previous, move_spec, move_previous = (_spec(each) for each in _SPEC.iter_unpack(spec_bytes))
+    spec, previous, move_spec, move_previous = map(_spec, _SPEC.iter_unpack(spec_bytes), tilts)
     assert spec is not None
     unproven = None
     if has_move:
@@ -265,11 +318,12 @@ def _state(numbers: Sequence[Any], spec: RememberedSpec, previous: RememberedSpe
     )
 
 
-def _spec(fields: tuple[Any, ...]) -> RememberedSpec | None:
+def _spec(fields: tuple[Any, ...], tilt: float) -> RememberedSpec | None:
     flags, digest, forward, backward, offset = fields
     if not flags & _IS_THERE:
         return None
-    return RememberedSpec(digest if any(digest) else b"", forward, backward, offset, bool(flags & _IS_WANTED))
+    was_wanted = bool(flags & _IS_WANTED)
+    return RememberedSpec(digest if any(digest) else b"", forward, backward, offset, tilt, was_wanted)
 
 
 def _counts(counts: float) -> Counts:

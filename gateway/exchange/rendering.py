@@ -11,6 +11,7 @@ from gateway.counts import Counts
 from gateway.exchange.axis import Actual, AxisExchange, Rendering
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.shadow import Shadow
+from gateway.exchange.terms import follow_terms
 from gateway.modbus.errors import RegisterRangeError
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -199,6 +200,8 @@ def _plan_move(axis: AxisExchange, nominal_counts: Counts, seen: Seen, place: Pl
     now_ns, fresh = seen
     if accepted is not None and accepted.nominal_counts == nominal_counts:
         return compensation.again()  # the same target through another register of the axis
+    if axis.terms is not None and axis.terms.is_due(now_ns):
+        follow_terms(axis, now_ns)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         if needs_offset(axis) and fresh is not None and axis.is_referenced:
             compensation.assume_offset(fresh.counts, nominal_counts)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table, with_line
 from gateway.compensation.direction import Direction, Travel
 from gateway.compensation.errors import SettingsError, TableError
 from gateway.compensation.moves import Accepted, Move, State
@@ -19,6 +19,7 @@ from gateway.exchange.record_layout import (
     RememberedSpec,
     RememberedState,
 )
+from gateway.exchange.terms import resume_terms
 
 FindTable = Callable[[bytes], CorrectionTable | None]
 
@@ -57,6 +58,7 @@ def why_not_restored(axis: AxisExchange, record: Remembered, actual: Actual, fin
     except (TableError, SettingsError) as error:
         return f"the table that was in force cannot be used any more ({error})"
     _restore(axis, record, state, is_at_target=finding.is_at_target)
+    resume_terms(axis, actual.seen_ns)
     if record.unproven is not None and unproven is not None:
         _follow_unproven(axis, record.unproven, unproven, finding)
     return ""
@@ -112,11 +114,13 @@ def _spec(axis: AxisExchange, numbers: RememberedSpec, find_table: FindTable) ->
         return CorrectionSpec(offset=numbers.offset) if numbers.offset else NOTHING
     wanted, gain = axis.wanted, Gain(numbers.forward_gain, numbers.backward_gain)
     if numbers.was_wanted and wanted.table_digest == numbers.digest and wanted.gain == gain:
-        return wanted
+        is_same = (wanted.offset, wanted.tilt) == (numbers.offset, numbers.tilt)
+        return wanted if is_same else with_line(wanted, numbers.offset, numbers.tilt)
     table = find_table(numbers.digest)
     if table is None:
         raise _TableNotFoundError
-    return spec_of_table(table, axis.plan.settings, gain, numbers.digest)
+    found = spec_of_table(table, axis.plan.settings, gain, numbers.digest)
+    return with_line(found, numbers.offset, numbers.tilt) if numbers.offset or numbers.tilt else found
 
 
 def _restore(axis: AxisExchange, record: Remembered, state: State, *, is_at_target: bool) -> None:

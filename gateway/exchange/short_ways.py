@@ -111,6 +111,7 @@ class WriteWay(Way):
         "_scale",
         "_shadow",
         "_start",
+        "_terms",
         "_unpack",
     )
 
@@ -121,6 +122,7 @@ class WriteWay(Way):
         self._place = place
         self._axis = hit.place.axis
         self._hold = self._axis.hold
+        self._terms = self._axis.terms
         self._shadow = hit.place.shadow
         codec = hit.place.field.codec
         self._pack, self._unpack, self._scale = codec.pack, codec.unpack, hit.place.field.scale
@@ -149,6 +151,8 @@ class WriteWay(Way):
                 return None  # another register of the axis was written since: this is a target
             corrected_words = shadow.corrected_words
         else:
+            if self._terms is not None and self._terms.is_due(now_ns):
+                return None
             raw = self._unpack(words, 0)
             nominal_counts = raw if self._scale == 1.0 else raw * self._scale
             steady = compensation.plan_steady(nominal_counts, now_ns, axis.is_done_seen)

@@ -79,6 +79,7 @@ def axis_status(axis: AxisExchange, now_ns: int) -> dict[str, Any]:
         "corrected_actual": units(None if actual is None else actual.counts),
         "writer": axis.hold.writer if axis.hold.is_held(now_ns) else None,
         "table": _table_status(axis),
+        "terms": None if axis.terms is None else axis.terms.status(axis, now_ns),
     }
 
 

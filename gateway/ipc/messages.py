@@ -119,6 +119,13 @@ class SetLimits(_Message, frozen=True, tag="set-limits", tag_field="kind"):
     budget_us: Limit
 
 
+class SetTemperature(_Message, frozen=True, tag="set-temperature", tag_field="kind"):
+    """Tell the temperature of the screw of an axis, in °C, as it is now."""
+
+    axis: str
+    celsius: float
+
+
 Request = (
     Ping
     | GetStatus
@@ -130,6 +137,7 @@ Request = (
     | ClearTable
     | SetGain
     | SetLimits
+    | SetTemperature
 )
 
 

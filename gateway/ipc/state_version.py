@@ -16,15 +16,15 @@ from gateway.files import FileRefusedError
 from gateway.ipc.state_folder import PLAN_NAME, StateError, read_state
 
 FORMAT: Final = "pitch-gateway plan"
-VERSION: Final = 3
+VERSION: Final = 4
 
 
 def _as_it_is(plan: Any) -> Any:
-    """What a plan has not is what its reader takes for granted: no rights mean no limits."""
+    """What a plan has not is what its reader takes for granted: no rights mean no limits, no terms none."""
     return plan
 
 
-UPGRADES: Final[Mapping[int, Callable[[Any], Any]]] = {2: _as_it_is}
+UPGRADES: Final[Mapping[int, Callable[[Any], Any]]] = {2: _as_it_is, 3: _as_it_is}
 """By version: the plain data of a plan to what the next version would have written."""
 
 

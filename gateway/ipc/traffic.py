@@ -138,6 +138,13 @@ class Limits(_Input, frozen=True, tag="limits"):
     budget_us: float
 
 
+class Temperature(_Input, frozen=True, tag="temperature"):
+    """The temperature of the screw of an axis, in °C."""
+
+    axis: str
+    celsius: float
+
+
 class Sent(_Entry, frozen=True, tag="sent"):
     """What went to the drives."""
 
@@ -169,7 +176,20 @@ class End(_Entry, frozen=True, tag="end"):
 
 
 Input = (
-    Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Control | Tables | Share | Limits
+    Request
+    | Gone
+    | Reply
+    | Stray
+    | RestFirst
+    | Up
+    | Down
+    | Tick
+    | Stop
+    | Control
+    | Tables
+    | Share
+    | Limits
+    | Temperature
 )
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | End

@@ -114,6 +114,5 @@ def _mapped(path: Path, name: str) -> tuple[mmap.mmap, str]:
         mapped = mmap.mmap(fd, RECORD_SIZE)
     finally:
         os.close(fd)
-    if wrong or not size:
-        mapped[: len(header(name))] = header(name)
+    mapped[: len(header(name))] = header(name)
     return mapped, wrong

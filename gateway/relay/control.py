@@ -22,6 +22,7 @@ from gateway.ipc.messages import (
     SetLimits,
     SetReference,
     SetTable,
+    SetTemperature,
     Status,
     Subscribe,
 )
@@ -73,6 +74,10 @@ class Controllable(Protocol):
         """Give an axis other limits. Raises ControlError."""
         ...
 
+    def set_temperature(self, axis: str, celsius: float) -> tuple[str, ...]:
+        """Tell an axis the temperature of its screw. Raises ControlError."""
+        ...
+
 
 def answer(relay: Controllable, request: Request) -> Reply:
     """Do what a request asks for and return the reply."""
@@ -100,6 +105,8 @@ def answer(relay: Controllable, request: Request) -> Reply:
                 request.max_correction, request.max_slope, request.travel_margin, request.budget_us
             )
             return _on_axes(relay, (axis,), lambda name: relay.set_limits(name, limits))
+        case SetTemperature(axis=axis, celsius=celsius):
+            return _on_axes(relay, (axis,), lambda name: relay.set_temperature(name, celsius))
         case Subscribe() | SetTable():
             return Refused(reason="this is answered where the connection is")  # and never comes here
 

@@ -18,6 +18,7 @@ from gateway.compiled import is_compiled
 from gateway.exchange.control import ControlError, Limits, TableChange
 from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.remembering import FindTable
+from gateway.exchange.terms import join_terms
 from gateway.ipc.compiled_plan import find_table as find_table_in
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.complaints import Complaints
@@ -131,6 +132,7 @@ class Relay:
         self._started_ns = time.monotonic_ns()
         problems = self._start_recorder()
         self._lines = [Line(plan, self._journal, self._activity, self._recorder) for plan in self._plan.lines]
+        join_terms(axis for line in self._lines for axis in line.axes)
         problems += await self._open_control()
         self._take_over()
         for line in () if problems else self._lines:
@@ -238,6 +240,14 @@ class Relay:
         """
         changed = self._line_of(axis).set_limits(axis, limits)
         return self._commanded(tables.LIMITS_CHANGED, changed, **asdict(limits))
+
+    def set_temperature(self, axis: str, celsius: float) -> tuple[str, ...]:
+        """Tell an axis the temperature of its screw, in °C; returns its name.
+
+        Raises:
+            ControlError: it is none, or the axis does not ask for it.
+        """
+        return self._line_of(axis).set_temperature(axis, celsius)
 
     @property
     def busy_lines(self) -> dict[str, float]:

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from gateway.catalogue.line_events import DRIVES_NOT_REACHED, LINE_RESTS, SERIAL_LATENCY
 from gateway.compensation.settings import Gain
+from gateway.exchange.axis import AxisExchange
 from gateway.exchange.control import Limits, TableChange, limits_of
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
@@ -77,6 +78,11 @@ class Line:
     def addresses(self) -> dict[str, tuple[TcpEndpoint, ...]]:
         """Where each controller that connects over TCP finds its listener."""
         return {front.plan.name: front.addresses for front in self._fronts if front.addresses}
+
+    @property
+    def axes(self) -> Sequence[AxisExchange]:
+        """Its axes."""
+        return self._exchange.axes
 
     @property
     def is_up(self) -> bool:
@@ -202,8 +208,15 @@ class Line:
         }
 
     def turn(self) -> None:
-        """Let high marks of the last minute grow old; to be called at least once in ten seconds."""
-        self._exchange.meter.turn(time.monotonic_ns())
+        """Let high marks of the last minute grow old, and tell of silent sensors, also where nothing moves.
+
+        To be called at least once in ten seconds.
+        """
+        now_ns = time.monotonic_ns()
+        self._exchange.meter.turn(now_ns)
+        for axis in self._exchange.axes:
+            for event in () if axis.terms is None else axis.terms.news(axis.plan.name, now_ns):
+                self._journal.exchange_event(self.plan.name, event)
 
     def refresh_latency(self) -> None:
         """Work some of the measured times out anew."""
@@ -258,6 +271,10 @@ class Line:
         changed = self._timed.set_limits(axis, limits, time.monotonic_ns())
         self._configured[axis] = {**self._configured[axis], **asdict(limits)}
         return changed
+
+    def set_temperature(self, axis: str, celsius: float) -> tuple[str, ...]:
+        """Tell an axis the temperature of its screw; returns its name. Or ControlError."""
+        return self._timed.set_temperature(axis, celsius, time.monotonic_ns())
 
     async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
         try:

@@ -180,6 +180,11 @@ class RecordedExchange(TimedExchange):
         self._recorder.put(traffic.Limits(self._line, now_ns, axis, **asdict(limits)))
         return super().set_limits(axis, limits, now_ns)
 
+    def set_temperature(self, axis: str, celsius: float, now_ns: int) -> tuple[str, ...]:
+        """See ``TimedExchange``."""
+        self._recorder.put(traffic.Temperature(self._line, now_ns, axis, celsius))
+        return super().set_temperature(axis, celsius, now_ns)
+
     def _tick(self, now_ns: int) -> None:
         if self.is_due(now_ns):
             self._recorder.put(traffic.Tick(self._line, now_ns))

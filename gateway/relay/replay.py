@@ -1,17 +1,19 @@
 """A recording through a fresh exchange: the same inputs at the same times have to cause the same bytes."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from gateway.compensation.settings import Gain
 from gateway.exchange import control
+from gateway.exchange.axis import AxisExchange
 from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import Unmeasured, writer_name
+from gateway.exchange.terms import join_terms
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import WrongTableError, checked
 from gateway.ipc.plan import GatewayPlan, LinePlan
@@ -82,6 +84,11 @@ class _Line(Unmeasured):
             plan.axes, plan.timing, self, lambda event: on_event(plan.name, event), plan.groups
         )
 
+    @property
+    def axes(self) -> Sequence[AxisExchange]:
+        """Its axes."""
+        return self._exchange.axes
+
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``."""
         self.outputs.append(traffic.Sent(self.plan.name, unit_id, pdu.hex()))
@@ -112,7 +119,7 @@ class _Line(Unmeasured):
                 exchange.stop(entry.t)
             case traffic.Control():
                 self._control(entry)
-            case traffic.Tables() | traffic.Share() | traffic.Limits():
+            case traffic.Tables() | traffic.Share() | traffic.Limits() | traffic.Temperature():
                 self._change(entry)
 
     def _reach(self, entry: traffic.RestFirst | traffic.Up | traffic.Down) -> None:
@@ -123,7 +130,7 @@ class _Line(Unmeasured):
         else:
             self._exchange.link_down(entry.t)
 
-    def _change(self, entry: traffic.Tables | traffic.Share | traffic.Limits) -> None:
+    def _change(self, entry: traffic.Tables | traffic.Share | traffic.Limits | traffic.Temperature) -> None:
         axes = self._exchange.axes
         try:
             if isinstance(entry, traffic.Share):
@@ -132,6 +139,8 @@ class _Line(Unmeasured):
             elif isinstance(entry, traffic.Limits):
                 limits = (entry.max_correction, entry.max_slope, entry.travel_margin, entry.budget_us)
                 control.set_limits(axes, entry.axis, control.Limits(*limits))
+            elif isinstance(entry, traffic.Temperature):
+                control.set_temperature(axes, entry.axis, entry.celsius, entry.t)
             else:
                 control.set_tables(axes, [_change_of(table) for table in entry.tables])
         except WrongTableError as error:
@@ -196,6 +205,7 @@ class Replay:
         self.result = ReplayResult(is_cut_off=True)
         tell = on_event or _tell_nobody
         self._lines = {line.name: _Line(line, tell) for line in plan.lines if only in (None, line.name)}
+        join_terms(axis for line in self._lines.values() for axis in line.axes)
         self._only = only
         self._input: tuple[int, traffic.Input] | None = None
 

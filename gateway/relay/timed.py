@@ -107,6 +107,10 @@ class TimedExchange:
         self._exchange.meter.set_budget(axis, limits.budget_us)
         return changed
 
+    def set_temperature(self, axis: str, celsius: float, now_ns: int) -> tuple[str, ...]:
+        """Tell an axis the temperature of its screw; as :meth:`enable`."""
+        return control.set_temperature(self._exchange.axes, axis, celsius, now_ns)
+
     def is_due(self, now_ns: int) -> bool:
         """Whether the exchange's deadline has passed."""
         deadline_ns = self._exchange.deadline_ns

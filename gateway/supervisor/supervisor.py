@@ -39,6 +39,7 @@ from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.mqtt.settings import settings_of
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.tables import Keeper
+from gateway.supervisor.temperatures import Temperatures
 from gateway.supervisor.watching import SLOW_S, Watch, wake_on_change
 
 TICK_S: Final = 1.0
@@ -80,7 +81,8 @@ class Supervisor:
         self._waker: asyncio.Task[None] | None = None
         self._http = HttpService(Window(self.feeds, state, self._settings_of, self.reload, self._say))
         orders = Orders(self.reload, partial(ask, socket_path(state)))
-        self._mqtt = MqttService(self.feeds, self._say, orders, state)
+        self._temperatures = Temperatures(orders.ask, self._say)
+        self._mqtt = MqttService(self.feeds, self._say, orders, state, hear=self._temperatures.hear)
 
     async def run(self) -> None:
         """Run until cancelled."""
@@ -93,6 +95,7 @@ class Supervisor:
             self._keep_publishing(),
             self._http.run(),
             self._mqtt.run(),
+            self._temperatures.run(),
         )
 
     async def reload(self) -> Outcome:
@@ -198,7 +201,9 @@ class Supervisor:
         self._http.configure(loaded.sections.http, loaded.path.parent)
         mqtt = loaded.sections.mqtt
         folder = loaded.path.parent
-        self._mqtt.follow(None if mqtt is None else settings_of(mqtt, loaded.plan.name, folder))
+        self._temperatures.follow(loaded.sections)
+        topics = self._temperatures.topics
+        self._mqtt.follow(None if mqtt is None else settings_of(mqtt, loaded.plan.name, folder, topics))
 
     def _follow(self, folder: Path) -> None:
         if self._waker is None or folder != self._watch.folder:

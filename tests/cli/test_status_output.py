@@ -129,6 +129,17 @@ def test_eighty_columns_are_enough_and_no_number_is_cut() -> None:
     assert "…" not in file.getvalue()
 
 
+def test_what_is_added_to_a_table_is_shown_where_there_is_something() -> None:
+    assert not any("temperature" in line for line in shown(MODEL))
+    model = copy.deepcopy(MODEL)
+    thermal = {"state": "held", "celsius": 29.96, "age_s": 70.0, "difference": 9.5}
+    cross = {"state": "following", "axes": ["y"], "correction": 0.04}
+    model["axes"]["x"]["terms"] = {"correction": -0.0523, "thermal": thermal, "cross": cross}
+    lines = shown(model)
+    assert "axis added temperature counts sensor other axes" in lines
+    assert "x -0.0523 30.0 °C +9.50 K held y: following" in lines
+
+
 def test_what_is_wrong_comes_first_with_what_to_do() -> None:
     troubles = [
         {

@@ -1,9 +1,12 @@
 """The bytes of a record: whatever happens to them, what is read is the newest good record or none."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
 from gateway.exchange.record_layout import (
     PAGE,
     RECORD_SIZE,
@@ -125,11 +128,62 @@ def test_numbers_come_back_as_they_were() -> None:
         (bytes(RECORD_SIZE), "it is no record of an axis"),
         (header("y").ljust(RECORD_SIZE, b"\0"), "it belongs to axis y"),
         (
-            header("x").replace(b"\x01\x00", b"\x02\x00", 1).ljust(RECORD_SIZE, b"\0"),
-            "it has version 2, and this release reads version 1",
+            header("x").replace(b"\x02\x00", b"\x03\x00", 1).ljust(RECORD_SIZE, b"\0"),
+            "it has version 3, and this release reads versions 1 to 2",
         ),
     ],
 )
 def test_a_file_that_is_none_of_ours_says_why(data: bytes, reason: str) -> None:
     assert why_not_readable(data, "x") == reason
     assert why_not_readable(header("x").ljust(RECORD_SIZE, b"\0"), "x") == ""
+
+
+def tilted(tilt: float) -> CorrectionSpec:
+    return replace(NOTHING, offset=0.5, tilt=tilt)
+
+
+def keep(slots: RecordSlots, tilt: float) -> None:
+    spec = tilted(tilt)
+    slots.write(_SAYS, None, (spec, None, None, None, spec))
+
+
+_SAYS = (
+    *(False, False, False, False, False, 0, 1.0, 2.0, 3.0, 4.0),
+    *(0, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
+    *(0.0, False, 0.0, 0.0, 0.0, 0.0),
+)
+
+
+def test_the_slope_of_a_line_stands_in_a_tail_and_zeros_are_none() -> None:
+    buffer = bytearray(RECORD_SIZE)
+    slots = RecordSlots(memoryview(buffer), bytes(16))
+    found = []
+    for tilt in (0.0, -1e-4, -2e-4, 0.0, 0.0, 3e-4):
+        keep(slots, tilt)
+        record = RecordSlots(memoryview(buffer), bytes(16)).read()
+        assert record is not None
+        found.append((record.state.spec.offset, record.state.spec.tilt))
+    assert found == [(0.5, 0.0), (0.5, -1e-4), (0.5, -2e-4), (0.5, 0.0), (0.5, 0.0), (0.5, 3e-4)]
+    for at in SLOTS_AT:  # the last one has a tail, the one before has none any more
+        generation = int.from_bytes(buffer[at : at + 8], "little")
+        assert any(buffer[at + SLOT_SIZE : at + SLOT_SIZE + 44]) is (generation == 6)
+
+
+def test_a_slot_without_its_own_tail_does_not_count() -> None:
+    """Killed between tail and slot: the older slot holds, with its own slope."""
+    buffer = bytearray(RECORD_SIZE)
+    slots = RecordSlots(memoryview(buffer), bytes(16))
+    for tilt in (-1e-4, -2e-4, -3e-4):
+        keep(slots, tilt)
+    at = SLOTS_AT[1]
+    before = bytes(buffer[at : at + SLOT_SIZE])
+    keep(slots, -4e-4)
+    keep(slots, -5e-4)
+    buffer[at : at + SLOT_SIZE] = before  # generation 3 with the tail of generation 5
+    record = RecordSlots(memoryview(buffer), bytes(16)).read()
+    assert record is not None
+    assert (record.generation, record.state.spec.tilt) == (4, -4e-4)
+    buffer[SLOTS_AT[0] + SLOT_SIZE + 9] ^= 1  # and a tail that is damaged takes its slot with it
+    damaged = RecordSlots(memoryview(buffer), bytes(16))
+    assert damaged.read() is None
+    assert damaged.is_damaged

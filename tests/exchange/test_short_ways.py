@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.compensation.settings import Gain, Outside, OutsideKind
+from gateway.compensation.settings import Gain, Outside, OutsideKind, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.axis import AxisExchange
-from gateway.exchange.control import switch
+from gateway.exchange.control import set_temperature, switch
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.exchange.short_ways import ReadWay, WriteWay
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
@@ -30,6 +30,8 @@ STATUS = 0x0522
 BITS = {"done": BitField(STATUS, 0), "homed": BitField(STATUS, 1), "moving": BitField(STATUS, 2)}
 REPLIES = ("done", "done", "done", "done", "done", "done", "refused", "obeyed-and-refused", "silent", "odd")
 OFTEN = ("status", "status", "read", "arrive", "arrive", "again", "block", "read back")
+QUICK = ThermalSettings(1e-4, rate_per_min=60.0, timeout_s=2.0, hold_s=1.0)
+WARM: dict[str, Any] = {"travel": (-100.0, 200.0), "thermal": QUICK}
 PLANS: dict[str, AxisPlan] = {
     "stream": stream_plan(table=CURVE, bits=BITS),
     "targets": axis_plan(table=CURVE, bits=BITS),
@@ -51,6 +53,8 @@ PLANS: dict[str, AxisPlan] = {
     ),
     "targets in two registers": axis_plan(table=CURVE, bits=BITS, command=(COMMAND, SECOND)),
     "stream in two registers": stream_plan(table=CURVE, command=(COMMAND, SECOND)),
+    "stream of a warm screw": stream_plan(table=CURVE, bits=BITS, **WARM),
+    "targets of a warm screw": axis_plan(table=CURVE, bits=BITS, **WARM),
     "stream of floats": stream_plan(table=CURVE, command=(PositionField(0x0606, RegisterType.FLOAT32),)),
 }
 
@@ -115,6 +119,9 @@ class Twins:
             self.ask(requests[what], reply)
         elif what == "arrive":
             self.arrive(amount)
+        elif what == "warm":
+            for bench in self.benches if self.plan.thermal is not None else ():
+                set_temperature(bench.line.axes, "x", 20.0 + amount / 30.0, bench.now_ns)
         elif what == "switch":
             for bench in self.benches:
                 if self.plan.table is not None:
@@ -197,7 +204,7 @@ class Twins:
 STEPS = st.tuples(
     st.sampled_from(
         ["move"] * 6 + ["block", "again", "half", "read", "status", "status", "read back", "elsewhere"]
-        + ["arrive"] * 3 + ["move elsewhere", "switch", "cable"]
+        + ["arrive"] * 3 + ["move elsewhere", "switch", "cable", "warm"]
     ),
     st.one_of(st.integers(1, 900), st.integers(-900, 900)),
     st.sampled_from(REPLIES),
@@ -222,6 +229,8 @@ def test_both_ways_come_to_the_same(name: str, steps: list[tuple[str, int, str]]
         ("stream in two registers", 100, 100),
         ("stream after the homed bit", 100, 100),
         ("shadow", 0, 100),
+        ("stream of a warm screw", 200, 100),
+        ("targets of a warm screw", 30, 100),
     ],
 )
 def test_a_long_run_goes_the_short_way_often(name: str, writes: int, reads: int) -> None:

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from gateway.compensation.settings import ThermalSettings
 from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
-from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
+from gateway.exchange.control import ControlError
+from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Reference
 from gateway.ipc import traffic
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.ipc.traffic import Answered, End, Entry, Header, Sent, Tick
@@ -106,14 +108,22 @@ def staged(tools: "Tools") -> AxisPlan:
 
 
 async def recorded_relay(
-    bench: "Bench", tools: "Tools", kind: str, recorder: Recorder, seed: int = 1
+    bench: "Bench",
+    tools: "Tools",
+    kind: str,
+    recorder: Recorder,
+    seed: int = 1,
+    *,
+    axis: AxisPlan | None = None,
 ) -> tuple[Relay, GatewayPlan]:
     """A relay with two axes between two TCP controllers and a moody drive."""
     drive = MoodyDrive(kind, seed)
     drive.end, where = await bench.drive(kind, drive)
     plans = (ControllerPlan("cnc", timeout_ms=30.0), ControllerPlan("hmi", timeout_ms=30.0))
     links = tuple(ControllerLink(each, bench.controller_link("tcp")[0].endpoint) for each in plans)
-    plan = GatewayPlan("bench", (LinePlan("line", where, links, (tools.axis(), staged(tools)), tools.quick),))
+    plan = GatewayPlan(
+        "bench", (LinePlan("line", where, links, (axis or tools.axis(), staged(tools)), tools.quick),)
+    )
     relay = Relay(plan, bench.notes.append, recorder=recorder)
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
@@ -173,6 +183,33 @@ async def test_random_traffic_with_time_outs_and_reconnects_replays_to_the_same_
     assert result.outputs > ROUNDS
     status = tools.line_status(relay)
     assert status["timeouts"]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+async def test_temperatures_and_another_axis_replay_to_the_same_bytes(
+    bench: "Bench", tools: "Tools", tmp_path: Path, seed: int
+) -> None:
+    path = tmp_path / "record.jsonl"
+    axis = tools.axis()
+    warm = replace(
+        axis,
+        settings=replace(axis.settings, travel=(-1e5, 1e5), max_correction=1e6, travel_margin=1e9),
+        thermal=ThermalSettings(1e-4, rate_per_min=60.0),
+        cross=(CrossPlan("y", (-1e6, 1e6), (-100.0, 100.0)),),
+    )
+    relay, plan = await recorded_relay(bench, tools, "tcp", Recorder(path, HEADER), seed, axis=warm)
+    for celsius in (21.0, 35.0, 15.0):
+        assert relay.set_temperature("x", celsius) == ("x",)
+        with pytest.raises(ControlError):
+            relay.set_temperature("x", 3000.0)
+        await chat(bench, relay, seed)
+    await relay.stop()
+    result = replayed(path, plan)
+    assert (result.different, result.first, result.is_cut_off) == (0, [], False)
+    told = [entry for entry in entries_of(path) if isinstance(entry, traffic.Temperature)]
+    assert [entry.celsius for entry in told] == [21.0, 3000.0, 35.0, 3000.0, 15.0, 3000.0]
+    cold = replace(plan.lines[0], axes=(replace(warm, thermal=None), *plan.lines[0].axes[1:]))
+    assert replayed(path, GatewayPlan("bench", (cold,))).different
 
 
 async def test_another_configuration_shows_what_it_would_have_done(

@@ -121,6 +121,13 @@ AXIS: Final[Texts] = {
         more="Only beside a table of one direction",
         kind="`{ width = LENGTH, kind = … }`",
     ),
+    "thermal": Said(
+        more="See below; refused without `table` and `travel`, on a rotary axis and in a group",
+    ),
+    "cross": Said(
+        more="See below; refused without `table` and `travel`, and in a group",
+        kind="list of `{ axis, table, fresh_s }`",
+    ),
     "added_frames": Said(
         meaning="`never`: the gateway sends no frame of its own, and what needs one is refused",
     ),
@@ -214,5 +221,61 @@ TABLE_OPTIONS: Final[Texts] = {
     ),
     "error_sense": Said(
         meaning="the same for every format whose errors have no fixed sign, such as Heidenhain's",
+    ),
+}
+
+THERMAL: Final[Texts] = {
+    "alpha": Said(
+        kind="per kelvin, 0 to 0.001",
+        meaning="how much longer the screw becomes with each kelvin: about `11.5e-6` for steel",
+    ),
+    "fixed_at": Said(
+        meaning=(
+            "machine position that stays where it is when the screw grows: where its fixed bearing is, on "
+            "the scale of `travel`. It may lie outside `travel`"
+        ),
+    ),
+    "source": Said(
+        more="`{ mqtt = … }` or `{ modbus = …, address = … }`, see below",
+        kind="table",
+    ),
+    "hold_s": Said(
+        meaning=(
+            "so long after `timeout_s` the last temperature is held; then what is added goes back to 0, by "
+            "`rate_per_min`"
+        ),
+    ),
+    "rate_per_min": Said(
+        meaning="what is added follows the temperature no faster, so that a sensor that jumps does no harm",
+    ),
+    "largest_dt": Said(
+        meaning=(
+            "a value that lies farther from `reference` is no temperature of a screw: it is refused, told, "
+            "and counts as silence"
+        ),
+    ),
+}
+
+SOURCE: Final[Texts] = {
+    "mqtt": Said(
+        meaning=(
+            "topic of the broker of `[mqtt]`. A message is a number in °C, or JSON with a number under "
+            "`temperature`, `celsius` or `value`"
+        ),
+        kind="topic",
+    ),
+    "address": Said(default="required beside `modbus`"),
+    "modbus": Said(
+        more="It may be a monitor's address of the gateway itself, where the sensor is on a bus of drives",
+    ),
+}
+
+CROSS: Final[Texts] = {
+    "table": Said(
+        meaning=(
+            "table file in the tables folder, of any format and of one direction: corrections of this axis "
+            "at machine positions of the other one. It is read with the configuration and not watched"
+        ),
+        kind="file name",
     ),
 }

@@ -16,6 +16,7 @@ from gateway.config.reference.kinds import default_text, kind_text
 from gateway.config.reference.text import Said, Texts
 from gateway.config.relay_model import RelaySection
 from gateway.config.rights_model import RoleKeys
+from gateway.config.terms_model import CrossSpec, TemperatureSource, ThermalSpec
 from gateway.config.tls_model import ControllerTls
 from gateway.drives.registers import ActualSpec, BitSpec, CommandSpec, PositionSpec, RegisterMap
 from gateway.drives.rules import ModeSpec, TriggerSpec
@@ -62,6 +63,9 @@ TABLES: Final[Mapping[str, KeyTable]] = {
     "line.controllers.roles": KeyTable((RoleKeys,), line_texts.ROLES),
     "axis": KeyTable((AxisSection,), axis_texts.AXIS),
     "axis.table_options": KeyTable((TableOptions,), axis_texts.TABLE_OPTIONS),
+    "axis.thermal": KeyTable((ThermalSpec,), axis_texts.THERMAL),
+    "axis.thermal.source": KeyTable((TemperatureSource,), axis_texts.SOURCE),
+    "axis.cross": KeyTable((CrossSpec,), axis_texts.CROSS),
     "axis.registers": KeyTable((RegisterMap,), register_texts.REGISTERS),
     "axis.registers.position": KeyTable((PositionSpec, ActualSpec, CommandSpec), register_texts.POSITION),
     "axis.registers.bit": KeyTable((BitSpec,), register_texts.BIT),

@@ -17,6 +17,7 @@ from gateway.supervisor.mqtt.outbox import Outbox
 from gateway.supervisor.mqtt.reasons import why
 from gateway.supervisor.mqtt.retained import RETAINED_NAME, Ledger
 from gateway.supervisor.mqtt.sending import Sender, Tally
+from gateway.supervisor.mqtt.sensors import Hear, subscribe_sensors
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
 
@@ -39,11 +40,14 @@ def wait_s(tries: int, share: float) -> float:
 class Publisher:
     """Publishes what is in ``outbox``, as ``settings`` say; for :class:`MqttService`."""
 
-    def __init__(self, settings: Settings, outbox: Outbox, say: Say, orders: Orders, state: Path) -> None:
+    def __init__(
+        self, settings: Settings, outbox: Outbox, say: Say, orders: Orders, *, state: Path, hear: Hear
+    ) -> None:
         self._settings = settings
         self._outbox = outbox
         self._say = say
         self._state = state
+        self._hear = hear
         self._commander = Commander(settings.topics, orders, say)
         self._tally = Tally()
         self._connects = 0
@@ -89,6 +93,8 @@ class Publisher:
             refused = None
             if self._settings.allows_commands:
                 refused = await apart(self._commander.subscribe(client))
+            if self._settings.sensors:
+                refused = await apart(subscribe_sensors(client, self._settings.sensors)) or refused
             self._reach(refused)
             sender = Sender(
                 client, self._settings, outbox=self._outbox, ledger=ledger, tally=self._tally, say=self._say
@@ -104,9 +110,12 @@ class Publisher:
                     raise error
 
     async def _listen(self, client: aiomqtt.Client) -> None:
-        """Take commands; without any it is the one who notices that the connection is gone."""
+        """Take commands and temperatures; without any it is who notices that the connection is gone."""
         async for message in client.messages:
-            await self._commander.take(client, message)
+            if message.topic.value in self._settings.sensors:
+                self._hear(message.topic.value, bytes(message.payload), is_retained=message.retain)
+            else:
+                await self._commander.take(client, message)
 
     def _reach(self, problem: str | None) -> None:
         self._connects += 1

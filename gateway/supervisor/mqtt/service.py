@@ -9,6 +9,7 @@ from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.ending import end
 from gateway.supervisor.mqtt.outbox import Outbox
 from gateway.supervisor.mqtt.publisher import Publisher
+from gateway.supervisor.mqtt.sensors import Hear, hear_nothing
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
 
@@ -26,16 +27,20 @@ STATUS_WITHOUT: Final[dict[str, Any]] = {
 class MqttService:
     """Publishes what ``feeds`` has.
 
-    ``orders`` carry out what is commanded, where that is allowed; ``state`` is the folder to note topics in.
+    ``orders`` carry out what is commanded, where that is allowed; ``state`` is the folder to note topics in;
+    ``hear`` gets what comes from sensors.
     """
 
-    def __init__(self, feeds: Feeds, say: Say, orders: Orders, state: Path) -> None:
+    def __init__(
+        self, feeds: Feeds, say: Say, orders: Orders, state: Path, *, hear: Hear = hear_nothing
+    ) -> None:
         self.publisher: Publisher | None = None
         """Who publishes now, if anybody does."""
         self._feeds = feeds
         self._say = say
         self._orders = orders
         self._state = state
+        self._hear = hear
         self._wanted: Settings | None = None
         self._is_changed = asyncio.Event()
 
@@ -74,7 +79,9 @@ class MqttService:
 
     async def _publish(self, settings: Settings, outbox: Outbox) -> None:
         """Publish until there are other settings."""
-        self.publisher = Publisher(settings, outbox, self._say, self._orders, self._state)
+        self.publisher = Publisher(
+            settings, outbox, self._say, self._orders, state=self._state, hear=self._hear
+        )
         publishing = asyncio.create_task(self.publisher.run())
         changing = asyncio.create_task(self._is_changed.wait())
         try:

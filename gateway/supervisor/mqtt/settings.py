@@ -31,6 +31,8 @@ class Settings:
     discovery: str
     """Prefix of Home Assistant's discovery, ``""`` for none."""
     allows_commands: bool
+    sensors: tuple[str, ...] = ()
+    """Topics that others publish temperatures to."""
 
     @property
     def broker(self) -> str:
@@ -47,7 +49,7 @@ class Settings:
         return None if self.tls is None else tls_context(self.tls, self.folder)
 
 
-def settings_of(section: MqttSection, name: str, folder: Path) -> Settings:
+def settings_of(section: MqttSection, name: str, folder: Path, sensors: tuple[str, ...] = ()) -> Settings:
     """Return the settings of the gateway ``name``; the files of the section are relative to ``folder``."""
     return Settings(
         topics=Topics(section.base_topic, name),
@@ -63,4 +65,5 @@ def settings_of(section: MqttSection, name: str, folder: Path) -> Settings:
         folder=folder,
         discovery=section.discovery,
         allows_commands=section.commands,
+        sensors=sensors,
     )

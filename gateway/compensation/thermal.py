@@ -1,0 +1,117 @@
+"""What the temperature of a screw adds to its positions, and what holds while its sensor says nothing.
+
+A screw that is held at ``fixed_at`` and is warmer than its table by dT puts the axis at ``fixed_at + (x −
+fixed_at)·(1 + alpha·dT)``. So ``−alpha·dT·(x − fixed_at)`` is added: a straight line over the position.
+
+dT follows the sensor no faster than ``rate_per_min``, by the clock of whoever asks: how often that is makes
+no difference. When the sensor falls silent dT is held, and after ``hold_s`` more it goes back to 0 at the
+same rate.
+"""
+
+from enum import Enum
+from math import isfinite
+from typing import Final
+
+from gateway.compensation.errors import TemperatureError
+from gateway.compensation.settings import ThermalSettings
+from gateway.times import NS_PER_S
+
+S_PER_MIN: Final = 60.0
+
+
+class TermState(Enum):
+    """How well it is known what a term should be."""
+
+    WAITING = "waiting"
+    """Nothing has been heard yet: the term is 0."""
+    FOLLOWING = "following"
+    HELD = "held"
+    """The last value holds, though nothing newer comes."""
+    FADING = "fading"
+    """It goes back to 0."""
+    FADED = "faded"
+    """It is 0 again, until something is heard."""
+
+
+class Thermal:
+    """The difference of temperature that counts for one axis. Time is monotonic, in ns."""
+
+    def __init__(self, settings: ThermalSettings) -> None:
+        self.settings = settings
+        self.celsius: float | None = None
+        """What the sensor said last."""
+        self.difference = 0.0
+        """dT that counts, in K."""
+        self._taken_ns = 0
+        self._at_ns = 0
+        self._is_known = False
+
+    def take(self, celsius: float, now_ns: int) -> None:
+        """Take what the sensor says. The first value counts at once, as nothing is known before it.
+
+        Raises:
+            TemperatureError: it cannot be the temperature of this screw; nothing is changed.
+        """
+        settings = self.settings
+        if not isfinite(celsius) or abs(celsius - settings.reference) > settings.largest_dt:
+            raise TemperatureError(
+                f"{celsius:.6g} °C is no temperature within {settings.largest_dt:g} K of the reference "
+                f"{settings.reference:g} °C"
+            )
+        self.follow(now_ns)
+        if not self._is_known:
+            self.difference = celsius - settings.reference
+        self.celsius = celsius
+        self._taken_ns = self._at_ns = now_ns
+        self._is_known = True
+
+    def resume(self, difference: float, now_ns: int) -> None:
+        """Go on from what counted in another run, as if the sensor had been heard just now."""
+        if not self._is_known:
+            self._taken_ns = now_ns
+            self._is_known = True
+        self.difference = difference
+        self._at_ns = now_ns
+
+    def follow(self, now_ns: int) -> float:
+        """Return the difference that counts now, and go on from there."""
+        self.difference = self.difference_at(now_ns)
+        self._at_ns = max(self._at_ns, now_ns)
+        return self.difference
+
+    def difference_at(self, now_ns: int) -> float:
+        """Return the difference that counts at a time; nothing changes."""
+        difference = self.difference
+        if not self._is_known or now_ns <= self._at_ns:
+            return difference
+        fades_ns = self._fades_ns
+        if self.celsius is not None and self._at_ns < fades_ns:
+            elapsed_ns = min(now_ns, fades_ns) - self._at_ns
+            difference = self._towards(self.celsius - self.settings.reference, difference, elapsed_ns)
+        if now_ns > fades_ns:
+            difference = self._towards(0.0, difference, now_ns - max(self._at_ns, fades_ns))
+        return difference
+
+    def age_s(self, now_ns: int) -> float | None:
+        """Return how long ago the sensor was heard; None where it never was."""
+        return None if self.celsius is None else max(0, now_ns - self._taken_ns) / NS_PER_S
+
+    def state(self, now_ns: int) -> TermState:
+        """Return how well the difference is known."""
+        if not self._is_known:
+            return TermState.WAITING
+        if now_ns - self._taken_ns <= self.settings.timeout_s * NS_PER_S:
+            return TermState.FOLLOWING
+        if now_ns <= self._fades_ns:
+            return TermState.HELD
+        return TermState.FADING if self.difference_at(now_ns) else TermState.FADED
+
+    @property
+    def _fades_ns(self) -> int:
+        return self._taken_ns + int((self.settings.timeout_s + self.settings.hold_s) * NS_PER_S)
+
+    def _towards(self, goal: float, difference: float, elapsed_ns: int) -> float:
+        most = self.settings.rate_per_min / S_PER_MIN * elapsed_ns / NS_PER_S
+        if abs(goal - difference) <= most:
+            return goal
+        return difference + (most if goal > difference else -most)

@@ -1,0 +1,342 @@
+"""What is added to the table of an axis: the length of its screw when warm, and what other axes do to it.
+
+All of it is one line over the position of the axis (``compensation.correction_spec.with_line``), so it is
+inverted, remembered and taken over like every other correction: with different targets, never by itself.
+Here is kept what the line ought to be. It is looked at before a different target is rendered, where that is
+due (:meth:`Terms.is_due`); such a target takes the long way.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Final
+
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, with_line
+from gateway.compensation.curve import Curve
+from gateway.compensation.errors import SettingsError
+from gateway.compensation.moves import Accepted
+from gateway.compensation.table import make_table
+from gateway.compensation.thermal import TermState, Thermal
+from gateway.counts import Counts
+from gateway.exchange.events import Event, EventKind
+from gateway.exchange.plan import AxisPlan, CrossPlan
+from gateway.times import NS_PER_MS, NS_PER_S
+
+if TYPE_CHECKING:
+    from gateway.exchange.axis import AxisExchange
+
+LOOK_NS: Final = 500 * NS_PER_MS
+"""At the slowest, the temperature is followed so often: at 2 K/min and 1 m of steel a step is 0.2 µm."""
+ROUNDING: Final = 1e-9
+"""Share of a limit by which decimal fractions may exceed it."""
+_NO_LINE: Final = (0.0, 0.0)
+_SAID: Final = {
+    TermState.FOLLOWING: EventKind.TERM_FOLLOWS,
+    TermState.HELD: EventKind.TERM_HELD,
+    TermState.FADING: EventKind.TERM_FADES,
+    TermState.FADED: EventKind.TERM_FADES,
+}
+
+
+class _Cross:
+    """One table over the position of another axis."""
+
+    __slots__ = ("_correction", "_plan", "partner", "seen")
+
+    def __init__(self, plan: CrossPlan, axis: AxisPlan) -> None:
+        units = axis.settings.units
+        table = make_table(plan.positions, plan.corrections, plan.corrections, units)
+        self._correction = Curve(table, modulo=plan.modulo).forward
+        self._plan = plan
+        self.partner: AxisExchange | None = None
+        self.seen: Accepted | None = None
+
+    @property
+    def axis(self) -> str:
+        """Name of the other axis."""
+        return self._plan.axis
+
+    @property
+    def target(self) -> Accepted | None:
+        """The last accepted target of the other axis, where it says where that axis is."""
+        partner = self.partner
+        return None if partner is None or not partner.is_referenced else partner.compensation.accepted
+
+    def place(self, now_ns: int) -> Counts | None:
+        """Return where the other axis is, in nominal counts; None where nobody knows.
+
+        After a stop or a jog it has no target: then a reading of its actual position has to do.
+        """
+        target, partner = self.target, self.partner
+        if target is not None:
+            return target.nominal_counts
+        if partner is None or not partner.is_referenced or partner.actual is None:
+            return None
+        age_ns = now_ns - partner.actual.seen_ns
+        is_fresh = age_ns <= self._plan.fresh_s * NS_PER_S
+        return partner.nominal_of(partner.actual.counts) if is_fresh else None
+
+    def correction(self, nominal_counts: Counts) -> float:
+        """Return what a place of the other axis adds, in units."""
+        assert self.partner is not None
+        position = self.partner.compensation.machine_position(nominal_counts)
+        return self._correction(position * self._plan.scale)
+
+
+class Terms:
+    """The terms of one axis. Time is monotonic, in ns."""
+
+    def __init__(self, plan: AxisPlan) -> None:
+        settings = plan.settings
+        self.thermal = None if plan.thermal is None else Thermal(plan.thermal)
+        self.crosses = tuple(_Cross(each, plan) for each in plan.cross)
+        self._fresh_ns = int(min((each.fresh_s for each in plan.cross), default=0.0) * NS_PER_S)
+        self.offset, self.tilt = _NO_LINE
+        """The line that is asked for: at machine position 0 in units, and its slope."""
+        self.is_too_large = False
+        """The line that ought to be would, with the table, come to more than ``max_correction``."""
+        self._ends = settings.travel or (0.0, 0.0)
+        self._least = 0.5 / abs(settings.counts_per_unit)
+        self._due_ns = 0
+        self._cross = self._held_cross = 0.0
+        self._is_cross_known = False
+        self._lost_ns: int | None = None
+        """Since when nobody has known where one of the other axes is."""
+        self._said: dict[str, TermState] = {}
+        self._began_ns: int | None = None
+        self._was_missed = False
+        self._was_too_large = False
+
+    # --- what is heard ---------------------------------------------------------------------------------
+
+    def join(self, axes: Mapping[str, "AxisExchange"]) -> None:
+        """Find the other axes among these."""
+        for cross in self.crosses:
+            cross.partner = axes.get(cross.axis, cross.partner)
+
+    def take_temperature(self, celsius: float, now_ns: int) -> None:
+        """Take what the sensor says; it counts with the next look. Raises TemperatureError."""
+        assert self.thermal is not None
+        self.thermal.take(celsius, now_ns)
+        self._due_ns = 0
+
+    def resume(self, spec: CorrectionSpec, now_ns: int) -> None:
+        """Go on from the line that was in force in another run."""
+        self.offset, self.tilt = spec.offset, spec.tilt
+        fixed_at = 0.0
+        if self.thermal is not None:
+            fixed_at = self.thermal.settings.fixed_at
+            self.thermal.resume(-spec.tilt / self.thermal.settings.alpha, now_ns)
+        if self.crosses:
+            self._held_cross = self._cross = spec.offset + spec.tilt * fixed_at
+            self._is_cross_known = True
+            self._lost_ns = now_ns
+        self._due_ns = 0
+
+    # --- what it ought to be ---------------------------------------------------------------------------
+
+    def is_due(self, now_ns: int) -> bool:
+        """Whether the line has to be looked at before the next target."""
+        if now_ns >= self._due_ns:
+            return True
+        return any(cross.target is not cross.seen for cross in self.crosses)
+
+    def follow(self, base: CorrectionSpec, plan: AxisPlan, now_ns: int) -> bool:
+        """Work out the line anew; whether another one is asked for now."""
+        self._due_ns = now_ns + LOOK_NS
+        offset, tilt = self._cross_now(now_ns), 0.0
+        if self.thermal is not None:
+            settings = self.thermal.settings
+            tilt = -settings.alpha * self.thermal.follow(now_ns)
+            offset -= tilt * settings.fixed_at
+        low, high = self._ends
+        more, steeper = offset - self.offset, tilt - self.tilt
+        is_small = max(abs(more + steeper * low), abs(more + steeper * high)) < self._least
+        if is_small and ((offset, tilt) != _NO_LINE or (self.offset, self.tilt) == _NO_LINE):
+            self.is_too_large = False
+            return not self._fits(base, plan, self.offset, self.tilt)  # limits may have been lowered
+        self.is_too_large = not self._fits(base, plan, offset, tilt)
+        if self.is_too_large:
+            return not self._fits(base, plan, self.offset, self.tilt)
+        self.offset, self.tilt = offset, tilt
+        return True
+
+    def on(self, base: CorrectionSpec, plan: AxisPlan) -> CorrectionSpec:
+        """Return a table with the line; without one where the two do not fit. A line needs a table."""
+        if base is NOTHING or (self.offset, self.tilt) == _NO_LINE:
+            return base
+        if not self._fits(base, plan, self.offset, self.tilt):
+            self.is_too_large = True
+            self.offset, self.tilt = _NO_LINE
+            return base
+        return with_line(base, self.offset, self.tilt)
+
+    def _fits(self, base: CorrectionSpec, plan: AxisPlan, offset: float, tilt: float) -> bool:
+        low, high = self._ends
+        largest = max(abs(offset + tilt * low), abs(offset + tilt * high))
+        if base.curve is not None:
+            largest += base.curve.max_correction
+            try:
+                with_line(base, offset, tilt)
+            except SettingsError:
+                return False
+        return largest <= plan.settings.max_correction * (1.0 + ROUNDING)
+
+    def _cross_now(self, now_ns: int) -> float:
+        """Return the sum of what the other axes add; held as a whole while one of them is not known."""
+        if not self.crosses:
+            return 0.0
+        total, is_known = 0.0, True
+        for cross in self.crosses:
+            cross.seen = cross.target
+            place = cross.place(now_ns)
+            if place is None:
+                is_known = False
+            else:
+                total += cross.correction(place)
+        if is_known:
+            self._cross = self._held_cross = total
+            self._lost_ns = None
+            self._is_cross_known = True
+        elif self._lost_ns is None:
+            self._lost_ns = now_ns
+        else:
+            self._cross = self._held_cross * self._left(now_ns)
+        return self._cross
+
+    def _left(self, now_ns: int) -> float:
+        """Return the share of the cross terms that is left, 1 to 0."""
+        if self._lost_ns is None:
+            return 1.0
+        if not self._fresh_ns:
+            return 0.0
+        return min(1.0, max(0.0, 2.0 - (now_ns - self._lost_ns) / self._fresh_ns))
+
+    # --- what is told ----------------------------------------------------------------------------------
+
+    def cross_state(self, now_ns: int) -> TermState:
+        """Return how well it is known where the other axes are."""
+        if all(cross.place(now_ns) is not None for cross in self.crosses):
+            return TermState.FOLLOWING
+        if not self._is_cross_known:
+            return TermState.WAITING
+        left = self._left(now_ns)
+        if left == 1.0:
+            return TermState.HELD
+        return TermState.FADING if left else TermState.FADED
+
+    def news(self, name: str, now_ns: int) -> list[Event]:
+        """Return what has changed since it was asked last; nothing else changes."""
+        found = []
+        for kind, state in self.states(now_ns).items():
+            said = self._said.get(kind, TermState.WAITING)
+            if state is TermState.WAITING and kind == "thermal" and self._is_missed(now_ns):
+                detail = "no temperature has been heard since the start: nothing is added"
+                found.append(Event(EventKind.TERM_HELD, name, detail, (("term", kind),)))
+            if state is not said:
+                self._said[kind] = state
+                if _SAID.get(state) is not _SAID.get(said):
+                    found.append(Event(_SAID[state], name, self._detail(kind, state), (("term", kind),)))
+        if self.is_too_large is not self._was_too_large:
+            self._was_too_large = self.is_too_large
+            if self.is_too_large:
+                detail = "with the table it would come to more than max_correction; it does not follow"
+                found.append(Event(EventKind.TERM_TOO_LARGE, name, detail))
+        return found
+
+    def _is_missed(self, now_ns: int) -> bool:
+        """Whether nothing has been heard for as long as a sensor may be silent; true once."""
+        assert self.thermal is not None
+        if self._began_ns is None:
+            self._began_ns = now_ns
+        if self._was_missed or now_ns - self._began_ns <= self.thermal.settings.timeout_s * NS_PER_S:
+            return False
+        self._was_missed = True
+        return True
+
+    def states(self, now_ns: int) -> dict[str, TermState]:
+        """Return how each kind of term is known."""
+        states = {}
+        if self.thermal is not None:
+            states["thermal"] = self.thermal.state(now_ns)
+        if self.crosses:
+            states["cross"] = self.cross_state(now_ns)
+        return states
+
+    def status(self, axis: "AxisExchange", now_ns: int) -> dict[str, object]:
+        """Return its part of the status model. Corrections are in units, in force at the last target."""
+        found: dict[str, object] = {"correction": self._in_force(axis), "is_too_large": self.is_too_large}
+        thermal = self.thermal
+        if thermal is not None:
+            found["thermal"] = {
+                "state": thermal.state(now_ns).value,
+                "celsius": thermal.celsius,
+                "age_s": thermal.age_s(now_ns),
+                "difference": thermal.difference_at(now_ns),
+            }
+        if self.crosses:
+            found["cross"] = {
+                "state": self.cross_state(now_ns).value,
+                "axes": [cross.axis for cross in self.crosses],
+                "correction": self._cross,
+            }
+        return found
+
+    def _in_force(self, axis: "AxisExchange") -> float | None:
+        compensation = axis.compensation
+        if compensation.accepted is None or compensation.state.position is None:
+            return None
+        return compensation.state.spec.line_at(compensation.state.position)
+
+    def _detail(self, kind: str, state: TermState) -> str:
+        if kind == "thermal":
+            assert self.thermal is not None
+            difference = self.thermal.difference
+            return f"{_OF_SENSOR[state]}; {difference:+.3g} K count"
+        return f"{_OF_PARTNER[state]}: {', '.join(cross.axis for cross in self.crosses)}"
+
+
+_OF_SENSOR: Final = {
+    TermState.FOLLOWING: "the sensor is heard",
+    TermState.HELD: "the sensor says nothing: its last value is held",
+    TermState.FADING: "the sensor still says nothing: the term goes back to 0",
+    TermState.FADED: "the sensor still says nothing: the term is 0",
+}
+_OF_PARTNER: Final = {
+    TermState.FOLLOWING: "it is known where the other axes are",
+    TermState.HELD: "nobody knows where the other axes are; what they add is held",
+    TermState.FADING: "still nobody knows where the other axes are; what they add goes back to 0",
+    TermState.FADED: "still nobody knows where the other axes are; they add nothing",
+}
+
+
+def follow_terms(axis: "AxisExchange", now_ns: int) -> None:
+    """Look what the terms of an axis ought to be; another line comes into force with different targets."""
+    terms = axis.terms
+    assert terms is not None
+    if terms.follow(axis.base, axis.plan, now_ns):
+        axis.wanted = terms.on(axis.base, axis.plan)
+        if axis.is_referenced:
+            axis.compensation.want(axis.wanted)
+    tell_terms(axis, now_ns)
+
+
+def tell_terms(axis: "AxisExchange", now_ns: int) -> None:
+    """Report what is new about how well the terms of an axis are known."""
+    if axis.terms is not None:
+        axis.news += axis.terms.news(axis.plan.name, now_ns)
+
+
+def resume_terms(axis: "AxisExchange", now_ns: int) -> None:
+    """Let the terms of an axis go on from what its record put into force."""
+    spec = axis.compensation.state.spec
+    if axis.terms is not None and spec.is_kin_of(axis.base):
+        axis.terms.resume(spec, now_ns)
+        axis.wanted = spec
+        axis.compensation.want(spec)
+
+
+def join_terms(axes: Iterable["AxisExchange"]) -> None:
+    """Let each axis find the axes that act on it."""
+    by_name = {axis.plan.name: axis for axis in axes}
+    for axis in by_name.values():
+        if axis.terms is not None:
+            axis.terms.join(by_name)

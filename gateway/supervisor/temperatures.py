@@ -1,0 +1,165 @@
+"""Temperatures of screws: heard over MQTT or read over Modbus, and told to the relay."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from functools import partial
+from math import isfinite
+from typing import Any, Final
+
+import msgspec
+
+from gateway.catalogue.sensor_events import TEMPERATURE_NOT_READ, TEMPERATURE_WRONG
+from gateway.config.sections import Sections
+from gateway.config.terms_model import TemperatureSource
+from gateway.ipc.client import NoGatewayError
+from gateway.ipc.messages import Done, Reply, Request, SetTemperature
+from gateway.modbus.pdu import is_exception
+from gateway.modbus.registers import PositionField
+from gateway.supervisor.aside import aside
+from gateway.supervisor.saying import Say
+from gateway.transport.errors import TransportError
+from gateway.transport.master import ModbusMaster, NoReplyError
+
+LONGEST_PAYLOAD: Final = 4096
+LONGEST_SHOWN: Final = 80
+LARGEST: Final = 1e6
+"""No sensor has more, whatever its unit; a longer number may not fit a double."""
+KEYS: Final = ("temperature", "celsius", "value")
+TELL_EVERY_S: Final = 1.0
+"""The relay is told no more often, however often a sensor speaks."""
+PATIENCE_MS: Final = 2000.0
+NOT_A_NUMBER: Final = "allowed: a number in °C, or JSON with a number under temperature, celsius or value"
+
+
+class WrongTemperatureError(Exception):
+    """What came is no number; the text says what it was."""
+
+
+def read_payload(payload: bytes) -> float:
+    """Return the number in a message.
+
+    Raises:
+        WrongTemperatureError: there is none, or more than one thing that could be it.
+
+    >>> read_payload(b"21.5"), read_payload(b'{"temperature": 21.5, "battery": 90}')
+    (21.5, 21.5)
+    """
+    shown = payload[:LONGEST_SHOWN].decode(errors="replace")
+    try:
+        found: Any = None if len(payload) > LONGEST_PAYLOAD else msgspec.json.decode(payload.strip())
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        raise WrongTemperatureError(f"{shown!r}; {NOT_A_NUMBER}") from None
+    if isinstance(found, Mapping):
+        named = [found[key] for key in KEYS if key in found]
+        found = named[0] if len(named) == 1 else None
+    if isinstance(found, bool) or not isinstance(found, int | float) or abs(found) > LARGEST:
+        raise WrongTemperatureError(f"{shown!r}; {NOT_A_NUMBER}")
+    return float(found)
+
+
+class Temperatures:
+    """Follows the sources of a configuration. ``ask`` asks the relay; it blocks and raises NoGatewayError."""
+
+    def __init__(self, ask: Callable[[Request], Reply], say: Say) -> None:
+        self._ask = ask
+        self._say = say
+        self._sources: dict[str, TemperatureSource] = {}
+        self._readers: dict[str, asyncio.Task[None]] = {}
+        self._new: dict[str, float] = {}
+        self._is_new = asyncio.Event()
+        self._said: dict[str, str] = {}
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Topics that have to be listened to."""
+        return tuple(dict.fromkeys(each.mqtt for each in self._sources.values() if each.mqtt is not None))
+
+    def follow(self, sections: Sections) -> None:
+        """Follow what a configuration says; the same as before changes nothing."""
+        wanted = {name: axis.thermal.source for name, axis in sections.axes.items() if axis.thermal}
+        for name in [each for each, source in self._sources.items() if wanted.get(each) != source]:
+            self._new.pop(name, None)
+            self._said.pop(name, None)
+            if name in self._readers:
+                self._readers.pop(name).cancel()
+        self._sources = wanted
+        for name, source in wanted.items():
+            if source.modbus is not None and name not in self._readers:
+                self._readers[name] = asyncio.create_task(self._read_on(name, source))
+
+    def hear(self, topic: str, payload: bytes, *, is_retained: bool) -> None:
+        """Take a message. A retained one may be of any day, and is no news."""
+        if is_retained:
+            return
+        for name, source in self._sources.items():
+            if source.mqtt == topic:
+                try:
+                    self._take(name, read_payload(payload))
+                except WrongTemperatureError as error:
+                    self._complain(name, f"{topic}: found {error}")
+
+    async def run(self) -> None:
+        """Tell the relay what is new, until cancelled."""
+        try:
+            while True:
+                await self._is_new.wait()
+                self._is_new.clear()
+                new, self._new = self._new, {}
+                for name, celsius in new.items():
+                    await self._tell(name, celsius)
+                await asyncio.sleep(TELL_EVERY_S)
+        finally:
+            for reader in self._readers.values():
+                reader.cancel()
+            await asyncio.gather(*self._readers.values(), return_exceptions=True)
+
+    def _take(self, name: str, celsius: float) -> None:
+        self._new[name] = celsius
+        self._is_new.set()
+
+    async def _tell(self, name: str, celsius: float) -> None:
+        if not isfinite(celsius):  # a float register may hold anything, and JSON could not carry it
+            self._complain(name, f"found {celsius}")
+            return
+        try:
+            reply = await aside(partial(self._ask, SetTemperature(axis=name, celsius=celsius)))
+        except NoGatewayError:
+            return  # it is told of elsewhere, and a newer value follows
+        if isinstance(reply, Done) and not reply.problems:
+            self._said.pop(name, None)
+        else:
+            self._complain(name, "; ".join(reply.problems) if isinstance(reply, Done) else str(reply))
+
+    def _complain(self, name: str, detail: str, *, is_unread: bool = False) -> None:
+        """Say it once for each kind of fault, whatever the value."""
+        kind = TEMPERATURE_NOT_READ if is_unread else TEMPERATURE_WRONG
+        if self._said.get(name) != kind.name:
+            self._said[name] = kind.name
+            self._say(kind, axis=name, detail=detail)
+
+    # --- over Modbus -----------------------------------------------------------------------------------
+
+    async def _read_on(self, name: str, source: TemperatureSource) -> None:
+        """Read a register again and again; a connection that is lost is opened again."""
+        while True:
+            try:
+                await self._read_connected(name, source)
+            except (TransportError, NoReplyError, OSError) as error:
+                self._complain(name, f"{source.modbus}: {error}", is_unread=True)
+            await asyncio.sleep(source.every_s)
+
+    async def _read_connected(self, name: str, source: TemperatureSource) -> None:
+        assert source.modbus is not None
+        assert source.address is not None
+        place = PositionField(source.address, source.type, source.words)
+        request = bytes((source.function,)) + source.address.to_bytes(2, "big") + bytes((0, place.words))
+        async with ModbusMaster(source.modbus, timeout_ms=PATIENCE_MS) as master:
+            while True:
+                reply = await master.exchange(source.unit_id, request)
+                if is_exception(reply):
+                    self._complain(name, f"{source.modbus}: exception {reply[1]:#04x}", is_unread=True)
+                elif len(reply) != 2 + 2 * place.words or reply[0] != source.function:
+                    self._complain(name, f"{source.modbus}: found {reply.hex(' ')}", is_unread=True)
+                else:
+                    self._take(name, place.unpack(reply[2:]) * source.scale)
+                await asyncio.sleep(source.every_s)
