@@ -11,8 +11,9 @@ Comment lines with facts, then a header and a row for each reading::
     target_mm,direction,run,measured_mm
     0.0,forward,1,0.0012
 
-``compensation`` is ``off``, or ``active`` with the SHA-256 of the table that was in force. Lengths are in mm,
-whatever the axis counts in: that is what ``table build`` and ``table refine`` read.
+``compensation`` is ``off``, or ``active`` with the SHA-256 of the table that was in force. Lengths are
+machine positions in units of the axis, mm or inch, which the names of the columns say: ``table build`` and
+``table refine`` read it.
 """
 
 import os
@@ -28,10 +29,9 @@ from gateway.compensation.units import Units
 from gateway.metrology.cycle import Stop
 from gateway.metrology.readings import Reading
 
-HEADER: Final = "target_mm,direction,run,measured_mm"
 SUFFIX: Final = ".readings.csv"
-TOGETHER: Final = 1e-7
-"""Millimetres by which a target in the file may differ from the plan's: it is written with 9 decimals."""
+TOGETHER: Final = 1e-8
+"""By which a target in the file may differ from the plan's: it is written with 9 decimals."""
 _DIRECTIONS: Final = {"forward": Direction.FORWARD, "backward": Direction.BACKWARD}
 
 
@@ -50,7 +50,6 @@ class Earlier:
 
     facts: Mapping[str, str]
     readings: tuple[Reading, ...]
-    """In units of the axis."""
     plan: MeasuringPlan
 
 
@@ -73,7 +72,9 @@ class ReadingsFile:
             ) from None
         except OSError as error:
             raise FileError(f"{self.path}: {error.strerror or error}") from None
-        self._put("".join(f"# {name}: {fact}\n" for name, fact in facts.items()) + HEADER + "\n")
+        self._put(
+            "".join(f"# {name}: {fact}\n" for name, fact in facts.items()) + header_of(self._units) + "\n"
+        )
 
     def go_on(self) -> None:
         """Append to the file that is there. Raises FileError."""
@@ -84,9 +85,8 @@ class ReadingsFile:
 
     def append(self, reading: Reading) -> None:
         """Write a reading to the disk. Raises FileError."""
-        target, measured = (to_mm(each, self._units) for each in (reading.target, reading.measured))
         way = reading.direction.name.lower()
-        self._put(f"{_number(target)},{way},{reading.run},{_number(measured)}\n")
+        self._put(f"{_number(reading.target)},{way},{reading.run},{_number(reading.measured)}\n")
 
     def close(self) -> None:
         """Close it."""
@@ -104,20 +104,24 @@ class ReadingsFile:
             raise FileError(f"{self.path}: {error.strerror or error}") from None
 
 
-def to_mm(value: float, units: Units) -> float:
-    """Millimetres of a length in units of the axis."""
-    return value * units.convert_factor(Units.MM)
+def header_of(units: Units) -> str:
+    """Return the names of the columns.
+
+    >>> header_of(Units.MM)
+    'target_mm,direction,run,measured_mm'
+    """
+    return f"target_{units.value},direction,run,measured_{units.value}"
 
 
 def facts_of(plan: MeasuringPlan, axis: str, compensation: str, units: Units) -> dict[str, str]:
     """Return the facts that a file of readings begins with."""
     return {
         "axis": axis,
-        "units": "mm",
+        "units": units.value,
         "compensation": compensation,
-        "targets": " ".join(_number(to_mm(target, units)) for target in plan.targets),
+        "targets": " ".join(map(_number, plan.targets)),
         "runs": str(plan.runs),
-        "overrun": _number(to_mm(plan.overrun, units)),
+        "overrun": _number(plan.overrun),
     }
 
 
@@ -133,7 +137,7 @@ def read_earlier(path: Path, units: Units) -> Earlier:
         raise FileError(f"{path}: {error}") from None
     facts: dict[str, str] = {}
     readings: list[Reading] = []
-    has_header = False
+    header, has_header = header_of(units), False
     for number, line in enumerate(text.splitlines(keepends=True), start=1):
         where = f"{path}, line {number}"
         row = line.rstrip("\n")
@@ -146,17 +150,17 @@ def read_earlier(path: Path, units: Units) -> Earlier:
             name, _, fact = row[1:].partition(":")
             facts[name.strip()] = fact.strip()
         elif not has_header:
-            if row != HEADER:
-                raise FileError(f"{where}: {row!r}; it must be {HEADER}: give the file of a measuring run")
+            if row != header:
+                raise FileError(f"{where}: {row!r}; it must be {header}: give the file of a measuring run")
             has_header = True
         else:
-            readings.append(_reading(where, row, units))
+            readings.append(_reading(where, row))
     if not has_header:
-        raise FileError(f"{path}: no line {HEADER}: give the file of a measuring run")
-    return Earlier(facts, tuple(readings), _plan(path, facts, units))
+        raise FileError(f"{path}: no line {header}: give the file of a measuring run")
+    return Earlier(facts, tuple(readings), _plan(path, facts))
 
 
-def check_order(path: Path, stops: Sequence[Stop], readings: Sequence[Reading], units: Units) -> None:
+def check_order(path: Path, stops: Sequence[Stop], readings: Sequence[Reading]) -> None:
     """Check that readings are those of the first measuring stops.
 
     Raises:
@@ -166,7 +170,7 @@ def check_order(path: Path, stops: Sequence[Stop], readings: Sequence[Reading], 
     if len(readings) > len(measured):
         raise FileError(f"{path}: {len(readings)} readings, but its plan has {len(measured)} stops")
     for index, (stop, reading) in enumerate(zip(measured, readings, strict=False), start=1):
-        is_near = abs(to_mm(stop.nominal - reading.target, units)) <= TOGETHER
+        is_near = abs(stop.nominal - reading.target) <= TOGETHER
         if not is_near or (stop.direction, stop.run) != (reading.direction, reading.run):
             raise FileError(
                 f"{path}, reading {index}: at {reading.target:.9g} {reading.direction.name.lower()}, run "
@@ -175,12 +179,11 @@ def check_order(path: Path, stops: Sequence[Stop], readings: Sequence[Reading], 
             )
 
 
-def _reading(where: str, row: str, units: Units) -> Reading:
+def _reading(where: str, row: str) -> Reading:
     fields = row.split(",")
-    factor = Units.MM.convert_factor(units)
     try:
         target, way, run, measured = fields
-        numbers = float(target) * factor, float(measured) * factor
+        numbers = float(target), float(measured)
         direction, count = _DIRECTIONS[way], int(run)
     except (ValueError, KeyError):
         raise FileError(f"{where}: {row!r}; it must be as in 50.0,forward,1,50.0123") from None
@@ -189,11 +192,10 @@ def _reading(where: str, row: str, units: Units) -> Reading:
     return Reading(numbers[0], direction, numbers[1], count)
 
 
-def _plan(path: Path, facts: Mapping[str, str], units: Units) -> MeasuringPlan:
-    factor = Units.MM.convert_factor(units)
+def _plan(path: Path, facts: Mapping[str, str]) -> MeasuringPlan:
     try:
-        targets = tuple(round(float(target) * factor, 9) for target in facts["targets"].split())
-        plan = MeasuringPlan(targets, int(facts["runs"]), float(facts["overrun"]) * factor)
+        targets = tuple(float(target) for target in facts["targets"].split())
+        plan = MeasuringPlan(targets, int(facts["runs"]), float(facts["overrun"]))
     except (KeyError, ValueError):
         raise FileError(
             f"{path}: its lines # targets, # runs and # overrun do not say what was to be measured: only a "

@@ -81,12 +81,15 @@ class Run:
                 self.readings.append(reading)
                 self._showing.took(reading)
 
-    async def leave_standing(self) -> str:
+    async def leave_standing(self, link: AxisLink | None = None) -> str:
         """Stop the axis if it may be moving, and say where it stands and how it was stopped.
+
+        ``link``: another connection, where the own one is lost.
 
         Raises:
             AxisError: nobody knows whether it stands.
         """
+        self._link = link or self._link
         how = ""
         if self.may_move:
             how = await self._link.stop()
