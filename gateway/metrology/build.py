@@ -2,11 +2,14 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import Enum
+from statistics import fmean
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
+from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
 
 _MIN_TARGETS = 2
@@ -24,18 +27,52 @@ class HomeReference:
     direction: Direction
 
 
+class HomeCase(Enum):
+    """The three cases of TB058: how the axis homes, and on which side of home its travel lies."""
+
+    SWITCH_POSITIVE = "switch-positive"
+    SWITCH_NEGATIVE = "switch-negative"
+    MARK = "mark"
+
+    def reference(self, table: CorrectionTable) -> HomeReference:
+        """Return the point of a table that belongs to home.
+
+        Raises:
+            ReadingsError: the table lies on the other side of home, or does not reach 0.
+        """
+        low, high = table.first, table.last
+        if self is HomeCase.MARK:
+            if not low <= 0.0 <= high:
+                raise ReadingsError(
+                    f"the reference mark is at 0, outside the targets {low:.9g} to {high:.9g}: measure at 0 "
+                    "too, or choose switch-positive or switch-negative"
+                )
+            return HomeReference(0.0, Direction.FORWARD)
+        is_positive = self is HomeCase.SWITCH_POSITIVE
+        if (is_positive and low < 0.0) or (not is_positive and high > 0.0):
+            raise ReadingsError(
+                f"home {self.value}: the targets {low:.9g} to {high:.9g} do not lie on that side of 0; "
+                "choose mark, or the other switch"
+            )
+        if is_positive:
+            return HomeReference(low, Direction.FORWARD)
+        return HomeReference(high, Direction.BACKWARD)
+
+
 def build_table(
     readings: Iterable[Reading],
     units: Units,
     *,
     home: HomeReference | None = None,
     estimate_ends: bool = True,
+    one_way: bool = False,
 ) -> CorrectionTable:
     """Build the table that, added to the command, takes the nut where the instrument missed it.
 
     The correction is ``target - measured``, the mean of all readings at a target in a direction. At the
     first and the last target one direction often has no reading, because the axis turned round there: with
     ``estimate_ends`` it is estimated from its neighbour's reversal. ``home`` is subtracted from everything.
+    With ``one_way`` the table has one curve for both directions: the mean of what was measured at a target.
 
     Raises:
         ReadingsError: readings that make no table.
@@ -53,15 +90,26 @@ def build_table(
         raise ReadingsError(
             f"all readings are at {means.targets[0]:.9g}: a table needs at least {_MIN_TARGETS} targets"
         )
-    if estimate_ends:
-        means = _with_estimated_ends(means)
+    if one_way:
+        means = _both_in_one(means)
+    elif estimate_ends:
+        means = with_estimated_ends(means)
     forward = _complete(means.targets, means.forward, Direction.FORWARD)
     backward = _complete(means.targets, means.backward, Direction.BACKWARD)
     table = make_table(means.targets, forward, backward, units)
-    return _referenced(table, home) if home else table
+    return referenced(table, home) if home else table
 
 
-def _with_estimated_ends(means: MeanCorrections) -> MeanCorrections:
+def _both_in_one(means: MeanCorrections) -> MeanCorrections:
+    curve = tuple(
+        fmean([value for value in pair if value is not None])
+        for pair in zip(means.forward, means.backward, strict=True)
+    )
+    return MeanCorrections(means.targets, curve, curve)
+
+
+def with_estimated_ends(means: MeanCorrections) -> MeanCorrections:
+    """Fill in what cannot be measured at the first and the last target, where a neighbour has both ways."""
     forward, backward = list(means.forward), list(means.backward)
     for end, neighbour in ((0, 1), (-1, -2)):
         _estimate(forward, backward, end, neighbour)
@@ -83,24 +131,25 @@ def _complete(
     if missing:
         raise ReadingsError(
             f"no {direction.name.lower()} reading at {', '.join(missing)}: measure every target in both "
-            "directions; only the first and the last can be estimated, from a neighbour that has both"
+            "directions (only the first and the last can be estimated, from a neighbour that has both), or "
+            "build a table of one direction"
         )
     return [value for value in values if value is not None]
 
 
-def _referenced(table: CorrectionTable, home: HomeReference) -> CorrectionTable:
-    """Subtract the correction at home from both directions; between points it is interpolated."""
+def referenced(table: CorrectionTable, home: HomeReference) -> CorrectionTable:
+    """Subtract the correction at home from both directions; between points it is interpolated.
+
+    Raises:
+        ReadingsError: home outside the table, or approached in no direction.
+    """
     if home.direction not in APPROACHES:
         raise ReadingsError("home was approached in an unknown direction: give forward or backward")
     if not table.first <= home.position <= table.last:
         raise ReadingsError(
             f"home at {home.position:.9g} lies outside the targets {table.first:.9g} to {table.last:.9g}"
         )
-    curve = table.forward if home.direction is Direction.FORWARD else table.backward
-    index = table.segment(home.position)
-    left, right = table.positions[index], table.positions[index + 1]
-    share = (home.position - left) / (right - left)
-    at_home = curve[index] * (1 - share) + curve[index + 1] * share
+    at_home = correction_at(table, home.position, home.direction)
     return make_table(
         table.positions,
         [c - at_home for c in table.forward],

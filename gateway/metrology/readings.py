@@ -1,7 +1,7 @@
 """What an instrument measured: the raw material of a table."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from statistics import fmean
 
@@ -36,6 +36,7 @@ class Survey:
 
     ``facts`` says what the instrument's file tells beside the readings: machine, serial number, date,
     temperature, by the names that the file uses. ``source`` is the file, or what took the readings.
+    ``remarks`` name what is odd about the readings but does not keep them from being used, with a remedy.
     """
 
     readings: tuple[Reading, ...]
@@ -43,6 +44,22 @@ class Survey:
     axis: str | None = None
     source: str = ""
     facts: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    def in_units(self, units: Units) -> "Survey":
+        """Return the same readings in other units.
+
+        Raises:
+            ValueError: between a length and an angle.
+        """
+        if units is self.units:
+            return self
+        factor = self.units.convert_factor(units)
+        readings = (
+            replace(each, target=each.target * factor, measured=each.measured * factor)
+            for each in self.readings
+        )
+        return replace(self, readings=tuple(readings), units=units)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +89,38 @@ def mean_corrections(readings: Iterable[Reading]) -> MeanCorrections:
         for way in APPROACHES
     )
     return MeanCorrections(targets, forward, backward)
+
+
+def merged(surveys: Sequence[Survey]) -> Survey:
+    """Return several surveys of one axis as one: the runs of each are counted on from those before.
+
+    Raises:
+        ReadingsError: no survey, other units, or another axis.
+    """
+    if not surveys:
+        raise ReadingsError("no readings: name at least one file")
+    first, *others = surveys
+    readings = list(first.readings)
+    for other in others:
+        for what, one, two in (
+            ("units", first.units.value, other.units.value),
+            ("axis", first.axis, other.axis),
+        ):
+            if one != two and one is not None and two is not None:
+                raise ReadingsError(
+                    f"{first.source} is of {what} {one}, {other.source} of {what} {two}: "
+                    "only readings of one axis in one unit go together"
+                )
+        runs = max((reading.run for reading in readings), default=0)
+        readings.extend(replace(reading, run=reading.run + runs) for reading in other.readings)
+    return replace(
+        first,
+        readings=tuple(readings),
+        axis=next((survey.axis for survey in surveys if survey.axis is not None), None),
+        source=", ".join(survey.source for survey in surveys),
+        facts={key: fact for survey in reversed(surveys) for key, fact in survey.facts.items()},
+        remarks=tuple(remark for survey in surveys for remark in survey.remarks),
+    )
 
 
 def check_reading(reading: Reading, number: int) -> None:

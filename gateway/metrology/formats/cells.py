@@ -1,0 +1,153 @@
+"""Lines of cells: a heading, a separator, numbers with a point, comments that state facts."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from gateway.compensation.units import Units
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
+from gateway.tabfile.text import Line, SourceText, shown
+
+SEPARATORS: Final = ("\t", ";", ",")
+_WITH_COMMA: Final = re.compile(r"[+-]?[0-9]*,[0-9]+")
+_NOT_A_WORD: Final = re.compile(r"[^a-z0-9.µ]+")
+UNITS: Final = {
+    "mm": Units.MM,
+    "inch": Units.INCH,
+    "inches": Units.INCH,
+    "in": Units.INCH,
+    "deg": Units.DEGREE,
+    "degree": Units.DEGREE,
+    "degrees": Units.DEGREE,
+}
+SMALL_UNITS: Final = {
+    "um": (Units.MM, 1e-3),
+    "µm": (Units.MM, 1e-3),
+    "micron": (Units.MM, 1e-3),
+    "microns": (Units.MM, 1e-3),
+    "tenth": (Units.INCH, 1e-4),
+    "tenths": (Units.INCH, 1e-4),
+    "arcsec": (Units.DEGREE, 1 / 3600),
+}
+"""Units of deviations only, with what one is in units of the positions."""
+MAX_PROBLEMS: Final = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A text of cells: its heading, its lines under it, and the facts that its comments state."""
+
+    heading: Line
+    names: tuple[str, ...]
+    lines: tuple[tuple[int, tuple[str, ...]], ...]
+    """Line number and cells."""
+    facts: dict[str, str]
+
+
+def heading_of(source: SourceText) -> tuple[Line, str] | None:
+    """Return the first line that is no comment, and its separator; None where no separator is in it."""
+    for line in source.lines:
+        if line.text and not line.text.startswith("#"):
+            separator = next((each for each in SEPARATORS if each in line.text), None)
+            return None if separator is None else (line, separator)
+    return None
+
+
+def sheet_of(source: SourceText, allowed: str) -> Sheet:
+    """Split a text into cells.
+
+    Raises:
+        TabFileError: no heading, lines of another number of cells; a decimal comma is named as such.
+    """
+    found = heading_of(source)
+    if found is None:
+        raise source.error("no heading with a separator in it", allowed, line=source.lines[0].number)
+    heading, separator = found
+    names = tuple(cell.strip() for cell in heading.text.split(separator))
+    facts: dict[str, str] = {}
+    lines, problems = [], []
+    for line in source.lines:
+        if line.text.startswith("#"):
+            key, _, fact = line.text.lstrip("# ").partition(":")
+            if fact.strip():
+                facts[key.strip()] = fact.strip()
+        elif line.text and line.number > heading.number:
+            cells = tuple(cell.strip() for cell in line.text.split(separator))
+            if len(cells) == len(names):
+                lines.append((line.number, cells))
+            else:
+                problems.append(_wrong_count(source, line, len(cells), len(names), separator))
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+    return Sheet(heading, names, tuple(lines), facts)
+
+
+def _wrong_count(source: SourceText, line: Line, found: int, wanted: int, separator: str) -> Problem:
+    comma = ", which a decimal comma would explain" if separator == "," and found > wanted else ""
+    return source.problem(
+        f"{found} cells{comma}",
+        f"{wanted}, as in the heading; numbers with a decimal point",
+        line=line.number,
+    )
+
+
+def decimal(source: SourceText, line: int, text: str, what: str) -> float:
+    """Return the number in a cell.
+
+    Raises:
+        TabFileError: it is none, or has a decimal comma.
+    """
+    number = to_decimal(text)
+    if number is None:
+        comma = " with a decimal comma" if _WITH_COMMA.fullmatch(text) else ""
+        raise source.error(f"{what} {shown(text)}{comma}", DECIMAL_ALLOWED, line=line)
+    return number
+
+
+def words(name: str) -> tuple[str, ...]:
+    """Split a name of a heading into words.
+
+    >>> words("Measured position (mm)"), words("deviation_um")
+    (('measured', 'position', 'mm'), ('deviation', 'um'))
+    """
+    return tuple(word for word in _NOT_A_WORD.split(name.lower()) if word)
+
+
+def unit_of(name: str) -> tuple[Units, float] | None:
+    """Return the units of positions that a name of a heading implies, and what 1 of its own is in them.
+
+    >>> unit_of("deviation_um"), unit_of("run")
+    ((<Units.MM: 'mm'>, 0.001), None)
+    >>> unit_of("Forward Error Correction (* 0.0001 inches)")
+    (<Units.INCH: 'inch'>, 0.0001)
+    """
+    parts = words(name)
+    for index, word in enumerate(parts):
+        if word in SMALL_UNITS:
+            return SMALL_UNITS[word]
+        if word in UNITS:
+            scale = to_decimal(parts[index - 1]) if index else None
+            return UNITS[word], scale or 1.0
+    return None
+
+
+def units_of(source: SourceText, sheet: Sheet) -> Units | None:
+    """Return the units of positions that a heading states, None where it states none.
+
+    Raises:
+        TabFileError: names of different units.
+    """
+    stated = [(name, unit[0]) for name in sheet.names if (unit := unit_of(name)) is not None]
+    for name, units in _others(stated):
+        raise source.error(
+            f"mixed units: {shown(stated[0][0])} is of {stated[0][1].value}, {shown(name)} of {units.value}",
+            "one unit for target and reading (µm go with mm, tenths with inches)",
+            line=sheet.heading.number,
+        )
+    return stated[0][1] if stated else None
+
+
+def _others(stated: list[tuple[str, Units]]) -> Iterator[tuple[str, Units]]:
+    return ((name, units) for name, units in stated if units is not stated[0][1])

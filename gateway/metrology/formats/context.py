@@ -1,0 +1,64 @@
+"""What a file of readings does not say about itself, told from outside."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from gateway.compensation.units import Units
+from gateway.tabfile.text import SourceText
+
+
+class Runs(Enum):
+    """How the runs of a file that does not prove it were made."""
+
+    ALTERNATE = "alternate"
+    """Odd runs in the order of the targets, even runs back."""
+    FORWARD = "forward"
+    """All runs towards greater positions."""
+    BACKWARD = "backward"
+    """All runs towards smaller positions."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingsContext:
+    """Facts about the readings; None: not known, or said by the file.
+
+    ``units`` are those of the positions. A file that states others, or another axis, is refused.
+    """
+
+    format: str | None = None
+    units: Units | None = None
+    axis: str | None = None
+    runs: Runs | None = None
+
+
+def settled_units(
+    source: SourceText, context: ReadingsContext, stated: Units | None, line: int | None = None
+) -> Units:
+    """Return the units of a file that states ``stated``.
+
+    Raises:
+        TabFileError: nobody says them, or file and context differ.
+    """
+    if stated is None:
+        if context.units is not None:
+            return context.units
+        raise source.error(
+            "no units: nothing in the file says what its numbers are",
+            "a heading such as target_mm or dro_inch, or --units mm, inch or degree",
+            line=line,
+        )
+    if context.units is not None and context.units is not stated:
+        found = f"positions in {stated.value}, told units {context.units.value}"
+        raise source.error(found, "one of both", line=line)
+    return stated
+
+
+def settled_axis(source: SourceText, context: ReadingsContext, stated: str | None) -> str | None:
+    """Return the axis of a file that states ``stated``.
+
+    Raises:
+        TabFileError: file and context name different axes.
+    """
+    if stated and context.axis and stated.casefold() != context.axis.casefold():
+        raise source.error(f"readings of axis {stated}, told axis {context.axis}", "one of both")
+    return context.axis or stated or None

@@ -1,0 +1,132 @@
+"""Readings as ISO 230-2 lists them: one line for each stop.
+
+Grammar (ours; the standard prescribes no file)::
+
+    file    := comment* heading line*
+    comment := "#" key ":" fact                        a fact about the measurement; "axis" is the axis
+    heading := names, separated by a tab, a semicolon or a comma, in any order
+    names   := "target_" UNIT, "direction", "run", and one of "measured_" UNIT, "deviation_" SMALL_UNIT
+    UNIT    := "mm" | "inch" | "deg"
+    SMALL_UNIT := UNIT | "um" (with mm) | "tenth" (0.0001 inch) | "arcsec" (with deg)
+    line    := as many cells as the heading has names
+
+``measured`` is where the instrument saw the nut, ``deviation`` that less the target. ``direction`` is the way
+in which the target was approached: forward, up, + or backward, down, -. ``run`` counts from 1. A name
+without its unit needs the units told. ``time`` and ``note`` may stand beside them and are not read.
+"""
+
+from typing import Final
+
+from gateway.compensation.direction import Direction
+from gateway.metrology.formats.cells import (
+    Sheet,
+    decimal,
+    heading_of,
+    sheet_of,
+    unit_of,
+    units_of,
+    words,
+)
+from gateway.metrology.formats.context import ReadingsContext, settled_axis, settled_units
+from gateway.metrology.formats.rows import Row, to_survey
+from gateway.metrology.readings import Survey
+from gateway.tabfile.fields import to_integer
+from gateway.tabfile.text import SourceText, shown
+
+NAME: Final = "iso-csv"
+TITLE: Final = "CSV with target, direction, run and reading, as ISO 230-2 lists them"
+HEADING: Final = "target_mm,direction,run,measured_mm (or deviation_um)"
+_DIRECTIONS: Final = {
+    "forward": Direction.FORWARD,
+    "fwd": Direction.FORWARD,
+    "up": Direction.FORWARD,
+    "+": Direction.FORWARD,
+    "backward": Direction.BACKWARD,
+    "bwd": Direction.BACKWARD,
+    "down": Direction.BACKWARD,
+    "-": Direction.BACKWARD,
+}
+_NAMES: Final = ("target", "direction", "run", "measured", "deviation", "time", "note")
+_MAX_RUN: Final = 1000
+
+
+def recognise(source: SourceText) -> bool:
+    """Whether the heading has a target and a direction."""
+    found = heading_of(source)
+    names = {name.lower() for cell in found[0].text.split(found[1]) for name in words(cell)} if found else ()
+    return "target" in names and ("direction" in names or "run" in names)
+
+
+def read(source: SourceText, context: ReadingsContext) -> Survey:
+    """Read the file.
+
+    Raises:
+        TabFileError: a heading or a cell that is not grammar, or readings that do not belong together.
+    """
+    sheet = sheet_of(source, HEADING)
+    places = _places(source, sheet)
+    units = settled_units(source, context, units_of(source, sheet), sheet.heading.number)
+    scales = [(unit_of(name) or (units, 1.0))[1] for name in sheet.names]
+    reading = "measured" if "measured" in places else "deviation"
+    rows = []
+    for line, cells in sheet.lines:
+        values = {
+            what: decimal(source, line, cells[places[what]], what) * scales[places[what]]
+            for what in ("target", reading)
+        }
+        measured = values[reading] + (values["target"] if reading == "deviation" else 0.0)
+        run = _run(source, line, cells[places["run"]])
+        direction = _direction(source, line, cells[places["direction"]])
+        rows.append(Row(line, values["target"], direction, run, measured))
+    axis = settled_axis(source, context, sheet.facts.get("axis"))
+    return to_survey(source, rows, units, axis=axis, facts=sheet.facts)
+
+
+def _places(source: SourceText, sheet: Sheet) -> dict[str, int]:
+    """Return which cell holds what."""
+    places: dict[str, int] = {}
+    for index, name in enumerate(sheet.names):
+        parts = words(name)
+        what = parts[0] if parts else ""
+        if what not in _NAMES or what in places:
+            twice = "a second " if what in places else ""
+            raise source.error(f"{twice}{shown(name)} in the heading", HEADING, line=sheet.heading.number)
+        unit = unit_of(name)
+        if len(parts) > 1 and unit is None:
+            raise source.error(
+                f"{shown(name)} in the heading: an unknown unit",
+                "mm, inch, deg; deviations also um, tenth, arcsec",
+                line=sheet.heading.number,
+            )
+        if unit is not None and unit[1] != 1.0 and what != "deviation":
+            raise source.error(
+                f"{shown(name)} in the heading", f"{what}_{unit[0].value}", line=sheet.heading.number
+            )
+        places[what] = index
+    missing = [what for what in ("target", "direction", "run") if what not in places]
+    if missing or ("measured" in places) == ("deviation" in places):
+        found = f"no {' and no '.join(missing)}" if missing else "not one of measured and deviation"
+        raise source.error(f"{found} in the heading", HEADING, line=sheet.heading.number)
+    if "deviation" in places and unit_of(sheet.names[places["deviation"]]) is None:
+        raise source.error(
+            f"{shown(sheet.names[places['deviation']])} in the heading, without a unit",
+            "deviation_um, deviation_mm, deviation_inch, deviation_tenth, deviation_deg or deviation_arcsec",
+            line=sheet.heading.number,
+        )
+    return places
+
+
+def _run(source: SourceText, line: int, text: str) -> int:
+    run = to_integer(text)
+    if run is None or not 1 <= run <= _MAX_RUN:
+        raise source.error(f"run {shown(text)}", f"a whole number from 1 to {_MAX_RUN}", line=line)
+    return run
+
+
+def _direction(source: SourceText, line: int, text: str) -> Direction:
+    direction = _DIRECTIONS.get(text.lower())
+    if direction is None:
+        raise source.error(
+            f"direction {shown(text)}", "forward, up or +; backward, down or -: the approach", line=line
+        )
+    return direction

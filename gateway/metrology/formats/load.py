@@ -1,0 +1,72 @@
+"""The formats of readings that can be read. A new one is one file and one entry in :data:`FORMATS`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.metrology.formats import iso_csv, manual, renishaw_rtl
+from gateway.metrology.formats.context import ReadingsContext
+from gateway.metrology.readings import Survey
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.text import MAX_BYTES, SourceText, decode
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingsFormat:
+    """One file format: how to tell it and how to read it."""
+
+    name: str
+    title: str
+    recognise: Callable[[SourceText], bool]
+    read: Callable[[SourceText, ReadingsContext], Survey]
+
+
+FORMATS: Final = (
+    ReadingsFormat(renishaw_rtl.NAME, renishaw_rtl.TITLE, renishaw_rtl.recognise, renishaw_rtl.read),
+    ReadingsFormat(iso_csv.NAME, iso_csv.TITLE, iso_csv.recognise, iso_csv.read),
+    ReadingsFormat(manual.NAME, manual.TITLE, manual.recognise, manual.read),
+)
+
+
+def read_survey(path: Path, context: ReadingsContext | None = None) -> Survey:
+    """Read a file of readings: whole or not at all.
+
+    Raises:
+        TabFileError: the file cannot be read, is of no known format, breaks its grammar, or does not prove
+            what it means.
+    """
+    try:
+        data = read_regular_file(path, MAX_BYTES, "a file of readings")
+    except FileRefusedError as error:
+        raise TabFileError(Problem(str(path), str(error), "")) from None
+    return parse_survey(data, str(path), context)
+
+
+def parse_survey(data: bytes, name: str, context: ReadingsContext | None = None) -> Survey:
+    """Do what :func:`read_survey` does with the content of a file.
+
+    Raises:
+        TabFileError: see there.
+    """
+    context = context or ReadingsContext()
+    source = decode(data, name)
+    return _choose(source, context.format).read(source, context)
+
+
+def _choose(source: SourceText, told: str | None) -> ReadingsFormat:
+    named = {each.name: each for each in FORMATS}
+    if told is not None and told not in named:
+        raise source.error(f"format {told!r}", ", ".join(named))
+    fitting = [each for each in FORMATS if each.recognise(source)]
+    if told is not None:
+        return named[told]
+    if len(fitting) == 1:
+        return fitting[0]
+    raise source.error(
+        "a text of no known format of readings" if not fitting else "a text that fits several formats",
+        f"a heading such as {iso_csv.HEADING!r} or {manual.HEADING!r}, or a Renishaw .rtl; "
+        f"--format {', '.join(named)}",
+        line=source.lines[0].number,
+    )

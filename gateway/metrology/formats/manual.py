@@ -1,0 +1,137 @@
+"""The table that one writes by hand at the machine, after Centroid TB058 ("Example").
+
+Grammar::
+
+    file    := comment* heading line*
+    heading := a name with "DRO" in it, one with "measured", and perhaps one with "correction"; separated by
+               a tab, a semicolon or a comma; a unit in any of them is that of the file
+    line    := as many numbers as the heading has names
+
+The DRO shows where the control believes the axis to be, the instrument measures where it is. The order of the
+DRO column is the way in which the axis went: rising is forward, falling backward. It may turn once. A
+correction that stands beside is checked against DRO - measured, and what differs is named; it is not used.
+"""
+
+from itertools import pairwise
+from typing import Final
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.units import Units
+from gateway.metrology.formats.cells import Sheet, decimal, heading_of, sheet_of, unit_of, units_of, words
+from gateway.metrology.formats.context import ReadingsContext, settled_axis, settled_units
+from gateway.metrology.formats.rows import Row, to_survey
+from gateway.metrology.readings import Survey
+from gateway.tabfile.text import SourceText, shown
+
+NAME: Final = "manual"
+TITLE: Final = "table of DRO and measured position, one or two sweeps (Centroid TB058)"
+HEADING: Final = "dro_inch,measured_inch"
+_COLUMNS: Final = ("dro", "measured", "correction")
+
+
+def recognise(source: SourceText) -> bool:
+    """Whether the heading has a DRO in it."""
+    found = heading_of(source)
+    return found is not None and any("dro" in words(cell) for cell in found[0].text.split(found[1]))
+
+
+def read(source: SourceText, context: ReadingsContext) -> Survey:
+    """Read the file; the directions follow from the order of the DRO column.
+
+    Raises:
+        TabFileError: a heading or a cell that is not grammar, fewer than two lines, a DRO column that turns
+            more than once.
+    """
+    sheet = sheet_of(source, HEADING)
+    places = _places(source, sheet)
+    units = settled_units(source, context, units_of(source, sheet), sheet.heading.number)
+    table = []
+    for line, cells in sheet.lines:
+        dro, measured = (decimal(source, line, cells[places[what]], what) for what in ("dro", "measured"))
+        table.append((line, dro, measured))
+    ways, remarks = _ways(source, table)
+    rows = [Row(line, dro, way, 1, measured) for (line, dro, measured), way in zip(table, ways, strict=True)]
+    if "correction" in places:
+        remarks += _differing(source, sheet, rows, units)
+    axis = settled_axis(source, context, sheet.facts.get("axis"))
+    return to_survey(source, rows, units, axis=axis, facts=sheet.facts, remarks=remarks)
+
+
+def _places(source: SourceText, sheet: Sheet) -> dict[str, int]:
+    places: dict[str, int] = {}
+    for index, name in enumerate(sheet.names):
+        found = [what for what in _COLUMNS if what in words(name)]
+        if len(found) != 1 or found[0] in places:
+            raise source.error(f"{shown(name)} in the heading", HEADING, line=sheet.heading.number)
+        unit = unit_of(name)
+        if unit is not None and unit[1] != 1.0 and found[0] != "correction":
+            raise source.error(
+                f"{shown(name)} in the heading",
+                f"positions in {unit[0].value}",
+                line=sheet.heading.number,
+            )
+        places[found[0]] = index
+    if not {"dro", "measured"} <= set(places):
+        raise source.error(
+            "no DRO or no measured position in the heading", HEADING, line=sheet.heading.number
+        )
+    return places
+
+
+def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[list[Direction], list[str]]:
+    """Return the direction of each line, and what was taken for granted."""
+    if len(table) < 2:
+        raise source.error(
+            f"{len(table)} line(s) of readings", "at least two: their order tells the direction"
+        )
+    first = _sense(table[0][1], table[1][1])
+    if not first:
+        raise source.error(
+            f"DRO {table[1][1]:.9g} twice at the start", "the order of the stops", line=table[1][0]
+        )
+    ways, turned_at = [first], None
+    for (line_before, before, _), (line, dro, _) in pairwise(table):
+        sense = _sense(before, dro)
+        if sense is not ways[-1]:
+            # The same position again is the first stop of the way back, taken after an overrun.
+            if turned_at is not None:
+                raise source.error(
+                    f"DRO {dro:.9g} after {before:.9g}: the axis turns for the second time (first in line "
+                    f"{turned_at})",
+                    "one sweep, or one there and one back; more runs as iso-csv: target, direction, run, "
+                    "measured",
+                    line=line,
+                )
+            turned_at = line if sense is None else line_before
+            sense = Direction.BACKWARD if first is Direction.FORWARD else Direction.FORWARD
+        ways.append(sense)
+    start = f"{source.name}:{table[0][0]}: {table[0][1]:.9g} is the first stop"
+    remarks = [f"{start}: taken as approached {first.name.lower()}; come from beyond it"]
+    if turned_at is not None:
+        at = next(dro for line, dro, _ in table if line == turned_at)
+        back = ways[-1].name.lower()
+        remarks.append(f"{source.name}:{turned_at}: the axis turned round at {at:.9g}, {back} from there")
+    return ways, remarks
+
+
+def _sense(before: float, after: float) -> Direction | None:
+    if before == after:
+        return None
+    return Direction.FORWARD if after > before else Direction.BACKWARD
+
+
+def _differing(source: SourceText, sheet: Sheet, rows: list[Row], units: Units) -> list[str]:
+    """Name corrections beside the readings that are not DRO - measured."""
+    index = next(i for i, name in enumerate(sheet.names) if "correction" in words(name))
+    scale = (unit_of(sheet.names[index]) or (units, 1.0))[1]
+    remarks = []
+    for row, (line, cells) in zip(rows, sheet.lines, strict=True):
+        written = decimal(source, line, cells[index], "correction")
+        right = (row.target - row.measured) / scale
+        decimals = len(cells[index].partition(".")[2])
+        if abs(written - right) > 0.51 * 10**-decimals:
+            remarks.append(
+                f"{source.name}:{line}: correction {cells[index]} at {row.target:.9g}, but DRO - measured is "
+                f"{round(right, 6) + 0.0:.6g}: a slip in the sheet; the readings are used"
+            )
+    return remarks

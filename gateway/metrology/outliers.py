@@ -1,0 +1,127 @@
+"""Readings that do not fit the others: named, and left to a person.
+
+With three and more runs at a target, each reading is compared with the others at the same target in the same
+direction: the modified z-score ``0.6745 |x - median| / MAD`` (Iglewicz and Hoaglin) above 3.5. The MAD of few
+runs is small by chance now and then, so the scale is never below that of all targets together, nor below the
+noise of a good laser. With one or two runs there is nothing to compare at the target; there the reading is
+held against the straight line between its neighbours, which a lone slip leaves by far more than a screw does.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median
+from typing import Final
+
+from gateway.compensation.direction import Direction
+from gateway.metrology.readings import APPROACHES, Reading, Survey
+
+NORMAL: Final = 0.6745
+"""MAD of a normal distribution, in its standard deviations."""
+MOST_SCORE: Final = 3.5
+MOST_SCORE_BESIDE: Final = 6.0
+"""A screw bends between targets, so neighbours say less than runs do."""
+LEAST_RUNS: Final = 3
+LEAST_TARGETS: Final = 7
+"""Fewer targets do not show how far a sound reading lies from the line between its neighbours."""
+NOISE_MM: Final = 0.0005
+
+_Group = dict[tuple[Direction, float], list[Reading]]
+
+
+@dataclass(frozen=True, slots=True)
+class Outlier:
+    """A reading, where the others expect it, and how far it is beyond what they scatter."""
+
+    reading: Reading
+    expected: float
+    """Deviation that the others have."""
+    score: float
+    against: str
+    """``runs`` or ``neighbours``."""
+
+    def describe(self, unit: str) -> str:
+        """Say it in one line."""
+        reading = self.reading
+        return (
+            f"{reading.direction.name.lower()} run {reading.run} at {reading.target:.9g}: deviation "
+            f"{reading.deviation:+.6g} {unit} where its {self.against} have {self.expected:+.6g} "
+            f"(score {self.score:.3g})"
+        )
+
+
+def find_outliers(survey: Survey) -> tuple[Outlier, ...]:
+    """Return the readings that do not fit, in the order of the survey."""
+    groups: _Group = {}
+    for reading in survey.readings:
+        groups.setdefault((reading.direction, reading.target), []).append(reading)
+    floor = NORMAL * survey.units.from_mm(NOISE_MM)
+    found = [*_against_runs(groups, floor)]
+    for way in APPROACHES:
+        found.extend(_against_neighbours(groups, way, floor))
+    order = {reading: index for index, reading in enumerate(survey.readings)}
+    return tuple(sorted(found, key=lambda outlier: order[outlier.reading]))
+
+
+def without(survey: Survey, outliers: Sequence[Outlier]) -> tuple[Reading, ...]:
+    """Return the readings of a survey that are not among the outliers."""
+    dropped = {outlier.reading for outlier in outliers}
+    return tuple(reading for reading in survey.readings if reading not in dropped)
+
+
+def _against_runs(groups: _Group, floor: float) -> Iterable[Outlier]:
+    enough = {key: group for key, group in groups.items() if len(group) >= LEAST_RUNS}
+    middles = {key: median(reading.deviation for reading in group) for key, group in enough.items()}
+    spreads = {key: _mad(group, middles[key]) for key, group in enough.items()}
+    common = median(spreads.values()) if spreads else 0.0
+    for key, group in enough.items():
+        scale = max(spreads[key], common, floor)
+        for reading in group:
+            score = NORMAL * abs(reading.deviation - middles[key]) / scale
+            if score > MOST_SCORE:
+                yield Outlier(reading, middles[key], score, "runs")
+
+
+def _mad(group: Sequence[Reading], middle: float) -> float:
+    return median(abs(reading.deviation - middle) for reading in group)
+
+
+def _against_neighbours(groups: _Group, way: Direction, floor: float) -> Iterable[Outlier]:
+    targets = sorted(target for direction, target in groups if direction is way)
+    if len(targets) < LEAST_TARGETS:
+        return
+    middles = {target: median(r.deviation for r in groups[way, target]) for target in targets}
+    distances = _distances(targets, middles)
+    usual = median(distances.values())
+    scale = max(median(abs(distance - usual) for distance in distances.values()), floor)
+    beside = {
+        target: max((abs(distances[near]) for near in nears if near in distances), default=0.0)
+        for target, nears in _neighbours(targets).items()
+    }
+    for target, distance in distances.items():
+        group = groups[way, target]
+        # A slip bends the lines of both its neighbours by half as much: only the sharpest bend is the slip.
+        if len(group) >= LEAST_RUNS or abs(distance) <= beside[target]:
+            continue
+        expected = middles[target] - distance
+        for reading in group:
+            score = NORMAL * abs(reading.deviation - expected - usual) / scale
+            if score > MOST_SCORE_BESIDE:
+                yield Outlier(reading, expected, score, "neighbours")
+
+
+def _distances(targets: Sequence[float], middles: Mapping[float, float]) -> dict[float, float]:
+    """Return how far each inner target lies from the line between its neighbours."""
+    distances = {}
+    for low, at, high in zip(targets, targets[1:], targets[2:], strict=False):
+        share = (at - low) / (high - low)
+        distances[at] = middles[at] - (middles[low] + share * (middles[high] - middles[low]))
+    return distances
+
+
+def _neighbours(targets: Sequence[float]) -> dict[float, list[float]]:
+    beside: dict[float, list[float]] = {target: [] for target in targets}
+    for low, high in pairwise(targets):
+        beside[low].append(high)
+        beside[high].append(low)
+    return beside

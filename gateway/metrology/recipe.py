@@ -1,0 +1,130 @@
+"""The whole way from readings to a table, with everything that a person has to know about it."""
+
+from dataclasses import dataclass
+
+from gateway.compensation.table import CorrectionTable
+from gateway.metrology.build import (
+    HomeCase,
+    HomeReference,
+    build_table,
+    referenced,
+    with_estimated_ends,
+)
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.outliers import Outlier, find_outliers, without
+from gateway.metrology.readings import APPROACHES, Survey, mean_corrections
+from gateway.metrology.resample import Loss, fewest_points, on_grid
+from gateway.metrology.smooth import Change, smoothed
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How a table is to be made; lengths in the units of the readings.
+
+    ``step`` asks for an even grid, ``tolerance`` for as few of the targets as it allows; not both. ``smooth``
+    is the window. ``one_way`` makes one curve for both directions.
+    """
+
+    home: HomeCase | HomeReference | None = None
+    step: float | None = None
+    tolerance: float | None = None
+    smooth: float | None = None
+    drop_outliers: bool = False
+    estimate_ends: bool = True
+    one_way: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Built:
+    """A table and how it came about. ``notes`` say it in sentences."""
+
+    table: CorrectionTable
+    outliers: tuple[Outlier, ...]
+    home: HomeReference | None
+    change: Change | None
+    """By smoothing."""
+    loss: Loss | None
+    """By other points."""
+    notes: tuple[str, ...]
+
+
+def build_from(survey: Survey, recipe: Recipe) -> Built:
+    """Make a table of readings.
+
+    In this order: outliers are looked for (and dropped if asked), the mean is taken at each target and in
+    each direction, turn-around points are estimated, the curves smoothed, the points chosen; at the end the
+    correction at home is subtracted, so that it is 0 there whatever was done before.
+
+    Raises:
+        ReadingsError: readings or a recipe that make no table.
+        TableError: corrections that no table may hold (a slope of 1).
+    """
+    if recipe.step is not None and recipe.tolerance is not None:
+        raise ReadingsError("a step and a tolerance: an even grid or the fewest points, not both")
+    unit = survey.units.value
+    outliers = find_outliers(survey)
+    readings = without(survey, outliers) if recipe.drop_outliers else survey.readings
+    done = "left out" if recipe.drop_outliers else "kept; --drop-outliers leaves it out"
+    notes = [*survey.remarks, *(f"outlier, {done}: {each.describe(unit)}" for each in outliers)]
+    table = build_table(readings, survey.units, estimate_ends=recipe.estimate_ends, one_way=recipe.one_way)
+    if recipe.estimate_ends and not recipe.one_way:
+        notes.extend(_estimated(Survey(readings, survey.units)))
+    change = None
+    if recipe.smooth is not None:
+        table, change = smoothed(table, recipe.smooth)
+        notes.append(
+            f"smoothed over {recipe.smooth:g} {unit}: by {change.rms:.3g} {unit} (root mean square), by "
+            f"{change.largest:.3g} at most, {change.direction.name.lower()} at {change.position:.9g}"
+        )
+    home = recipe.home.reference(table) if isinstance(recipe.home, HomeCase) else recipe.home
+    measured = table
+    table, loss = _with_points(table, recipe, home)
+    if loss is not None:
+        notes.append(
+            f"{len(table.positions)} points instead of {len(measured.positions)}: the largest loss is "
+            f"{loss.size:.3g} {unit}, {loss.direction.name.lower()} at {loss.position:.9g}"
+        )
+        notes.extend(_uncovered(measured, table))
+    if isinstance(recipe.home, HomeCase):
+        home = recipe.home.reference(table)
+    if home is None:
+        notes.append("no home reference: the corrections are 0 where the instrument was zeroed")
+    else:
+        table = referenced(table, home)
+        way = home.direction.name.lower()
+        notes.append(f"home: the {way} correction at {home.position:.9g} is 0")
+    return Built(table, outliers, home, change, loss, tuple(notes))
+
+
+def _with_points(
+    table: CorrectionTable, recipe: Recipe, home: HomeReference | None
+) -> tuple[CorrectionTable, Loss | None]:
+    if recipe.step is not None:
+        return on_grid(table, recipe.step)
+    if recipe.tolerance is not None:
+        return fewest_points(table, recipe.tolerance, keep=[home.position] if home else [])
+    return table, None
+
+
+def _estimated(survey: Survey) -> list[str]:
+    means = mean_corrections(survey.readings)
+    filled = with_estimated_ends(means)
+    return [
+        f"{way.name.lower()} at {target:.9g}: not measured (the axis turns round there); estimated from its "
+        f"neighbour's reversal, {new:+.6g} {survey.units.value} before the home reference"
+        for way, olds, news in zip(
+            APPROACHES, (means.forward, means.backward), (filled.forward, filled.backward), strict=True
+        )
+        for target, old, new in zip(means.targets, olds, news, strict=True)
+        if old is None and new is not None
+    ]
+
+
+def _uncovered(measured: CorrectionTable, table: CorrectionTable) -> list[str]:
+    unit = table.units.value
+    return [
+        f"measured from {low:.9g} to {high:.9g} {unit}, but no multiple of the step lies there: the table "
+        "does not cover it"
+        for low, high in ((measured.first, table.first), (table.last, measured.last))
+        if high > low
+    ]

@@ -1,0 +1,97 @@
+"""A better table, from readings taken while the old one was in use: new = old + (nominal - measured)."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.metrology.build import HomeReference, build_table, referenced
+from gateway.metrology.lookup import correction_at
+from gateway.metrology.readings import APPROACHES, Survey
+from gateway.metrology.smooth import Change
+
+
+class Points(Enum):
+    """The points of the new table."""
+
+    UNION = "union"
+    """Those of the old one and the targets of the readings."""
+    TABLE = "table"
+    """Those of the old one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refined:
+    """The new table, how much it differs from the old one, and what a person has to know."""
+
+    table: CorrectionTable
+    change: Change
+    notes: tuple[str, ...]
+
+
+def refine_table(
+    table: CorrectionTable,
+    survey: Survey,
+    *,
+    home: HomeReference | None = None,
+    points: Points = Points.TABLE,
+    one_way: bool = False,
+) -> Refined:
+    """Add what is left of the error to the table that left it (TB058: "Always add the error").
+
+    The rest is the mean of ``nominal - measured`` at each target and in each direction, straight between
+    targets and held beyond them; turn-around points are estimated as in a first table. With ``home`` the
+    correction there stays what it was, whatever the readings say about it: the old table's reference.
+    It may be done again and again, each time with readings under the newest table.
+
+    Args:
+        table: the one in use when the readings were taken, in any unit of the same kind.
+        survey: the readings, all with that table in use.
+        home: where the correction must not change, in the units of the readings.
+        points: the points of the new table.
+        one_way: one curve for both directions, as the old table has.
+
+    Raises:
+        ReadingsError: readings that make no table.
+        TableError: corrections that no table may hold.
+        ValueError: between a length and an angle.
+    """
+    old = table.in_units(survey.units)
+    rest = build_table(survey.readings, survey.units, one_way=one_way)
+    positions = list(old.positions)
+    if points is Points.UNION:
+        positions = sorted({*positions, *rest.positions})
+    forward, backward = (
+        [correction_at(old, x, way) + correction_at(rest, x, way) for x in positions] for way in APPROACHES
+    )
+    new = make_table(positions, forward, backward, survey.units)
+    if home is not None:
+        was = correction_at(old, home.position, home.direction)
+        new = referenced(new, home)
+        new = make_table(
+            positions, [c + was for c in new.forward], [c + was for c in new.backward], new.units
+        )
+    notes = [*survey.remarks, *_unmeasured(old, rest)]
+    if home is None:
+        notes.append("no home reference: what was read at home went into the table like any other reading")
+    return Refined(new, _change(old, new), tuple(notes))
+
+
+def _unmeasured(old: CorrectionTable, rest: CorrectionTable) -> list[str]:
+    unit = old.units.value
+    return [
+        f"no reading from {low:.9g} to {high:.9g} {unit}: the change at the nearest target is carried on"
+        for low, high in ((old.first, rest.first), (rest.last, old.last))
+        if high > low
+    ]
+
+
+def _change(old: CorrectionTable, new: CorrectionTable) -> Change:
+    differences: list[tuple[float, float, Direction]] = [
+        (abs(correction_at(new, x, way) - correction_at(old, x, way)), x, way)
+        for way in APPROACHES
+        for x in new.positions
+    ]
+    largest, position, way = max(differences, key=lambda difference: difference[0])
+    mean_square = sum(size * size for size, _, _ in differences) / len(differences)
+    return Change(largest, position, way, mean_square**0.5)

@@ -1,0 +1,120 @@
+"""Other points for a table: an even grid, or as few measured points as a tolerance allows."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import ceil, floor, inf
+from typing import Final
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.lookup import correction_at
+from gateway.metrology.readings import APPROACHES
+
+GRID_TOLERANCE: Final = 1e-9
+"""Share of a step by which a target may miss a multiple and still be on it."""
+DIGITS: Final = 12
+MAX_POINTS: Final = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """The largest difference that other points make, between the points too, and where it is."""
+
+    size: float
+    position: float
+    direction: Direction
+
+
+def on_grid(table: CorrectionTable, step: float) -> tuple[CorrectionTable, Loss]:
+    """Return the table at the multiples of a step inside it (TB058: "an even multiple of the StepSize").
+
+    What lies between an end and the first multiple inside is lost; the loss there counts as if the end value
+    of the new table were held.
+
+    Raises:
+        ReadingsError: a step that is not positive, so large that less than two multiples fit, or so small
+            that a hundred thousand do.
+    """
+    if not step > 0.0:
+        raise ReadingsError(f"a step of {step:g}: it must be a length above 0")
+    low = ceil(table.first / step - GRID_TOLERANCE)
+    high = floor(table.last / step + GRID_TOLERANCE)
+    if not 1 <= high - low < MAX_POINTS:
+        raise ReadingsError(
+            f"a step of {step:g} {table.units.value}: {max(high - low + 1, 0)} multiples of it lie in "
+            f"{table.first:.9g} to {table.last:.9g}; from 2 to {MAX_POINTS} must"
+        )
+    positions = [round(index * step, DIGITS) + 0.0 for index in range(low, high + 1)]
+    return _at(table, positions)
+
+
+def fewest_points(
+    table: CorrectionTable, tolerance: float, keep: Iterable[float] = ()
+) -> tuple[CorrectionTable, Loss]:
+    """Return the table with the fewest of its points that stays within a tolerance in both directions.
+
+    No smaller choice of points, both ends among them, does: each stretch that may be left out is an edge, and
+    the shortest way from end to end is taken. The points in ``keep`` stay, if the table has them.
+
+    Raises:
+        ReadingsError: a tolerance that is not 0 or more.
+    """
+    if not tolerance >= 0.0:
+        raise ReadingsError(f"a tolerance of {tolerance:g}: it must be 0 or more")
+    # Rounding of the sums must not cost a point that lies exactly on the line, or on the limit.
+    scale = max(table.max_correction(), abs(table.first), abs(table.last))
+    margin = tolerance + 1e-13 * scale
+    kept = set(keep)
+    count = len(table.positions)
+    steps, before = [0] + [count] * (count - 1), [0] * count
+    for start in range(count - 1):
+        for end in _reachable(table, start, margin, kept):
+            if steps[start] + 1 < steps[end]:
+                steps[end], before[end] = steps[start] + 1, start
+    chosen = [count - 1]
+    while chosen[-1] != 0:
+        chosen.append(before[chosen[-1]])
+    return _at(table, [table.positions[index] for index in reversed(chosen)])
+
+
+def _reachable(table: CorrectionTable, start: int, margin: float, kept: set[float]) -> Iterable[int]:
+    """Yield the points to which a straight line from ``start`` stays within the margin of all between.
+
+    Each point that is passed narrows the slopes that are allowed, in each direction.
+    """
+    x0 = table.positions[start]
+    limits = [(-inf, inf), (-inf, inf)]
+    for end in range(start + 1, len(table.positions)):
+        width = table.positions[end] - x0
+        rises = [curve[end] - curve[start] for curve in (table.forward, table.backward)]
+        if all(low <= rise / width <= high for (low, high), rise in zip(limits, rises, strict=True)):
+            yield end
+        if table.positions[end] in kept:
+            return
+        limits = [
+            (max(low, (rise - margin) / width), min(high, (rise + margin) / width))
+            for (low, high), rise in zip(limits, rises, strict=True)
+        ]
+        if any(low > high for low, high in limits):
+            return
+
+
+def _at(table: CorrectionTable, positions: Sequence[float]) -> tuple[CorrectionTable, Loss]:
+    forward, backward = ([correction_at(table, x, way) for x in positions] for way in APPROACHES)
+    result = make_table(positions, forward, backward, table.units)
+    return result, loss(table, result)
+
+
+def loss(before: CorrectionTable, after: CorrectionTable) -> Loss:
+    """Return the largest difference of two tables over the range of the first; outside a table is held."""
+    low, high = before.first, before.last
+    places = sorted({*before.positions, *(x for x in after.positions if low <= x <= high)})
+    return max(
+        (
+            Loss(abs(correction_at(before, x, way) - correction_at(after, x, way)), x, way)
+            for way in APPROACHES
+            for x in places
+        ),
+        key=lambda found: found.size,
+    )

@@ -1,0 +1,265 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.units import Units
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.formats import ReadingsContext, Runs, parse_survey
+from gateway.metrology.readings import Survey, merged
+from gateway.tabfile import TabFileError
+from tests.metrology.samples import RTL, TB058_MANUAL, TB058_SIMULATED
+
+UP, DOWN = Direction.FORWARD, Direction.BACKWARD
+ISO = """\
+# axis: x
+# machine: mill 7
+target_mm,direction,run,measured_mm
+0,forward,1,0.001
+50,forward,1,50.003
+100,forward,1,100.002
+100,backward,1,99.995
+50,backward,1,49.994
+0,backward,1,-0.006
+"""
+
+
+def read(text: str, **told: object) -> Survey:
+    return parse_survey(text.encode(), "laser.csv", ReadingsContext(**told))  # type: ignore[arg-type]
+
+
+def refused(text: str, **told: object) -> str:
+    with pytest.raises(TabFileError) as caught:
+        read(text, **told)
+    return str(caught.value)
+
+
+def deviations_um(survey: Survey) -> list[tuple[float, Direction, int, float]]:
+    return [(r.target, r.direction, r.run, round(r.deviation * 1e3, 6)) for r in survey.readings]
+
+
+def test_an_iso_csv_is_read_with_facts_and_axis() -> None:
+    survey = read(ISO)
+    assert survey.units is Units.MM
+    assert (survey.axis, survey.facts["machine"], survey.source) == ("x", "mill 7", "laser.csv")
+    assert survey.remarks == ()
+    assert deviations_um(survey) == [
+        (0, UP, 1, 1.0),
+        (50, UP, 1, 3.0),
+        (100, UP, 1, 2.0),
+        (100, DOWN, 1, -5.0),
+        (50, DOWN, 1, -6.0),
+        (0, DOWN, 1, -6.0),
+    ]
+
+
+def test_columns_in_another_order_with_semicolons_and_deviations_in_um() -> None:
+    text = "run;deviation_um;direction;target_mm;note\n1;2.5;up;10;a\n1;-1;+;20;\n1;-3;down;20;\n1;0;-;10;\n"
+    assert deviations_um(read(text)) == [
+        (10, UP, 1, 2.5),
+        (20, UP, 1, -1),
+        (20, DOWN, 1, -3),
+        (10, DOWN, 1, 0),
+    ]
+
+
+def test_tenths_are_ten_thousandths_of_an_inch() -> None:
+    text = "target_inch,direction,run,deviation_tenth\n1,forward,1,5\n2,forward,1,-2\n"
+    survey = read(text)
+    assert survey.units is Units.INCH
+    assert [r.measured for r in survey.readings] == pytest.approx([1.0005, 1.9998], abs=1e-12)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_line_ends_a_byte_order_mark_and_blanks_change_nothing(end: str) -> None:
+    data = b"\xef\xbb\xbf" + ISO.replace("\n", "  " + end).encode()
+    assert parse_survey(data, "laser.csv").readings == read(ISO).readings
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("target_mm", "target_inch", "mixed units: 'target_inch' is of inch, 'measured_mm' of mm"),
+        ("_mm", "", "no units"),
+        ("50.003", "50,003", "laser.csv:5: 5 cells, which a decimal comma would explain"),
+        ("50.003", "5O.003", "laser.csv:5: measured '5O.003'"),
+        ("50,forward", "50,sideways", "direction 'sideways'"),
+        ("50,forward,1", "50,forward,one", "run 'one'"),
+        ("50,forward,1", "50,forward,0", "run '0'"),
+        ("50,forward,1", "100,forward,1", "a second reading of forward run 1 at 100; the first is in line 5"),
+        (
+            "50,backward",
+            "50.0001,backward",
+            "target 50.0001, which is 50 in line 5; allowed: the same number",
+        ),
+        ("50.003", "100.003", "100.003 at target 50, the reading of target 100: +50.003 away"),
+        ("50.003", "80", "80 at target 50, the reading of target 100"),
+        (",run,", ",pass,", "'pass' in the heading"),
+        (",measured_mm", ",measured_furlong", "unknown unit"),
+        (",measured_mm", ",measured_um", "'measured_um' in the heading"),
+        (",measured_mm", ",deviation", "'deviation' in the heading, without a unit"),
+    ],
+)
+def test_what_is_wrong_in_an_iso_csv_is_named(old: str, new: str, words: str) -> None:
+    assert words in refused(ISO.replace(old, new, 2 if old == "_mm" else 1))
+
+
+def test_a_decimal_comma_between_semicolons_is_named() -> None:
+    assert "with a decimal comma" in refused(ISO.replace(",", ";").replace("50.003", "50,003"))
+
+
+def test_targets_out_of_order_are_named_with_both_lines() -> None:
+    lines = ISO.splitlines()
+    lines[3:6] = [lines[3], lines[5], lines[4]]
+    assert "laser.csv:6: target 50 after 100 (line 5) in forward run 1: out of order" in refused(
+        "\n".join(lines)
+    )
+
+
+def test_a_missing_direction_is_a_remark_with_a_remedy() -> None:
+    survey = read("".join(line for line in ISO.splitlines(keepends=True) if "backward" not in line))
+    [remark] = survey.remarks
+    assert "no backward reading at all" in remark
+    assert "--one-way" in remark
+
+
+def test_runs_of_unequal_length_are_named() -> None:
+    survey = read(ISO + "0,forward,2,0\n100,forward,2,100\n")
+    [remark] = survey.remarks
+    assert "forward run 2 has 2 of 3 readings, none at 50" in remark
+
+
+def test_the_manual_table_of_tb058_takes_its_directions_from_the_order_of_the_dro() -> None:
+    survey = read(TB058_MANUAL)
+    assert (survey.units, survey.axis) == (Units.INCH, "z")
+    assert [(r.target, r.direction) for r in survey.readings] == [
+        *((at, UP) for at in (-2.5, -2.0, -1.5, -1.0, -0.5, 0.0)),
+        *((at, DOWN) for at in (-0.5, -1.0, -1.5, -2.0, -2.5)),
+    ]
+    assert survey.remarks == (
+        "laser.csv:3: -2.5 is the first stop: taken as approached forward; come from beyond it",
+        "laser.csv:8: the axis turned round at 0, backward from there",
+    )
+
+
+def test_a_turning_point_that_is_read_again_belongs_to_the_way_back() -> None:
+    survey = read("dro_mm,measured_mm\n0,0\n10,10.01\n10,10.02\n0,0.01\n")
+    assert [r.direction for r in survey.readings] == [UP, UP, DOWN, DOWN]
+
+
+def test_the_typo_in_the_simulated_table_of_tb058_is_named() -> None:
+    survey = read(TB058_SIMULATED)
+    slips = [remark for remark in survey.remarks if "correction" in remark]
+    assert [slip.partition(";")[0] for slip in slips] == [
+        "laser.csv:4: correction 4 at 1.5, but DRO - measured is 1: a slip in the sheet"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("dro,measured\n0,0\n1,1\n", "no units"),
+        ("dro_mm,measured_mm\n0,0\n", "at least two"),
+        ("dro_mm,measured_mm\n0,0\n10,10\n0,0\n10,10\n", "laser.csv:5: DRO 10 after 0: the axis turns"),
+        ("dro_mm,measured_inch\n0,0\n10,10\n", "mixed units"),
+        ("dro_mm,reading_mm\n0,0\n10,10\n", "'reading_mm' in the heading"),
+        ("dro_mm,measured_mm\n0,0\n0,0\n", "DRO 0 twice"),
+    ],
+)
+def test_what_is_wrong_in_a_manual_table_is_named(text: str, words: str) -> None:
+    assert words in refused(text)
+
+
+def test_a_renishaw_file_keeps_its_directions() -> None:
+    survey = parse_survey(RTL.encode(), "x.rtl")
+    assert deviations_um(survey)[:2] == [(0, UP, 1, 0.0), (20, UP, 1, 1.5)]
+    assert deviations_um(survey)[6:8] == [(100, DOWN, 1, -2.5), (80, DOWN, 1, 1.0)]
+    assert len(survey.readings) == 12
+    assert survey.axis == "X"
+    assert survey.facts["Serial No"] == "4711"
+    assert survey.facts["environment"] == "Air temp: 20.1"
+
+
+def test_targets_that_fall_make_the_odd_runs_backward() -> None:
+    text = RTL.replace("  0.0000  20.0000  40.0000  60.0000  80.0000", " 0 -20 -40 -60 -80").replace(
+        "  100.0000", " -100"
+    )
+    survey = read(text)
+    assert deviations_um(survey)[1] == (-20, DOWN, 1, 1.5)
+    assert deviations_um(survey)[6] == (-100, UP, 1, -2.5)
+    assert "the targets fall, so odd runs are backward" in survey.remarks[0]
+
+
+def one_order() -> str:
+    """The same file with run 2 sorted like run 1."""
+    lines = RTL.split("\r\n")
+    start = lines.index("Run Target Data:") + 7
+    lines[start : start + 6] = reversed(lines[start : start + 6])
+    return "\r\n".join(lines)
+
+
+def test_runs_of_one_order_prove_no_direction() -> None:
+    assert "nothing proves their directions; allowed: --runs alternate" in refused(one_order())
+    alternate = read(one_order(), runs=Runs.ALTERNATE)
+    assert sorted(deviations_um(alternate), key=str) == sorted(deviations_um(read(RTL)), key=str)
+    forward = read(one_order(), runs=Runs.FORWARD)
+    assert {(r.direction, r.run) for r in forward.readings} == {(UP, 1), (UP, 2)}
+    assert "told forward" in refused(RTL, runs=Runs.FORWARD)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("Target-count: 6", "Target-count: 7", "Target-count 7, but 6 targets"),
+        ("Target-count: 6\r\n", "", "no Target-count"),
+        ("Run-count: 2", "Run-count: 3", "Run-count 3, but 2 runs"),
+        ("  2   4   4.0", "  2   4   4,0", "with a decimal comma"),
+        ("  2   3   5.0\r\n", "", "run 2 has no target 3"),
+        ("  2   3   5.0", "  2   4   5.0", "run 2 has no target 3 and target 4 twice"),
+        ("  2   3   5.0", "  2   7   5.0", "target 7; allowed: 1 to 6"),
+        ("  2   3   5.0", "  2   3", "2 numbers"),
+        ("  2   3   5.0", "  4   3   5.0", "run 4 after run 2"),
+        ("  1   2   1.5", "  1   2   15020", "35.02 at target 20, the reading of target 40"),
+        ("40.0000", "10.0000", "target 10 after 20: out of order"),
+        ("Filetype: LINEAR", "Filetype: ANGULAR", "a measurement of type 'ANGULAR'"),
+        ("RUNS::", "RUNZ::", "section 'RUNZ::'"),
+        ("Run-count: 2", "Run count 2", "'Run count 2' in section RUNS"),
+    ],
+)
+def test_what_is_wrong_in_a_renishaw_file_is_named(old: str, new: str, words: str) -> None:
+    assert old in RTL
+    assert words in refused(RTL.replace(old, new))
+
+
+def test_told_units_and_axis_that_contradict_the_file_are_refused() -> None:
+    assert "positions in mm, told units inch" in refused(ISO, units=Units.INCH)
+    assert "readings of axis x, told axis y" in refused(ISO, axis="y")
+    assert "a text of no known format" in refused("a b c\n1 2 3\n")
+    assert "format 'rtl'" in refused(ISO, format="rtl")
+
+
+@given(st.integers(1, 4), st.lists(st.integers(-50, 50), min_size=3, max_size=8))
+def test_a_csv_of_any_survey_reads_as_that_survey(runs: int, errors_um: list[int]) -> None:
+    lines, expected = ["target_mm,direction,run,deviation_um"], []
+    for run in range(1, runs + 1):
+        for way, name in ((UP, "forward"), (DOWN, "backward")):
+            stops = list(enumerate(errors_um))
+            for place, error in stops if way is UP else reversed(stops):
+                lines.append(f"{place * 10},{name},{run},{error + run}")
+                expected.append((float(place * 10), way, run, float(error + run)))
+    survey = read("\n".join(lines))
+    assert deviations_um(survey) == expected
+    assert survey.remarks == ()
+
+
+def test_surveys_of_one_axis_are_counted_on() -> None:
+    both = merged([read(ISO), read(ISO)])
+    assert {(r.direction, r.run) for r in both.readings} == {(UP, 1), (UP, 2), (DOWN, 1), (DOWN, 2)}
+    with pytest.raises(ReadingsError, match="units"):
+        merged([read(ISO), read(TB058_MANUAL)])
+
+
+def test_a_survey_in_inches_is_the_same_in_mm() -> None:
+    survey = read(TB058_MANUAL).in_units(Units.MM)
+    assert survey.readings[1].target == pytest.approx(-50.8)
+    assert survey.readings[1].deviation == pytest.approx(-0.00254)
