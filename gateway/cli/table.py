@@ -22,6 +22,7 @@ from gateway.cli.table_options import (
     Layout,
     Travel,
 )
+from gateway.cli.table_plot import plot
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     DIALECTS,
@@ -48,6 +49,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Look at correction tables (Centroid .tab versions 1, 2 and 3), check and convert them.",
 )
+
+app.command("plot")(plot)
 
 FAILING: Final = frozenset({"L4"})
 """Warnings with which ``lint`` ends as with an error: a unit slip leaves the axis as good as uncorrected."""

@@ -1,0 +1,64 @@
+"""What every command of ``pitch-gateway table`` does first: read the file, or say what is wrong with it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+import typer
+
+from gateway.cli import table_output as output
+from gateway.compensation.units import Units
+from gateway.tabfile import (
+    ContextError,
+    FileContext,
+    LoadedTable,
+    TabFileError,
+    UnitsOf,
+    dialect_of,
+    inspect_table,
+)
+
+
+def inspect(file: Path, context: FileContext) -> LoadedTable:
+    """Read a file; its own units hold, and Centroid version 1, which has none, is in inches unless told.
+
+    Raises:
+        TabFileError: see :func:`gateway.tabfile.inspect_table`.
+    """
+    units_of = dialect_of(file, context.format).units
+    if units_of is UnitsOf.FILE:
+        return inspect_table(file, replace(context, same_units=True))
+    if units_of is UnitsOf.TOLD:
+        return inspect_table(file, replace(context, file_units=context.units))
+    if context.units is not None:
+        return inspect_table(file, context)
+    loaded = inspect_table(file, replace(context, units=Units.INCH))
+    decision = "units inch: taken because the file states none and --units was not given"
+    source = replace(loaded.source, decisions=(decision, *loaded.source.decisions))
+    return replace(loaded, source=source)
+
+
+@contextmanager
+def usage() -> Iterator[None]:
+    """Turn facts that cannot be true into wrong usage (exit code 2)."""
+    try:
+        yield
+    except ContextError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+@contextmanager
+def problems() -> Iterator[None]:
+    """Turn a bad file into one line a problem on stderr and exit code 1."""
+    try:
+        yield
+    except TabFileError as error:
+        fail(error)
+
+
+def fail(error: TabFileError) -> NoReturn:
+    """Print the problems of a file, one line each on stderr, and end with exit code 1."""
+    output.print_lines((f"error: {problem}" for problem in error.problems), err=True)
+    raise typer.Exit(1) from None

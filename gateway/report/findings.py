@@ -1,0 +1,165 @@
+"""What the numbers of one axis say: ISO 230-2 before and after, and one sentence about it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.readings import Survey
+from gateway.report.errors import ReportError
+from gateway.report.story import AxisStory
+from gateway.report.words import Scale, clean, scale_of
+
+ISO_RUNS: Final = 5
+"""Runs in each direction that ISO 230-2 asks for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """One axis, evaluated. All lengths in the units of the axis; ``scale`` says how to show them."""
+
+    story: AxisStory
+    scale: Scale
+    before: Evaluation | None
+    after: Evaluation | None
+
+    @property
+    def axis(self) -> str:
+        """Name of the axis, fit for a page."""
+        return clean(self.story.axis)
+
+    @property
+    def after_word(self) -> str:
+        """What the readings after are: nobody may take a prediction for a measurement."""
+        return "predicted" if self.story.is_predicted else "measured"
+
+
+class Figure(NamedTuple):
+    """One number of the standard."""
+
+    symbol: str
+    name: str
+    direction: str
+    of: Callable[[Evaluation], float | None]
+
+
+FIGURES: Final = (
+    Figure("A", "accuracy", "both", lambda found: found.accuracy),
+    Figure("A", "accuracy", "forward", lambda found: found.accuracy_forward),
+    Figure("A", "accuracy", "backward", lambda found: found.accuracy_backward),
+    Figure("R", "repeatability", "both", lambda found: found.repeatability),
+    Figure("R", "repeatability", "forward", lambda found: found.repeatability_forward),
+    Figure("R", "repeatability", "backward", lambda found: found.repeatability_backward),
+    Figure("E", "systematic deviation", "both", lambda found: found.systematic),
+    Figure("E", "systematic deviation", "forward", lambda found: found.systematic_forward),
+    Figure("E", "systematic deviation", "backward", lambda found: found.systematic_backward),
+    Figure("M", "mean systematic deviation", "both", lambda found: found.mean_systematic),
+    Figure("B", "largest reversal", "both", lambda found: found.reversal),
+    Figure("B̄", "mean reversal", "both", lambda found: found.mean_reversal),
+)
+
+_HEADLINES: Final = (
+    (FIGURES[0], "accurate to"),
+    (FIGURES[1], "accurate in forward direction to"),
+    (FIGURES[2], "accurate in backward direction to"),
+    (FIGURES[6], "on average within a band of"),
+    (FIGURES[7], "in forward direction on average within a band of"),
+    (FIGURES[8], "in backward direction on average within a band of"),
+)
+"""What the sentence is about: the first that all readings carry."""
+
+
+def find(story: AxisStory) -> Findings:
+    """Evaluate the readings of one axis.
+
+    Raises:
+        ReportError: there is nothing to tell, units are mixed, or readings cannot be evaluated.
+    """
+    if story.table is None and story.before is None and story.after is None:
+        raise ReportError(f"axis {story.axis}: neither a table nor readings: there is nothing to show")
+    parts = (("table", story.table), ("readings before", story.before), ("readings after", story.after))
+    for name, part in parts:
+        if part is not None and part.units is not story.units:
+            raise ReportError(
+                f"axis {story.axis}: its {name} are in {part.units.value}, the axis in {story.units.value}: "
+                "convert them first"
+            )
+    before, after = (_evaluated(story.axis, survey) for survey in (story.before, story.after))
+    return Findings(story, scale_of(story.units), before, after)
+
+
+def _evaluated(axis: str, survey: Survey | None) -> Evaluation | None:
+    if survey is None:
+        return None
+    try:
+        return evaluate(survey)
+    except ReadingsError as error:
+        raise ReportError(f"axis {axis}: {error}") from error
+
+
+def sentence(found: Findings) -> str:
+    """Say in one sentence what a customer wants to know."""
+    before, after, show = found.before, found.after, found.scale.rounded
+    known = [each for each in (before, after) if each is not None]
+    for figure, words in _HEADLINES:
+        numbers = [number for each in known if (number := figure.of(each)) is not None]
+        if not known or len(numbers) < len(known):
+            continue
+        if before is not None and after is not None:
+            return _change(found, words, numbers[0], numbers[1])
+        if before is not None:
+            return f"Axis {found.axis} is {words} {show(numbers[0])} as it was measured."
+        return f"Axis {found.axis} is {_is(found)}{words} {show(numbers[0])}, with the correction in force."
+    return _about_table(found)
+
+
+def _is(found: Findings) -> str:
+    return "predicted to be " if found.story.is_predicted else ""
+
+
+def _change(found: Findings, words: str, before: float, after: float) -> str:
+    show = found.scale.rounded
+    now = "is predicted to be" if found.story.is_predicted else "is now"
+    first = f"Axis {found.axis} was {words} {show(before)} and {now} {words} {show(after)}"
+    if after >= before:
+        return f"{first}: it did not become better."
+    if after <= 0 or before / after < 1.05:
+        return f"{first}."
+    ratio = before / after
+    return f"{first}: {ratio:.0f} times better." if ratio >= 9.5 else f"{first}: {ratio:.1f} times better."
+
+
+def _about_table(found: Findings) -> str:
+    table, show = found.story.table, found.scale.rounded
+    if table is None:
+        return f"Axis {found.axis} was measured, but not often enough for a result."
+    first = f"The table of axis {found.axis} changes a position by up to {show(table.max_correction())}"
+    if table.is_unidirectional:
+        return f"{first}, the same in both directions."
+    return f"{first}; between the two directions lie up to {show(table.max_reversal())}."
+
+
+def runs_of(evaluation: Evaluation) -> tuple[int, int]:
+    """Return the smallest and the largest number of readings at a target in a direction."""
+    counts = [
+        len(approach.deviations)
+        for target in evaluation.targets
+        for approach in (target.forward, target.backward)
+        if approach is not None
+    ]
+    return min(counts), max(counts)
+
+
+def about_readings(evaluation: Evaluation) -> str:
+    """Say how many readings there are, and whether that is what the standard asks for."""
+    fewest, most = runs_of(evaluation)
+    runs = f"{fewest}" if fewest == most else f"{fewest} to {most}"
+    targets = evaluation.targets
+    one_sided = any(target.forward is None or target.backward is None for target in targets)
+    words = f"{len(targets)} targets, {runs} run{'s' if most > 1 else ''} in each direction"
+    if one_sided:
+        words += "; some targets were approached from one side only"
+    if fewest < ISO_RUNS:
+        words += f"; ISO 230-2 asks for {ISO_RUNS}"
+    return words

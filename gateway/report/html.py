@@ -1,0 +1,128 @@
+"""A report as one HTML file that needs nothing else: no script, no network, no font of its own."""
+
+import re
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.resources import files
+from typing import Final
+
+from gateway import __version__
+from gateway.report.drawing import opening_tag, panel_svg
+from gateway.report.figures import Panel, panels
+from gateway.report.findings import Findings, sentence
+from gateway.report.ink import VARIABLES
+from gateway.report.results import points_table, readings_lines, results_table
+from gateway.report.story import Report
+from gateway.report.words import clean
+
+_PAGE: Final = """\
+<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
+<meta name="generator" content="pitch-gateway {version}">
+<title>{title}</title>
+<style>
+{style}</style>
+</head>
+<body>
+<header>
+<h1>{title}</h1>
+{made_at}{facts}</header>
+<main>
+{axes}{method}</main>
+<footer><p>Made by pitch-gateway {version}.</p></footer>
+</body>
+</html>
+"""
+_METHOD: Final = """\
+<section class="card method" aria-labelledby="method">
+<h2 id="method">How the numbers are made</h2>
+<p>A deviation is where the instrument saw the nut, less the target; positive means that it went too far. At
+each target and in each direction the readings have a mean and a standard deviation s (of a sample, n − 1).
+With them, after ISO 230-2: the <b>accuracy A</b> is the distance from the lowest mean − 2s to the highest
+mean + 2s of all targets; the <b>repeatability R</b> is the largest of 4s, and for both directions of
+2s forward + 2s backward + the size of the reversal; the <b>systematic deviation E</b> is the range of the
+means; <b>M</b> is the range of the mean of both directions; the <b>reversal B</b> is the largest difference
+of the mean forward and the mean backward, B̄ its mean with its sign. A correction is the amount that is added
+to a commanded position. {predicted}The readings are the ones that were given; none is changed, and none is
+left out unless a note says so.</p>
+</section>
+"""
+_PREDICTED: Final = (
+    "Where a result is marked as predicted nobody measured it: it is computed from the readings before and "
+    "the table. "
+)
+_COLOURS: Final = re.compile("|".join(VARIABLES))
+
+
+def html_page(report: Report, found: Sequence[Findings]) -> str:
+    """Return the whole page. All text of the report is escaped: it comes from files of strangers."""
+    predicted = any(each.story.is_predicted and each.after is not None for each in found)
+    return _PAGE.format(
+        version=escape(__version__),
+        title=text(report.title),
+        made_at=f'<p class="quiet">{text(report.made_at)}</p>\n' if report.made_at else "",
+        style=files("gateway.report").joinpath("sheet.css").read_text(encoding="utf-8"),
+        facts=_facts(report.facts.items()),
+        axes="".join(_axis(each, index) for index, each in enumerate(found, start=1)),
+        method=_METHOD.format(predicted=_PREDICTED if predicted else ""),
+    )
+
+
+def text(words: str) -> str:
+    """Return text for a page: nothing in it is markup."""
+    return escape(clean(words))
+
+
+def _facts(facts: Iterable[tuple[str, str]]) -> str:
+    rows = "".join(f"<dt>{text(name)}</dt><dd>{text(fact)}</dd>\n" for name, fact in facts)
+    return f"<dl>\n{rows}</dl>\n" if rows else ""
+
+
+def _axis(found: Findings, index: int) -> str:
+    """One section: sentence, facts, results, pictures, points."""
+    prefix = f"axis{index}"
+    notes = "".join(f"<li>{text(note)}</li>\n" for note in found.story.notes)
+    parts = (
+        f'<section class="card" aria-labelledby="{prefix}">\n',
+        f'<h2 id="{prefix}">Axis {escape(found.axis)}</h2>\n',
+        f'<p class="said">{escape(sentence(found))}</p>\n',
+        _facts(found.story.facts.items()),
+        results_table(found),
+        readings_lines(found),
+        f"<h3>To know</h3>\n<ul>\n{notes}</ul>\n" if notes else "",
+        '<div class="pictures">\n',
+        *(_picture(panel, prefix) for panel in panels(found)),
+        "</div>\n",
+        points_table(found),
+        "</section>\n",
+    )
+    return "".join(parts)
+
+
+def _picture(panel: Panel, prefix: str) -> str:
+    """Put a picture into the page; whoever cannot see it is told what it shows."""
+    name = f"{prefix}-{panel.name}"
+    svg = panel_svg(panel, prefix)
+    tag = opening_tag(svg)
+    view_box = re.search(r'viewBox="[^"]*"', tag)
+    assert view_box is not None, "matplotlib writes a viewBox"
+    opening = (
+        f'<svg {view_box[0]} role="img" aria-labelledby="{name}-title {name}-about">'
+        f'<title id="{name}-title">{escape(panel.title)}</title>'
+    )
+    drawing = _COLOURS.sub(lambda found: f"var({VARIABLES[found[0]]})", _without_styles(svg[len(tag) :]))
+    kind = ' class="half"' if panel.is_half else ""
+    return (
+        f"<figure{kind}>\n<h3>{escape(panel.title)}</h3>\n"
+        f'<div class="wide" tabindex="0">{opening}{drawing.rstrip()}</div>\n'
+        f'<figcaption id="{name}-about">{escape(panel.about)}</figcaption>\n</figure>\n'
+    )
+
+
+def _without_styles(svg: str) -> str:
+    """Drop the style sheet of an SVG: inside a page it would be one of the whole page."""
+    return re.sub(r"\s*<defs>\s*<style.*?</style>\s*</defs>", "", svg, flags=re.DOTALL)

@@ -1,0 +1,146 @@
+"""A report as one picture: of each axis a sheet with its result, and under it all panels."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from gateway import __version__
+from gateway.metrology.evaluation import Evaluation
+from gateway.report.drawing import saved, svg_of
+from gateway.report.figures import Panel, panels
+from gateway.report.figures.panel import legend_to_the_right
+from gateway.report.findings import FIGURES, Findings, about_readings, sentence
+from gateway.report.ink import GRID, INK, QUIET, ZERO, settings
+from gateway.report.story import Report
+from gateway.report.words import NONE, clean, cut, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.lines import Line2D
+
+WIDTH_IN: Final = 10.0
+ROW_IN: Final = 2.75
+TITLE_IN: Final = 0.5
+SENTENCE_IN: Final = 0.42
+FACTS_IN: Final = 0.25
+RESULT_IN: Final = 0.28
+MARGIN_IN: Final = 0.1
+LEFT: Final = 0.014
+RIGHT: Final = 0.986
+_FACT_CHARACTERS: Final = 30
+_FACTS_CHARACTERS: Final = 150
+_COLUMN: Final = 0.114
+_SHORT: Final = {"systematic deviation": "systematic", "mean systematic deviation": "mean syst."}
+_SHOWN: Final = [figure for figure in FIGURES if figure.direction == "both"]
+
+
+def draw_page(report: Report, found: Sequence[Findings], form: str) -> bytes:
+    """Draw the whole report as one ``png`` or ``svg``."""
+    from matplotlib.figure import Figure
+
+    with settings("page"):
+        rows = [_rows(panels(each)) for each in found]
+        heights = [_head_height(each) + ROW_IN * len(its) for each, its in zip(found, rows, strict=True)]
+        figure = Figure(figsize=(WIDTH_IN, TITLE_IN + sum(heights)))
+        figure.set_layout_engine("constrained", w_pad=MARGIN_IN, h_pad=MARGIN_IN / 2)
+        parts = figure.subfigures(1 + len(heights), 1, height_ratios=[TITLE_IN, *heights], squeeze=False)
+        _title(parts[0, 0], report)
+        for part, each, its in zip(parts[1:, 0], found, rows, strict=True):
+            _sheet(part, each, its)
+        if form == "svg":
+            return _standalone(figure, report).encode()
+        return saved(figure, form)
+
+
+def _standalone(figure: "Figure", report: Report) -> str:
+    from html import escape
+
+    svg = svg_of(figure, "")
+    head, _, rest = svg.partition(">")
+    title = f"<title>{escape(clean(report.title))}</title>"
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{head} role="img">\n{title}{rest}'
+
+
+def _rows(its: list[Panel]) -> list[list[Panel]]:
+    """Put panels that are as good at half the width beside each other."""
+    rows: list[list[Panel]] = []
+    for panel in its:
+        if panel.is_half and rows and len(rows[-1]) == 1 and rows[-1][0].is_half:
+            rows[-1].append(panel)
+        else:
+            rows.append([panel])
+    return rows
+
+
+def _head_height(found: Findings) -> float:
+    results = [each for each in (found.before, found.after) if each is not None]
+    lines = SENTENCE_IN + (FACTS_IN if found.story.facts else 0.0)
+    return lines + (RESULT_IN * (len(results) + 1) if results else 0.0)
+
+
+def _title(part: "SubFigure", report: Report) -> None:
+    part.text(LEFT, 0.45, cut(clean(report.title), 75), fontsize=15, fontweight="bold", va="center")
+    made = f"{cut(clean(report.made_at), 60)}\npitch-gateway {__version__}".lstrip()
+    part.text(RIGHT, 0.45, made, fontsize=7.5, color=QUIET, ha="right", va="center", linespacing=1.5)
+
+
+def _sheet(part: "SubFigure", found: Findings, rows: list[list[Panel]]) -> None:
+    head_height = _head_height(found)
+    ratios = [head_height, ROW_IN * len(rows)]
+    head, body = part.subfigures(2, 1, height_ratios=ratios, squeeze=False)[:, 0]
+    _head(head, found, head_height)
+    for row, strip in zip(rows, body.subfigures(len(rows), 1, squeeze=False)[:, 0], strict=True):
+        for panel, axes in zip(row, strip.subplots(1, len(row), squeeze=False)[0], strict=True):
+            panel.draw(axes)
+            legend_to_the_right(axes)
+            axes.set_title(panel.title, pad=8 if len(row) == 1 else 20)
+
+
+def _head(head: "SubFigure", found: Findings, height: float) -> None:
+    """Write the sentence, the facts and the results in their lines from the top."""
+    rule = 1 - 0.03 / height
+    head.add_artist(_line((LEFT, RIGHT), (rule, rule)))
+    head.text(LEFT, 1 - 0.23 / height, cut(sentence(found), 110), fontsize=11.5, va="center")
+    facts = (
+        f"{cut(clean(name), _FACT_CHARACTERS)}: {cut(clean(text), _FACT_CHARACTERS)}"
+        for name, text in found.story.facts.items()
+    )
+    shown = cut("   ·   ".join(facts), _FACTS_CHARACTERS)
+    head.text(LEFT, 1 - 0.48 / height, shown, fontsize=7.5, color=QUIET, va="center")
+    results = [
+        (word, each)
+        for word, each in (("before", found.before), (f"after, {found.after_word}", found.after))
+        if each is not None
+    ]
+    if results:
+        axes = head.add_axes((0.0, 0.02, 1.0, (RESULT_IN * (len(results) + 1)) / height))
+        _results(axes, found, results)
+
+
+def _line(x: tuple[float, float], y: tuple[float, float]) -> "Line2D":
+    from matplotlib.lines import Line2D
+
+    return Line2D(x, y, color=INK, linewidth=1.1)
+
+
+def _results(axes: "Axes", found: Findings, results: list[tuple[str, Evaluation]]) -> None:
+    """Write the numbers of the standard, a line for each set of readings."""
+    axes.set_axis_off()
+    axes.set_xlim(0, 1)
+    axes.set_ylim(len(results) + 1, 0)
+    for line, colour in ((0.98, ZERO), (len(results) + 0.98, GRID)):
+        axes.axhline(line, xmin=LEFT, xmax=RIGHT, color=colour, linewidth=0.8)
+    axes.text(LEFT, 0.5, f"ISO 230-2 / {found.scale.deviation}", color=QUIET, fontsize=7.5, va="center")
+    left = RIGHT - _COLUMN * (len(_SHOWN) - 1)
+    columns = [left + _COLUMN * index for index in range(len(_SHOWN))]
+    for x, figure in zip(columns, _SHOWN, strict=True):
+        words = f"{figure.symbol}  {_SHORT.get(figure.name, figure.name)}"
+        axes.text(x, 0.5, words, color=QUIET, fontsize=7.5, va="center", ha="right")
+    for line, (word, evaluation) in enumerate(results, start=1):
+        axes.text(LEFT, line + 0.5, word, fontsize=9, va="center", fontweight="bold")
+        about = about_readings(evaluation).partition(" in each")[0]
+        axes.text(0.145, line + 0.5, about, fontsize=7.5, va="center", color=QUIET)
+        for x, figure in zip(columns, _SHOWN, strict=True):
+            value = figure.of(evaluation)
+            text = NONE if value is None else number(found.scale.of(value), 2)
+            axes.text(x, line + 0.5, text, fontsize=9.5, va="center", ha="right")

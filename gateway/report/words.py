@@ -1,0 +1,98 @@
+"""Numbers and names as a reader of a report sees them."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from gateway.compensation.units import MM_PER_INCH, Units
+
+MINUS: Final = "\N{MINUS SIGN}"
+GAP: Final = "\N{NO-BREAK SPACE}"
+"""Between a number and its unit."""
+NONE: Final = "\N{EN DASH}"
+"""Stands where the readings carry no number."""
+_UM_PER_MM: Final = 1000.0
+_ARCSEC_PER_DEGREE: Final = 3600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """How lengths of one axis are shown: positions as they are, deviations ``factor`` times as large."""
+
+    position: str
+    deviation: str
+    factor: float
+
+    def of(self, deviation: float) -> float:
+        """Convert a deviation from the units of the axis."""
+        return deviation * self.factor
+
+    def deviation_text(self, deviation: float | None, places: int) -> str:
+        r"""Render a deviation, given in the units of the axis, with its unit.
+
+        >>> scale_of(Units.MM).deviation_text(-0.0125, 1)
+        '−12.5\xa0µm'
+        """
+        return NONE if deviation is None else f"{number(self.of(deviation), places)}{GAP}{self.deviation}"
+
+    def rounded(self, deviation: float) -> str:
+        r"""Render a deviation for a sentence: three digits at most, none that nobody can feel.
+
+        >>> [scale_of(Units.MM).rounded(length) for length in (0.12034, 0.00912, 0.0000404)]
+        ['120\xa0µm', '9.1\xa0µm', '0.04\xa0µm']
+        """
+        shown = abs(self.of(deviation))
+        return self.deviation_text(deviation, 0 if shown >= 99.5 else 1 if shown >= 0.95 else 2)
+
+
+_SCALES: Final = {
+    Units.MM: Scale("mm", "µm", _UM_PER_MM),
+    Units.INCH: Scale("in", "µm", MM_PER_INCH * _UM_PER_MM),
+    Units.DEGREE: Scale("°", "arcsec", _ARCSEC_PER_DEGREE),
+}
+
+
+def scale_of(units: Units) -> Scale:
+    """Return how an axis of these units is shown."""
+    return _SCALES[units]
+
+
+def number(value: float, places: int) -> str:
+    """Render a number with a real minus sign; what rounds to zero has none.
+
+    >>> number(-1.25, 2), number(-0.001, 2), number(12345.0, 0)
+    ('−1.25', '0.00', '12345')
+    """
+    text = f"{value:.{places}f}"
+    if not text.strip("-0."):
+        text = text.lstrip("-")
+    return text.replace("-", MINUS)
+
+
+def shortest(value: float) -> str:
+    """Render a position with the digits that it has, at most nine.
+
+    >>> shortest(-12.5), shortest(0.1 + 0.2), shortest(-0.0)
+    ('−12.5', '0.3', '0')
+    """
+    return f"{value + 0.0:.9g}".replace("-", MINUS)
+
+
+def clean(text: str) -> str:
+    r"""Make any text fit for a page: what cannot be shown stands as a replacement character.
+
+    Facts come from files of strangers: control characters would end a line of a picture or make a page that
+    is no XML, and bytes that were no text cannot be encoded again.
+
+    >>> clean("Haas\x00 VF-2\udcff")
+    'Haas\ufffd VF-2\ufffd'
+    """
+    return "".join(sign if sign.isprintable() else " " if sign.isspace() else "\ufffd" for sign in text)
+
+
+def cut(text: str, longest: int) -> str:
+    """Return a text of at most ``longest`` characters, the end as an ellipsis where it is longer.
+
+    >>> cut("a long name", 7)
+    'a long…'
+    """
+    return text if len(text) <= longest else f"{text[: longest - 1].rstrip()}…"
