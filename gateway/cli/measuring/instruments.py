@@ -38,6 +38,16 @@ class Instrument(Protocol):
         """Get ready. Raises InstrumentError."""
         ...
 
+    def arm(self) -> None:
+        """The axis stands: what comes from now on is of this stop.
+
+        Raises:
+            BadReadingError: something came before.
+            InstrumentError: the instrument is gone.
+            StoppedError: the person wants it to end.
+        """
+        ...
+
     async def read(self, stop: str) -> float:
         """Return one reading of a stop, whose name a person is shown.
 
@@ -131,12 +141,15 @@ class Keyboard:
     async def open(self) -> None:
         """See :class:`Instrument`."""
 
-    async def read(self, stop: str) -> float:
-        """See :class:`Instrument`. Asks until it is a number; ``q`` ends the run."""
+    def arm(self) -> None:
+        """See :class:`Instrument`."""
         if early := self._lines.early():
             if early == "q":
                 raise StoppedError("q on the keyboard")
             self._say(f"  {early!r} was typed before the axis stood: not taken\n")
+
+    async def read(self, stop: str) -> float:
+        """See :class:`Instrument`. Asks until it is a number; ``q`` ends the run."""
         while True:
             self._say(f"{stop}: reading (q stops): ")
             line = await self._lines.line()
@@ -179,8 +192,8 @@ class GrowingCsv:
         self._at = len(data)
         self._index = self._column_of(whole.partition(b"\n")[0])
 
-    async def read(self, stop: str) -> float:
-        """See :class:`Instrument`. Waits for one more row."""
+    def arm(self) -> None:
+        """See :class:`Instrument`."""
         early = self._rows()
         if early:
             self._at += sum(len(row) + 1 for row in early)
@@ -188,6 +201,9 @@ class GrowingCsv:
                 f"{self._path}: {len(early)} rows came before the axis stood at its target: let the "
                 "instrument write one row for each stop, after the axis has come to rest"
             )
+
+    async def read(self, stop: str) -> float:
+        """See :class:`Instrument`. Waits for one more row."""
         while not (rows := self._rows()):  # noqa: ASYNC110 - no file tells when it grows
             await asyncio.sleep(POLL_S)
         self._at += sum(len(row) + 1 for row in rows)
@@ -255,9 +271,15 @@ class SerialGauge:
         self._channel = SerialChannel(port, self._endpoint, self)
         self._channel.begin()
 
+    def arm(self) -> None:
+        """See :class:`Instrument`."""
+        if self._came or self._wrong or self._lines.rest:
+            shown = self._wrong or repr((b" ".join(self._came) or self._lines.rest)[:SHOWN].decode("latin-1"))
+            self._came, self._wrong, self._lines = [], "", GaugeLines()
+            raise BadReadingError(f"{self.title}: {shown} came before the axis stood at its target")
+
     async def read(self, stop: str) -> float:
         """See :class:`Instrument`."""
-        self._check_nothing_came()
         channel = self._channel
         if channel is None or self._gone:
             raise InstrumentError(f"{self.title}: {self._gone or 'not open'}")
@@ -296,12 +318,6 @@ class SerialGauge:
         """See ``Receiver``."""
         self._gone = reason
         self._changed.set()
-
-    def _check_nothing_came(self) -> None:
-        if self._came or self._wrong or self._lines.rest:
-            shown = self._wrong or repr((b" ".join(self._came) or self._lines.rest)[:SHOWN].decode("latin-1"))
-            self._came, self._wrong, self._lines = [], "", GaugeLines()
-            raise BadReadingError(f"{self.title}: {shown} came before the axis stood at its target")
 
     async def _line(self) -> bytes:
         while True:

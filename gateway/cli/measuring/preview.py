@@ -46,8 +46,8 @@ def preview(place: Place, seen: Seen, stops: Sequence[Stop], instrument: str, pa
     if axis.referenced in (Reference.HOMING, Reference.SET_POSITION) and not seen.compensation.is_active:
         yield "  homed?        nobody can tell while nothing is corrected: home it before"
     if axis.settings.machine_offset:
-        offset = -axis.settings.machine_offset
-        yield f"  positions     machine positions, as in travel and the table; the controller's are {offset:+.9g}"
+        off = -axis.settings.machine_offset
+        yield f"  positions     machine positions, as in travel and the table; the controller's: {off:+.9g}"
 
 
 def _time(place: Place, stops: Sequence[Stop], position: float, pace: Pace) -> str:

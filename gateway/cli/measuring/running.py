@@ -14,7 +14,7 @@ from gateway.cli.measuring.showing import Showing
 from gateway.metrology.cycle import Stop
 from gateway.metrology.readings import Reading
 
-POLL_S: Final = 0.05
+POLL_S: Final = 0.02
 STILL: Final = 3
 """So many looks in a row must show the axis standing at its target."""
 STOP_TIMEOUT_S: Final = 10.0
@@ -160,13 +160,19 @@ class Run:
         while True:
             try:
                 before = await self._link.position()
-                raw = await self.halt.during(self._instrument.read(where))
+                raw = await self.halt.during(self._read(where, stop))
                 reading = self._checked(stop, raw)
             except BadReadingError as error:
                 await self._ask_again(where, error)
                 continue
             await self._check_still(stop, before)
             return reading
+
+    async def _read(self, where: str, stop: Stop) -> float:
+        """Read the instrument. It is told of what came too early before anybody is asked for a reading."""
+        self._instrument.arm()
+        self._showing.waiting(stop)
+        return await self._instrument.read(where)
 
     def _checked(self, stop: Stop, raw: float) -> Reading:
         manners = self._manners

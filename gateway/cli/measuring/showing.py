@@ -31,6 +31,10 @@ class Showing(Protocol):
         """The axis was commanded to a stop."""
         ...
 
+    def waiting(self, stop: Stop) -> None:
+        """The axis stands at a stop, and the next reading is that of it."""
+        ...
+
     def took(self, reading: Reading) -> None:
         """A reading was taken, and is on the disk."""
         ...
@@ -61,6 +65,9 @@ class AsLines:
         self._total, self._done = total, done
 
     def going(self, stop: Stop) -> None:
+        """See :class:`Showing`."""
+
+    def waiting(self, stop: Stop) -> None:
         """See :class:`Showing`."""
 
     def took(self, reading: Reading) -> None:
@@ -130,6 +137,11 @@ class AsJson(AsLines):
     def going(self, stop: Stop) -> None:
         """See :class:`Showing`."""
         self.happened("going", {"target": stop.nominal, "measure": stop.measure, "run": stop.run})
+
+    def waiting(self, stop: Stop) -> None:
+        """See :class:`Showing`."""
+        way = stop.direction.name.lower()
+        self.happened("waiting", {"target": stop.nominal, "direction": way, "run": stop.run})
 
     def took(self, reading: Reading) -> None:
         """See :class:`Showing`."""
