@@ -146,7 +146,7 @@ async def gateway(machine: Machine) -> AsyncIterator[asyncio.subprocess.Process]
     )
     try:
         assert process.stderr is not None
-        ready = set()
+        ready: set[str] = set()
         async with asyncio.timeout(SECONDS):
             while not {"ready", "line-up"} <= ready:
                 line = await process.stderr.readline()
@@ -224,6 +224,12 @@ async def measuring(machine: Machine, *arguments: str, stdin: int | None = None)
         if process.returncode is None:
             process.kill()
             await process.wait()
+
+
+async def run_command(*arguments: str) -> None:
+    """Run another command of ours, which has to be good."""
+    process = await asyncio.create_subprocess_exec(*COMMAND, *arguments, cwd=ROOT)
+    assert await asyncio.wait_for(process.wait(), SECONDS) == 0
 
 
 class Gauge:
