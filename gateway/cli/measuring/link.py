@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Final, Protocol
 
 from gateway.cli.measuring.errors import AxisError
-from gateway.cli.measuring.recipe import Lever, Recipe, acknowledges, pull, release_of, writes
+from gateway.cli.measuring.recipe import FULL, Lever, Recipe, acknowledges, pull, writes
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
 from gateway.exchange.axis import AxisExchange
@@ -53,6 +53,7 @@ class AxisLink:
         self.plan = recipe.plan
         self._master = master
         self._axis = AxisExchange(recipe.plan)
+        self._before_stop: int | None = None
 
     def machine(self, counts: float) -> float:
         """Machine position of counts, in units."""
@@ -118,7 +119,9 @@ class AxisLink:
         held = await self._word(mode.address)
         if mode.action(held) is Action.ABSOLUTE:
             return None
-        return held, (held & ~mode.mask & 0xFFFF) | self.recipe.mode_value
+        word = (held & ~mode.mask & FULL) | self.recipe.mode_value
+        self.recipe.check_words(mode.address, word, held, ())
+        return held, word
 
     async def set_mode(self, word: int) -> None:
         """Write the mode register. Raises AxisError."""
@@ -139,10 +142,10 @@ class AxisLink:
         before = await self._word(start.trigger.address) if start.needs_reading else 0
         rested = start.rested(before)
         if rested != before:
-            self.recipe.check_words(start, rested, before, ())
+            self.recipe.check_words(start.trigger.address, rested, before, ())
             await self._write(pull(self.plan, start, rested), "the trigger at rest")
         word = start.word(rested)
-        self.recipe.check_words(start, word, rested, (Action.ABSOLUTE, Action.START))
+        self.recipe.check_words(start.trigger.address, word, rested, (Action.ABSOLUTE, Action.START))
         await self._write(pull(self.plan, start, word), what)
 
     async def stop(self) -> str:
@@ -157,18 +160,21 @@ class AxisLink:
             await self.go(here)
             return f"commanded back to {here:.6g}, where it was then (its map names no stop)"
         before = await self._word(stop.trigger.address) if stop.needs_reading else 0
-        word = stop.value if stop.trigger.is_coil else stop.word(before)
-        await self._write(pull(self.plan, stop, word), "the stop")
+        await self._write(pull(self.plan, stop, stop.word(before)), "the stop")
+        self._before_stop = before
         return f"stopped by its own stop command ({stop})"
 
     async def let_go(self) -> None:
-        """Take a stop that is a state back, once the axis stands. Raises AxisError."""
-        stop = self.recipe.stop
-        value = None if stop is None else release_of(stop)
-        if stop is None or value is None:
+        """Take a stop back that is a bit which stays, once the axis stands. Raises AxisError.
+
+        The bits that start a move stay at rest.
+        """
+        stop, before = self.recipe.stop, self._before_stop
+        if stop is None or before is None or stop.trigger.mask == FULL:
             return
-        before = await self._word(stop.trigger.address) if stop.needs_reading else 0
-        word = value if stop.trigger.is_coil else Lever(stop.trigger, value).word(before)
+        word = Lever(stop.trigger, before & stop.trigger.mask).word(await self._word(stop.trigger.address))
+        if self.recipe.start is not None and self.recipe.start.trigger.address == stop.trigger.address:
+            word = self.recipe.start.rested(word)
         await self._write(pull(self.plan, stop, word), "the end of the stop")
 
     async def _word(self, address: int) -> int:

@@ -14,8 +14,6 @@ from gateway.modbus.pdu import FunctionCode
 from gateway.modbus.registers import FieldAccess, PositionField
 
 FULL: Final = 0xFFFF
-COIL_ON: Final = b"\xff\x00"
-COIL_OFF: Final = b"\x00\x00"
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +26,7 @@ class Lever:
     @property
     def needs_reading(self) -> bool:
         """Whether the register holds other things, which have to stay as they are."""
-        return not self.trigger.is_coil and (self.trigger.mask != FULL or bool(self.trigger.rising))
+        return self.trigger.mask != FULL or bool(self.trigger.rising)
 
     def word(self, before: int) -> int:
         """Return the content that does it, where the register holds ``before``."""
@@ -39,8 +37,7 @@ class Lever:
         return before & ~self.trigger.rising & FULL
 
     def __str__(self) -> str:
-        kind = "coil" if self.trigger.is_coil else "register"
-        return f"{kind} {self.trigger.address:#06x} = {self.value:#x}"
+        return f"register {self.trigger.address:#06x} = {self.value:#x}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +61,14 @@ class Recipe:
         assert self.mode is not None
         return min(value for value, action in self.mode.actions.items() if action is Action.ABSOLUTE)
 
-    def check_words(self, lever: Lever, word: int, before: int, allowed: tuple[Action, ...]) -> None:
+    def check_words(self, address: int, word: int, before: int, allowed: tuple[Action, ...]) -> None:
         """Check that a word does what it is for and nothing else.
 
         Raises:
             UndrivableError: the register's other bits would do something too.
         """
         for trigger in self.plan.motion.triggers:
-            if trigger.is_coil or trigger.address != lever.trigger.address:
+            if trigger.is_coil or trigger.address != address:
                 continue
             does = trigger.deed(word, before).action
             if does not in (*allowed, Action.IGNORE):
@@ -93,7 +90,7 @@ def recipe_of(plan: AxisPlan) -> Recipe:
     mode = motion.mode(0)
     if mode is not None:
         _check_mode(plan, mode)
-    levers = [trigger for trigger in motion.triggers if trigger.block is None]
+    levers = [trigger for trigger in motion.triggers if trigger.block is None and not trigger.is_coil]
     stop = next((lever for lever in map(_stopping, levers) if lever), None)
     following = tuple(trigger for trigger in motion.triggers if trigger.can_follow and not trigger.is_coil)
     target_words = range(target.address, target.end)
@@ -126,9 +123,6 @@ def writes(plan: AxisPlan, address: int, data: bytes) -> list[bytes]:
 
 def pull(plan: AxisPlan, lever: Lever, word: int) -> list[bytes]:
     """Return the requests that write a trigger."""
-    if lever.trigger.is_coil:
-        code = bytes((FunctionCode.WRITE_SINGLE_COIL,))
-        return [code + lever.trigger.address.to_bytes(2) + (COIL_ON if word else COIL_OFF)]
     return writes(plan, lever.trigger.address, word.to_bytes(2))
 
 
@@ -137,14 +131,6 @@ def acknowledges(request: bytes, reply: bytes) -> bool:
     if request[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS:
         return reply == request[:5]
     return reply == request
-
-
-def release_of(lever: Lever) -> int | None:
-    """Return the value of a trigger that lets go of a stop; None where a stop is an act, not a state."""
-    trigger = lever.trigger
-    if not trigger.is_coil and trigger.mask == FULL:
-        return None
-    return next((value for value, deed in trigger.deeds.items() if deed.action is Action.IGNORE), None)
 
 
 def _check_fields(plan: AxisPlan, target: PositionField) -> None:
@@ -162,6 +148,9 @@ def _check_fields(plan: AxisPlan, target: PositionField) -> None:
 def _check_mode(plan: AxisPlan, mode: ModePlan) -> None:
     if mode.is_in_frame:
         raise _undrivable(plan, "the mode of a move stands in the frame of its target")
+    acting = {*plan.motion.starts_on, *(each.address for each in plan.motion.triggers if each.mask == FULL)}
+    if mode.address in acting:
+        raise _undrivable(plan, "writing its mode makes it act")
     absolutes = [value for value, action in mode.actions.items() if action is Action.ABSOLUTE]
     if not absolutes:
         raise _undrivable(plan, "no mode of its map is absolute")
@@ -173,9 +162,7 @@ def _starting(trigger: TriggerPlan, motion: MotionPlan) -> Lever | None:
     """Return what runs the first target of the map, as an absolute move."""
     wanted = {Action.ABSOLUTE, Action.START}
     values = [
-        value
-        for value, deed in trigger.deeds.items()
-        if deed.action in wanted and deed.number in (None, 0) and not trigger.is_coil
+        value for value, deed in trigger.deeds.items() if deed.action in wanted and deed.number in (None, 0)
     ]
     if not values or (motion.mode(0) is None and any(motion.modes)):
         return None
@@ -183,7 +170,12 @@ def _starting(trigger: TriggerPlan, motion: MotionPlan) -> Lever | None:
 
 
 def _stopping(trigger: TriggerPlan) -> Lever | None:
-    value = next((value for value, deed in trigger.deeds.items() if deed.action is Action.STOP), None)
+    """Return a value that is a stop command.
+
+    0 is none: it takes an enabling bit away, and the axis would run out freely, or go on when it comes back.
+    """
+    stops = (value for value, deed in trigger.deeds.items() if deed.action is Action.STOP and value)
+    value = next(stops, None)
     return None if value is None else Lever(trigger, value)
 
 

@@ -48,7 +48,9 @@ class Run:
         instrument: Instrument,
         manners: Manners,
         file: ReadingsFile,
+        *,
         showing: Showing,
+        halt: Halt,
     ) -> None:
         self._link = link
         self._instrument = instrument
@@ -56,7 +58,7 @@ class Run:
         self._file = file
         self._showing = showing
         self._units = link.plan.settings.units.value
-        self.halt = Halt()
+        self.halt = halt
         self.readings: list[Reading] = []
         self.may_move = False
         """Whether the axis may be under way: a command has left, and nobody has seen it arrive."""
@@ -96,6 +98,9 @@ class Run:
         look = await self._until_still()
         if self.may_move:
             await self._link.let_go()
+            if not self._is_near((await self._until_still()).position, look.position):
+                await self._link.stop()
+                raise AxisError("it moved again when its stop was taken back, and was stopped once more")
             self.may_move = False
         stands = f"axis {self._link.plan.name} stands at {look.position:.6g} {self._units}"
         return f"{stands}; it was {how}" if how else stands

@@ -3,7 +3,7 @@
 import asyncio
 import signal
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,6 +17,7 @@ from gateway.cli.measuring.checks import (
     compensation_of,
 )
 from gateway.cli.measuring.errors import AxisError, MeasureError
+from gateway.cli.measuring.halt import Halt
 from gateway.cli.measuring.instruments import Instrument, Lines
 from gateway.cli.measuring.link import AxisLink, LostAxisError
 from gateway.cli.measuring.readings_file import MeasuringPlan, ReadingsFile
@@ -128,14 +129,19 @@ class Session:
         Raises:
             MeasureError: it ended early.
         """
+        halt = Halt()
+        self._listen(halt)
         await self._instrument.open()
         try:
             async with connected(self._place) as link:
-                run = Run(link, self._instrument, self._manners, self._file, self._showing)
+                run = Run(link, self._instrument, self._manners, self._file, showing=self._showing, halt=halt)
                 run.lines = lines
                 run.readings = self.readings
                 run.check_unchanged = self._unchanged(seen, status)
-                self._listen(run)
+                # A person has thought about the question meanwhile.
+                check_writer(await asyncio.to_thread(status), self._place.recipe.plan)
+                await run.check_unchanged()
+                await check_standing(link)
                 await self._measure(run, link, stops, seen)
         finally:
             self._instrument.close()
@@ -145,14 +151,15 @@ class Session:
             if seen.needed_mode is not None:
                 await link.set_mode(seen.needed_mode[1])
             await run.stops(stops)
-        except MeasureError as error:
-            self._showing.end()
-            self._showing.say(f"stopping: {error}")
+        except BaseException as error:  # whatever it was, the axis must not go on by itself
+            with suppress(Exception):
+                self._showing.end()
+                self._showing.say(f"stopping: {error}")
             await self._leave_standing(run, error)
             raise
         self._showing.end()
 
-    async def _leave_standing(self, run: Run, error: MeasureError) -> None:
+    async def _leave_standing(self, run: Run, error: BaseException) -> None:
         try:
             if isinstance(error, LostAxisError):
                 await self._stop_anew(run)
@@ -174,15 +181,16 @@ class Session:
             self._told(await run.leave_standing(link))
 
     def _told(self, how: str) -> None:
-        self._showing.say(how)
-        self._showing.happened("standing", {"text": how})
+        with suppress(Exception):  # nobody may be listening any more
+            self._showing.say(how)
+            self._showing.happened("standing", {"text": how})
 
-    def _listen(self, run: Run) -> None:
+    def _listen(self, halt: Halt) -> None:
         loop = asyncio.get_running_loop()
 
         def stop(number: signal.Signals) -> None:
             self.stopped_by = self.stopped_by or number
-            run.halt.ask("Ctrl-C" if number is signal.SIGINT else number.name)
+            halt.ask("Ctrl-C" if number is signal.SIGINT else number.name)
 
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, stop, number)
