@@ -128,25 +128,37 @@ class AxisLink:
         assert self.recipe.mode is not None
         await self._write(writes(self.plan, self.recipe.mode.address, word.to_bytes(2)), "the mode")
 
-    async def go(self, position: float) -> None:
-        """Command a position, once.
+    async def starts(self) -> list[int]:
+        """Return the words that are to be written to the trigger, one after the other, to start a move.
+
+        Raises:
+            AxisError: no reply.
+            UndrivableError: they would do something else too; the drive is not enabled, perhaps.
+        """
+        start = self.recipe.start
+        if start is None:
+            return []
+        before = await self._word(start.trigger.address) if start.needs_reading else 0
+        rested = start.rested(before)
+        word = start.word(rested)
+        address = start.trigger.address
+        self.recipe.check_words(address, word, rested, (Action.ABSOLUTE, Action.START))
+        if rested == before:
+            return [word]
+        self.recipe.check_words(address, rested, before, ())
+        return [rested, word]
+
+    async def go(self, position: float, starts: list[int]) -> None:
+        """Command a position, once; ``starts`` is what :meth:`starts` has just returned.
 
         Raises:
             AxisError: refused, or not acknowledged; whether the axis moves is then not known.
         """
         what = f"the target {position:.9g}"
         await self._write(writes(self.plan, self.recipe.target.address, self.packed(position)), what)
-        start = self.recipe.start
-        if start is None:
-            return
-        before = await self._word(start.trigger.address) if start.needs_reading else 0
-        rested = start.rested(before)
-        if rested != before:
-            self.recipe.check_words(start.trigger.address, rested, before, ())
-            await self._write(pull(self.plan, start, rested), "the trigger at rest")
-        word = start.word(rested)
-        self.recipe.check_words(start.trigger.address, word, rested, (Action.ABSOLUTE, Action.START))
-        await self._write(pull(self.plan, start, word), what)
+        for word in starts:
+            assert self.recipe.start is not None
+            await self._write(pull(self.plan, self.recipe.start, word), what)
 
     async def stop(self) -> str:
         """Stop the axis, by its own stop or by commanding the place where it is; return how.
@@ -156,8 +168,9 @@ class AxisLink:
         """
         stop = self.recipe.stop
         if stop is None:
+            starts = await self.starts()
             here = await self.position()
-            await self.go(here)
+            await self.go(here, starts)
             return f"commanded back to {here:.6g}, where it was then (its map names no stop)"
         before = await self._word(stop.trigger.address) if stop.needs_reading else 0
         await self._write(pull(self.plan, stop, stop.word(before)), "the stop")

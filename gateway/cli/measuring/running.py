@@ -128,8 +128,9 @@ class Run:
 
     async def _move(self, stop: Stop) -> None:
         self._showing.going(stop)
+        starts = await self._link.starts()
         self.may_move = True
-        await self._link.go(stop.nominal)
+        await self._link.go(stop.nominal, starts)
         loop = asyncio.get_running_loop()
         give_up_s = loop.time() + self._manners.move_timeout_s
         still, last = 0, await self._link.look()

@@ -106,6 +106,7 @@ async def look(place: Place, plan: MeasuringPlan, stops: list[Stop], status: Sta
     async with connected(place) as link:
         check_range(link, stops, is_corrected=compensation.is_active)
         position = await check_standing(link)
+        await link.starts()
         return Seen(compensation, position, await link.needed_mode())
 
 
