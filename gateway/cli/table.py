@@ -8,6 +8,7 @@ from typing import Annotated, Final, NoReturn
 
 import typer
 
+from gateway.cli import table_build, table_evaluate, table_program, table_refine
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.table_convert import converted, letter_for, report, write
@@ -51,6 +52,10 @@ app = typer.Typer(
 )
 
 app.command("plot")(plot)
+app.command("build")(table_build.build)
+app.command("refine")(table_refine.refine)
+app.command("evaluate")(table_evaluate.evaluate)
+app.command("program")(table_program.program)
 
 FAILING: Final = frozenset({"L4"})
 """Warnings with which ``lint`` ends as with an error: a unit slip leaves the axis as good as uncorrected."""

@@ -55,7 +55,10 @@ def test_the_commands_are_found() -> None:
         *((name,) for name in ("demo", "run", "check", "budget", "init", "simulate", "probe", "signtest")),
         *((name,) for name in ("enable", "disable", "reference", "record", "replay")),
         *((name,) for name in ("relay", "supervise", "reload", "explain")),
-        *(("table", name) for name in ("show", "explain", "lint", "convert")),
+        *(
+            ("table", name)
+            for name in ("show", "explain", "lint", "convert", "build", "refine", "evaluate", "program")
+        ),
         ("drives", "show"),
         *(("certificate", name) for name in ("ca", "server", "controller", "revoke", "show")),
     } <= set(COMMANDS)

@@ -30,6 +30,9 @@ COMMANDS = (
     "table explain {} --at 0",
     "table lint {}",
     "table convert {} out.tab --to centroid-2",
+    "table build {} out.tab",
+    "table refine {} never.csv out.tab",
+    "table evaluate {}",
 )
 SECONDS = 30.0
 """A command that hangs on what it was given is ended by this, and its test fails."""

@@ -5,6 +5,14 @@ file is refused with what can be done. Errors are those of table files: file, li
 """
 
 from gateway.metrology.formats.context import ReadingsContext, Runs
-from gateway.metrology.formats.load import FORMATS, ReadingsFormat, parse_survey, read_survey
+from gateway.metrology.formats.load import FORMATS, ReadingsFormat, is_readings, parse_survey, read_survey
 
-__all__ = ["FORMATS", "ReadingsContext", "ReadingsFormat", "Runs", "parse_survey", "read_survey"]
+__all__ = [
+    "FORMATS",
+    "ReadingsContext",
+    "ReadingsFormat",
+    "Runs",
+    "is_readings",
+    "parse_survey",
+    "read_survey",
+]

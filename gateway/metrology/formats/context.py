@@ -54,11 +54,11 @@ def settled_units(
 
 
 def settled_axis(source: SourceText, context: ReadingsContext, stated: str | None) -> str | None:
-    """Return the axis of a file that states ``stated``.
+    """Return the axis of a file that states ``stated``; more than a letter is a text, and what is told holds.
 
     Raises:
         TabFileError: file and context name different axes.
     """
-    if stated and context.axis and stated.casefold() != context.axis.casefold():
+    if context.axis and stated and len(stated) == 1 and stated.casefold() != context.axis.casefold():
         raise source.error(f"readings of axis {stated}, told axis {context.axis}", "one of both")
     return context.axis or stated or None

@@ -55,6 +55,15 @@ def parse_survey(data: bytes, name: str, context: ReadingsContext | None = None)
     return _choose(source, context.format).read(source, context)
 
 
+def is_readings(path: Path) -> bool:
+    """Whether a file exists and looks like one of readings."""
+    try:
+        source = decode(read_regular_file(path, MAX_BYTES, "a file of readings"), str(path))
+    except (FileRefusedError, TabFileError):
+        return False
+    return any(each.recognise(source) for each in FORMATS)
+
+
 def _choose(source: SourceText, told: str | None) -> ReadingsFormat:
     named = {each.name: each for each in FORMATS}
     if told is not None and told not in named:

@@ -1,0 +1,198 @@
+"""What the commands that take readings share: options, reading, writing, errors."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.cli import table_convert
+from gateway.cli.table_output import finding_line, print_lines
+from gateway.compensation.errors import TableError
+from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
+from gateway.metrology.build import HomeCase
+from gateway.metrology.errors import MetrologyError
+from gateway.metrology.formats import FORMATS, ReadingsContext, Runs, is_readings, read_survey
+from gateway.metrology.lookup import correction_at
+from gateway.metrology.readings import APPROACHES, Survey, merged
+from gateway.tabfile import (
+    DIALECTS,
+    ContextError,
+    Dialect,
+    FileContext,
+    LoadedTable,
+    Problem,
+    TabFileError,
+    UnitsOf,
+    V1Layout,
+    WriteOptions,
+    Written,
+    dialect_of,
+    inspect_table,
+    parse_table,
+)
+
+NAMES = ", ".join(each.name for each in FORMATS)
+
+ReadingFiles = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="READINGS...",
+        help="Files of readings: CSV, a manual table or Renishaw .rtl.",
+        show_default=False,
+        readable=False,
+    ),
+]
+OutFile = Annotated[
+    Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
+]
+To = Annotated[
+    str, typer.Option("--to", metavar="FORMAT", help="Format of OUT; pitch-gateway table formats lists all.")
+]
+ToUnits = Annotated[Units | None, typer.Option(help="Units of OUT; default: those of the readings.")]
+ToCounts = Annotated[
+    float | None,
+    typer.Option(metavar="N", help="Encoder counts per unit of the control that will read OUT."),
+]
+ReadingsUnits = Annotated[Units | None, typer.Option("--units", help="Units of readings that state none.")]
+ReadingsFormat = Annotated[
+    str | None,
+    typer.Option("--readings-format", metavar="NAME", help=f"Where it is not plain: {NAMES}."),
+]
+RunsTold = Annotated[
+    Runs | None,
+    typer.Option("--runs", help="Directions of the runs of an .rtl file that does not prove them."),
+]
+Home = Annotated[
+    HomeCase | None,
+    typer.Option(
+        "--home",
+        help="Where the correction is 0: the end with the home switch, travel on its positive or negative "
+        "side, or a reference mark at 0.",
+    ),
+]
+OneWay = Annotated[
+    bool, typer.Option("--one-way", help="One curve for both directions, from what was measured.")
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite OUT.")]
+
+
+@contextmanager
+def problems() -> Iterator[None]:
+    """Turn a bad file, readings or a table that cannot be into lines on stderr and exit code 1."""
+    try:
+        yield
+    except ContextError as error:
+        raise typer.BadParameter(str(error)) from error
+    except TabFileError as error:
+        print_lines((f"error: {problem}" for problem in error.problems), err=True)
+        raise typer.Exit(1) from None
+    except (MetrologyError, TableError, ValueError) as error:
+        print_lines([f"error: {error}"], err=True)
+        raise typer.Exit(1) from None
+
+
+def read_all(files: Sequence[Path], context: ReadingsContext) -> Survey:
+    """Read files of one axis as one survey.
+
+    Raises:
+        TabFileError, ReadingsError: see there.
+    """
+    return merged([read_survey(file, context) for file in files])
+
+
+def dialect_to_write(name: str) -> Dialect:
+    """Return the dialect of a name.
+
+    Raises:
+        BadParameter: there is none, or no system reads it.
+    """
+    writable = {dialect.name: dialect for dialect in DIALECTS if dialect.is_writable}
+    if name not in writable:
+        raise typer.BadParameter(f"{name!r}: must be one of {', '.join(sorted(writable))}", param_hint="--to")
+    return writable[name]
+
+
+def inspect_told(file: Path, context: FileContext) -> LoadedTable:
+    """Read a table file; its own units hold.
+
+    Raises:
+        TabFileError: see there.
+    """
+    units_of = dialect_of(file, context.format).units
+    if units_of is UnitsOf.FILE:
+        return inspect_table(file, replace(context, units=None))
+    if units_of is UnitsOf.TOLD:
+        return inspect_table(file, replace(context, file_units=context.units))
+    return inspect_table(file, context)
+
+
+def written(
+    table: CorrectionTable, target: Dialect, options: WriteOptions
+) -> tuple[Written, LoadedTable, float]:
+    """Write a table as text and read it back; returns both and the largest difference of a correction.
+
+    Raises:
+        TabFileError: the target cannot hold the table, or the gateway would refuse what it holds.
+    """
+    try:
+        result = target.write(table, options)
+    except TabFileError as error:
+        if "even" not in error.allowed:
+            raise
+        remedy = f"{error.allowed}: --step, or a format with positions of its own"
+        raise TabFileError(replace(error.problems[0], allowed=remedy)) from None
+    context = replace(result.context, format=target.name)
+    again = parse_table(result.text.encode(), f"the {target.name} file", context)
+    if again.errors:
+        raise TabFileError(
+            *(Problem(again.file, lint.message, "", lint.line, lint.code) for lint in again.errors)
+        )
+    same = again.table.in_units(table.units)
+    difference = max(
+        abs(correction_at(table, x, way) - correction_at(same, x, way))
+        for x in table.positions
+        for way in APPROACHES
+    )
+    return result, again, difference
+
+
+def write_file(out: Path, text: str, *, force: bool) -> None:
+    """Write a file, an existing one only with ``force``, and one of readings never.
+
+    A forgotten OUT makes the last file of readings the one to write.
+
+    Raises:
+        TabFileError: a file of this name exists, it holds readings, or the place cannot be written to.
+    """
+    if is_readings(out):
+        raise TabFileError(Problem(str(out), "a file of readings", "another name for OUT, the last argument"))
+    table_convert.write(out, text, force=force)
+
+
+def told_to_reader(result: Written) -> dict[str, object]:
+    """Return what a reader of the file must be told, by the names of the options."""
+    context = result.context
+    layout: V1Layout | None = context.v1_layout
+    told: dict[str, object | None] = {
+        "file_counts_per_unit": context.file_counts_per_unit,
+        "v1_layout": layout.value if layout else None,
+        "file_start": context.file_start,
+        "file_units": context.file_units.value if context.file_units else None,
+    }
+    return {name: fact for name, fact in told.items() if fact is not None}
+
+
+def print_written(out: Path, result: Written, again: LoadedTable, difference: float) -> None:
+    """Say for a person what was written."""
+    table = again.table
+    typer.echo(
+        f"{out}: {again.format}, {len(table.positions)} points from {table.first:g} to {table.last:g} "
+        f"{table.units.value}, corrections up to {table.max_correction():.6g}"
+    )
+    print_lines(f"not in the file: {loss}" for loss in result.losses)
+    print_lines(finding_line(str(out), lint) for lint in again.lints)
+    typer.echo(f"largest difference of a correction after reading it back: {difference:.3g}")

@@ -1,0 +1,89 @@
+"""``pitch-gateway table build``: readings of a laser, a scale or a dial gauge into a table."""
+
+from typing import Annotated
+
+import typer
+
+from gateway.cli import survey_files as shared
+from gateway.cli.evaluation_output import results_json, results_text
+from gateway.cli.table_options import AsJson, AxisLetter
+from gateway.cli.table_output import print_json, print_lines
+from gateway.metrology.evaluation import evaluate
+from gateway.metrology.formats import ReadingsContext
+from gateway.metrology.recipe import Recipe, build_from
+from gateway.metrology.residue import predicted_residue
+from gateway.tabfile import WriteOptions, axis_of_name
+
+
+def build(
+    readings: shared.ReadingFiles,
+    out: shared.OutFile,
+    *,
+    to: shared.To = "centroid-2",
+    home: shared.Home = None,
+    step: Annotated[float | None, typer.Option(help="An even grid: multiples of this distance.")] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help="As few of the targets as lose no more than this.")
+    ] = None,
+    smooth: Annotated[
+        float | None, typer.Option(metavar="WINDOW", help="Smooth over this length; says by how much.")
+    ] = None,
+    drop_outliers: Annotated[
+        bool, typer.Option("--drop-outliers", help="Leave out the readings that are named as outliers.")
+    ] = False,
+    one_way: shared.OneWay = False,
+    axis: AxisLetter = None,
+    units: shared.ReadingsUnits = None,
+    to_units: shared.ToUnits = None,
+    to_counts_per_unit: shared.ToCounts = None,
+    readings_format: shared.ReadingsFormat = None,
+    runs: shared.RunsTold = None,
+    force: shared.Force = False,
+    json: AsJson = False,
+) -> None:
+    """Build a correction table from readings that were taken without one.
+
+    The correction is target less reading, the mean of all runs in each direction; what cannot be measured
+    where the axis turns round is estimated from its neighbour. What is odd about the readings is named; what
+    the table should leave of the error is predicted from the same readings.
+
+    Examples:
+      pitch-gateway table build z.csv cnc10z.tab --home switch-negative
+
+      pitch-gateway table build run1.rtl run2.rtl cnc10x.tab --to centroid-3 --axis x --home switch-positive
+    """
+    target = shared.dialect_to_write(to)
+    recipe = Recipe(home, step, tolerance, smooth, drop_outliers, one_way=one_way)
+    with shared.problems():
+        survey = shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs))
+        built = build_from(survey, recipe)
+        table = built.table.in_units(to_units or built.table.units)
+        letter = axis or _letter(survey.axis) or axis_of_name(out.name)
+        options = WriteOptions(axis=letter, file_counts_per_unit=to_counts_per_unit)
+        result, again, difference = shared.written(table, target, options)
+        before, after = evaluate(survey), evaluate(predicted_residue(survey, again.table))
+        shared.write_file(out, result.text, force=force)
+    if json:
+        print_json(
+            {
+                "out": str(out),
+                "to": target.name,
+                "units": table.units.value,
+                "points": len(table.positions),
+                "notes": list(built.notes),
+                "losses": list(result.losses),
+                "largest_difference": difference,
+                "read_with": shared.told_to_reader(result),
+                "lints": [lint.to_json() for lint in again.lints],
+                "before": results_json(before),
+                "predicted": results_json(after),
+            }
+        )
+        return
+    print_lines((f"note: {note}" for note in built.notes), err=True)
+    shared.print_written(out, result, again, difference)
+    results_text(before, after, ("before", "predicted"))
+
+
+def _letter(axis: str | None) -> str | None:
+    return axis if axis is not None and len(axis) == 1 and axis.isalpha() else None

@@ -1,0 +1,120 @@
+"""``pitch-gateway table program``: what to measure, and programs that make the axis stop there."""
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.cli import survey_files as shared
+from gateway.compensation.units import Units
+from gateway.metrology import program as maths
+
+
+class Kind(Enum):
+    """What is written."""
+
+    CYCLE = "cycle"
+    ENDLESS = "endless"
+    LIST = "list"
+
+
+def program(
+    out: Annotated[
+        Path | None,
+        typer.Argument(metavar="OUT", help="The file to write; default: standard output.", readable=False),
+    ] = None,
+    *,
+    low: Annotated[float, typer.Option("--from", metavar="LO", help="Lowest target.")],
+    high: Annotated[float, typer.Option("--to", metavar="HI", help="Highest target.")],
+    kind: Annotated[
+        Kind,
+        typer.Option(
+            "--write",
+            help="cycle: both ways with overrun; endless: TB058's loop of one step; list: the targets, for "
+            "the software of the laser.",
+        ),
+    ] = Kind.CYCLE,
+    step: Annotated[float | None, typer.Option(help="Even targets at this distance.")] = None,
+    targets: Annotated[
+        int | None, typer.Option(help="So many targets, moved at random against periodic errors.")
+    ] = None,
+    spread: Annotated[
+        float | None,
+        typer.Option(help="How far at most a target is moved: the lead of the screw; default 0.3 intervals."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="The same number gives the same targets.")] = 1,
+    runs: Annotated[int, typer.Option(help="Runs each way.")] = 5,
+    overrun: Annotated[
+        float | None, typer.Option(help="How far beyond the ends it turns round; default 2 mm.")
+    ] = None,
+    dwell: Annotated[float, typer.Option(help="Pause for a reading, as the control takes G4 P.")] = 5.0,
+    feed: Annotated[float | None, typer.Option(help="Units a minute; default 500 mm.")] = None,
+    axis: Annotated[str, typer.Option("--axis", metavar="LETTER", help="The axis.")] = "X",
+    units: Annotated[Units, typer.Option("--units", help="Units of all lengths.")] = Units.MM,
+    force: shared.Force = False,
+) -> None:
+    """Write a program for the control, or a list of targets, for a measurement.
+
+    A cycle stops at every target upwards and downwards and turns round beyond the ends, so that no target is
+    approached from the wrong side. Targets given by their number are moved at random: an even grid cannot see
+    an error that repeats with every turn of the screw.
+
+    Examples:
+      pitch-gateway table program x.cnc --from 0 --to 500 --targets 11 --spread 5 --axis X
+
+      pitch-gateway table program --from 0 --to 33 --step 0.5 --write endless --units inch
+
+      pitch-gateway table program targets.txt --from 0 --to 500 --targets 21 --write list --seed 7
+    """
+    if (step is None) == (targets is None):
+        raise typer.BadParameter("one of --step and --targets is needed", param_hint="--step, --targets")
+    if kind is Kind.ENDLESS and step is None:
+        raise typer.BadParameter("the endless program makes even steps: --step", param_hint="--write")
+    decimals = maths.DECIMALS[units]
+    with shared.problems():
+        if step is not None:
+            stops = maths.even_targets(low, high, abs(step) if kind is Kind.ENDLESS else step)
+        else:
+            assert targets is not None
+            stops = maths.random_targets(low, high, targets, seed=seed, spread=spread, decimals=decimals)
+        cycle = maths.Cycle(
+            axis=axis,
+            units=units,
+            feed=units.from_mm(500.0) if feed is None else feed,
+            dwell=dwell,
+            overrun=units.from_mm(2.0) if overrun is None else overrun,
+            runs=runs,
+        )
+        if kind is Kind.ENDLESS:
+            text = maths.endless_steps(axis, step or 0.0, dwell, decimals)
+        elif kind is Kind.LIST:
+            text = "".join(f"{stop:.{decimals}f}\n" for stop in stops)
+        else:
+            text = maths.bidirectional_cycle(stops, cycle)
+        _warn(stops, cycle, kind)
+        if out is None:
+            typer.echo(text, nl=False)
+        else:
+            shared.write_file(out, text, force=force)
+            typer.echo(
+                f"{out}: {len(stops)} targets from {stops[0]:.{decimals}f} to {stops[-1]:.{decimals}f}"
+            )
+
+
+def _warn(stops: list[float], cycle: maths.Cycle, kind: Kind) -> None:
+    """Say on stderr where the axis will go, and what the measurement lacks of the standard's."""
+    unit = cycle.units.value
+    if kind is Kind.CYCLE:
+        typer.echo(
+            f"note: the axis goes from {stops[0] - cycle.overrun:g} to {stops[-1] + cycle.overrun:g} {unit}; "
+            "it must be free to do so",
+            err=True,
+        )
+    if kind is Kind.ENDLESS:
+        typer.echo("note: the program repeats itself until the software travel limit stops it", err=True)
+    if cycle.units is not Units.DEGREE:
+        length_mm = (stops[-1] - stops[0]) * cycle.units.convert_factor(Units.MM)
+        needed = maths.enough_targets(length_mm)
+        if len(stops) < needed:
+            typer.echo(f"note: {len(stops)} targets; ISO 230-2 asks for {needed} on this length", err=True)

@@ -1,0 +1,114 @@
+"""``pitch-gateway table refine``: a better table from readings that were taken with the old one in use."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.cli import survey_files as shared
+from gateway.cli.arguments import TableFile
+from gateway.cli.table_options import AsJson, AxisLetter, FileCounts, FileHome, FileStart, Layout, Travel
+from gateway.cli.table_output import print_json, print_lines
+from gateway.metrology.formats import ReadingsContext
+from gateway.metrology.refine import Points, refine_table
+from gateway.tabfile import FileContext, WriteOptions, axis_of_name, dialect_named
+
+
+def refine(
+    file: TableFile,
+    readings: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="READINGS...",
+            help="Readings that were taken while FILE was in use.",
+            show_default=False,
+            readable=False,
+        ),
+    ],
+    out: shared.OutFile,
+    *,
+    to: Annotated[
+        str | None, typer.Option("--to", metavar="FORMAT", help="Format of OUT; default: that of FILE.")
+    ] = None,
+    home: shared.Home = None,
+    union: Annotated[
+        bool, typer.Option("--union", help="Points of FILE and of the readings; default: those of FILE.")
+    ] = False,
+    one_way: shared.OneWay = False,
+    file_counts_per_unit: FileCounts = None,
+    file_home: FileHome = None,
+    file_start: FileStart = None,
+    v1_layout: Layout = None,
+    travel: Travel = None,
+    axis: AxisLetter = None,
+    units: shared.ReadingsUnits = None,
+    to_counts_per_unit: shared.ToCounts = None,
+    readings_format: shared.ReadingsFormat = None,
+    runs: shared.RunsTold = None,
+    force: shared.Force = False,
+    json: AsJson = False,
+) -> None:
+    """Add to a table what was left of the error while it was in use: new = old + (nominal - measured).
+
+    Do it again with readings under the new table, as often as it helps. With --home the correction at home
+    stays what it was. A turn-around point without a reading is estimated from its neighbour.
+
+    Examples:
+      pitch-gateway table refine cnc10x.tab after.csv better.tab --home switch-positive
+
+      pitch-gateway table refine cnc10z.tab after.csv better.tab --file-start -2.5 --home switch-negative
+    """
+    with shared.problems():
+        loaded = shared.inspect_told(
+            file,
+            FileContext(
+                axis=axis,
+                units=units,
+                travel=travel,
+                file_counts_per_unit=file_counts_per_unit,
+                v1_layout=v1_layout,
+                file_start=file_start,
+                file_home=file_home,
+            ),
+        )
+        target = shared.dialect_to_write(to) if to is not None else dialect_named(loaded.format)
+        survey = shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs))
+        old = loaded.table.in_units(survey.units)
+        refined = refine_table(
+            old,
+            survey,
+            home=home.reference(old) if home else None,
+            points=Points.UNION if union else Points.TABLE,
+            one_way=one_way,
+        )
+        table = refined.table.in_units(loaded.table.units)
+        letter = axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
+        scale = to_counts_per_unit or file_counts_per_unit
+        options = WriteOptions(letter, scale, v1_layout)
+        result, again, difference = shared.written(table, target, options)
+        shared.write_file(out, result.text, force=force)
+    change, unit = refined.change, survey.units.value
+    said = (
+        f"changed by {change.rms:.3g} {unit} (root mean square), by {change.largest:.3g} at most, "
+        f"{change.direction.name.lower()} at {change.position:.9g}"
+    )
+    if json:
+        print_json(
+            {
+                "file": str(file),
+                "out": str(out),
+                "to": target.name,
+                "units": unit,
+                "largest_change": change.largest,
+                "rms_change": change.rms,
+                "notes": list(refined.notes),
+                "losses": list(result.losses),
+                "largest_difference": difference,
+                "read_with": shared.told_to_reader(result),
+                "lints": [lint.to_json() for lint in again.lints],
+            }
+        )
+        return
+    print_lines((f"note: {note}" for note in refined.notes), err=True)
+    typer.echo(said)
+    shared.print_written(out, result, again, difference)

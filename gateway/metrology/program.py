@@ -1,0 +1,154 @@
+"""What to measure, and programs that make an axis stop there: targets, TB058's loop, a bidirectional cycle.
+
+Targets lie on purpose not on an even grid: an error that repeats with every turn of the screw would look the
+same at each of them. The standard's ``P_i = (i - 1) p + r`` moves every target by a random ``r``.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil, isfinite
+from random import Random
+from typing import Final
+
+from gateway.compensation.units import Units
+from gateway.metrology.errors import ReadingsError
+
+DECIMALS: Final = {Units.MM: 3, Units.INCH: 4, Units.DEGREE: 4}
+USUAL_SPREAD: Final = 0.3
+"""Of the interval: what targets are moved by at most, unless told."""
+LEAST_TARGETS: Final = 5
+TARGETS_PER_METRE: Final = 5
+UNITS_WORDS: Final = {Units.MM: "G21", Units.INCH: "G20", Units.DEGREE: ""}
+MAX_TARGETS: Final = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """How an axis is driven through its targets; lengths in ``units``, ``feed`` in units a minute.
+
+    ``overrun`` is how far it goes beyond the last target before it turns: more than the lost motion, or the
+    first target of the way back would be approached from the wrong side. ``dwell`` is in the unit of the
+    control's ``G4 P``: seconds on many, milliseconds on others.
+    """
+
+    axis: str
+    units: Units
+    feed: float
+    dwell: float
+    overrun: float
+    runs: int
+
+    def __post_init__(self) -> None:
+        """Check what no control would run.
+
+        Raises:
+            ReadingsError: no letter, or a number that is not above 0.
+        """
+        if not (len(self.axis) == 1 and self.axis.isascii() and self.axis.isalpha()):
+            raise ReadingsError(f"axis {self.axis!r}: a program needs one letter, A to Z")
+        for name, number in (("feed", self.feed), ("dwell", self.dwell), ("overrun", self.overrun)):
+            if not (isfinite(number) and number > 0.0):
+                raise ReadingsError(f"{name} {number:g}: it must be above 0")
+        if self.runs < 1:
+            raise ReadingsError(f"{self.runs} runs: at least one each way")
+
+
+def even_targets(low: float, high: float, step: float) -> list[float]:
+    """Return ``low``, every step above it, and no more than ``high``.
+
+    Raises:
+        ReadingsError: a range or a step that makes fewer than two targets, or ten thousand.
+    """
+    _check_range(low, high)
+    # A share of a millionth: 0.1 does not go into 1 exactly, and nobody means the tenth target to be lost.
+    count = int((high - low) / step + 1e-6) + 1 if step > 0.0 else 0
+    if not 2 <= count <= MAX_TARGETS:
+        raise ReadingsError(
+            f"a step of {step:g} from {low:g} to {high:g}: it must make 2 to {MAX_TARGETS} targets"
+        )
+    return [low + index * step for index in range(count)]
+
+
+def random_targets(
+    low: float, high: float, count: int, *, seed: int, spread: float | None = None, decimals: int = 3
+) -> list[float]:
+    """Return ``count`` targets, each moved up at random by less than ``spread``: ``P_i = (i - 1) p + r``.
+
+    All lie from ``low`` to ``high``. The same seed gives the same targets, for a measurement that is to be
+    repeated. The spread should be the lead of the screw or more, where the intervals allow it.
+
+    Raises:
+        ReadingsError: fewer than two targets, or a spread that would let them change places.
+    """
+    _check_range(low, high)
+    if not 2 <= count <= MAX_TARGETS:
+        raise ReadingsError(f"{count} targets: from 2 to {MAX_TARGETS}")
+    if spread is None:
+        spread = USUAL_SPREAD * (high - low) / count
+    interval = (high - low - spread) / (count - 1)
+    if not 0.0 <= spread < interval:
+        raise ReadingsError(
+            f"a spread of {spread:g} with {count} targets from {low:g} to {high:g}: it must be smaller than "
+            f"the interval that it leaves, {interval:.6g}; fewer targets, or less"
+        )
+    random = Random(seed)
+    targets = [round(low + i * interval + random.random() * spread, decimals) for i in range(count)]
+    return [min(max(target, low), high) for target in targets]
+
+
+def enough_targets(length_mm: float) -> int:
+    """Return how many targets the standard asks for on a travel of up to 2 m: five a metre, at least five."""
+    return max(LEAST_TARGETS, ceil(TARGETS_PER_METRE * length_mm / 1000.0))
+
+
+def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:
+    """Return TB058's program: one step, a pause to read the instrument, and again until the limit.
+
+    >>> print(endless_steps("X", 0.5, 5, 4), end="")
+    G91X.5
+    G4P5
+    M102
+    """
+    if not step or not isfinite(step):
+        raise ReadingsError(f"a step of {step:g}: it must not be 0; its sign is the direction")
+    return f"G91{axis.upper()}{_short(step, decimals)}\nG4P{_short(dwell, 3)}\nM102\n"
+
+
+def bidirectional_cycle(targets: Sequence[float], cycle: Cycle) -> str:
+    """Return a program that stops at every target upwards, overruns, and stops at each downwards; each run.
+
+    The first move goes below the lowest target, so that it too is approached from below.
+    """
+    return "".join(f"{line}\n" for line in _cycle_lines(targets, cycle))
+
+
+def _cycle_lines(targets: Sequence[float], cycle: Cycle) -> Iterator[str]:
+    decimals = DECIMALS[cycle.units]
+    axis, stops = cycle.axis.upper(), sorted(targets)
+    below, above = stops[0] - cycle.overrun, stops[-1] + cycle.overrun
+    yield " ".join(filter(None, (UNITS_WORDS[cycle.units], "G90 G94")))
+    yield f"G1 {axis}{below:.{decimals}f} F{_short(cycle.feed, 3)}"
+    for _ in range(cycle.runs):
+        for way, turn in ((stops, above), (stops[::-1], below)):
+            for stop in way:
+                yield f"G1 {axis}{stop:.{decimals}f}"
+                yield f"G4 P{_short(cycle.dwell, 3)}"
+            yield f"G1 {axis}{turn:.{decimals}f}"
+    yield "M30"
+
+
+def _short(number: float, decimals: int) -> str:
+    """Write a number as TB058 does: no zeros that say nothing.
+
+    >>> _short(0.5, 4), _short(-0.5, 4), _short(25, 4), _short(5.0, 3), _short(0.0, 3)
+    ('.5', '-.5', '25', '5', '0')
+    """
+    text = f"{number:.{decimals}f}".rstrip("0").rstrip(".")
+    sign, digits = ("-", text[1:]) if text.startswith("-") else ("", text)
+    digits = digits.removeprefix("0") if digits.startswith("0.") else digits
+    return f"{sign}{digits}"
+
+
+def _check_range(low: float, high: float) -> None:
+    if not (isfinite(low) and isfinite(high) and low < high):
+        raise ReadingsError(f"targets from {low:g} to {high:g}: the lower end first, then the upper")

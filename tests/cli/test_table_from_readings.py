@@ -1,0 +1,198 @@
+"""``pitch-gateway table build, refine, evaluate, program``."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from gateway.cli.table import app
+from gateway.compensation.units import Units
+from gateway.metrology.lookup import correction_at
+from gateway.metrology.readings import APPROACHES
+from gateway.tabfile import FileContext, read_table
+from tests.metrology.iso230_reports import REPORTS
+from tests.metrology.samples import RTL, TB058_MANUAL
+
+ORACLE = "bifrost slits 11358 axis 1 (2021-11-03)"
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def good(*arguments: object) -> dict[str, Any]:
+    result = run(*arguments, "--json")
+    assert result.exit_code == 0, result.output
+    data: dict[str, Any] = json.loads(result.stdout)
+    return data
+
+
+def refused(*arguments: object) -> str:
+    result = run(*arguments)
+    assert result.exit_code == 1, result.output
+    assert "Traceback" not in result.output
+    assert result.stderr.count("\n") == 1
+    return result.stderr
+
+
+@pytest.fixture
+def manual(tmp_path: Path) -> Path:
+    path = tmp_path / "z.csv"
+    path.write_text(TB058_MANUAL)
+    return path
+
+
+@pytest.fixture
+def rtl(tmp_path: Path) -> Path:
+    path = tmp_path / "x.rtl"
+    path.write_bytes(RTL.encode())
+    return path
+
+
+@pytest.fixture
+def oracle(tmp_path: Path) -> Path:
+    lines = ["target_mm,direction,run,measured_mm"]
+    lines += [
+        f"{target},{way},{number},{measured}"
+        for way in ("forward", "backward")
+        for target, runs in REPORTS[ORACLE][way].items()
+        for number, measured in enumerate(runs, start=1)
+    ]
+    path = tmp_path / "slits.csv"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_build_writes_the_table_of_tb058_and_says_what_it_estimated(manual: Path, tmp_path: Path) -> None:
+    out = tmp_path / "cnc10z.tab"
+    data = good("build", manual, out, "--home", "switch-negative")
+    assert [line.split(";")[0].strip() for line in out.read_text().splitlines()] == [
+        "2 5 0.5 20 1 0",
+        *("2.0000", "3.0000", "4.0000", "5.0000", "6.0000", "7.0000"),
+        "",
+        *("3.0000", "2.0000", "1.0000", "0.0000", "-1.0000", "0.0000"),
+    ]
+    assert data["read_with"] == {"file_start": -2.5}
+    assert any("estimated from its neighbour's reversal" in note for note in data["notes"])
+    assert data["predicted"]["both"]["E"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_build_for_a_person_names_the_notes_on_stderr(manual: Path, tmp_path: Path) -> None:
+    result = run("build", manual, tmp_path / "cnc10z.tab", "--home", "switch-negative")
+    assert result.exit_code == 0
+    assert "note: home: the backward correction at 0 is 0" in result.stderr
+    assert "E  systematic error" in result.stdout
+    assert "6 points from -2.5 to 0 inch" in result.stdout
+
+
+def test_build_reads_several_files_as_runs_and_converts_units(rtl: Path, tmp_path: Path) -> None:
+    twice = tmp_path / "again.rtl"
+    twice.write_bytes(rtl.read_bytes())
+    out = tmp_path / "x.tab"
+    data = good(
+        "build", rtl, twice, out, "--to", "centroid-3", "--to-units", "inch", "--home", "switch-positive"
+    )
+    assert data["units"] == "inch"
+    assert data["before"]["targets"][0]["runs"] == [2, 2]
+    table = read_table(out, FileContext()).table
+    assert table.units is Units.INCH
+    assert table.last == pytest.approx(100 / 25.4, abs=1e-6)
+    # Deviation forward at 40 mm is 3 µm, at home 0: 3 µm less are told there.
+    assert correction_at(table, 40 / 25.4, APPROACHES[0]) == pytest.approx(-0.003 / 25.4, abs=1e-6)
+
+
+def test_build_never_writes_over_readings(manual: Path, rtl: Path) -> None:
+    assert "a file of readings; allowed: another name for OUT" in refused("build", rtl, manual, "--force")
+    assert manual.read_text() == TB058_MANUAL
+
+
+def test_build_refuses_in_one_line(manual: Path, rtl: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.tab"
+    assert "switch-positive: the targets -2.5 to 0" in refused(
+        "build", manual, out, "--home", "switch-positive"
+    )
+    assert "of units inch" in refused("build", manual, rtl, out)
+    assert "not both" in refused("build", manual, out, "--step", 0.5, "--tolerance", 0.1)
+    assert "no such file" in refused("build", tmp_path / "no.csv", out).lower()
+    manual.write_text(TB058_MANUAL.replace("-1.0003", "-1,0003"))
+    assert "a decimal comma would explain" in refused("build", manual, out)
+    assert not out.exists()
+    assert run("build", manual, out, "--to", "centroid-9").exit_code == 2
+
+
+def test_uneven_targets_need_a_step_for_an_even_format(tmp_path: Path) -> None:
+    readings = tmp_path / "r.csv"
+    stops = ((0, 0), (7, 7.001), (20, 20.002), (31, 31.004))
+    rows = [f"{t},{way},1,{m}" for way in ("forward", "backward") for t, m in stops]
+    readings.write_text("\n".join(["target_mm,direction,run,measured_mm", *rows]))
+    assert "--step" in refused("build", readings, tmp_path / "a.tab")
+    data = good("build", readings, tmp_path / "a.tab", "--step", 10)
+    assert data["points"] == 4
+    assert any("from 30 to 31 mm" in note for note in data["notes"])
+
+
+def test_evaluate_gives_the_published_results(oracle: Path) -> None:
+    both = good("evaluate", oracle)["before"]["both"]
+    assert {name: round(value, 5) for name, value in both.items()} == {
+        "A": 0.01857,
+        "R": 0.00835,
+        "E": 0.01599,
+        "M": 0.01495,
+        "B": 0.00456,
+        "Bm": 0.0007,
+    }
+
+
+def test_evaluate_predicts_what_a_table_leaves_and_compares_with_what_was_measured(
+    oracle: Path, tmp_path: Path
+) -> None:
+    table = tmp_path / "slits.tab"
+    good("build", oracle, table, "--step", 10.2)
+    predicted = good("evaluate", oracle, "--table", table, "--file-start", 20.4)
+    assert predicted["is_predicted"]
+    assert predicted["after"]["both"]["R"] is not None
+    measured = good("evaluate", oracle, "--after", oracle)
+    assert measured["after"] == measured["before"]
+    assert not measured["is_predicted"]
+    shown = run("evaluate", oracle, "--after", oracle)
+    assert "0.01857" in shown.stdout
+    assert "100%" in shown.stdout
+    assert run("evaluate", oracle, "--after", oracle, "--table", table).exit_code == 2
+
+
+def test_refine_adds_what_is_left(tmp_path: Path) -> None:
+    first = tmp_path / "before.csv"
+    rows = [f"{x},{way},1,{x + 0.002 * x / 10}" for way in ("forward", "backward") for x in (0, 10, 20)]
+    first.write_text("\n".join(["target_mm,direction,run,measured_mm", *rows]))
+    old, new = tmp_path / "cnc10x.tab", tmp_path / "better.tab"
+    good("build", first, old, "--home", "switch-positive", "--to", "centroid-3", "--axis", "x")
+    after = tmp_path / "after.csv"
+    left = [f"{x},{way},1,{x + 0.001}" for way in ("forward", "backward") for x in (0, 10, 20)]
+    after.write_text("\n".join(["target_mm,direction,run,measured_mm", *left]))
+    data = good("refine", old, after, new)
+    assert data["largest_change"] == pytest.approx(0.001)
+    assert list(read_table(new, FileContext()).table.forward) == pytest.approx([-0.001, -0.003, -0.005])
+    kept = tmp_path / "kept.tab"
+    good("refine", old, after, kept, "--home", "switch-positive")
+    assert list(read_table(kept, FileContext()).table.forward) == pytest.approx(
+        [0.0, -0.002, -0.004], abs=1e-9
+    )
+    assert "a file of this name" in refused("refine", old, after, new)
+
+
+def test_program_writes_what_tb058_prints(tmp_path: Path) -> None:
+    result = run("program", "--from", 0, "--to", 33, "--step", 0.5, "--write", "endless", "--units", "inch")
+    assert result.stdout == "G91X.5\nG4P5\nM102\n"
+    assert "until the software travel limit" in result.stderr
+    out = tmp_path / "targets.txt"
+    assert run("program", out, "--from", 0, "--to", 500, "--targets", 11, "--write", "list").exit_code == 0
+    targets = [float(line) for line in out.read_text().splitlines()]
+    assert len(targets) == 11
+    assert targets == sorted(targets)
+    few = run("program", "--from", 0, "--to", 500, "--targets", 3)
+    assert "ISO 230-2 asks for 5" in few.stderr
+    assert "the axis goes from" in few.stderr
+    assert run("program", "--from", 0, "--to", 500).exit_code == 2
+    assert run("program", "--from", 0, "--to", 500, "--step", 5, "--targets", 3).exit_code == 2

@@ -1,0 +1,131 @@
+import re
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from gateway.compensation.units import Units
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.program import (
+    Cycle,
+    bidirectional_cycle,
+    endless_steps,
+    enough_targets,
+    even_targets,
+    random_targets,
+)
+
+MM = Cycle("x", Units.MM, feed=500, dwell=5, overrun=2, runs=2)
+
+
+def test_the_endless_program_is_that_of_tb058() -> None:
+    assert endless_steps("X", 0.5, 5, 4) == "G91X.5\nG4P5\nM102\n"
+    assert endless_steps("x", -0.5, 5, 4) == "G91X-.5\nG4P5\nM102\n"
+    assert endless_steps("Z", 25, 2.5, 3) == "G91Z25\nG4P2.5\nM102\n"
+
+
+def test_a_cycle_of_two_targets_by_hand() -> None:
+    program = bidirectional_cycle([10, 0], Cycle("x", Units.MM, feed=500, dwell=5, overrun=2, runs=1))
+    assert program.splitlines() == [
+        "G21 G90 G94",
+        "G1 X-2.000 F500",
+        "G1 X0.000",
+        "G4 P5",
+        "G1 X10.000",
+        "G4 P5",
+        "G1 X12.000",
+        "G1 X10.000",
+        "G4 P5",
+        "G1 X0.000",
+        "G4 P5",
+        "G1 X-2.000",
+        "M30",
+    ]
+
+
+@given(st.sets(st.integers(-500, 500), min_size=2, max_size=12), st.integers(1, 4), st.sampled_from(Units))
+def test_every_stop_is_approached_from_the_side_it_counts_for(
+    places: set[int], runs: int, units: Units
+) -> None:
+    cycle = Cycle("Z", units, feed=20, dwell=3, overrun=1.5, runs=runs)
+    lines = bidirectional_cycle([float(place) for place in places], cycle).splitlines()
+    moves = [float(found.group(1)) for line in lines if (found := re.match(r"G1 Z(-?[\d.]+)", line))]
+    stops = [i for i, line in enumerate(lines) if line.startswith("G4")]
+    assert len(stops) == 2 * runs * len(places)
+    at: list[tuple[float, float]] = []
+    before = None
+    for line in lines:
+        if found := re.match(r"G1 Z(-?[\d.]+)", line):
+            before, here = (at[-1][1] if at else float(found.group(1))), float(found.group(1))
+            at.append((before, here))
+        elif line.startswith("G4"):
+            came_from, here = at[-1]
+            assert here in places
+            assert came_from != here
+    forward = [here for came, here in at if here > came and here in places]
+    backward = [here for came, here in at if here < came and here in places]
+    assert sorted(forward) == sorted(backward) == sorted([*places] * runs)
+    assert min(moves) == min(places) - 1.5
+    assert max(moves) == max(places) + 1.5
+    assert lines[0].split()[0] == {Units.MM: "G21", Units.INCH: "G20", Units.DEGREE: "G90"}[units]
+
+
+@given(
+    st.floats(-1000, 1000),
+    st.floats(10, 2000),
+    st.integers(2, 60),
+    st.integers(),
+    st.floats(0, 0.4),
+)
+def test_random_targets_rise_inside_the_range_and_move_by_less_than_the_spread(
+    low: float, length: float, count: int, seed: int, share: float
+) -> None:
+    high, spread = low + length, share * length / count
+    interval = (length - spread) / (count - 1)
+    assume(spread < interval)
+    targets = random_targets(low, high, count, seed=seed, spread=spread, decimals=9)
+    assert targets == random_targets(low, high, count, seed=seed, spread=spread, decimals=9)
+    assert all(low <= target <= high for target in targets)
+    for i, target in enumerate(targets):
+        assert -1e-8 <= target - (low + i * interval) <= spread + 1e-8
+    assert targets == sorted(targets)
+
+
+def test_another_seed_gives_other_targets() -> None:
+    assert random_targets(0, 500, 11, seed=1) != random_targets(0, 500, 11, seed=2)
+
+
+def test_targets_break_the_period_of_the_screw() -> None:
+    """With a lead of 5 mm an even grid of 50 mm always stops at one angle; these do not."""
+    angles = {round(target % 5.0) for target in random_targets(0, 500, 11, seed=1, spread=5)}
+    assert len(angles) >= 4
+    assert {target % 5.0 for target in even_targets(0, 500, 50)} == {0.0}
+
+
+def test_even_targets_reach_the_end() -> None:
+    assert even_targets(0, 1, 0.1)[-1] == pytest.approx(1.0)
+    assert even_targets(-32.6, 0, 0.5)[:2] == [-32.6, -32.1]
+    assert (enough_targets(300), enough_targets(1000), enough_targets(1500)) == (5, 5, 8)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: even_targets(0, 10, 0),
+        lambda: even_targets(0, 10, 11),
+        lambda: even_targets(10, 0, 1),
+        lambda: even_targets(0, 1e9, 1e-3),
+        lambda: random_targets(0, 10, 1, seed=1),
+        lambda: random_targets(0, 10, 5, seed=1, spread=3),
+        lambda: random_targets(0, 10, 5, seed=1, spread=-1),
+        lambda: random_targets(0, float("nan"), 5, seed=1),
+        lambda: endless_steps("X", 0, 5, 3),
+        lambda: Cycle("xy", Units.MM, feed=500, dwell=5, overrun=2, runs=1),
+        lambda: Cycle("x", Units.MM, feed=0, dwell=5, overrun=2, runs=1),
+        lambda: Cycle("x", Units.MM, feed=500, dwell=5, overrun=0, runs=1),
+        lambda: Cycle("x", Units.MM, feed=500, dwell=5, overrun=2, runs=0),
+    ],
+)
+def test_what_no_machine_would_run_is_refused(make: object) -> None:
+    with pytest.raises(ReadingsError):
+        make()  # type: ignore[operator]
