@@ -56,8 +56,9 @@ bench-quick: setup ## the same in a few minutes, to see that it works; writes in
 attacks: setup test-programs ## every attack for some seconds, and what it costs; writes its table into docs/security.md
 	$(BIN)/python -m tests.attacks --write
 
-pictures: setup test-programs ## take the pictures of the page that the documents show
+pictures: setup test-programs ## take the pictures of the page and of reports that the documents show
 	$(BIN)/python -m tests.pictures
+	$(BIN)/python -m tests.report.pictures
 
 docs: setup ## write what the documents have from the code: keys, events, errors, drives
 	@$(BIN)/python -m tools.docs

@@ -8,6 +8,8 @@ import tempfile
 import time
 from collections.abc import Coroutine
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from gateway.cli.demonstration.screen import Screen
+    from gateway.cli.demonstration.view import View
 
 ONCE_SPEED_UP: Final = 100.0
 LIVE_SPEED_UP: Final = 8.0
@@ -49,6 +52,15 @@ def demo(
         Path | None,
         typer.Option("--keep", help="Keep gateway.toml and the tables in this folder.", metavar="DIR"),
     ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            "--report",
+            help="One round, with the laser before and after; write its report: .html, .png or .svg.",
+            metavar="OUT",
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the report.")] = False,
 ) -> None:
     """Show a worn machine become accurate: simulated controllers, drives and laser, the real gateway between.
 
@@ -64,52 +76,81 @@ def demo(
         pitch-gateway demo
         pitch-gateway demo --once --json
         pitch-gateway demo --once --seed 7 --keep /tmp/demo
+        pitch-gateway demo --report machine.html
     """
     from rich.console import Console
 
     from gateway.relay.errors import StartError
+    from gateway.report.errors import ReportError
+    from gateway.report.writing import check_place
     from gateway.simulator.errors import SimulatorError
 
-    live = not once and not json_output and Console().is_terminal
+    live = not once and not json_output and report is None and Console().is_terminal
+    wanted = _Wanted(seed, keep, json_output, report, force)
     try:
+        if report is not None:
+            check_place(report, force=force)
         with ExitStack() as exits:
             folder = keep or Path(
                 exits.enter_context(tempfile.TemporaryDirectory(prefix="pitch-gateway-demo-"))
             )
             folder.mkdir(parents=True, exist_ok=True)
-            good = asyncio.run(
-                _live(Console(), folder, seed) if live else _once(folder, seed, keep, json_output)
-            )
+            good = asyncio.run(_live(Console(), folder, seed) if live else _once(folder, wanted))
     except _StoppedError as stopped:
         typer.echo(f"demo: {stopped}", err=True)
         raise typer.Exit(stopped.exit_code) from None
-    except (SimulatorError, StartError, OSError) as error:
+    except (SimulatorError, StartError, ReportError, OSError) as error:
         typer.echo(f"demo: {error}", err=True)
         raise typer.Exit(1) from None
     if not good:
         raise typer.Exit(1)
 
 
-async def _once(folder: Path, seed: int, keep: Path | None, json_output: bool) -> bool:
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What one round was asked for."""
+
+    seed: int
+    keep: Path | None
+    json: bool
+    report: Path | None
+    force: bool
+
+
+async def _once(folder: Path, wanted: _Wanted) -> bool:
     """One round with a line for each step, and its result."""
     from rich.console import Console
 
     from gateway.cli.demonstration.cycle import run_round
     from gateway.cli.demonstration.report import Narrator, as_json, is_good, summary
+    from gateway.cli.demonstration.story import REPORT_RUNS
 
     started_s = time.monotonic()
-    view = await _until_signal(run_round(seed, folder, ONCE_SPEED_UP, Narrator(Console(stderr=True))))
-    if json_output:
-        json.dump(
-            as_json(view, time.monotonic() - started_s, str(keep) if keep else None), sys.stdout, indent=2
-        )
+    runs = 0 if wanted.report is None else REPORT_RUNS
+    narrator = Narrator(Console(stderr=True))
+    view = await _until_signal(run_round(wanted.seed, folder, ONCE_SPEED_UP, narrator, runs))
+    if wanted.report is not None:
+        _write_report(view, wanted.report, force=wanted.force)
+    if wanted.json:
+        result = as_json(view, time.monotonic() - started_s, str(wanted.keep) if wanted.keep else None)
+        json.dump({**result, "report": wanted.report and str(wanted.report)}, sys.stdout, indent=2)
         sys.stdout.write("\n")
     else:
         console = Console()
         console.print(summary(view))
-        if keep:
-            console.print(f"configuration and tables are in {keep}", highlight=False)
+        if wanted.keep:
+            console.print(f"configuration and tables are in {wanted.keep}", highlight=False)
+        if wanted.report:
+            console.print(f"the report is {wanted.report}", highlight=False)
     return is_good(view)
+
+
+def _write_report(view: "View", path: Path, *, force: bool) -> None:
+    from gateway.cli.demonstration.story import report_of
+    from gateway.report.writing import write_report
+
+    made_at = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    write_report(report_of(view, made_at), path, force=force)
 
 
 async def _live(console: "Console", folder: Path, seed: int) -> bool:

@@ -7,10 +7,12 @@ import typer
 
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
+from gateway.cli.readings_options import Readings, ReadingsFormat, ReadingsRuns, with_readings
 from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
 from gateway.cli.table_reading import inspect, problems, usage
 from gateway.report.errors import ReportError
 from gateway.report.story import AxisStory, Report
+from gateway.report.words import shortest
 from gateway.report.writing import check_place, place, render
 from gateway.tabfile import LoadedTable, axis_of_name
 
@@ -33,10 +35,13 @@ def plot(
     *,
     told: Told,
     counts_per_unit: Counts = None,
+    readings: Readings = None,
+    readings_format: ReadingsFormat = None,
+    runs: ReadingsRuns = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.")] = False,
     json: AsJson = False,
 ) -> None:
-    """Draw a table: forward and backward corrections, backlash, slope.
+    """Draw a table: forward and backward corrections, backlash, slope; with READINGS also what it does.
 
     The suffix of OUT decides: PNG or SVG is one picture, HTML a report to hand on, in a single file that
     needs no network. Deviations are in µm, positions in the units of the table.
@@ -46,11 +51,15 @@ def plot(
 
       pitch-gateway table plot cnc10z.tab z-axis.html
 
+      pitch-gateway table plot cnc10x.tab x.html --readings laser.rtl
+
       pitch-gateway table plot CNC7X.TAB - --file-counts-per-unit 64000 > x.svg
     """
     with usage(), problems():
         loaded = inspect(file, told.context(counts_per_unit))
     story = story_of(loaded, told.axis)
+    if readings:
+        story = with_readings(story, readings, readings_format, runs)
     write(story, file, out, force=force, json=json)
 
 
@@ -92,7 +101,7 @@ def story_of(loaded: LoadedTable, axis: str | None) -> AxisStory:
         "file": Path(loaded.file).name,
         "format": loaded.format,
         "points": f"{len(table.positions)}",
-        "range": f"{table.first:g} to {table.last:g} {table.units.value}",
+        "range": f"{shortest(table.first)} to {shortest(table.last)} {table.units.value}",
         "SHA-256": loaded.sha256,
     }
     notes = (

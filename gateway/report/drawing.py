@@ -21,7 +21,8 @@ _METADATA: Final[dict[str, dict[str, None]]] = {
 }
 """Nothing that differs from one release or one day to the next."""
 _TAG: Final = re.compile(r"<svg\b[^>]*>")
-_METADATA_BLOCK: Final = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
+_NOT_DRAWN: Final = re.compile(r"\s*<metadata>.*?</metadata>|\s*<!--.*?-->", re.DOTALL)
+"""Who made it, and every text once more as a comment."""
 
 
 def panel_svg(panel: Panel, prefix: str) -> str:
@@ -30,15 +31,15 @@ def panel_svg(panel: Panel, prefix: str) -> str:
 
     with settings(f"{prefix}-{panel.name}"):
         figure = Figure(figsize=HALF_SIZE if panel.is_half else FULL_SIZE, layout="constrained")
-        panel.draw(figure.add_subplot())
+        panel.draw_on(figure.add_subplot(), prefix)
         return svg_of(figure, f"{prefix}-{panel.name}-")
 
 
 def svg_of(figure: "Figure", prefix: str) -> str:
-    """Return a figure as SVG text from its first tag on, with names that begin with ``prefix``."""
+    """Return a figure as SVG text from its first tag on; every name in it begins with ``prefix``."""
     text = saved(figure, "svg").decode()
-    text = _METADATA_BLOCK.sub("", text[text.index("<svg") :])
-    text = re.sub(r'\bid="', f'id="{prefix}', text)
+    text = _NOT_DRAWN.sub("", text[text.index("<svg") :])
+    text = re.sub(rf'\bid="(?!{prefix})', f'id="{prefix}', text)
     text = re.sub(r'(xlink:)?href="#', f'href="#{prefix}', text)
     return re.sub(r"url\(#", f"url(#{prefix}", text)
 
@@ -49,8 +50,23 @@ def saved(figure: "Figure", form: str) -> bytes:
     with warnings.catch_warnings():
         # A sign that the font does not have is drawn as a box: the name of a machine may hold any.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        _settle(figure)
         figure.savefig(stream, format=form, dpi=PNG_DPI, metadata=_METADATA[form])
     return stream.getvalue()
+
+
+def _settle(figure: "Figure") -> None:
+    """Fix the layout at whole millionths: its solver leaves other last digits each time."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    parts = list(figure.subfigs)
+    while parts:
+        part = parts.pop()
+        part.bbox_relative.set_points(part.bbox_relative.get_points().round(6))
+        parts += part.subfigs
+    for axes in figure.axes:
+        x, y, width, height = (round(side, 6) for side in axes.get_position().bounds)
+        axes.set_position((x, y, width, height))
 
 
 def opening_tag(svg: str) -> str:

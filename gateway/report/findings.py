@@ -9,10 +9,11 @@ from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.readings import Survey
 from gateway.report.errors import ReportError
 from gateway.report.story import AxisStory
-from gateway.report.words import Scale, clean, scale_of
+from gateway.report.words import Scale, clean, cut, scale_of
 
 ISO_RUNS: Final = 5
 """Runs in each direction that ISO 230-2 asks for."""
+_NAME_CHARACTERS: Final = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +28,7 @@ class Findings:
     @property
     def axis(self) -> str:
         """Name of the axis, fit for a page."""
-        return clean(self.story.axis)
+        return cut(clean(self.story.axis), _NAME_CHARACTERS)
 
     @property
     def after_word(self) -> str:

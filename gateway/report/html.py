@@ -40,20 +40,22 @@ _PAGE: Final = """\
 _METHOD: Final = """\
 <section class="card method" aria-labelledby="method">
 <h2 id="method">How the numbers are made</h2>
-<p>A deviation is where the instrument saw the nut, less the target; positive means that it went too far. At
+<p>{readings}A correction is the amount that is added to a commanded position; between the points of a table
+it is a straight line.{predicted}</p>
+</section>
+"""
+_READINGS: Final = """\
+A deviation is where the instrument saw the nut, less the target; positive means that it went too far. At
 each target and in each direction the readings have a mean and a standard deviation s (of a sample, n − 1).
 With them, after ISO 230-2: the <b>accuracy A</b> is the distance from the lowest mean − 2s to the highest
 mean + 2s of all targets; the <b>repeatability R</b> is the largest of 4s, and for both directions of
 2s forward + 2s backward + the size of the reversal; the <b>systematic deviation E</b> is the range of the
 means; <b>M</b> is the range of the mean of both directions; the <b>reversal B</b> is the largest difference
-of the mean forward and the mean backward, B̄ its mean with its sign. A correction is the amount that is added
-to a commanded position. {predicted}The readings are the ones that were given; none is changed, and none is
-left out unless a note says so.</p>
-</section>
-"""
+of the mean forward and the mean backward, B̄ its mean with its sign. The readings are the ones that were
+given; none is left out unless a note says so. """
 _PREDICTED: Final = (
-    "Where a result is marked as predicted nobody measured it: it is computed from the readings before and "
-    "the table. "
+    " Where a result is marked as predicted nobody measured it: it is computed from the readings before and "
+    "the table."
 )
 _COLOURS: Final = re.compile("|".join(VARIABLES))
 
@@ -61,6 +63,7 @@ _COLOURS: Final = re.compile("|".join(VARIABLES))
 def html_page(report: Report, found: Sequence[Findings]) -> str:
     """Return the whole page. All text of the report is escaped: it comes from files of strangers."""
     predicted = any(each.story.is_predicted and each.after is not None for each in found)
+    measured = any(each.before is not None or each.after is not None for each in found)
     return _PAGE.format(
         version=escape(__version__),
         title=text(report.title),
@@ -68,7 +71,9 @@ def html_page(report: Report, found: Sequence[Findings]) -> str:
         style=files("gateway.report").joinpath("sheet.css").read_text(encoding="utf-8"),
         facts=_facts(report.facts.items()),
         axes="".join(_axis(each, index) for index, each in enumerate(found, start=1)),
-        method=_METHOD.format(predicted=_PREDICTED if predicted else ""),
+        method=_METHOD.format(
+            readings=_READINGS if measured else "", predicted=_PREDICTED if predicted else ""
+        ),
     )
 
 

@@ -27,8 +27,8 @@ RESULT_IN: Final = 0.28
 MARGIN_IN: Final = 0.1
 LEFT: Final = 0.014
 RIGHT: Final = 0.986
-_FACT_CHARACTERS: Final = 30
-_FACTS_CHARACTERS: Final = 150
+_FACT_CHARACTERS: Final = 40
+_FACTS_CHARACTERS: Final = 165
 _COLUMN: Final = 0.114
 _SHORT: Final = {"systematic deviation": "systematic", "mean systematic deviation": "mean syst."}
 _SHOWN: Final = [figure for figure in FIGURES if figure.direction == "both"]
@@ -45,8 +45,8 @@ def draw_page(report: Report, found: Sequence[Findings], form: str) -> bytes:
         figure.set_layout_engine("constrained", w_pad=MARGIN_IN, h_pad=MARGIN_IN / 2)
         parts = figure.subfigures(1 + len(heights), 1, height_ratios=[TITLE_IN, *heights], squeeze=False)
         _title(parts[0, 0], report)
-        for part, each, its in zip(parts[1:, 0], found, rows, strict=True):
-            _sheet(part, each, its)
+        for index, (each, its) in enumerate(zip(found, rows, strict=True), start=1):
+            _sheet(parts[index, 0], each, its, f"axis{index}")
         if form == "svg":
             return _standalone(figure, report).encode()
         return saved(figure, form)
@@ -84,14 +84,14 @@ def _title(part: "SubFigure", report: Report) -> None:
     part.text(RIGHT, 0.45, made, fontsize=7.5, color=QUIET, ha="right", va="center", linespacing=1.5)
 
 
-def _sheet(part: "SubFigure", found: Findings, rows: list[list[Panel]]) -> None:
+def _sheet(part: "SubFigure", found: Findings, rows: list[list[Panel]], prefix: str) -> None:
     head_height = _head_height(found)
     ratios = [head_height, ROW_IN * len(rows)]
     head, body = part.subfigures(2, 1, height_ratios=ratios, squeeze=False)[:, 0]
     _head(head, found, head_height)
     for row, strip in zip(rows, body.subfigures(len(rows), 1, squeeze=False)[:, 0], strict=True):
         for panel, axes in zip(row, strip.subplots(1, len(row), squeeze=False)[0], strict=True):
-            panel.draw(axes)
+            panel.draw_on(axes, prefix)
             legend_to_the_right(axes)
             axes.set_title(panel.title, pad=8 if len(row) == 1 else 20)
 

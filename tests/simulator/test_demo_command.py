@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -99,6 +100,57 @@ def test_one_round_that_a_signal_stopped_is_no_success(options: list[str], numbe
     assert output == ""
     last = errors.splitlines()[-1]
     assert last == f"demo: stopped by {number.name} before its end: there is no result"
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("demo") / "report.html"
+    arguments = [*COMMAND_LINE, "--json", "--seed", "3", "--report", str(path)]
+    process = subprocess.run(arguments, capture_output=True, text=True, timeout=100, check=False)
+    assert process.returncode == 0, process.stderr
+    assert json.loads(process.stdout)["report"] == str(path)
+    assert (
+        "axis x: tcp → gateway → tcp: measuring with the laser, with correction (320 stops)" in process.stderr
+    )
+    return path.read_text()
+
+
+def test_the_report_of_a_round_shows_every_axis_before_and_after(reported: str) -> None:
+    found = re.findall(
+        r"<tr class=.total.><th scope=.row.><b>(.)</b> accuracy</th><td>(.*?)</td><td>(.*?)<", reported
+    )
+    assert [symbol for symbol, _, _ in found] == ["A", "A", "A"]
+    for _, before, after in found:
+        assert float(before) > 50
+        assert float(after) <= 0.05 * float(before)
+    # B of lost motion by itself: what the simulated machine has, as far as 0.1 µm of noise let the laser see
+    reversals = [float(each) for each in re.findall(r"</b> mean reversal</th><td>−([\d.]+)</td>", reported)]
+    motions = [float(each) for each in re.findall(r"<dt>lost motion</dt><dd>([\d.]+) µm</dd>", reported)]
+    assert len(motions) == 3
+    assert reversals == pytest.approx(motions, abs=1.0)
+
+
+def test_the_report_of_a_round_is_measured_as_the_standard_asks(reported: str) -> None:
+    for targets in (31, 26, 21):
+        assert f"<b>Before</b>: {targets} targets, 5 runs in each direction.<br>" in reported
+        assert f"<b>After (measured)</b>: {targets} targets, 5 runs in each direction.</p>" in reported
+    assert reported.count("At 60 random targets between them") == 3
+    assert reported.count("<dt>read back</dt><dd>exactly what was commanded</dd>") == 3
+    assert "predicted" not in reported.partition("<body>")[2]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("there.html", "a file of this name"), ("a.pdf", ".html, .png, .svg")]
+)
+def test_a_place_for_the_report_is_looked_at_before_the_round(tmp_path: Path, name: str, words: str) -> None:
+    (tmp_path / "there.html").write_text("mine")
+    arguments = [*COMMAND_LINE, "--report", str(tmp_path / name)]
+    process = subprocess.run(arguments, capture_output=True, text=True, timeout=60, check=False)
+    assert process.returncode == 1
+    assert process.stderr.startswith(f"demo: {tmp_path / name}: ")
+    assert words in process.stderr
+    assert process.stderr.count("\n") == 1
+    assert (tmp_path / "there.html").read_text() == "mine"
 
 
 def _read(fd: int) -> bytes:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.cli.demonstration.rig import PATIENCE_S, RigAxis
-from gateway.cli.demonstration.spec import Cable
+from gateway.cli.demonstration.spec import AxisSpec, Cable
 from gateway.compensation.table import CorrectionTable
 from gateway.modbus.registers import BitField, PositionField
 from gateway.tabfile import WriteOptions, dialect_named
@@ -52,14 +52,14 @@ bits = {{ {bits} }}
 """
 
 
-def table_name(axis: RigAxis) -> str:
+def table_name(spec: AxisSpec) -> str:
     """File name of an axis's table, as the old control would look for it."""
-    return f"cnc10{axis.spec.name}.tab"
+    return f"cnc10{spec.name}.tab"
 
 
 def write_table(folder: Path, axis: RigAxis, table: CorrectionTable) -> Path:
     """Write a table as a Centroid version 3 file and return its path."""
-    path = folder / TABLES_FOLDER / table_name(axis)
+    path = folder / TABLES_FOLDER / table_name(axis.spec)
     path.parent.mkdir(parents=True, exist_ok=True)
     text = dialect_named(TABLE_FORMAT).write(table, WriteOptions(axis=axis.spec.name)).text
     path.write_text(text, encoding="ascii")
@@ -105,7 +105,7 @@ def _axis(axis: RigAxis, *, corrected: bool) -> str:
         home_approach=spec.home_direction.name.lower(),
     )
     if corrected:
-        return text + f'table = "{table_name(axis)}"\n'
+        return text + f'table = "{table_name(axis.spec)}"\n'
     return text + 'compensation = "off"\n'
 
 

@@ -1,6 +1,7 @@
 """One round of the demonstration: measure, build the table, compare the machine without and with it."""
 
 import asyncio
+from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from gateway.cli.demonstration.configuration import write_configuration, write_t
 from gateway.cli.demonstration.rig import Rig, RigAxis
 from gateway.cli.demonstration.spec import AXES
 from gateway.cli.demonstration.view import AxisView, Judged, Listener, Phase, View
+from gateway.compensation.direction import Direction
 from gateway.config.load import load
 from gateway.metrology.build import HomeReference, build_table
 from gateway.metrology.cycle import Stop, bidirectional_cycle
@@ -25,15 +27,19 @@ LINES_UP_TIMEOUT_S: Final = 10.0
 UM_PER_MM: Final = 1000.0
 
 
-async def run_round(seed: int, folder: Path, speed_up: float, listener: Listener) -> View:
+async def run_round(
+    seed: int, folder: Path, speed_up: float, listener: Listener, report_runs: int = 0
+) -> View:
     """Run all steps on all axes at once and return what there was to see.
 
-    The simulated machine lives ``speed_up`` times as fast as we do; the bytes on the cables do not.
+    The simulated machine lives ``speed_up`` times as fast as we do; the bytes on the cables do not. With
+    ``report_runs`` the laser passes over the points so often in each direction, and does it again with the
+    correction in force; otherwise it passes once, to make the table.
     """
     async with Rig(AXES, seed, scaled_clock(speed_up)) as rig:
         view = View(seed, {axis.spec.name: _axis_view(axis) for axis in rig.axes}, listener)
         listener.on_view(view)
-        round_ = _Round(rig, view)
+        round_ = _Round(rig, view, max(1, report_runs))
         async with running_gateway(write_configuration(folder, rig.axes, corrected=False)):
             await round_.on_all_axes(round_.measure)
             await round_.on_all_axes(round_.judge_without)
@@ -42,6 +48,8 @@ async def run_round(seed: int, folder: Path, speed_up: float, listener: Listener
             assert table is not None
             write_table(folder, axis, table)
         async with running_gateway(write_configuration(folder, rig.axes, corrected=True)):
+            if report_runs:
+                await round_.on_all_axes(round_.measure_with)
             await round_.on_all_axes(round_.judge_with)
         for axis_view in view.axes.values():
             view.begin(axis_view, Phase.DONE, 0)
@@ -112,9 +120,10 @@ _Step = Callable[[_Station], Awaitable[None]]
 class _Round:
     """The steps of one round."""
 
-    def __init__(self, rig: Rig, view: View) -> None:
+    def __init__(self, rig: Rig, view: View, runs: int) -> None:
         self._rig = rig
         self._view = view
+        self._runs = runs
         self._targets = {axis.spec.name: list(random_targets(axis)) for axis in rig.axes}
 
     async def on_all_axes(self, step: _Step) -> None:
@@ -131,18 +140,20 @@ class _Round:
     async def measure(self, station: _Station) -> None:
         """Home, zero the laser, read it at every point of the table in both directions; build the table."""
         axis, view = station.axis, station.view
-        readings: list[Reading] = []
 
-        def read_laser(arrival: Arrival) -> None:
-            measured = axis.laser.read_mm(axis.clock()) / axis.spec.mm
-            readings.append(Reading(arrival.stop.nominal, arrival.stop.direction, measured))
-            view.measured.append(station.judged(arrival, measured))
+        def show(arrival: Arrival, reading: Reading) -> None:
+            view.measured.append(station.judged(arrival, reading.measured))
 
         await self._home(station)
         axis.laser.zero(axis.clock())
-        await self._run(Phase.MEASURING, station, axis.spec.grid, read_laser)
+        await self._survey(Phase.MEASURING, station, view.before, show)
         home = HomeReference(0.0, axis.spec.home_direction)
-        view.table = build_table(readings, axis.spec.units, home=home)
+        view.table = build_table(view.before, axis.spec.units, home=home)
+
+    async def measure_with(self, station: _Station) -> None:
+        """Read the laser at the same points with the correction in force. The laser keeps its zero."""
+        await self._home(station)
+        await self._survey(Phase.MEASURING_WITH, station, station.view.after, lambda *_: None)
 
     async def judge_without(self, station: _Station) -> None:
         """Go to the random targets from both sides; the table exists, but nobody uses it yet."""
@@ -168,17 +179,39 @@ class _Round:
         for stop in (before, Stop(0.0, spec.home_direction, measure=False)):
             station.note(await station.controller.move(stop))
 
+    async def _survey(
+        self,
+        phase: Phase,
+        station: _Station,
+        readings: list[Reading],
+        show: Callable[[Arrival, Reading], None],
+    ) -> None:
+        axis = station.axis
+        runs: Counter[tuple[float, Direction]] = Counter()
+
+        def read_laser(arrival: Arrival) -> None:
+            stop = arrival.stop
+            runs[stop.nominal, stop.direction] += 1
+            measured = axis.laser.read_mm(axis.clock()) / axis.spec.mm
+            reading = Reading(stop.nominal, stop.direction, measured, runs[stop.nominal, stop.direction])
+            readings.append(reading)
+            show(arrival, reading)
+
+        stops = list(bidirectional_cycle(axis.spec.grid, axis.spec.overrun, self._runs))
+        await self._run(phase, station, stops, read_laser)
+
     async def _judge(self, phase: Phase, station: _Station, judged: list[Judged]) -> None:
         def judge(arrival: Arrival) -> None:
             judged.append(station.judged(arrival, station.view.nut))
 
-        await self._run(phase, station, self._targets[station.axis.spec.name], judge)
+        axis = station.axis
+        stops = list(bidirectional_cycle(self._targets[axis.spec.name], axis.spec.overrun))
+        await self._run(phase, station, stops, judge)
 
     async def _run(
-        self, phase: Phase, station: _Station, targets: list[float], at_stop: Callable[[Arrival], None]
+        self, phase: Phase, station: _Station, stops: list[Stop], at_stop: Callable[[Arrival], None]
     ) -> None:
-        """Run a bidirectional cycle; ``at_stop`` sees the stops that count while the axis stands there."""
-        stops = list(bidirectional_cycle(targets, station.axis.spec.overrun))
+        """Go from stop to stop; ``at_stop`` sees those that count while the axis stands there."""
         self._view.begin(station.view, phase, len(stops))
         async for arrival in station.controller.run(iter(stops)):
             station.note(arrival)

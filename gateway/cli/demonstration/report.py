@@ -5,7 +5,12 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from gateway.cli.demonstration.configuration import CONFIGURATION_NAME, TABLE_FORMAT, TABLES_FOLDER
+from gateway.cli.demonstration.configuration import (
+    CONFIGURATION_NAME,
+    TABLE_FORMAT,
+    TABLES_FOLDER,
+    table_name,
+)
 from gateway.cli.demonstration.view import AxisView, Listener, View
 
 REQUIRED_RATIO: Final = 1 / 20
@@ -59,7 +64,7 @@ def _axis_json(axis: AxisView) -> dict[str, Any]:
         "counts_per_unit": spec.counts_per_unit,
         "backlash_um": round(axis.backlash_um, 2),
         "pitch_error_um": round(axis.pitch_error_um, 2),
-        "table_file": f"cnc10{spec.name}.tab",
+        "table_file": table_name(spec),
         "table_points": len(axis.table.positions) if axis.table else 0,
         "targets": len({stop.nominal for stop in axis.corrected}),
         "stops": axis.stops,

@@ -6,6 +6,7 @@ from enum import Enum
 from gateway.cli.demonstration.spec import AxisSpec
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable
+from gateway.metrology.readings import Reading
 
 
 class Phase(Enum):
@@ -15,6 +16,7 @@ class Phase(Enum):
     HOMING = "homing"
     MEASURING = "measuring with the laser, no correction"
     WITHOUT = "random targets from both sides, without correction"
+    MEASURING_WITH = "measuring with the laser, with correction"
     WITH = "the same targets, with correction"
     DONE = "done"
 
@@ -45,6 +47,10 @@ class AxisView:
     nut: float = 0.0
     stops: int = 0
     inexact_readbacks: int = 0
+    before: list[Reading] = field(default_factory=list)
+    """What the laser read at the points of the table, without correction; the table is made of them."""
+    after: list[Reading] = field(default_factory=list)
+    """What it read there with correction; only for a report."""
     measured: list[Judged] = field(default_factory=list)
     without: list[Judged] = field(default_factory=list)
     corrected: list[Judged] = field(default_factory=list)

@@ -36,13 +36,13 @@ def backlash_panel(found: Findings) -> Panel | None:
     def draw(axes: "Axes") -> None:
         dress(axes, found, "lost motion")
         if measured:
-            curve(axes, *_shown(measured, found), "backlash-before", label="before", **_BEFORE)
+            curve(axes, *_shown(measured, found), "before", label="before", **_BEFORE)
         if table is not None:
             lost = [show(f - b) for f, b in zip(table.forward, table.backward, strict=True)]
-            curve(axes, table.positions, lost, "backlash-table", label="in the table", **BOTH_STYLE)
+            curve(axes, table.positions, lost, "table", label="in the table", **BOTH_STYLE)
         if left:
             words = f"after ({found.after_word})"
-            curve(axes, *_shown(left, found), "backlash-after", label=words, **_AFTER)
+            curve(axes, *_shown(left, found), "after", label=words, **_AFTER)
         legend(axes)
 
     about = "How far the nut stays behind when the axis turns round."

@@ -22,14 +22,14 @@ def correction_panel(found: Findings) -> Panel | None:
         dress(axes, found, "correction")
         if table.is_unidirectional:
             one = [show(c) for c in table.forward]
-            curve(axes, table.positions, one, "correction-both", label="both directions", **BOTH_STYLE)
+            curve(axes, table.positions, one, "both", label="both directions", **BOTH_STYLE)
         else:
             for name, values, style in (
                 ("forward", table.forward, FORWARD_STYLE),
                 ("backward", table.backward, BACKWARD_STYLE),
             ):
                 shown = [show(c) for c in values]
-                curve(axes, table.positions, shown, f"correction-{name}", label=f"moving {name}", **style)
+                curve(axes, table.positions, shown, name, label=f"moving {name}", **style)
         legend(axes)
 
     largest = found.scale.rounded(table.max_correction())

@@ -28,6 +28,13 @@ class Panel:
     draw: "Callable[[Axes], None]"
     is_half: bool = False
 
+    def draw_on(self, axes: "Axes", prefix: str) -> None:
+        """Draw it; what holds data is named ``prefix``-``name``-... in an SVG."""
+        self.draw(axes)
+        for artist in axes.get_children():
+            if gid := artist.get_gid():
+                artist.set_gid(f"{prefix}-{self.name}-{gid}")
+
 
 def dress(axes: "Axes", found: Findings, quantity: str, unit: str | None = None) -> None:
     """Label both axes with their units and draw the line of no deviation."""

@@ -27,8 +27,8 @@ def readings_panels(found: Findings) -> list[Panel]:
         title = f"{'Before: readings' if found.after is not None else 'Readings'}, {_shown(found.before)}"
         made.append(_panel(found, found.before, "before", title, limits))
     if found.after is not None:
-        words = ", same scale" if found.before is not None else ""
-        title = f"After: {found.after_word}, {_shown(found.after)}{words}"
+        words = "same scale" if found.before is not None else _shown(found.after)
+        title = f"After ({found.after_word}): {words}"
         made.append(_panel(found, found.after, "after", title, limits))
     return made
 
@@ -39,7 +39,7 @@ def _panel(
     def draw(axes: "Axes") -> None:
         dress(axes, found, "deviation")
         for way, colour, style in WAYS:
-            draw_approach(axes, found, evaluation, (when, way, colour, style))
+            draw_approach(axes, found, evaluation, (way, colour, style))
         if limits is not None:
             axes.set_ylim(*limits)
         legend(axes)
@@ -59,10 +59,10 @@ def _panel(
 
 
 def draw_approach(
-    axes: "Axes", found: Findings, evaluation: Evaluation, what: tuple[str, str, str, dict[str, Any]]
+    axes: "Axes", found: Findings, evaluation: Evaluation, what: tuple[str, str, dict[str, Any]]
 ) -> None:
     """Draw one direction: band, single readings, mean."""
-    when, way, colour, style = what
+    way, colour, style = what
     show = found.scale.of
     points = approaches(evaluation, way)
     if not points:
@@ -75,11 +75,11 @@ def draw_approach(
             [mean + side * show(s or 0.0) for mean, s in zip(means, spreads, strict=True)] for side in (-2, 2)
         )
         outline = _outline(targets, low, high)
-        axes.fill(*outline, gid=f"band-{when}-{way}", color=colour, alpha=0.16, linewidth=0, zorder=1.8)
+        axes.fill(*outline, gid=f"band-{way}", color=colour, alpha=0.16, linewidth=0, zorder=1.8)
     readings = [(target, show(one)) for target, each in points for one in each.deviations]
     x, y = thinned([at for at, _ in readings], [deviation for _, deviation in readings])
-    axes.scatter(x, y, gid=f"dots-{when}-{way}", s=7, color=colour, alpha=0.55, linewidths=0, zorder=2.2)
-    curve(axes, targets, means, f"mean-{when}-{way}", label=f"moving {way}", zorder=2.5, **style)
+    axes.scatter(x, y, gid=f"dots-{way}", s=7, color=colour, alpha=0.55, linewidths=0, zorder=2.2)
+    curve(axes, targets, means, f"mean-{way}", label=f"moving {way}", zorder=2.5, **style)
 
 
 def approaches(evaluation: Evaluation, way: str) -> list[tuple[float, Approach]]:

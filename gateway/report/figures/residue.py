@@ -21,7 +21,7 @@ def residue_panel(found: Findings) -> Panel | None:
     def draw(axes: "Axes") -> None:
         dress(axes, found, "deviation")
         for way, colour, style in WAYS:
-            draw_approach(axes, found, after, ("residue", way, colour, style))
+            draw_approach(axes, found, after, (way, colour, style))
         bounds = _bounds(found)
         if bounds is not None:
             for place, edge in zip(("low", "high"), bounds, strict=True):

@@ -7,6 +7,7 @@ from gateway.report.envelope import thinned, thinning_note
 from gateway.report.figures.panel import Panel, dress, legend, say_thinned
 from gateway.report.findings import Findings
 from gateway.report.ink import BACKWARD_STYLE, BOTH_STYLE, FORWARD_STYLE
+from gateway.report.words import GAP
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,13 +34,13 @@ def slope_panel(found: Findings) -> Panel | None:
             line = {key: style[key] for key in ("color", "linestyle")}
             if len(edges) < 2 * (len(values) - 1):
                 say_thinned(axes, len(values))
-            axes.plot(edges, slopes, gid=f"slope-{name}", label=name, **line)
+            axes.plot(edges, slopes, gid=name, label=name, **line)
         legend(axes)
 
     about = (
-        f"By how much the correction changes per {found.scale.position} of travel. The steepest is "
-        f"{table.max_slope() * found.scale.factor:.3g} {unit}: there the drive moves "
-        f"{table.max_slope() * 100:.2g} % faster or slower than it was commanded."
+        f"By how much the correction changes per {found.story.units.value} of travel. The steepest is "
+        f"{table.max_slope() * found.scale.factor:.3g}{GAP}{unit}: there the drive moves "
+        f"{table.max_slope() * 100:.2g}{GAP}% faster or slower than it was commanded."
     )
     about += thinning_note(len(table.positions))
     return Panel("slope", "Slope of the corrections", about, draw, is_half=True)

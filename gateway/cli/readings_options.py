@@ -1,0 +1,79 @@
+"""Readings that stand beside a table, for ``pitch-gateway table plot``."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.cli.table_output import print_lines
+from gateway.metrology.errors import MetrologyError
+from gateway.report.story import AxisStory
+from gateway.tabfile import TabFileError
+
+Readings = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="READINGS",
+        help="Readings that were taken WITHOUT the table, drawn with what it would leave of them; "
+        "again for more files.",
+        readable=False,
+    ),
+]
+ReadingsFormat = Annotated[
+    str | None,
+    typer.Option("--readings-format", metavar="NAME", help="Format of READINGS, where it is not plain."),
+]
+ReadingsRuns = Annotated[
+    str | None,
+    typer.Option(
+        "--runs",
+        metavar="alternate|forward|backward",
+        help="Directions of the runs of an .rtl file that does not prove them.",
+    ),
+]
+
+
+def with_readings(
+    story: AxisStory, files: Sequence[Path], told_format: str | None, runs: str | None
+) -> AxisStory:
+    """Return the story of a table with readings before, and what the table is predicted to leave of them.
+
+    Raises:
+        BadParameter: ``runs`` is no way of making them.
+        Exit: code 1, the files are no readings of this axis; each problem is a line on stderr.
+    """
+    from gateway.metrology.formats import (  # type: ignore[import-untyped, import-not-found, unused-ignore]
+        ReadingsContext,
+        Runs,
+        read_survey,
+    )
+    from gateway.metrology.readings import merged  # type: ignore[attr-defined, unused-ignore]
+    from gateway.metrology.residue import (  # type: ignore[import-untyped, import-not-found, unused-ignore]
+        predicted_residue,
+    )
+
+    names = [each.value for each in Runs]
+    if runs is not None and runs not in names:
+        raise typer.BadParameter(f"{runs!r}: must be one of {', '.join(names)}", param_hint="--runs")
+    context = ReadingsContext(
+        format=told_format, units=None, axis=None, runs=None if runs is None else Runs(runs)
+    )
+    try:
+        before = merged([read_survey(file, context) for file in files]).in_units(story.units)
+        after = predicted_residue(before, story.table)
+    except TabFileError as error:
+        print_lines((f"error: {problem}" for problem in error.problems), err=True)
+        raise typer.Exit(1) from None
+    except (MetrologyError, ValueError) as error:
+        print_lines([f"error: {error}"], err=True)
+        raise typer.Exit(1) from None
+    return replace(
+        story,
+        before=before,
+        after=after,
+        is_predicted=True,
+        facts={**before.facts, **story.facts, "readings": before.source},
+        notes=(*story.notes, *before.remarks),
+    )

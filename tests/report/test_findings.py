@@ -1,0 +1,85 @@
+"""The sentence for the customer, and what keeps an axis from being told."""
+
+import pytest
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.metrology.readings import Reading, Survey
+from gateway.report.errors import ReportError
+from gateway.report.findings import about_readings, find, sentence
+from tests.report.stories import story, survey
+
+
+def said(**changes: object) -> str:
+    return sentence(find(story(**changes))).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_a_customer_reads_what_it_was_and_what_it_is() -> None:
+    # A = (12 + 4 sqrt 2) - -4 = 21.657 µm, and a tenth of it.
+    assert said() == "Axis x was accurate to 21.7 µm and is now accurate to 2.2 µm: 10 times better."
+
+
+def test_a_prediction_is_called_one() -> None:
+    words = "Axis x was accurate to 21.7 µm and is predicted to be accurate to 2.2 µm: 10 times better."
+    assert said(is_predicted=True) == words
+
+
+def test_an_axis_that_became_worse_is_told_so() -> None:
+    words = "Axis x was accurate to 2.2 µm and is now accurate to 21.7 µm: it did not become better."
+    assert said(before=survey(0.1), after=survey()) == words
+
+
+def test_readings_of_one_run_have_no_accuracy_so_the_means_are_told() -> None:
+    # E of the first runs: 10 - -4 = 14 µm
+    words = "Axis x is on average within a band of 14.0 µm as it was measured."
+    assert said(before=survey(runs=1), after=None) == words
+
+
+def test_before_and_after_are_told_in_the_same_number() -> None:
+    # before: the means of both runs, 12 - -4 = 16 µm; after: a tenth of the first runs
+    words = "Axis x was on average within a band of 16.0 µm and is now on average within a band of 1.4 µm"
+    assert said(after=survey(0.1, runs=1)).startswith(words)
+
+
+def test_inches_are_told_in_micrometres() -> None:
+    inches = survey(units=Units.INCH)
+    words = "Axis z is accurate to 21.7 µm as it was measured."
+    assert said(axis="z", units=Units.INCH, table=None, before=inches, after=None) == words
+
+
+def test_a_table_alone_tells_what_it_changes() -> None:
+    words = "The table of axis x changes a position by up to 20.0 µm; between the two directions lie up to"
+    assert said(before=None, after=None) == f"{words} 20.0 µm."
+    one = make_table([0, 90], [0.0, 0.001], [0.0, 0.001], Units.DEGREE)
+    words = "The table of axis x changes a position by up to 3.6 arcsec, the same in both directions."
+    assert said(table=one, units=Units.DEGREE, before=None, after=None) == words
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"table": None, "before": None, "after": None}, "axis x: neither a table nor readings"),
+        ({"after": survey(units=Units.INCH)}, "its readings after are in inch, the axis in mm"),
+        ({"before": Survey((), Units.MM)}, "axis x: no readings"),
+        (
+            {"before": Survey((Reading(0.0, Direction.FORWARD, float("nan")),), Units.MM)},
+            "axis x: reading 1: target 0.0, measured nan",
+        ),
+    ],
+)
+def test_what_cannot_be_told_is_refused(changes: dict[str, object], words: str) -> None:
+    with pytest.raises(ReportError, match=words):
+        find(story(**changes))
+
+
+def test_fewer_runs_than_the_standard_asks_for_are_named() -> None:
+    found = find(story())
+    assert found.before is not None
+    words = "2 targets, 2 runs in each direction; ISO 230-2 asks for 5"
+    assert about_readings(found.before) == words
+    one_sided = tuple(each for each in survey().readings if each.direction is Direction.FORWARD)
+    found = find(story(before=Survey(one_sided * 3, Units.MM)))
+    assert found.before is not None
+    words = "2 targets, 6 runs in each direction; some targets were approached from one side only"
+    assert about_readings(found.before) == words
