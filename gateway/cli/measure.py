@@ -44,6 +44,7 @@ def measure(
     out_format: given.OutFormat = None,
     force: given.Force = False,
     report: given.ReportFile = None,
+    before: given.Before = None,
     yes: given.Yes = False,
     as_json: given.AsJson = False,
 ) -> None:
@@ -72,7 +73,7 @@ def measure(
     scale = Scale(dwell, window, move_timeout, largest_deviation, is_reversed, zero_at, reading_units)
     wish = Wish(
         config, axis, controller, port, grid, reader, scale, speed, readings, resume, out, out_format, report,
-        force, yes, as_json,
+        before, force, yes, as_json,
     )  # fmt: skip
     loaded = load_or_exit(config)
     try:

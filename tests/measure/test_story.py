@@ -34,7 +34,8 @@ async def test_a_worn_machine_becomes_accurate_and_a_refinement_keeps_it_so(tmp_
             machine.drive.ledger.writes.clear()
 
             machine.configure('table = "x.tab"\n')
-            judged = await _measured(machine, gauge, *JUDGE, "--out", "refined.tab")
+            report = ("--report", "report.html", "--before", "readings0.csv")
+            judged = await _measured(machine, gauge, *JUDGE, "--out", "refined.tab", *report)
             table = built.of("result")[0]["table"]
             _assert_was_corrected(machine.commanded(), judged, table)
             assert judged.of("result")[0]["table"]["refined"] is True
@@ -44,6 +45,7 @@ async def test_a_worn_machine_becomes_accurate_and_a_refinement_keeps_it_so(tmp_
     before, after, refined = (
         each.of("result")[0]["results"]["accuracy A"] for each in (built, judged, again)
     )
+    assert (tmp_path / "report.html").read_text().startswith("<!DOCTYPE html>")
     assert before >= 0.060
     assert after <= 0.15 * before
     assert refined <= 1.05 * after

@@ -80,5 +80,9 @@ OutFormat = Annotated[
 ]
 Force = Annotated[bool, Option("--force", help="Replace the file of --out and of --report.")]
 ReportFile = Annotated[Path | None, Option("--report", help="Write a report: .html, .png or .svg.")]
+Before = Annotated[
+    Path | None,
+    Option("--before", help="With --report: readings without the table, for before and after."),
+]
 Yes = Annotated[bool, Option("--yes", help="Do not ask before the axis moves: for scripts.")]
 AsJson = Annotated[bool, Option("--json", help="Say everything that happens as lines of JSON.")]

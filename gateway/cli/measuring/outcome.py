@@ -1,6 +1,6 @@
 """What becomes of the readings of a whole run: results of ISO 230-2, a table, what changes, a report."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +17,8 @@ from gateway.exchange.plan import AxisPlan
 from gateway.metrology.build import HomeReference, build_table
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.formats.context import ReadingsContext
+from gateway.metrology.formats.load import read_survey
 from gateway.metrology.readings import Survey
 from gateway.metrology.refine import refine_table
 from gateway.tabfile import DIALECTS, TabFileError, WriteOptions, dialect_named, parse_table
@@ -53,7 +55,7 @@ def outcome_of(survey: Survey, axis: AxisPlan, *, is_active: bool) -> Outcome:
     Raises:
         MeasureError: they make no table.
     """
-    notes: list[str] = []
+    notes = list(survey.remarks)
     active = axis.table
     if active is not None and axis.settings.backlash is not None:
         active = with_backlash(active, axis.settings.backlash)
@@ -201,8 +203,19 @@ def write_table(outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, *
     ]
 
 
-def write_report(outcome: Outcome, path: Path, axis: str, facts: Mapping[str, str], *, force: bool) -> None:
-    """Write the report. Raises FileError."""
+def survey_of(path: Path, axis: AxisPlan) -> Survey:
+    """Read a file of readings of the axis, in its units. Raises FileError."""
+    try:
+        survey = read_survey(path, ReadingsContext(axis=axis.name))
+        return survey.in_units(axis.settings.units)
+    except TabFileError as error:
+        raise FileError(str(error)) from None
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from None
+
+
+def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:
+    """Write the report; ``before`` are readings of an earlier run, without a table. Raises FileError."""
     from gateway.report.errors import ReportError
     from gateway.report.story import AxisStory, Report
     from gateway.report.writing import write_report as write_file
@@ -212,12 +225,12 @@ def write_report(outcome: Outcome, path: Path, axis: str, facts: Mapping[str, st
         axis=axis,
         units=survey.units,
         table=outcome.table,
-        before=None if outcome.is_refined else survey,
+        before=before if outcome.is_refined else survey,
         after=survey if outcome.is_refined else None,
-        facts=facts,
+        facts=survey.facts,
         notes=outcome.notes,
     )
-    report = Report(f"Axis {axis}", (story,), facts.get("measured", ""))
+    report = Report(f"Axis {axis}", (story,), survey.facts.get("measured", ""))
     try:
         write_file(report, path, force=force)
     except ReportError as error:

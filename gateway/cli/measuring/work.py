@@ -34,7 +34,7 @@ from gateway.cli.measuring.showing import AsBar, AsJson, AsLines, Showing
 from gateway.ipc.messages import GetStatus, Status
 from gateway.ipc.plan import LinePlan
 from gateway.metrology.cycle import bidirectional_cycle, remaining
-from gateway.metrology.readings import Reading, Survey
+from gateway.metrology.readings import Reading
 
 STOPPED_BY_SIGNAL: Final = 128
 """Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""
@@ -57,6 +57,7 @@ class Wish:
     out: Path | None
     out_format: str | None
     report: Path | None
+    before: Path | None
     force: bool
     yes: bool
     as_json: bool
@@ -89,6 +90,7 @@ class _Work:
         self._axis = place.recipe.plan
         self._units = self._axis.settings.units
         self._earlier: Earlier | None = None
+        self._before = None if wish.before is None else outcome.survey_of(wish.before, self._axis)
 
     def run(self, instrument: Instrument, manners: Manners, lines: Lines) -> int:
         plan, done = self._plan()
@@ -99,7 +101,7 @@ class _Work:
         seen = asyncio.run(look(self._place, plan, stops, self._status))
         self._check_same(seen)
         if not left:
-            return self._finish(done, self._wish.resume, seen)
+            return self._finish(self._wish.resume, seen)
         for text in preview(
             self._place, seen, left, instrument.title, Pace(self._wish.scale.dwell_s, self._wish.speed)
         ):
@@ -116,7 +118,7 @@ class _Work:
                 return self._ended_early(error, session, file.path, len(done))
             finally:
                 showing.end()
-        return self._finish((*done, *session.readings), file.path, seen)
+        return self._finish(file.path, seen)
 
     def _plan(self) -> tuple[MeasuringPlan, tuple[Reading, ...]]:
         wish = self._wish
@@ -195,19 +197,18 @@ class _Work:
         number = session.stopped_by
         return 1 if number is None else STOPPED_BY_SIGNAL + number
 
-    def _finish(self, readings: Sequence[Reading], path: Path | None, seen: Seen) -> int:
-        """Make something of all readings; they are on the disk whatever becomes of this."""
+    def _finish(self, path: Path | None, seen: Seen) -> int:
+        """Make something of all readings, as they stand in their file, whatever becomes of this."""
         assert path is not None
         wish = self._wish
-        survey = Survey(tuple(readings), self._units, self._axis.name, str(path))
         try:
+            survey = outcome.survey_of(path, self._axis)
             found = outcome.outcome_of(survey, self._axis, is_active=seen.compensation.is_active)
             notes = []
             if wish.out is not None:
                 notes += outcome.write_table(found, wish.out, self._out_format, self._axis, force=wish.force)
             if wish.report is not None:
-                facts = {"readings": str(path), "compensation": seen.compensation.fact}
-                outcome.write_report(found, wish.report, self._axis.name, facts, force=wish.force)
+                outcome.write_report(found, wish.report, self._axis.name, self._before, force=wish.force)
                 notes.append(f"{wish.report}: the report")
         except MeasureError as error:
             raise MeasureError(f"{error} (the readings are in {path})") from None
