@@ -18,7 +18,7 @@ def measure(
     high: given.To = None,
     step: given.Step = None,
     targets: given.Targets = None,
-    period: given.Period = 0.0,
+    spread: given.Spread = None,
     seed: given.Seed = 1,
     runs: given.Runs = 5,
     overrun: given.Overrun = None,
@@ -60,7 +60,7 @@ def measure(
     Examples:
         pitch-gateway measure gateway.toml --axis x --from 0 --to 300 --step 25
 
-        pitch-gateway measure gateway.toml --axis x --from 0 --to 300 --targets 13 --period 5 --csv laser.csv
+        pitch-gateway measure gateway.toml --axis x --from 0 --to 300 --targets 13 --spread 5 --csv laser.csv
 
         pitch-gateway measure gateway.toml --axis x --resume x.readings.csv --gauge /dev/ttyUSB0
     """
@@ -68,7 +68,7 @@ def measure(
     from gateway.cli.measuring.setting import Grid, Reader, Scale
     from gateway.cli.measuring.work import Wish, work
 
-    grid = Grid(low, high, step, targets, period, seed, runs, overrun)
+    grid = Grid(low, high, step, targets, spread, seed, runs, overrun)
     reader = Reader(csv, column, delimiter, gauge, gauge_kind, gauge_baud, gauge_request, gauge_timeout)
     scale = Scale(dwell, window, move_timeout, largest_deviation, is_reversed, zero_at, reading_units)
     wish = Wish(

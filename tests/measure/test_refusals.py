@@ -29,7 +29,10 @@ async def _refused(machine: Machine, *arguments: str) -> str:
             "turn-around point (--overrun) 106 is outside",
         ),
         (("--from", "-6", "--to", "4", "--step", "10", "--yes"), "-7 is outside travel = [-5, 105] mm"),
-        (("--from", "0", "--to", "10", "--step", "3", "--yes"), "3.33333 steps of 3"),
+        (
+            ("--from", "0", "--to", "10", "--step", "3", "--yes"),
+            "--step 3 does not lead from 0 to 10: end at --to 9",
+        ),
         (("--from", "0", "--to", "10", "--yes"), "give one of --step"),
         (("--step", "10", "--yes"), "give --from and --to"),
         ((*FEW, "--yes", "--overrun", "0"), "--overrun 0: it must be greater than the lost motion"),

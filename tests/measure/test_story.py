@@ -11,7 +11,7 @@ from tests.measure.site import COUNTS_PER_MM, Gauge, Machine, Typed, gateway, me
 
 NOISE_UM = 0.1
 BUILD = ("--from", "0", "--to", "100", "--step", "2.5", "--runs", "2")
-JUDGE = ("--from", "0", "--to", "100", "--targets", "11", "--period", "5", "--seed", "3", "--runs", "3")
+JUDGE = ("--from", "0", "--to", "100", "--targets", "11", "--spread", "5", "--seed", "3", "--runs", "3")
 QUICK = ("--dwell", "0", "--yes", "--json")
 
 

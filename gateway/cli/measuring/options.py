@@ -25,8 +25,11 @@ Targets = Annotated[
     int | None,
     Option("--targets", min=2, help="Instead of --step: so many, with random offsets.", show_default=False),
 ]
-Period = Annotated[
-    float, Option("--period", help="With --targets: lead of the screw; offsets are anywhere in one turn.")
+Spread = Annotated[
+    float | None,
+    Option(
+        "--spread", help="With --targets: largest offset; the lead of the screw is good.", show_default=False
+    ),
 ]
 Seed = Annotated[int, Option("--seed", help="With --targets: the same seed gives the same targets.")]
 Runs = Annotated[int, Option("--runs", min=1, max=1000, help="Cycles up and down.")]

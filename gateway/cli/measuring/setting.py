@@ -12,11 +12,13 @@ from gateway.cli.measuring.readings_file import MeasuringPlan
 from gateway.cli.measuring.running import Manners
 from gateway.compensation.units import Units
 from gateway.exchange.plan import AxisPlan
-from gateway.metrology.cycle import even_targets, random_targets
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.gauges import DEFAULTS, GaugeKind
+from gateway.metrology.program import DECIMALS, even_targets, random_targets
 from gateway.transport.endpoints import SerialEndpoint
 
+EVEN: Final = 1e-6
+"""Part of a step by which the last target of an even grid may miss the end."""
 OVERRUN_MM: Final = 1.0
 WINDOW_MM: Final = 0.01
 LARGEST_MM: Final = 1.0
@@ -31,7 +33,7 @@ class Grid:
     high: float | None = None
     step: float | None = None
     targets: int | None = None
-    period: float = 0.0
+    spread: float | None = None
     seed: int = 1
     runs: int = 5
     overrun: float | None = None
@@ -82,9 +84,17 @@ def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
     try:
         if grid.step is not None:
             targets = even_targets(grid.low, grid.high, grid.step)
+            if abs(targets[-1] - grid.high) > EVEN * grid.step:
+                raise AxisError(
+                    f"--step {grid.step:g} does not lead from {grid.low:.9g} to {grid.high:.9g}: end at "
+                    f"--to {targets[-1]:.9g}, or give another step"
+                )
         else:
             assert grid.targets is not None
-            targets = random_targets(grid.low, grid.high, grid.targets, grid.seed, grid.period)
+            decimals = DECIMALS[axis.settings.units]
+            targets = random_targets(
+                grid.low, grid.high, grid.targets, seed=grid.seed, spread=grid.spread, decimals=decimals
+            )
     except ReadingsError as error:
         raise AxisError(str(error)) from None
     units = axis.settings.units
