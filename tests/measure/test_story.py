@@ -42,9 +42,7 @@ async def test_a_worn_machine_becomes_accurate_and_a_refinement_keeps_it_so(tmp_
 
             machine.configure('table = "refined.tab"\n')
             again = await _measured(machine, gauge, *JUDGE)
-    before, after, refined = (
-        each.of("result")[0]["results"]["accuracy A"] for each in (built, judged, again)
-    )
+    before, after, refined = (each.of("result")[0]["results"]["both"]["A"] for each in (built, judged, again))
     assert (tmp_path / "report.html").read_text().startswith("<!DOCTYPE html>")
     assert before >= 0.060
     assert after <= 0.15 * before

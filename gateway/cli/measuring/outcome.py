@@ -1,10 +1,12 @@
 """What becomes of the readings of a whole run: results of ISO 230-2, a table, what changes, a report."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import typer
+
+from gateway.cli.evaluation_output import results_json, results_text
 from gateway.cli.measuring.errors import FileError, MeasureError
 from gateway.cli.table_convert import write
 from gateway.compensation.backlash import with_backlash
@@ -96,37 +98,20 @@ def _home(axis: AxisPlan, survey: Survey) -> HomeReference | None:
     return HomeReference(0.0, Direction(axis.settings.home_approach))
 
 
-def text_of(outcome: Outcome) -> Iterator[str]:
-    """Yield the results as a person reads them."""
-    factor, unit = SMALL[outcome.survey.units]
-    yield f"ISO 230-2, {len(outcome.survey.readings)} readings, in {unit}:"
-    for name, value in results_of(outcome.evaluation).items():
-        shown = "one run is not enough" if value is None else f"{value * factor:.2f}"
-        yield f"  {name:<42} {shown}"
+def show(outcome: Outcome) -> None:
+    """Print the results for a person."""
+    results_text(
+        outcome.evaluation, None, ("with the table" if outcome.is_refined else "without a table", "")
+    )
     change = outcome.change
     if change is not None:
-        way = change.direction.name.lower()
-        yield (
+        factor, unit = SMALL[outcome.survey.units]
+        typer.echo(
             f"against the active table: the largest change is {change.amount * factor:+.2f} {unit} at "
-            f"{change.position:.9g} {outcome.survey.units.value}, {way}"
+            f"{change.position:.9g} {outcome.survey.units.value}, {change.direction.name.lower()}"
         )
-    yield from outcome.notes
-
-
-def results_of(evaluation: Evaluation) -> dict[str, float | None]:
-    """Return the results by their names, in units of the axis."""
-    return {
-        "accuracy A": evaluation.accuracy,
-        "accuracy A forward": evaluation.accuracy_forward,
-        "accuracy A backward": evaluation.accuracy_backward,
-        "repeatability R": evaluation.repeatability,
-        "repeatability R forward": evaluation.repeatability_forward,
-        "repeatability R backward": evaluation.repeatability_backward,
-        "systematic deviation E": evaluation.systematic,
-        "mean systematic deviation M": evaluation.mean_systematic,
-        "reversal B": evaluation.reversal,
-        "mean reversal": evaluation.mean_reversal,
-    }
+    for note in outcome.notes:
+        typer.echo(note)
 
 
 def json_of(outcome: Outcome) -> dict[str, Any]:
@@ -134,7 +119,7 @@ def json_of(outcome: Outcome) -> dict[str, Any]:
     table, change = outcome.table, outcome.change
     return {
         "units": outcome.survey.units.value,
-        "results": results_of(outcome.evaluation),
+        "results": results_json(outcome.evaluation),
         "table": {
             "positions": list(table.positions),
             "forward": list(table.forward),

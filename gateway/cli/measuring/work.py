@@ -217,8 +217,7 @@ class _Work:
                 "result", {**outcome.json_of(found), "readings_file": str(path)}
             )
         else:
-            for text in outcome.text_of(found):
-                typer.echo(text)
+            outcome.show(found)
         for note in (f"the readings are in {path}", *notes):
             typer.echo(note, err=wish.as_json)
         return 0
