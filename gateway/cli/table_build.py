@@ -22,6 +22,12 @@ def build(
     to: shared.To = "centroid-2",
     home: shared.Home = None,
     step: Annotated[float | None, typer.Option(help="An even grid: multiples of this distance.")] = None,
+    travel: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="LO HI", help="Lay the even grid over this range; beyond the targets it is held."
+        ),
+    ] = None,
     tolerance: Annotated[
         float | None, typer.Option(help="As few of the targets as lose no more than this.")
     ] = None,
@@ -53,7 +59,7 @@ def build(
       pitch-gateway table build run1.rtl run2.rtl cnc10x.tab --to centroid-3 --axis x --home switch-positive
     """
     target = shared.dialect_to_write(to)
-    recipe = Recipe(home, step, tolerance, smooth, drop_outliers, one_way=one_way)
+    recipe = Recipe(home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel)
     with shared.problems():
         survey = shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs))
         built = build_from(survey, recipe)

@@ -21,8 +21,8 @@ from gateway.metrology.smooth import Change, smoothed
 class Recipe:
     """How a table is to be made; lengths in the units of the readings.
 
-    ``step`` asks for an even grid, ``tolerance`` for as few of the targets as it allows; not both. ``smooth``
-    is the window. ``one_way`` makes one curve for both directions.
+    ``step`` asks for an even grid, over ``travel`` if that is told, ``tolerance`` for as few of the targets
+    as it allows; not both. ``smooth`` is the window. ``one_way`` makes one curve for both directions.
     """
 
     home: HomeCase | HomeReference | None = None
@@ -32,6 +32,7 @@ class Recipe:
     drop_outliers: bool = False
     estimate_ends: bool = True
     one_way: bool = False
+    travel: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,8 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     """
     if recipe.step is not None and recipe.tolerance is not None:
         raise ReadingsError("a step and a tolerance: an even grid or the fewest points, not both")
+    if recipe.travel is not None and recipe.step is None:
+        raise ReadingsError("a travel without a step: only an even grid is laid over the travel")
     unit = survey.units.value
     outliers = find_outliers(survey)
     readings = without(survey, outliers) if recipe.drop_outliers else survey.readings
@@ -100,7 +103,7 @@ def _with_points(
     table: CorrectionTable, recipe: Recipe, home: HomeReference | None
 ) -> tuple[CorrectionTable, Loss | None]:
     if recipe.step is not None:
-        return on_grid(table, recipe.step)
+        return on_grid(table, recipe.step, recipe.travel)
     if recipe.tolerance is not None:
         return fewest_points(table, recipe.tolerance, keep=[home.position] if home else [])
     return table, None
@@ -126,5 +129,9 @@ def _uncovered(measured: CorrectionTable, table: CorrectionTable) -> list[str]:
         f"measured from {low:.9g} to {high:.9g} {unit}, but no multiple of the step lies there: the table "
         "does not cover it"
         for low, high in ((measured.first, table.first), (table.last, measured.last))
+        if high > low
+    ] + [
+        f"no reading from {low:.9g} to {high:.9g} {unit}: the correction at the nearest target is held there"
+        for low, high in ((table.first, measured.first), (measured.last, table.last))
         if high > low
     ]

@@ -7,6 +7,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.metrology.build import HomeReference, build_table, referenced
 from gateway.metrology.lookup import correction_at
+from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import APPROACHES, Survey
 from gateway.metrology.smooth import Change
 
@@ -71,7 +72,9 @@ def refine_table(
         new = make_table(
             positions, [c + was for c in new.forward], [c + was for c in new.backward], new.units
         )
+    unit = survey.units.value
     notes = [*survey.remarks, *_unmeasured(old, rest)]
+    notes.extend(f"outlier, kept: {each.describe(unit)}" for each in find_outliers(survey))
     if home is None:
         notes.append("no home reference: what was read at home went into the table like any other reading")
     return Refined(new, _change(old, new), tuple(notes))

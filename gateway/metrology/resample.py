@@ -26,11 +26,14 @@ class Loss:
     direction: Direction
 
 
-def on_grid(table: CorrectionTable, step: float) -> tuple[CorrectionTable, Loss]:
-    """Return the table at the multiples of a step inside it (TB058: "an even multiple of the StepSize").
+def on_grid(
+    table: CorrectionTable, step: float, span: tuple[float, float] | None = None
+) -> tuple[CorrectionTable, Loss]:
+    """Return the table at the multiples of a step (TB058: "an even multiple of the StepSize").
 
-    What lies between an end and the first multiple inside is lost; the loss there counts as if the end value
-    of the new table were held.
+    They are those inside ``span``, the travel, or without one those inside the table. Beyond the table its
+    end values are held. What lies between an end of the table and the first multiple is lost; the loss there
+    counts as if the end value of the new table were held.
 
     Raises:
         ReadingsError: a step that is not positive, so large that less than two multiples fit, or so small
@@ -38,12 +41,13 @@ def on_grid(table: CorrectionTable, step: float) -> tuple[CorrectionTable, Loss]
     """
     if not step > 0.0:
         raise ReadingsError(f"a step of {step:g}: it must be a length above 0")
-    low = ceil(table.first / step - GRID_TOLERANCE)
-    high = floor(table.last / step + GRID_TOLERANCE)
+    first, last = span or (table.first, table.last)
+    low = ceil(first / step - GRID_TOLERANCE)
+    high = floor(last / step + GRID_TOLERANCE)
     if not 1 <= high - low < MAX_POINTS:
         raise ReadingsError(
             f"a step of {step:g} {table.units.value}: {max(high - low + 1, 0)} multiples of it lie in "
-            f"{table.first:.9g} to {table.last:.9g}; from 2 to {MAX_POINTS} must"
+            f"{first:.9g} to {last:.9g}; from 2 to {MAX_POINTS} must"
         )
     positions = [round(index * step, DIGITS) + 0.0 for index in range(low, high + 1)]
     return _at(table, positions)

@@ -225,3 +225,14 @@ def test_again_and_again_never_makes_it_worse(bend: float, lost: float) -> None:
     # Each time what is left shrinks by the slope of the error, here below 0.003, down to rounding.
     for before, after in pairwise(worst):
         assert after <= max(0.004 * before, 1e-12)
+
+
+def test_a_grid_over_the_travel_holds_what_was_not_measured() -> None:
+    readings = [Reading(x, way, x - 0.001 * x) for way in (UP, DOWN) for x in (3.0, 18.0)]
+    built = build_from(Survey(tuple(readings), Units.MM), Recipe(step=10.0, travel=(0.0, 25.0)))
+    assert list(built.table.positions) == [0, 10, 20]
+    assert list(built.table.forward) == pytest.approx([0.003, 0.010, 0.018])
+    assert any("no reading from 0 to 3 mm" in note for note in built.notes)
+    assert any("no reading from 18 to 20 mm" in note for note in built.notes)
+    with pytest.raises(ReadingsError, match="a travel without a step"):
+        build_from(Survey(tuple(readings), Units.MM), Recipe(travel=(0.0, 25.0)))

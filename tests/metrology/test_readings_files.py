@@ -139,6 +139,7 @@ def test_the_manual_table_of_tb058_takes_its_directions_from_the_order_of_the_dr
     assert survey.remarks == (
         "laser.csv:3: -2.5 is the first stop: taken as approached forward; come from beyond it",
         "laser.csv:8: the axis turned round at 0, backward from there",
+        "laser.csv: no backward reading at 0, an end: a table estimates it from its neighbour",
     )
 
 

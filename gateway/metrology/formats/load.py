@@ -1,7 +1,7 @@
 """The formats of readings that can be read. A new one is one file and one entry in :data:`FORMATS`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -51,8 +51,17 @@ def parse_survey(data: bytes, name: str, context: ReadingsContext | None = None)
         TabFileError: see there.
     """
     context = context or ReadingsContext()
-    source = decode(data, name)
+    source = _decoded(data, name)
     return _choose(source, context.format).read(source, context)
+
+
+def _decoded(data: bytes, name: str) -> SourceText:
+    try:
+        return decode(data, name)
+    except TabFileError as error:
+        # The bytes of all text files are judged in one place; what belongs into this one is said here.
+        allowed = "the plain text of readings"
+        raise TabFileError(*(replace(each, allowed=allowed) for each in error.problems)) from None
 
 
 def is_readings(path: Path) -> bool:
@@ -76,6 +85,6 @@ def _choose(source: SourceText, told: str | None) -> ReadingsFormat:
     raise source.error(
         "a text of no known format of readings" if not fitting else "a text that fits several formats",
         f"a heading such as {iso_csv.HEADING!r} or {manual.HEADING!r}, or a Renishaw .rtl; "
-        f"--format {', '.join(named)}",
+        f"--readings-format {', '.join(named)}",
         line=source.lines[0].number,
     )

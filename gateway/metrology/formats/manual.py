@@ -111,6 +111,11 @@ def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[li
         at = next(dro for line, dro, _ in table if line == turned_at)
         back = ways[-1].name.lower()
         remarks.append(f"{source.name}:{turned_at}: the axis turned round at {at:.9g}, {back} from there")
+        if sum(dro == at for _, dro, _ in table) > 1:
+            remarks.append(
+                f"{source.name}:{turned_at}: {at:.9g} is there twice, the second time as approached {back}: "
+                "right if the axis went beyond it and came back; a line that is doubled must be deleted"
+            )
     return ways, remarks
 
 

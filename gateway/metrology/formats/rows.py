@@ -142,6 +142,12 @@ def _missing(source: SourceText, rows: Sequence[Row]) -> list[str]:
             )
             continue
         measured = set().union(*of_runs.values())
+        ends = [target for target in sorted({targets[0], targets[-1]}) if target not in measured]
+        if ends:
+            remarks.append(
+                f"{source.name}: no {name} reading at {_listed(ends)}, an end: a table estimates it from its "
+                "neighbour"
+            )
         inner = [target for target in targets[1:-1] if target not in measured]
         if inner:
             remarks.append(f"{source.name}: no {name} reading at {_listed(inner)}: measure there")
