@@ -48,7 +48,7 @@ drives = {{ tcp = "127.0.0.1:{drives}" }}
 
 [[line.main.controllers]]
 name = "cnc"
-tcp = "127.0.0.1:{port}"
+{controller}
 timeout_ms = 5000
 
 [axis.x]
@@ -100,6 +100,8 @@ class Machine:
             else SimulatedDrive(1, [SimulatedAxis("x", DEFAULT_REGISTERS, self.mechanics)])
         )
         self.port = free_port()
+        self.controller = f'tcp = "127.0.0.1:{self.port}"'
+        """Where the gateway listens for the controller, as in its configuration."""
         self._axis = axis
         self._server = TcpDriveServer(DriveBus([self.drive]), self.clock)
 
@@ -118,7 +120,7 @@ class Machine:
 
     def configure(self, more: str = "") -> None:
         """Write the configuration; ``more`` are further lines of the axis."""
-        text = CONFIG.format(drives=self._server.port, port=self.port, axis=more + self._axis)
+        text = CONFIG.format(drives=self._server.port, controller=self.controller, axis=more + self._axis)
         self.config.write_text(text)
 
     async def lose_drive(self) -> None:

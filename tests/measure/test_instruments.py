@@ -1,6 +1,7 @@
 """What is read at a stop: typed on a terminal, appended to a file, sent by a gauge; what is no reading."""
 
 import asyncio
+import contextlib
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 
 from gateway.simulator.pty import Pty
 from gateway.simulator.screw import Screw
+from gateway.transport.null_modem import NullModem
 from tests.measure.site import SECONDS, Gauge, Machine, Typed, gateway, measuring
 
 FEW = ("--from", "0", "--to", "10", "--step", "10", "--runs", "1", "--dwell", "0", "--yes")
@@ -80,6 +82,22 @@ async def test_a_row_that_came_while_the_axis_moved_is_not_taken(tmp_path: Path)
     assert "1 rows came before the axis stood at its target" in typed.stderr
     assert machine.commanded() == [-1.0, 0.0]
     assert not (tmp_path / "r.csv").exists()
+
+
+async def test_a_listener_on_a_serial_port_is_reached_at_the_other_end_of_its_cable(tmp_path: Path) -> None:
+    with contextlib.closing(NullModem()) as cable:
+        async with Machine(tmp_path, screw=STRAIGHT) as machine:
+            machine.controller = f'rtu = "{cable.near}"\nbaudrate = 115200'
+            machine.configure('compensation = "off"\n')
+            with Gauge(machine) as gauge:
+                async with gateway(machine):
+                    from_gauge = (*FEW, "--gauge", gauge.path, "--readings", "r.csv")
+                    async with measuring(machine, *from_gauge) as typed:
+                        assert await typed.end() == 1
+                    assert "give --port, the port of this computer" in typed.stderr
+                    async with measuring(machine, *from_gauge, "--port", cable.far) as typed:
+                        assert await typed.end() == 0, typed.stderr
+    assert [float(row.split(",")[3]) for row in _rows(machine)[1:]] == pytest.approx(TRUE)
 
 
 @pytest.mark.parametrize(

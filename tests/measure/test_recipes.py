@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.measuring.errors import UndrivableError
+from gateway.cli.measuring.checks import axis_of
+from gateway.cli.measuring.errors import AxisError, UndrivableError
 from gateway.cli.measuring.recipe import Recipe, recipe_of
 from gateway.config.load import load
 from gateway.drives.library import names
@@ -38,7 +39,7 @@ REFUSED = {
 
 def _recipe(tmp_path: Path, axis: str) -> Recipe:
     path = tmp_path / "gateway.toml"
-    path.write_text(CONFIG.format(drives=5020, port=5021, axis=axis))
+    path.write_text(CONFIG.format(drives=5020, controller='tcp = "127.0.0.1:5021"', axis=axis))
     return recipe_of(load(path).plan.lines[0].axes[0])
 
 
@@ -65,6 +66,36 @@ def test_a_drive_that_needs_more_than_its_map_says_is_refused(tmp_path: Path, dr
 def test_a_plain_axis_moves_when_its_target_is_written(tmp_path: Path) -> None:
     recipe = _recipe(tmp_path, REGISTERS)
     assert (recipe.start, recipe.stop, recipe.mode) == (None, None, None)
+
+
+def test_an_axis_that_follows_a_stream_would_jump_and_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UndrivableError, match="stream of setpoints"):
+        _recipe(tmp_path, 'setpoints = "stream"\ncompensation = "off"' + REGISTERS)
+
+
+def test_an_axis_of_a_group_is_not_moved_alone(tmp_path: Path) -> None:
+    path = tmp_path / "gateway.toml"
+    other = """
+[axis.x2]
+line = "main"
+unit_id = 2
+units = "mm"
+counts_per_unit = 10000.0
+travel = [-5.0, 105.0]
+compensation = "off"
+referenced = "absolute"
+registers.command = [{ address = 0x0100, type = "int32" }]
+registers.actual = [{ address = 0x0200, type = "int32" }]
+
+[group.gantry]
+axes = ["x", "x2"]
+"""
+    text = CONFIG.format(
+        drives=5020, controller='tcp = "127.0.0.1:5021"', axis='compensation = "off"\n' + REGISTERS
+    )
+    path.write_text(text + other)
+    with pytest.raises(AxisError, match="belongs to a group with x2"):
+        axis_of(load(path).plan.lines, "x")
 
 
 def test_a_word_that_would_do_something_else_too_is_not_written(tmp_path: Path) -> None:

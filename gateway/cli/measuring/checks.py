@@ -38,7 +38,7 @@ class Compensation:
 
 
 def axis_of(lines: Sequence[LinePlan], name: str) -> tuple[LinePlan, AxisPlan]:
-    """Return an axis and its line. Raises AxisError: there is none of that name, or it is a rotary one."""
+    """Return an axis and its line. Raises AxisError: none of that name, a rotary one, one of a group."""
     for line in lines:
         for axis in line.axes:
             if axis.name == name:
@@ -46,6 +46,13 @@ def axis_of(lines: Sequence[LinePlan], name: str) -> tuple[LinePlan, AxisPlan]:
                     raise AxisError(
                         f"axis {name} is a rotary one: measure knows lengths only; move it by its controller "
                         "and build the table of the readings (pitch-gateway table build)"
+                    )
+                others = [other for group in line.groups if name in group for other in group if other != name]
+                if others:
+                    raise AxisError(
+                        f"axis {name} belongs to a group with {', '.join(others)}: moved alone it would "
+                        "twist what they carry together; move them by their controller and build the tables "
+                        "of the readings (pitch-gateway table build)"
                     )
                 return line, axis
     names = ", ".join(axis.name for line in lines for axis in line.axes)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.cli.measuring.errors import UndrivableError
+from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Addressing, Form, ModePlan, MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan
 from gateway.modbus.pdu import FunctionCode
@@ -134,6 +135,8 @@ def acknowledges(request: bytes, reply: bytes) -> bool:
 
 
 def _check_fields(plan: AxisPlan, target: PositionField) -> None:
+    if plan.settings.setpoints is Setpoints.STREAM:
+        raise _undrivable(plan, 'it follows a stream of setpoints (setpoints = "stream"), and would jump')
     if plan.addressing is Addressing.OBJECTS or Form.MEI in (plan.reads_with, plan.writes_with):
         raise _undrivable(plan, "its registers are CANopen objects")
     if target.block is not None or target.access is FieldAccess.READ:

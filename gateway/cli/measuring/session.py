@@ -162,10 +162,10 @@ class Session:
 
     async def _leave_standing(self, run: Run, error: BaseException) -> None:
         try:
-            if isinstance(error, LostAxisError):
-                await self._stop_anew(run)
-            else:
+            try:
                 self._told(await run.leave_standing())
+            except LostAxisError:
+                await self._stop_anew(run)
         except MeasureError as second:
             if not run.may_move:
                 self._showing.say(str(second))
