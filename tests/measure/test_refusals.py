@@ -92,3 +92,31 @@ async def test_an_axis_that_somebody_else_moves_is_left_to_him(machine: Machine)
         writer.close()
     assert "axis x is moved by cnc (127.0.0.1): stop that program first" in typed.stderr
     assert set(machine.commanded()) == {0.0}
+
+
+@pytest.mark.parametrize(
+    ("rights", "told"),
+    [
+        ('role = "monitor"', "has 0 controllers that may move axes"),
+        ("read_only = true", "controller cnc is read_only"),
+    ],
+)
+async def test_a_listener_that_may_not_move_axes_is_refused(machine: Machine, rights: str, told: str) -> None:
+    machine.controller += f"\n{rights}"
+    machine.configure('compensation = "off"\n')
+    async with gateway(machine):
+        assert told in await _refused(machine, *FEW, "--yes")
+
+
+async def test_a_command_that_is_refused_leaves_an_axis_that_stands_and_nobody_is_alarmed(
+    machine: Machine, tmp_path: Path
+) -> None:
+    """The listener takes no FC16: the first target is refused, and so is what would hold the axis."""
+    (tmp_path / "laser.txt").write_text("position\n")
+    machine.controller += "\nfunction_codes = [3]"
+    machine.configure('compensation = "off"\n')
+    async with gateway(machine):
+        told = await _refused(machine, *FEW, "--yes", "--csv", "laser.txt")
+    assert "the target -1: refused with exception 1 (illegal function)" in told
+    assert "axis x stands at 0 mm; its stop was refused" in told
+    assert "EMERGENCY" not in told.upper()

@@ -84,6 +84,8 @@ def controller_of(line: LinePlan, name: str | None) -> ControllerLink:
             f'controller {link.plan.name} has role = "{link.plan.role.value}": it may not move axes; name '
             "another with --controller"
         )
+    if link.plan.rights.is_read_only:
+        raise AxisError(f"controller {link.plan.name} is read_only: name another with --controller")
     if link.tls is not None:
         raise AxisError(
             f"controller {link.plan.name} is a TLS listener, and measure has no certificate: add a listener "

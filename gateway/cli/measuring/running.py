@@ -8,7 +8,7 @@ from typing import Final
 from gateway.cli.measuring.errors import AxisError, BadReadingError, StoppedError
 from gateway.cli.measuring.halt import Halt
 from gateway.cli.measuring.instruments import Instrument, Lines
-from gateway.cli.measuring.link import AxisLink, Look
+from gateway.cli.measuring.link import AxisLink, Look, LostAxisError
 from gateway.cli.measuring.readings_file import ReadingsFile
 from gateway.cli.measuring.showing import Showing
 from gateway.metrology.cycle import Stop
@@ -17,6 +17,8 @@ from gateway.metrology.readings import Reading
 POLL_S: Final = 0.02
 STILL: Final = 3
 """So many looks in a row must show the axis standing at its target."""
+STILL_FOR_SURE: Final = 25
+"""So many where it could not be stopped: half a second in one place."""
 STOP_TIMEOUT_S: Final = 10.0
 
 
@@ -94,7 +96,14 @@ class Run:
         self._link = link or self._link
         how = ""
         if self.may_move:
-            how = await self._link.stop()
+            try:
+                how = f"it was {await self._link.stop()}"
+            except LostAxisError:
+                raise
+            except AxisError as error:  # who refuses the stop has refused the move before, most likely
+                look = await self._until_still(STILL_FOR_SURE)
+                self.may_move = False
+                return f"{self._stands(look)}; its stop was refused: {error}"
         look = await self._until_still()
         if self.may_move:
             await self._link.let_go()
@@ -102,25 +111,29 @@ class Run:
                 await self._link.stop()
                 raise AxisError("it moved again when its stop was taken back, and was stopped once more")
             self.may_move = False
-        stands = f"axis {self._link.plan.name} stands at {look.position:.6g} {self._units}"
-        return f"{stands}; it was {how}" if how else stands
+        return f"{self._stands(look)}; {how}" if how else self._stands(look)
 
-    async def _until_still(self) -> Look:
-        last = await self._link.look()
+    def _stands(self, look: Look) -> str:
+        return f"axis {self._link.plan.name} stands at {look.position:.6g} {self._units}"
+
+    async def _until_still(self, looks: int = STILL) -> Look:
+        first = await self._link.look()
         still = 0
         try:
             async with asyncio.timeout(STOP_TIMEOUT_S):
-                while still < STILL:
+                while still < looks:
                     await asyncio.sleep(POLL_S)
                     look = await self._link.look()
-                    is_still = self._is_near(look.position, last.position) and not look.is_moving
-                    still, last = (still + 1 if is_still else 0), look
+                    if self._is_near(look.position, first.position) and not look.is_moving:
+                        still += 1
+                    else:
+                        still, first = 0, look
         except TimeoutError:
             raise AxisError(
                 f"axis {self._link.plan.name} still moves {STOP_TIMEOUT_S:g} s after the stop command: press "
                 "the emergency stop"
             ) from None
-        return last
+        return first
 
     def _is_near(self, one: float, other: float) -> bool:
         settings = self._link.plan.settings

@@ -167,10 +167,10 @@ class Session:
             except LostAxisError:
                 await self._stop_anew(run)
         except MeasureError as second:
+            with suppress(Exception):
+                self._showing.happened("stop-failed", {"error": str(second), "may_move": run.may_move})
             if not run.may_move:
-                self._showing.say(str(second))
                 return
-            self._showing.happened("stop-failed", {"error": str(second)})
             raise AxisError(
                 f"{error}; then the stop failed: {second}. THE AXIS MAY STILL BE MOVING: press the emergency "
                 "stop"
