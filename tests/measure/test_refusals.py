@@ -44,6 +44,10 @@ async def _refused(machine: Machine, *arguments: str) -> str:
         ((*FEW, "--yes", "--out", "gateway.toml"), "gateway.toml: a file of this name"),
         ((*FEW, "--yes", "--report", "report.pdf"), "a report is written as .html, .png, .svg"),
         (FEW, "nobody can be asked whether it may move"),
+        (
+            ("--from", "0", "--to", "100", "--targets", "6", "--out", "x.tab", "--out-format", "centroid-3"),
+            "cannot be written as centroid-3",
+        ),
     ],
 )
 async def test_options_that_do_not_fit_are_refused(

@@ -1,5 +1,6 @@
 """What becomes of the readings of a whole run: results of ISO 230-2, a table, what changes, a report."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +14,7 @@ from gateway.compensation.backlash import with_backlash
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.direction import Direction
 from gateway.compensation.errors import TableError
-from gateway.compensation.table import CorrectionTable
+from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.build import HomeReference, build_table
@@ -163,6 +164,28 @@ def check_places(out: Path | None, report: Path | None, *, force: bool) -> None:
             raise FileError(str(error)) from None
 
 
+def check_writable(format_name: str, positions: Sequence[float], axis: AxisPlan) -> None:
+    """Check before the work that a dialect can hold a table of two directions at these positions.
+
+    Raises:
+        FileError: it cannot, or needs to be told more than there is an option for.
+    """
+    least = abs(1.0 / axis.settings.counts_per_unit)
+    forward, backward = [least] * len(positions), [-least] * len(positions)
+    try:
+        table = make_table(positions, forward, backward, axis.settings.units)
+        dialect_named(format_name).write(table, WriteOptions(axis=_letter(axis)))
+    except (TabFileError, TableError) as error:
+        raise FileError(
+            f"--out: a table at these targets cannot be written as {format_name}: {error}; give another "
+            "--out-format, or --step instead of --targets"
+        ) from None
+
+
+def _letter(axis: AxisPlan) -> str | None:
+    return axis.name.upper() if len(axis.name) == 1 else None
+
+
 def write_table(outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, *, force: bool) -> list[str]:
     """Write the table and read it back; return what a person should know.
 
@@ -170,8 +193,7 @@ def write_table(outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, *
         FileError: the dialect cannot hold it, or the place cannot be written to.
     """
     try:
-        letter = axis.name.upper() if len(axis.name) == 1 else None
-        written = dialect_named(format_name).write(outcome.table, WriteOptions(axis=letter))
+        written = dialect_named(format_name).write(outcome.table, WriteOptions(axis=_letter(axis)))
         again = parse_table(written.text.encode(), str(out), written.context).table
         change = largest_change(outcome.table, again.in_units(outcome.table.units), axis)
         write(out, written.text, force=force)

@@ -100,6 +100,10 @@ class _Work:
         left = remaining(stops, len(done))
         seen = asyncio.run(look(self._place, plan, stops, self._status))
         self._check_same(seen)
+        if self._wish.out is not None:
+            old = self._axis.table if seen.compensation.is_active else None
+            positions = plan.targets if old is None else old.positions
+            outcome.check_writable(self._out_format, positions, self._axis)
         if not left:
             return self._finish(self._wish.resume, seen)
         for text in preview(
