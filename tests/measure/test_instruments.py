@@ -100,29 +100,29 @@ async def test_a_listener_on_a_serial_port_is_reached_at_the_other_end_of_its_ca
     assert [float(row.split(",")[3]) for row in _rows(machine)[1:]] == pytest.approx(TRUE)
 
 
-@pytest.mark.parametrize(
-    ("answer", "told"),
-    [
-        (lambda value: b"ERR1\r", "the gauge says 'ERR1'"),
-        (lambda value: f"{value:+.3f}\r".replace(".", ",").encode(), "is no reading of a sylvac gauge"),
-        (lambda value: f"{value:+.3f}\r{value:+.3f}\r".encode(), "several lines for one stop"),
-        (lambda value: b"+25.400\r", "more than 1 (--largest-deviation)"),
-        (lambda value: b"+12.", "no reading within 0.5 s"),
-    ],
-)
-async def test_a_bad_line_of_a_gauge_is_shown_and_never_asked_for_again(
-    tmp_path: Path, answer: Callable[[float], bytes], told: str
-) -> None:
+BAD_LINES: list[tuple[Callable[[float], bytes], str]] = [
+    (lambda value: b"ERR1\r", "the gauge says 'ERR1'"),
+    (lambda value: f"{value:+.3f}\r".replace(".", ",").encode(), "is no reading of a sylvac gauge"),
+    (lambda value: f"{value:+.3f}\r{value:+.3f}\r".encode(), "several lines for one stop"),
+    (lambda value: b"+25.400\r", "more than 1 (--largest-deviation)"),
+    (lambda value: b"+12.", "no reading within 0.5 s"),
+]
+
+
+async def test_a_bad_line_of_a_gauge_is_shown_and_never_asked_for_again(tmp_path: Path) -> None:
     async with Machine(tmp_path, screw=STRAIGHT) as machine:
         machine.configure('compensation = "off"\n')
-        with Gauge(machine, answer) as gauge:
-            more = ("--gauge", gauge.path, "--gauge-timeout", "0.5", "--json")
-            async with gateway(machine), measuring(machine, *FEW, *more) as typed:
-                await typed.until("standing")
-                assert await typed.end() == 1
-            assert gauge.asked == 1
-    assert told in typed.stderr
-    assert machine.commanded() == [-1.0, 0.0]
+        async with gateway(machine):
+            for answer, told in BAD_LINES:
+                machine.drive.ledger.writes.clear()
+                with Gauge(machine, answer) as gauge:
+                    more = ("--gauge", gauge.path, "--gauge-timeout", "0.5", "--json")
+                    async with measuring(machine, *FEW, *more) as typed:
+                        await typed.until("standing")
+                        assert await typed.end() == 1
+                    assert gauge.asked == 1
+                assert told in typed.stderr
+                assert machine.commanded() == [-1.0, 0.0]
 
 
 async def test_a_gauge_whose_button_sends_and_that_counts_down_from_another_zero(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from gateway.cli.measuring.readings_file import MeasuringPlan, ReadingsFile
 from gateway.cli.measuring.recipe import Recipe
 from gateway.cli.measuring.running import Manners, Run
 from gateway.cli.measuring.showing import Showing
+from gateway.exchange.plan import AxisPlan
 from gateway.ipc.plan import ControllerLink, LinePlan
 from gateway.metrology.cycle import Stop
 from gateway.metrology.readings import Reading
@@ -32,6 +33,7 @@ from gateway.transport.errors import TransportError
 from gateway.transport.master import ModbusMaster
 
 ANY_ADDRESSES: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 - a listener's own
+FREE_AFTER_S: Final = 0.5
 Status = Callable[[], Mapping[str, Any]]
 
 
@@ -101,13 +103,26 @@ async def look(place: Place, plan: MeasuringPlan, stops: list[Stop], status: Sta
     now = status()
     check_line(now, place.line)
     compensation = compensation_of(now, axis)
-    check_writer(now, axis)
+    await _until_free(status, axis)
     check_overrun(axis, plan.overrun)
     async with connected(place) as link:
         check_range(link, stops, is_corrected=compensation.is_active)
         position = await check_standing(link)
         await link.starts()
         return Seen(compensation, position, await link.needed_mode())
+
+
+async def _until_free(status: Status, axis: AxisPlan) -> None:
+    """Wait while a program that has ended may still hold the axis. Raises AxisError: somebody holds on."""
+    loop = asyncio.get_running_loop()
+    give_up_s = loop.time() + axis.writer_hold_s + FREE_AFTER_S
+    while True:
+        try:
+            return check_writer(status(), axis)
+        except AxisError:
+            if loop.time() > give_up_s:
+                raise
+        await asyncio.sleep(FREE_AFTER_S / 2)
 
 
 class Session:
