@@ -16,6 +16,7 @@ from gateway.cli import (
     enable,
     explain,
     init,
+    measure,
     probe,
     record,
     reference,
@@ -49,6 +50,7 @@ app.command("supervise")(supervise.supervise)
 app.command("check")(check.check)
 app.command("budget")(budget.budget)
 app.command("probe")(probe.probe)
+app.command("measure")(measure.measure)
 app.command("signtest")(signtest.signtest)
 app.command("status")(status.status)
 app.command("explain")(explain.explain)

@@ -4,11 +4,11 @@ It knows nothing of corrections: every position here is nominal.
 """
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.compensation.direction import Direction
+from gateway.metrology.cycle import Stop
 from gateway.modbus.registers import BitField, PositionField
 from gateway.simulator.errors import DriveRefusedError, NoReplyError
 from gateway.simulator.master import Master
@@ -16,36 +16,6 @@ from gateway.simulator.master import Master
 READ_HOLDING: Final = 3
 WRITE_REGISTERS: Final = 16
 EXCEPTION_FLAG: Final = 0x80
-
-
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """One stop of a cycle. ``direction`` is that of the move that led to it; ends are no measuring stops."""
-
-    nominal: float
-    direction: Direction
-    measure: bool
-
-
-def bidirectional_cycle(targets: Sequence[float], overrun: float, cycles: int = 1) -> Iterator[Stop]:
-    """Stops of a measuring cycle: up through all targets and down again, overrunning both ends.
-
-    The overrun lets the axis turn round outside the targets, so that the first and last are approached from
-    both sides too. It must be greater than the lost motion.
-
-    >>> [(stop.nominal, stop.direction.name) for stop in bidirectional_cycle([0.0, 10.0], 2.0)]
-    ... # doctest: +NORMALIZE_WHITESPACE
-    [(-2.0, 'BACKWARD'), (0.0, 'FORWARD'), (10.0, 'FORWARD'),
-     (12.0, 'FORWARD'), (10.0, 'BACKWARD'), (0.0, 'BACKWARD')]
-    """
-    ascending = sorted(targets)
-    for _ in range(cycles):
-        yield Stop(ascending[0] - overrun, Direction.BACKWARD, measure=False)
-        for nominal in ascending:
-            yield Stop(nominal, Direction.FORWARD, measure=True)
-        yield Stop(ascending[-1] + overrun, Direction.FORWARD, measure=False)
-        for nominal in reversed(ascending):
-            yield Stop(nominal, Direction.BACKWARD, measure=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typer.main import get_command
 from gateway.cli.main import app
 
 DOCS = Path(__file__).parents[2] / "docs"
-GUIDES = ("install.md", "metrology.md", "operations.md")
+GUIDES = ("install.md", "measure.md", "metrology.md", "operations.md")
 TYPED = r"(?<![\w/.-])pitch-gateway ([a-z][^`\n|;#&>]*)"
 ROOT = get_command(app)
 

@@ -7,10 +7,11 @@ import pytest
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeReference, build_table
+from gateway.metrology.cycle import Stop, bidirectional_cycle
 from gateway.metrology.readings import Reading
 from gateway.simulator.axis import DEFAULT_REGISTERS, SimulatedAxis
 from gateway.simulator.bus import DriveBus
-from gateway.simulator.controller import AxisController, AxisWiring, Stop, bidirectional_cycle
+from gateway.simulator.controller import AxisController, AxisWiring
 from gateway.simulator.drive import SimulatedDrive
 from gateway.simulator.endpoints import TcpDriveServer
 from gateway.simulator.errors import DriveRefusedError, NoReplyError

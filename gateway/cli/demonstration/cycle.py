@@ -15,10 +15,11 @@ from gateway.cli.demonstration.view import AxisView, Judged, Listener, Phase, Vi
 from gateway.compensation.direction import Direction
 from gateway.config.load import load
 from gateway.metrology.build import HomeReference, build_table
+from gateway.metrology.cycle import Stop, bidirectional_cycle
 from gateway.metrology.readings import Reading
 from gateway.relay.gateway import Relay
 from gateway.simulator.clock import scaled_clock
-from gateway.simulator.controller import Arrival, AxisController, Stop, bidirectional_cycle
+from gateway.simulator.controller import Arrival, AxisController
 from gateway.simulator.errors import SimulatorError
 
 TARGETS: Final = 60

@@ -1,0 +1,244 @@
+"""What becomes of the readings of a whole run: results of ISO 230-2, a table, what changes, a report."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import typer
+
+from gateway.cli.evaluation_output import results_json, results_text
+from gateway.cli.measuring.errors import FileError, MeasureError
+from gateway.cli.table_convert import write
+from gateway.compensation.backlash import with_backlash
+from gateway.compensation.correction_spec import spec_of_table
+from gateway.compensation.direction import Direction
+from gateway.compensation.errors import TableError
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.exchange.plan import AxisPlan
+from gateway.metrology.build import HomeReference, build_table
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.formats.context import ReadingsContext
+from gateway.metrology.formats.load import read_survey
+from gateway.metrology.readings import Survey
+from gateway.metrology.refine import refine_table
+from gateway.tabfile import DIALECTS, TabFileError, WriteOptions, dialect_named, parse_table
+
+FALLBACK_FORMATS: Final = ("csv", "centroid-3")
+SMALL: Final = {Units.MM: (1000.0, "µm"), Units.INCH: (10_000.0, "tenths (0.0001 inch)")}
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Where a new table differs most from the active one, in units of the axis; signed, new less old."""
+
+    position: float
+    direction: Direction
+    amount: float
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Everything that a whole run leads to."""
+
+    survey: Survey
+    evaluation: Evaluation
+    table: CorrectionTable
+    is_refined: bool
+    change: Change | None = None
+    """None: no table was in use before."""
+    notes: tuple[str, ...] = field(default=())
+
+
+def outcome_of(survey: Survey, axis: AxisPlan, *, is_active: bool) -> Outcome:
+    """Evaluate the readings and make the table of them.
+
+    Raises:
+        MeasureError: they make no table.
+    """
+    notes = list(survey.remarks)
+    active = axis.table
+    if active is not None and axis.settings.backlash is not None:
+        active = with_backlash(active, axis.settings.backlash)
+        notes.append("the new table holds the backlash too: take the key backlash away when you use it")
+    try:
+        evaluation = evaluate(survey)
+        if is_active:
+            assert active is not None
+            done = refine_table(active, survey, home=_home(axis, survey))
+            table = done.table
+            notes += done.notes
+        else:
+            table = build_table(survey.readings, survey.units, home=_home(axis, survey))
+    except (ReadingsError, TableError) as error:
+        raise MeasureError(str(error)) from None
+    change = None if active is None else largest_change(active, table, axis)
+    return Outcome(survey, evaluation, table, is_active, change, tuple(notes))
+
+
+def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -> Change:
+    """Return where two tables differ most, at the points of both."""
+    specs = [spec_of_table(table, axis.settings) for table in (old, new)]
+    places = sorted({*old.positions, *new.positions})
+    changes = [
+        Change(place, direction, after - before)
+        for place in places
+        for direction, share in ((Direction.FORWARD, 1.0), (Direction.BACKWARD, 0.0))
+        for before, after in [[spec.map_at(share).correction(place) for spec in specs]]
+    ]
+    return max(changes, key=lambda change: abs(change.amount))
+
+
+def _home(axis: AxisPlan, survey: Survey) -> HomeReference | None:
+    """Where the correction is 0: machine position 0, as homing arrives there, if that was measured."""
+    targets = [reading.target for reading in survey.readings]
+    if not axis.settings.home_approach or not min(targets) <= 0.0 <= max(targets):
+        return None
+    return HomeReference(0.0, Direction(axis.settings.home_approach))
+
+
+def show(outcome: Outcome) -> None:
+    """Print the results for a person."""
+    results_text(
+        outcome.evaluation, None, ("with the table" if outcome.is_refined else "without a table", "")
+    )
+    change = outcome.change
+    if change is not None:
+        factor, unit = SMALL[outcome.survey.units]
+        typer.echo(
+            f"against the active table: the largest change is {change.amount * factor:+.2f} {unit} at "
+            f"{change.position:.9g} {outcome.survey.units.value}, {change.direction.name.lower()}"
+        )
+    for note in outcome.notes:
+        typer.echo(note)
+
+
+def json_of(outcome: Outcome) -> dict[str, Any]:
+    """Return the results for a program, in units of the axis."""
+    table, change = outcome.table, outcome.change
+    return {
+        "units": outcome.survey.units.value,
+        "results": results_json(outcome.evaluation),
+        "table": {
+            "positions": list(table.positions),
+            "forward": list(table.forward),
+            "backward": list(table.backward),
+            "refined": outcome.is_refined,
+        },
+        "change": None
+        if change is None
+        else {
+            "position": change.position,
+            "direction": change.direction.name.lower(),
+            "amount": change.amount,
+        },
+        "notes": list(outcome.notes),
+    }
+
+
+def check_format(told: str | None, axis: AxisPlan) -> str:
+    """Return the dialect of the table that is to be written. Raises FileError: there is none of that name."""
+    names = [dialect.name for dialect in DIALECTS]
+    if told is not None:
+        if told not in names:
+            raise FileError(f"--out-format {told}: allowed are {', '.join(names)}")
+        return told
+    return next(name for name in (axis.table_format, *FALLBACK_FORMATS) if name in names)
+
+
+def check_places(out: Path | None, report: Path | None, *, force: bool) -> None:
+    """Check before the work that its results can be written where they are wanted. Raises FileError."""
+    if out is not None and out.exists() and not force:
+        raise FileError(f"{out}: a file of this name; give a new name, or --force")
+    if out is not None and not out.parent.is_dir():
+        raise FileError(f"{out}: there is no folder {out.parent}: make it first")
+    if report is not None:
+        from gateway.report.errors import ReportError
+        from gateway.report.writing import check_place
+
+        try:
+            check_place(report, force=force)
+        except ReportError as error:
+            raise FileError(str(error)) from None
+
+
+def check_writable(format_name: str, positions: Sequence[float], axis: AxisPlan) -> None:
+    """Check before the work that a dialect can hold a table of two directions at these positions.
+
+    Raises:
+        FileError: it cannot, or needs to be told more than there is an option for.
+    """
+    least = abs(1.0 / axis.settings.counts_per_unit)
+    forward, backward = [least] * len(positions), [-least] * len(positions)
+    try:
+        table = make_table(positions, forward, backward, axis.settings.units)
+        dialect_named(format_name).write(table, WriteOptions(axis=_letter(axis)))
+    except (TabFileError, TableError) as error:
+        raise FileError(
+            f"--out: a table at these targets cannot be written as {format_name}: {error}; give another "
+            "--out-format, or --step instead of --targets"
+        ) from None
+
+
+def _letter(axis: AxisPlan) -> str | None:
+    return axis.name.upper() if len(axis.name) == 1 else None
+
+
+def write_table(outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, *, force: bool) -> list[str]:
+    """Write the table and read it back; return what a person should know.
+
+    Raises:
+        FileError: the dialect cannot hold it, or the place cannot be written to.
+    """
+    try:
+        written = dialect_named(format_name).write(outcome.table, WriteOptions(axis=_letter(axis)))
+        again = parse_table(written.text.encode(), str(out), written.context).table
+        change = largest_change(outcome.table, again.in_units(outcome.table.units), axis)
+        write(out, written.text, force=force)
+    except (TabFileError, TableError) as error:
+        raise FileError(
+            f"{error}; the readings are kept: build the table of them with another --out-format "
+            "(pitch-gateway table build)"
+        ) from None
+    factor, unit = SMALL[outcome.table.units]
+    return [
+        f"{out}: {format_name}, {len(outcome.table.positions)} points",
+        *(f"not in the file: {loss}" for loss in written.losses),
+        f"largest difference of a correction after reading it back: {abs(change.amount) * factor:.3g} {unit}",
+    ]
+
+
+def survey_of(path: Path, axis: AxisPlan) -> Survey:
+    """Read a file of readings of the axis, in its units. Raises FileError."""
+    try:
+        survey = read_survey(path, ReadingsContext(axis=axis.name))
+        return survey.in_units(axis.settings.units)
+    except TabFileError as error:
+        raise FileError(str(error)) from None
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from None
+
+
+def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:
+    """Write the report; ``before`` are readings of an earlier run, without a table. Raises FileError."""
+    from gateway.report.errors import ReportError
+    from gateway.report.story import AxisStory, Report
+    from gateway.report.writing import write_report as write_file
+
+    survey = outcome.survey
+    story = AxisStory(
+        axis=axis,
+        units=survey.units,
+        table=outcome.table,
+        before=before if outcome.is_refined else survey,
+        after=survey if outcome.is_refined else None,
+        facts=survey.facts,
+        notes=outcome.notes,
+    )
+    report = Report(f"Axis {axis}", (story,), survey.facts.get("measured", ""))
+    try:
+        write_file(report, path, force=force)
+    except ReportError as error:
+        raise FileError(str(error)) from None

@@ -1,0 +1,129 @@
+r"""What serial gauges send: one reading is one line of ASCII.
+
+``mitutoyo``: interfaces that turn the DATA plug of a Mitutoyo gauge into RS-232 or USB. Two digits of the
+channel, ``A``, a sign, digits with a point, CR: ``01A+0012.345\r``. ``911\r`` is an error of channel 1:
+no gauge, or one that is switched off.
+
+``sylvac``: gauges of Sylvac and of makes that speak as they do. A sign or a space, digits with a point, CR:
+``+12.345\r``. ``?\r`` asks for a reading; instruments that echo what they hear send it back first. ``ERR1\r``
+is an error. In tolerance mode ``<``, ``=`` or ``>`` follows the number (user manuals of the Power and UniCal
+families: data format, remote commands).
+
+Nothing is guessed: a line that is not exactly one of these is refused, and shown.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from gateway.metrology.errors import MetrologyError
+
+LONGEST_LINE: Final = 64
+SHOWN: Final = 40
+_ENDS: Final = re.compile(rb"\r\n|\r|\n")
+
+
+class GaugeError(MetrologyError):
+    """A line that is no reading; it shows the line and says what to do."""
+
+
+class GaugeKind(Enum):
+    """How a gauge writes a reading."""
+
+    MITUTOYO = "mitutoyo"
+    SYLVAC = "sylvac"
+
+
+@dataclass(frozen=True, slots=True)
+class GaugeDefaults:
+    """How a gauge is usually connected, and what asks it for a reading; "" where a button sends it."""
+
+    baudrate: int
+    data_bits: int
+    parity: str
+    stop_bits: int
+    request: str
+
+
+DEFAULTS: Final[Mapping[GaugeKind, GaugeDefaults]] = {
+    GaugeKind.MITUTOYO: GaugeDefaults(9600, 8, "N", 1, ""),
+    GaugeKind.SYLVAC: GaugeDefaults(4800, 7, "E", 2, "?\r"),
+}
+
+_MITUTOYO: Final = re.compile(r"(\d\d)A([+-])(\d{1,8}(?:\.\d{0,6})?)")
+_MITUTOYO_ERROR: Final = re.compile(r"9\d\d?")
+_SYLVAC: Final = re.compile(r"([+ -]?)(\d{1,8}\.\d{1,6})([<=>]?)")
+_SYLVAC_ERROR: Final = re.compile(r"ERR ?\d+")
+
+
+def reading_of(kind: GaugeKind, line: bytes) -> float:
+    r"""Return the number in a line without its end, in the units that the gauge shows.
+
+    Raises:
+        GaugeError: the line is an error of the gauge, or no reading at all.
+
+    >>> reading_of(GaugeKind.MITUTOYO, b"01A+0012.345")
+    12.345
+    >>> reading_of(GaugeKind.SYLVAC, b"-0.020")
+    -0.02
+    """
+    try:
+        text = line.decode("ascii")
+    except UnicodeDecodeError:
+        raise _unreadable(kind, line, "bytes that are no ASCII: check baud rate, parity and bits") from None
+    if kind is GaugeKind.MITUTOYO:
+        return _mitutoyo(text)
+    return _sylvac(text)
+
+
+def _mitutoyo(text: str) -> float:
+    found = _MITUTOYO.fullmatch(text)
+    if found is not None:
+        return float(found[2] + found[3])
+    if _MITUTOYO_ERROR.fullmatch(text):
+        raise GaugeError(f"the interface says {text!r}: no reading from the gauge; is it on and plugged in?")
+    raise _unreadable(GaugeKind.MITUTOYO, text.encode(), "it must be as in 01A+0012.345")
+
+
+def _sylvac(text: str) -> float:
+    found = _SYLVAC.fullmatch(text)
+    if found is not None:
+        return float((found[1].strip() or "+") + found[2])
+    if _SYLVAC_ERROR.fullmatch(text):
+        raise GaugeError(f"the gauge says {text!r}: look at its display")
+    raise _unreadable(GaugeKind.SYLVAC, text.encode(), "it must be as in +12.345")
+
+
+def _unreadable(kind: GaugeKind, line: bytes, why: str) -> GaugeError:
+    shown = line[:SHOWN].decode("latin-1")
+    return GaugeError(f"the line {shown!r} is no reading of a {kind.value} gauge: {why}")
+
+
+class GaugeLines:
+    r"""Cuts what a gauge sends into lines; CR, LF and CR LF end one. Empty lines are none.
+
+    >>> lines = GaugeLines()
+    >>> lines.feed(b"+1.5\r\n+2"), lines.feed(b".5\r"), lines.rest
+    ([b'+1.5'], [b'+2.5'], b'')
+    """
+
+    def __init__(self) -> None:
+        self.rest = b""
+        """What has come of a line that is not whole."""
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take bytes; return the lines that are whole now.
+
+        Raises:
+            GaugeError: so much without an end is no line of a gauge.
+        """
+        *lines, self.rest = _ENDS.split(self.rest + data)
+        if len(self.rest) > LONGEST_LINE:
+            shown = self.rest[:SHOWN].decode("latin-1")
+            self.rest = b""
+            raise GaugeError(
+                f"{shown!r}… and no end of the line: check baud rate, parity and the kind of gauge"
+            )
+        return [line for line in lines if line]

@@ -1,0 +1,97 @@
+"""Lines of serial gauges: numbers, errors of the gauge, and everything that is neither."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.metrology.gauges import GaugeError, GaugeKind, GaugeLines, reading_of
+
+MITUTOYO, SYLVAC = GaugeKind.MITUTOYO, GaugeKind.SYLVAC
+
+
+@pytest.mark.parametrize(
+    ("kind", "line", "value"),
+    [
+        (MITUTOYO, b"01A+0012.345", 12.345),
+        (MITUTOYO, b"01A-00000.01", -0.01),
+        (MITUTOYO, b"02A+0.47244", 0.47244),
+        (MITUTOYO, b"01A+000012.", 12.0),
+        (SYLVAC, b"+12.345", 12.345),
+        (SYLVAC, b"-0.0205", -0.0205),
+        (SYLVAC, b" 1.000", 1.0),
+        (SYLVAC, b"1.000", 1.0),
+        (SYLVAC, b"+1.000=", 1.0),
+    ],
+)
+def test_a_reading_is_the_number_that_the_gauge_shows(kind: GaugeKind, line: bytes, value: float) -> None:
+    assert reading_of(kind, line) == value
+
+
+@pytest.mark.parametrize(
+    ("kind", "line", "told"),
+    [
+        (MITUTOYO, b"911", "no reading from the gauge"),
+        (MITUTOYO, b"91", "no reading from the gauge"),
+        (MITUTOYO, b"+12.345", "as in 01A"),
+        (MITUTOYO, b"01A+12,345", "as in 01A"),
+        (MITUTOYO, b"01A12.345", "as in 01A"),
+        (MITUTOYO, b"01A+12.34501A+12.345", "as in 01A"),
+        (SYLVAC, b"ERR1", "look at its display"),
+        (SYLVAC, b"01A+0012.345", r"as in \+12.345"),
+        (SYLVAC, b"+12,345", r"as in \+12.345"),
+        (SYLVAC, b"+12", r"as in \+12.345"),
+        (SYLVAC, b"+1e5", r"as in \+12.345"),
+        (SYLVAC, b"+-1.0", r"as in \+12.345"),
+        (SYLVAC, b"\xb1\xb2.\xb3", "check baud rate, parity"),
+        (SYLVAC, b"", r"as in \+12.345"),
+        (SYLVAC, b"nan", r"as in \+12.345"),
+        (SYLVAC, b"+999999999999.000", r"as in \+12.345"),
+    ],
+)
+def test_what_is_no_reading_is_refused_and_shown(kind: GaugeKind, line: bytes, told: str) -> None:
+    with pytest.raises(GaugeError, match=told):
+        reading_of(kind, line)
+
+
+@given(value=st.integers(-99_999_999, 99_999_999), kind=st.sampled_from(GaugeKind))
+def test_every_number_comes_back(value: int, kind: GaugeKind) -> None:
+    text = f"{value / 1000:+.3f}"
+    line = text if kind is SYLVAC else f"01A{text[0]}{text[1:].zfill(9)}"
+    assert reading_of(kind, line.encode()) == value / 1000
+
+
+@given(st.data(), st.sampled_from(GaugeKind))
+def test_a_line_with_one_byte_changed_is_refused_or_differs_in_just_that_digit(
+    data: st.DataObject, kind: GaugeKind
+) -> None:
+    line = {SYLVAC: b"+12.345", MITUTOYO: b"01A+0012.345"}[kind]
+    place = data.draw(st.integers(0, len(line) - 1))
+    byte = data.draw(st.integers(0, 255))
+    mutant = line[:place] + bytes((byte,)) + line[place + 1 :]
+    try:
+        value = reading_of(kind, mutant)
+    except GaugeError:
+        return
+    # A digit for a digit, a sign for a sign; of Mitutoyo's channel any two digits are one.
+    assert value == float(mutant[3 if kind is MITUTOYO else 0 :])
+    assert chr(byte).isdigit() == chr(line[place]).isdigit() or chr(byte) in "+- ."
+
+
+@given(
+    lines=st.lists(st.sampled_from([b"+1.5", b"-0.020", b"ERR1"]), max_size=5),
+    end=st.sampled_from([b"\r", b"\n", b"\r\n"]),
+    cuts=st.lists(st.integers(0, 40), max_size=6),
+)
+def test_lines_are_the_same_however_the_bytes_come(lines: list[bytes], end: bytes, cuts: list[int]) -> None:
+    data = b"".join(line + end for line in lines)
+    gauge, found, at = GaugeLines(), [], 0
+    for cut in [*sorted(cut for cut in cuts if cut <= len(data)), len(data)]:
+        found += gauge.feed(data[at:cut])
+        at = cut
+    assert found == lines
+    assert gauge.rest == b""
+
+
+def test_what_never_ends_is_no_line() -> None:
+    with pytest.raises(GaugeError, match="no end of the line"):
+        GaugeLines().feed(b"x" * 65)
