@@ -74,7 +74,7 @@ def _read(
         max_correction=settings_of(axis).max_correction,
         max_slope=axis.max_slope,
     )
-    read = table_in(findings, key, found.path, context)
+    read = table_in(findings, key, found.path, context, lost_motion_is_taken_up=True)
     if read is None:
         return None
     table = read.table.in_units(axis.units)

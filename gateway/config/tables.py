@@ -76,11 +76,14 @@ def _near(folder: Path, name: str) -> str:
 
 def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, name: str) -> AxisTable | None:
     """Return the table of an axis; what is wrong with the file goes to ``findings``."""
-    loaded = table_in(findings, key, path, context_of(axis, name))
+    is_taken_up = axis.backlash is not None
+    loaded = table_in(findings, key, path, context_of(axis, name), lost_motion_is_taken_up=is_taken_up)
     return None if loaded is None else AxisTable(loaded.table.in_units(axis.units), loaded, path)
 
 
-def table_in(findings: Findings, key: KeyPath, path: Path, context: FileContext) -> LoadedTable | None:
+def table_in(
+    findings: Findings, key: KeyPath, path: Path, context: FileContext, *, lost_motion_is_taken_up: bool
+) -> LoadedTable | None:
     """Return what a file holds; what is wrong with it goes to ``findings``. None where it cannot be read."""
     try:
         loaded = inspect_table(path, context)
@@ -96,7 +99,7 @@ def table_in(findings: Findings, key: KeyPath, path: Path, context: FileContext)
         if lint.severity is Severity.ERROR:
             findings.refuse_elsewhere(key, remark)
         elif lint.code == LOST_MOTION_LINT:
-            if axis.backlash is None:
+            if not lost_motion_is_taken_up:
                 findings.warnings.append(replace(remark, remedy=_backlash_of(loaded)))
         elif lint.code != COVERAGE_LINT:
             findings.warnings.append(remark)

@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli.evaluation_output import results_json, results_text
 from gateway.cli.measuring.errors import FileError, MeasureError
-from gateway.cli.table_convert import write
+from gateway.cli.table_writing import write
 from gateway.compensation.backlash import with_backlash
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.direction import Direction
