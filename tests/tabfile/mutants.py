@@ -68,7 +68,7 @@ class Mutant:
 NUMBER: Final = re.compile(rb"[+-]?[0-9]+(?:\.[0-9]*)?|[+-]?\.[0-9]+")
 _LINE: Final = re.compile(rb"[^\r\n]*(?:\r\n|\r|\n|$)")
 _LINE_END: Final = re.compile("\r\n|\r|\n")
-BYTES: Final = bytes(range(0x20, 0x7F)) + b"\t\n\r\x00\x1a\xb5\xff"
+BYTES: Final = bytes(range(0x20, 0x7F)) + b"\t\n\r\x00\x1a\xa0\xb5\xff"
 PLACE: Final = re.compile(r"-?[0-9]+(?:\.[0-9]+)?(?:e-?[0-9]+)?")
 
 
