@@ -52,7 +52,7 @@ DEFAULTS: Final[Mapping[GaugeKind, GaugeDefaults]] = {
     GaugeKind.SYLVAC: GaugeDefaults(4800, 7, "E", 2, "?\r"),
 }
 
-_MITUTOYO: Final = re.compile(r"(\d\d)A([+-])(\d{1,8}(?:\.\d{0,6})?)")
+_MITUTOYO: Final = re.compile(r"(\d\d)A([+-])(\d{1,8}\.\d{0,6})")
 _MITUTOYO_ERROR: Final = re.compile(r"9\d\d?")
 _SYLVAC: Final = re.compile(r"([+ -]?)(\d{1,8}\.\d{1,6})([<=>]?)")
 _SYLVAC_ERROR: Final = re.compile(r"ERR ?\d+")
