@@ -58,8 +58,8 @@ def decode(
         found = "no file_counts_per_unit" if scale is None else f"file_counts_per_unit {scale:g}"
         raise source.error(
             f"a table of increments, which holds counts, and {found}",
-            f"file_counts_per_unit = counts of the OLD control per {units.value}, above 0 (1000 where it "
-            "counts in 0.001)",
+            f"file_counts_per_unit = counts of the OLD control per {context.option_units(units).value}, the "
+            "unit of the axis, above 0 (1000 where it counts in 0.001 of that)",
         )
     _check_turn(source, units, file, sums)
     axis = axis_letter(source, file.csv, context)
@@ -93,9 +93,18 @@ def decode(
         meaning.rule,
         meaning.rule,
         axis=axis,
-        decisions=(f"{place}, {told}", *meaning.assumed),
+        decisions=(f"{place}, {told}", *_scale_told(context, scale, units), *meaning.assumed),
         behaves_as=HOLDS,
     )
+
+
+def _scale_told(context: FileContext, scale: float, units: Units) -> tuple[str, ...]:
+    """Say what a scale is that was told per unit of the axis, where the file has other units."""
+    told = context.option_units(units)
+    if told is units:
+        return ()
+    rule = f"file_counts_per_unit is told per {told.value}, the unit of the axis"
+    return (f"{scale:.9g} counts per {units.value}: {rule}",)
 
 
 def _check_turn(source: SourceText, units: Units, file: Increments, sums: Sequence[Sum]) -> None:

@@ -220,7 +220,8 @@ def _start_of(
         if abs(told - offset) > SAME_START:
             raise source.error(
                 f"{OFFSET} {offset:g}, but file_start is {told:g}",
-                f"file_start = {offset:g}, or the program without {OFFSET} if its sign was meant otherwise",
+                f"file_start = {context.as_told(offset):.9g}, or the program without {OFFSET} if its sign "
+                "was meant otherwise",
                 line=setting.line,
             )
         return offset, f"{OFFSET}, and file_start says the same", ()
