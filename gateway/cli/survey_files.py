@@ -26,9 +26,9 @@ from gateway.tabfile import (
     LoadedTable,
     Problem,
     TabFileError,
-    V1Layout,
     WriteOptions,
     Written,
+    dialect_named,
     parse_table,
 )
 
@@ -166,17 +166,9 @@ def write_file(out: Path, text: str, *, force: bool) -> None:
     table_writing.write(out, text, force=force)
 
 
-def told_to_reader(result: Written) -> dict[str, object]:
+def told_to_reader(result: Written, again: LoadedTable) -> dict[str, object]:
     """Return what a reader of the file must be told, by the names of the options."""
-    context = result.context
-    layout: V1Layout | None = context.v1_layout
-    told: dict[str, object | None] = {
-        "file_counts_per_unit": context.file_counts_per_unit,
-        "v1_layout": layout.value if layout else None,
-        "file_start": context.file_start,
-        "file_units": context.file_units.value if context.file_units else None,
-    }
-    return {name: fact for name, fact in told.items() if fact is not None}
+    return table_writing.told_to_reader(result, dialect_named(again.format))
 
 
 def print_written(out: Path, result: Written, again: LoadedTable, difference: float) -> None:
@@ -187,5 +179,6 @@ def print_written(out: Path, result: Written, again: LoadedTable, difference: fl
         f"{table.units.value}, corrections up to {table.max_correction():.6g}"
     )
     print_lines(f"not in the file: {loss}" for loss in result.losses)
+    print_lines(table_writing.reader_lines(result, dialect_named(again.format)))
     print_lines(finding_line(str(out), lint) for lint in again.lints)
     typer.echo(f"largest difference of a correction after reading it back: {difference:.3g}")

@@ -98,7 +98,7 @@ def _print_json(
             "notes": notes,
             "losses": list(result.losses),
             "largest_difference": difference,
-            "read_with": shared.told_to_reader(result),
+            "read_with": shared.told_to_reader(result, again),
             "lints": [lint.to_json() for lint in again.lints],
             "before": results_json(results[0]),
             "predicted": results_json(results[1]),

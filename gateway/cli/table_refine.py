@@ -71,6 +71,9 @@ def refine(
         table = refined.table.in_units(loaded.table.units)
         letter = told.axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
         scale = to_counts_per_unit or told.file_counts_per_unit
+        if target.name == loaded.format:  # whoever reads FILE reads OUT in the same way
+            to_sense = to_sense or told.sense()
+            to_file_axis = to_file_axis or loaded.source.file_axis
         options = WriteOptions(letter, scale, told.v1_layout, to_file_axis, to_sense)
         result, again, difference = shared.written(table, target, options)
         shared.write_file(out, result.text, force=force)
@@ -99,7 +102,7 @@ def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written,
             "notes": list(refined.notes),
             "losses": list(result.losses),
             "largest_difference": difference,
-            "read_with": shared.told_to_reader(result),
+            "read_with": shared.told_to_reader(result, again),
             "lints": [lint.to_json() for lint in again.lints],
         }
     )

@@ -5,16 +5,19 @@ import secrets
 import stat
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from enum import Enum
 from pathlib import Path
 
 from gateway.compensation.table import CorrectionTable
 from gateway.files import kind_of
 from gateway.tabfile import (
     DIALECTS,
+    OPTIONS,
     Dialect,
     Problem,
     SourceRow,
     TabFileError,
+    UnitsOf,
     WriteOptions,
     Written,
     parse_table,
@@ -46,6 +49,25 @@ def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) ->
     again = parse_table(data, name, written.context).table
     again = again.in_units(table.units)
     return Converted(written, *largest_difference(_rows(table), _rows(again)))
+
+
+def told_to_reader(written: Written, target: Dialect) -> dict[str, object]:
+    """Return what a reader of the file must be told, by the names of the options."""
+    names = ["format", *OPTIONS]
+    if target.units is not UnitsOf.FILE:
+        names.append("file_units" if target.units is UnitsOf.TOLD else "units")
+    told = {name: getattr(written.context, name) for name in names}
+    said = {name: fact for name, fact in told.items() if fact is not None}
+    return {name: fact.value if isinstance(fact, Enum) else fact for name, fact in said.items()}
+
+
+def reader_lines(written: Written, target: Dialect) -> list[str]:
+    """Say the same as options of the command line; no line where nothing is to be told."""
+    options = " ".join(
+        f"--{'units' if name == 'file_units' else name.replace('_', '-')} {fact}"
+        for name, fact in sorted(told_to_reader(written, target).items())
+    )
+    return [f"to be told when it is read: {options}"] if options else []
 
 
 def _rows(table: CorrectionTable) -> list[SourceRow]:

@@ -132,6 +132,7 @@ def _decoded(
         rule,
         rule,
         axis=table.axis.upper() if re.fullmatch("[A-Za-z]", table.axis) else None,
+        file_axis=table.axis,
         decisions=tuple(decisions),
         remarks=remarks,
         behaves_as=('outside = "hold"',),

@@ -101,6 +101,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         f"{RULES[sense]}; second field",
         f"{RULES[sense]}; {'second field, as in the positive direction' if is_both_ways else 'third field'}",
         axis=axis if context.file_axis is None else None,
+        file_axis=context.file_axis,
         plausible=(0.0, _MAX_PLAUSIBLE[units]),
         decisions=(f"sense {sense.value}: told", f"units {units.value}: told by file_units", decision),
         behaves_as=_behaviour(rows, units),

@@ -102,6 +102,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         f"{RULES[sense]}; column {columns.axis}",
         f"{RULES[sense]}; {backward}",
         axis=columns.axis if len(columns.axis) == 1 and context.file_axis is None else None,
+        file_axis=columns.axis,
         plausible=(0.0, _MAX_PLAUSIBLE[units]),
         decisions=(f"sense {sense.value}: told", unit_decision, *_column_decisions(columns)),
     )

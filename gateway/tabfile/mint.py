@@ -112,6 +112,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         remarks=(*screw.remarks, *remarks, *reversal.remarks),
         behaves_as=(*outside, *_reversal_lines(reversal, units, axis_units)),
         are_positions=True,
+        file_axis=str(axis),
     )
 
 

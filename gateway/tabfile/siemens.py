@@ -119,6 +119,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         _RULE,
         _RULE,
         axis=name[1][0] if _LETTER.fullmatch(name[1]) else None,
+        file_axis=",".join(name),
         plausible=(0.0, _PLAUSIBLE[units]),
         decisions=(
             f"axis {name[1]}, measuring system {name[0]}",
