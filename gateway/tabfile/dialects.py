@@ -229,7 +229,7 @@ DIALECTS: Final = (
 )
 
 
-_OF_A_TABLE: Final = re.compile(r"(?i)(cnc|#)[\w .#-]*|[0-9e+., \t-]*")
+_OF_A_TABLE: Final = re.compile(r"(?i)cnc[0-9]*[ \t][\w .-]*|[0-9e+., \t-]*")
 """What is quoted in messages. Where a table should be, a link may lead to a password, and messages go far."""
 
 

@@ -50,7 +50,7 @@ _MAX_PLAUSIBLE: Final = {Units.MM: 0.5, Units.INCH: 0.1, Units.DEGREE: inf}
 _WHAT: Final = "a Fagor 8055 table"
 _GRAMMAR: Final = "such as 'P001 X- 20.00000 EX 0.00100', with a third field (EX) in all lines or in none"
 _SIGN: Final = r"(-[ \t]*|[ \t]*-?)"
-_NUMBER: Final = r"([0-9]+\.?[0-9]*|\.[0-9]+)"
+_NUMBER: Final = r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)"
 _FIELD: Final = rf"[ \t]+E([A-Z]){_SIGN}{_NUMBER}"
 _ROW: Final = re.compile(
     rf"P([0-9]{{3,4}})[ \t]+([A-Z]){_SIGN}{_NUMBER}{_FIELD}(?:{_FIELD})?", re.IGNORECASE | re.ASCII

@@ -23,6 +23,7 @@ another thing and refused by name.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
@@ -173,9 +174,9 @@ def _add(tables: _Tables, line: Line, text: str) -> str | None:
 
 
 def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[tuple[str, str], _Table]:
-    axes = [axis for _, axis in tables]
+    systems = Counter(axis for _, axis in tables)
     names = {
-        (axis if axes.count(axis) == 1 else f"{encoder},{axis}"): (encoder, axis)
+        (axis if systems[axis] == 1 else f"{encoder},{axis}"): (encoder, axis)
         for encoder, axis in sorted(tables)
     }
     told = context.file_axis
