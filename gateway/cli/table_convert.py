@@ -10,7 +10,15 @@ from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.table_options import AsJson, Target, Told, Wanted, takes_file_options
 from gateway.cli.table_reading import inspect, problems, usage
-from gateway.cli.table_writing import Converted, converted, reader_lines, told_to_reader, write
+from gateway.cli.table_writing import (
+    Converted,
+    converted,
+    is_modulo,
+    reader_lines,
+    told_to_reader,
+    turns_lost,
+    write,
+)
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -63,8 +71,16 @@ def convert(
         table = _in_units(loaded, wanted.to_units)
         even = None if wanted.resample is None else resample(table, wanted.resample, str(file))
         letter = _letter(wanted.to_axis) or letter_for(loaded, told.axis, out)
-        options = WriteOptions(letter, scale, wanted.to_v1_layout, wanted.to_file_axis, wanted.to_sense)
-        result = converted(even.table if even else table, target, options)
+        table = even.table if even else table
+        options = WriteOptions(
+            axis=letter,
+            file_counts_per_unit=scale,
+            v1_layout=wanted.to_v1_layout,
+            file_axis=wanted.to_file_axis,
+            sense=wanted.to_sense,
+            is_modulo=is_modulo(loaded, table),
+        )
+        result = converted(table, target, options)
         write(out, result.written.text, force=force)
     report = _Report(loaded, out, target, table.units, even, result)
     if json:
@@ -126,6 +142,7 @@ class _Report:
                 f"the lost motion that {self.loaded.format} states beside the table: {line}"
                 for line in backlash
             ),
+            *turns_lost(self.loaded, self.result.modulo),
         ]
 
     def to_json(self) -> dict[str, object]:

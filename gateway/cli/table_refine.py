@@ -1,5 +1,6 @@
 """``pitch-gateway table refine``: a better table from readings that were taken with the old one in use."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,7 @@ from gateway.cli.arguments import TableFile
 from gateway.cli.table_options import AsJson, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
+from gateway.cli.table_writing import is_modulo, turns_lost
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.tabfile import LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
@@ -74,8 +76,10 @@ def refine(
         if target.name == loaded.format:  # whoever reads FILE reads OUT in the same way
             to_sense = to_sense or told.sense()
             to_file_axis = to_file_axis or loaded.source.file_axis
-        options = WriteOptions(letter, scale, told.v1_layout, to_file_axis, to_sense)
+        turns = is_modulo(loaded, table)
+        options = WriteOptions(letter, scale, told.v1_layout, to_file_axis, to_sense, is_modulo=turns)
         result, again, difference = shared.written(table, target, options)
+        result = replace(result, losses=(*result.losses, *turns_lost(loaded, again.source.modulo)))
         shared.write_file(out, result.text, force=force)
     if json:
         _print_json(file, out, refined, (result, again, difference))

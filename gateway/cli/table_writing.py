@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
+from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.files import kind_of
@@ -14,6 +15,7 @@ from gateway.tabfile import (
     DIALECTS,
     OPTIONS,
     Dialect,
+    LoadedTable,
     Problem,
     SourceRow,
     TabFileError,
@@ -25,6 +27,9 @@ from gateway.tabfile import (
 from gateway.tabfile.readings import largest_difference
 from gateway.tabfile.text import decode
 
+SAME_TURN: Final = 1e-9
+"""A turn may be off by this fraction of it: the rounding of positions."""
+
 
 @dataclass(frozen=True, slots=True)
 class Converted:
@@ -33,6 +38,8 @@ class Converted:
     written: Written
     difference: float
     at: float
+    modulo: float | None = None
+    """What is read back begins again after this length."""
 
 
 def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) -> Converted:
@@ -46,9 +53,27 @@ def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) ->
     name = f"a {target.name} file"
     if written.context.format is None and sum(d.recognise(decode(data, name)) for d in DIALECTS) > 1:
         written = replace(written, context=replace(written.context, format=target.name))
-    again = parse_table(data, name, written.context).table
-    again = again.in_units(table.units)
-    return Converted(written, *largest_difference(_rows(table), _rows(again)))
+    loaded = parse_table(data, name, written.context)
+    again = loaded.table.in_units(table.units)
+    return Converted(written, *largest_difference(_rows(table), _rows(again)), modulo=loaded.source.modulo)
+
+
+def is_modulo(loaded: LoadedTable, table: CorrectionTable) -> bool:
+    """Whether a table that was made of a file begins again at its end, as that of the file does."""
+    if loaded.source.modulo is None:
+        return False
+    turn = loaded.source.modulo * loaded.table.units.convert_factor(table.units)
+    is_closed = table.forward[0] == table.forward[-1] and table.backward[0] == table.backward[-1]
+    return is_closed and abs(table.last - table.first - turn) <= SAME_TURN * turn
+
+
+def turns_lost(loaded: LoadedTable, modulo: float | None) -> list[str]:
+    """Say that a table begins again at its end, where the file that was made of it does not say so."""
+    if loaded.source.modulo is None or modulo is not None:
+        return []
+    turn, unit = f"{loaded.source.modulo:.10g}", loaded.table.units.value
+    remedy = f"set it on the control (modulo = {turn} for an axis of the gateway)"
+    return [f"that the table begins again after {turn} {unit}: {remedy}"]
 
 
 def told_to_reader(written: Written, target: Dialect) -> dict[str, object]:

@@ -36,7 +36,8 @@ class Decoded:
     the axis, each a line of its configuration, that make the gateway do outside the table and at a reversal
     what the control did that the file was made for. ``are_positions``: the values are places of the nut, not
     corrections, so that their size says nothing about their unit. ``file_axis`` is what a file that names
-    axes in a way of its own calls this one.
+    axes in a way of its own calls this one. ``modulo`` is the length after which the table begins again, in
+    ``units``, None where it does not.
     """
 
     rows: tuple[SourceRow, ...]
@@ -53,6 +54,7 @@ class Decoded:
     behaves_as: tuple[str, ...] = ()
     are_positions: bool = False
     file_axis: str | None = None
+    modulo: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

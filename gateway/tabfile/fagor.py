@@ -104,7 +104,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         file_axis=context.file_axis,
         plausible=(0.0, _MAX_PLAUSIBLE[units]),
         decisions=(f"sense {sense.value}: told", f"units {units.value}: told by file_units", decision),
-        behaves_as=_behaviour(rows, units),
+        behaves_as=(f"modulo = {TURN:g}",) if _is_turn(rows, units) else ('outside = "hold"',),
+        modulo=TURN if _is_turn(rows, units) else None,
     )
 
 
@@ -232,12 +233,10 @@ def _rows(found: Sequence[_Row], sense: ErrorSense, *, is_both_ways: bool) -> tu
     return tuple(rows)
 
 
-def _behaviour(rows: Sequence[SourceRow], units: Units) -> tuple[str, ...]:
+def _is_turn(rows: Sequence[SourceRow], units: Units) -> bool:
     """A rotary table from 0 to 360 with equal ends repeats; any other holds its end values."""
     ends = (rows[0].position, rows[-1].position)
-    if units is Units.DEGREE and ends == (0.0, TURN) and is_closed(rows):
-        return (f"modulo = {TURN:g}",)
-    return ('outside = "hold"',)
+    return units is Units.DEGREE and ends == (0.0, TURN) and is_closed(rows)
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:

@@ -9,7 +9,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.csv_text import axis_letter, csv_file
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.increments import HEADER, Increments, Sum, System, is_turn
+from gateway.tabfile.increments import HEADER, TURN_DEGREES, Increments, Sum, System, is_turn
 from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, told_units
 from gateway.tabfile.readings import Reading
 from gateway.tabfile.text import SourceText
@@ -83,6 +83,7 @@ def decode(
         context,
         "a table of this axis; the right file_units, file_start and travel",
     )
+    turn = TURN_DEGREES if is_turn(units, len(rows) - 1, file.interval) else None
     place = f"the reference point {file.reference} is {offset:g} {units.value}"
     told = "as file_start tells" if start is not None else "the zero of the machine (file_start moves it)"
     return Decoded(
@@ -94,7 +95,8 @@ def decode(
         meaning.rule,
         axis=axis,
         decisions=(f"{place}, {told}", *_scale_told(context, scale, units), *meaning.assumed),
-        behaves_as=HOLDS,
+        behaves_as=HOLDS if turn is None else (f"modulo = {turn:g}",),
+        modulo=turn,
     )
 
 

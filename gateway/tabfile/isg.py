@@ -113,6 +113,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         decisions=(_sense_decision(sense), unit_decision, *_other_decisions(keys, shape)),
         remarks=(*_remarks(keys), *unused_options(context, NAME, unused)),
         behaves_as=_behaviour(keys, shape, rows),
+        modulo=rows[-1].position - rows[0].position if shape.is_modulo else None,
     )
 
 

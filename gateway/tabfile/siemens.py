@@ -128,6 +128,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             *((f"one turn of {turn:.10g}, then it begins again",) if is_modulo else ()),
         ),
         behaves_as=(f"modulo = {turn:.10g}",) if is_modulo else ('outside = "hold"',),
+        modulo=turn if is_modulo else None,
     )
 
 
@@ -290,7 +291,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         f"$AA_ENC_COMP_STEP[{inside}]={float(f'{step:.12g}')!r}",
         f"$AA_ENC_COMP_MIN[{inside}]={float(f'{table.first:.12g}')!r}",
         f"$AA_ENC_COMP_MAX[{inside}]={float(f'{table.last:.12g}')!r}",
-        f"$AA_ENC_COMP_IS_MODULO[{inside}]=0",
+        f"$AA_ENC_COMP_IS_MODULO[{inside}]={int(options.is_modulo)}",
         "M17",
     ]
     losses = (
