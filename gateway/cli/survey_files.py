@@ -130,7 +130,7 @@ def written(
         TabFileError: the target cannot hold the table, or the gateway would refuse what it holds.
     """
     try:
-        result = target.write(table, options)
+        result = table_writing.write_text(table, target, options)
     except TabFileError as error:
         remedy = error.allowed
         if "even" in remedy:

@@ -66,9 +66,9 @@ def convert(
     with usage(), problems():
         loaded = inspect(file, told.context())
         scale = _scale(wanted.to_counts_per_unit)
-        if scale is None and target.name == "centroid-1":
-            scale = told.file_counts_per_unit
         table = _in_units(loaded, wanted.to_units)
+        if scale is None and target.name == "centroid-1" and told.file_counts_per_unit is not None:
+            scale = told.file_counts_per_unit * table.units.convert_factor(loaded.table.units)
         even = None if wanted.resample is None else resample(table, wanted.resample, str(file))
         letter = _letter(wanted.to_axis) or letter_for(loaded, told.axis, out)
         table = even.table if even else table

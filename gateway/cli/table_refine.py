@@ -72,12 +72,15 @@ def refine(
         )
         table = refined.table.in_units(loaded.table.units)
         letter = told.axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
-        scale = to_counts_per_unit or told.file_counts_per_unit
+        scale = to_counts_per_unit
+        if scale is None and "file_counts_per_unit" in target.writes:
+            scale = told.file_counts_per_unit
         if target.name == loaded.format:  # whoever reads FILE reads OUT in the same way
             to_sense = to_sense or told.sense()
             to_file_axis = to_file_axis or loaded.source.file_axis
         turns = is_modulo(loaded, table)
-        options = WriteOptions(letter, scale, told.v1_layout, to_file_axis, to_sense, is_modulo=turns)
+        layout = told.v1_layout if "v1_layout" in target.writes else None
+        options = WriteOptions(letter, scale, layout, to_file_axis, to_sense, is_modulo=turns)
         result, again, difference = shared.written(table, target, options)
         result = replace(result, losses=(*result.losses, *turns_lost(loaded, again.source.modulo)))
         shared.write_file(out, result.text, force=force)

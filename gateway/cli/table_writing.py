@@ -27,6 +27,12 @@ from gateway.tabfile import (
 from gateway.tabfile.readings import largest_difference
 from gateway.tabfile.text import decode
 
+WRITE_OPTIONS: Final = {
+    "file_counts_per_unit": "--to-counts-per-unit",
+    "v1_layout": "--to-v1-layout",
+    "file_axis": "--to-file-axis",
+    "sense": "--to-sense",
+}
 SAME_TURN: Final = 1e-9
 """A turn may be off by this fraction of it: the rounding of positions."""
 
@@ -48,7 +54,7 @@ def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) ->
     Raises:
         TabFileError: the target cannot hold the table.
     """
-    written = target.write(table, options)
+    written = write_text(table, target, options)
     data = written.text.encode()
     name = f"a {target.name} file"
     if written.context.format is None and sum(d.recognise(decode(data, name)) for d in DIALECTS) > 1:
@@ -74,6 +80,21 @@ def turns_lost(loaded: LoadedTable, modulo: float | None) -> list[str]:
     turn, unit = f"{loaded.source.modulo:.10g}", loaded.table.units.value
     remedy = f"set it on the control (modulo = {turn} for an axis of the gateway)"
     return [f"that the table begins again after {turn} {unit}: {remedy}"]
+
+
+def write_text(table: CorrectionTable, target: Dialect, options: WriteOptions) -> Written:
+    """Return the text of a table; told options that a file of this format has no place for are losses, too.
+
+    Raises:
+        TabFileError: the target cannot hold the table.
+    """
+    written = target.write(table, options)
+    unused = [
+        f"{option}: {target.name} has no place for it"
+        for name, option in WRITE_OPTIONS.items()
+        if name not in target.writes and getattr(options, name) is not None
+    ]
+    return replace(written, losses=(*written.losses, *unused))
 
 
 def told_to_reader(written: Written, target: Dialect) -> dict[str, object]:
