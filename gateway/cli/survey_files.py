@@ -1,6 +1,6 @@
 """What the commands that take readings share: options, reading, writing, errors."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -122,9 +122,11 @@ def dialect_to_write(name: str) -> Dialect:
 
 
 def written(
-    table: CorrectionTable, target: Dialect, options: WriteOptions
+    table: CorrectionTable, target: Dialect, options: WriteOptions, own_options: Mapping[str, str]
 ) -> tuple[Written, LoadedTable, float]:
     """Write a table as text and read it back; returns both and the largest difference of a correction.
+
+    ``own_options`` are what this command calls some options of ``table convert``.
 
     Raises:
         TabFileError: the target cannot hold the table, or the gateway would refuse what it holds.
@@ -133,9 +135,10 @@ def written(
         result = table_writing.write_text(table, target, options)
     except TabFileError as error:
         remedy = error.allowed
-        if "even" in remedy:
-            remedy += ": --step, or a format with positions of its own"
-        elif "subtract it" in remedy and not table.is_unidirectional:
+        # writers name the options of table convert
+        for option, own in own_options.items():
+            remedy = remedy.replace(option, own)
+        if "subtract it" in remedy and not table.is_unidirectional:
             remedy += ": --one-way makes one curve that is 0 at home"
         raise TabFileError(replace(error.problems[0], allowed=remedy)) from None
     context = replace(result.context, format=target.name)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -15,6 +15,13 @@ from gateway.cli.table_writing import is_modulo, turns_lost
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.tabfile import LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
+
+OWN_OPTIONS: Final = {
+    "--to-axis": "--axis",
+    "--resample STEP": "--to csv, then table convert with --resample STEP",
+    "--to-units mm": "--to csv, then table convert with --to-units mm",
+}
+"""What some options of ``table convert`` are called here."""
 
 
 @takes_file_options
@@ -81,7 +88,7 @@ def refine(
         turns = is_modulo(loaded, table)
         layout = told.v1_layout if "v1_layout" in target.writes else None
         options = WriteOptions(letter, scale, layout, to_file_axis, to_sense, is_modulo=turns)
-        result, again, difference = shared.written(table, target, options)
+        result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
         result = replace(result, losses=(*result.losses, *turns_lost(loaded, again.source.modulo)))
         shared.write_file(out, result.text, force=force)
     if json:

@@ -44,7 +44,7 @@ class Written:
 
 def unwritable(dialect: str, found: str, allowed: str) -> TabFileError:
     """Return the error of a table that a dialect cannot hold."""
-    return TabFileError(Problem(f"a {dialect} file", found, allowed))
+    return TabFileError(Problem(f"a file of {dialect}", found, allowed))
 
 
 def even_step(table: CorrectionTable, dialect: str) -> float:

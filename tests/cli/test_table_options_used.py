@@ -1,5 +1,6 @@
 """What is told about the file to write is used, or it is said that its format has no place for it."""
 
+import re
 from pathlib import Path
 from typing import Final
 
@@ -61,3 +62,31 @@ def test_the_scale_of_a_version_1_file_goes_with_the_units(tmp_path: Path) -> No
     # the counts of the control are what they were
     assert new.read_text().split() == old.read_text().split()
     assert "--file-counts-per-unit 1000.0 --units mm" in result.stdout
+
+
+READINGS: Final = "target_mm,direction,run,measured_mm\n" + "".join(
+    f"{target},{way},1,{target + 0.001 * target / 20}\n"
+    for way in ("forward", "backward")
+    for target in (0, 5, 20)
+)
+"""Free targets."""
+
+
+@pytest.mark.parametrize("target", [d.name for d in DIALECTS if d.is_writable])
+@pytest.mark.parametrize("facts", [(), ("--axis", "x")])
+def test_the_remedy_of_build_and_refine_names_options_that_they_have(
+    tmp_path: Path, target: str, facts: tuple[str, ...]
+) -> None:
+    readings, table = tmp_path / "readings.csv", tmp_path / "old.csv"
+    readings.write_text(READINGS)
+    table.write_text("position_mm,correction_mm\n0,0\n5,0.001\n20,0.002\n")
+    for command in (["build", str(readings)], ["refine", str(table), str(readings)]):
+        helped = CliRunner().invoke(app, [command[0], "--help"], env={"COLUMNS": "200"}).stdout
+        result = CliRunner().invoke(app, [*command, str(tmp_path / "new"), "--force", "--to", target, *facts])
+        if result.exit_code == 0:
+            continue
+        assert result.exit_code == 1
+        own = re.sub("table convert with --[a-z-]+", "", result.stderr)
+        named = set(re.findall(r"--[a-z-]+", own))
+        assert named
+        assert not {option for option in named if not re.search(rf"{option}\b(?!-)", helped)}
