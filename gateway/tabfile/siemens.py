@@ -36,7 +36,7 @@ from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.stated import check_stated, is_closed
-from gateway.tabfile.text import MAX_LINES, Line, SourceText, shown
+from gateway.tabfile.text import MAX_LINES, Line, SourceText, listed, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
 
 NAME: Final = "siemens-eec"
@@ -186,12 +186,12 @@ def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[
         name = (full | names).get(told.upper().replace(" ", ""))
         if name is None:
             raise source.error(
-                f"tables of {', '.join(names)}, told file_axis {told!r}", f"file_axis = {' or '.join(names)}"
+                f"tables of {listed(names)}, told file_axis {told!r}", f"file_axis = {listed(names, ' or ')}"
             )
         return name, tables[name]
     if len(names) > 1:
         raise source.error(
-            f"tables of {', '.join(names)}",
+            f"tables of {listed(names)}",
             f"file_axis = {next(iter(names))!r}, for example (--file-axis on the command line); with two "
             "measuring systems their number comes first, as in the file",
         )
