@@ -72,6 +72,27 @@ async def test_without_a_gateway_nothing_is_asked_of_the_axis(machine: Machine) 
     assert "no gateway runs" in await _refused(machine, *FEW, "--yes")
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("counts_per_unit = 10000.0", "counts_per_unit = 100000.0"),
+        ("travel = [-5.0, 105.0]", "travel = [-500.0, 1050.0]"),
+        ("unit_id = 1", "unit_id = 2"),
+    ],
+)
+async def test_a_configuration_that_the_gateway_was_not_started_with_moves_nothing(
+    machine: Machine, old: str, new: str
+) -> None:
+    async with gateway(machine):
+        text = machine.config.read_text()
+        assert old in text
+        machine.config.write_text(text.replace(old, new))
+        said = await _refused(machine, *FEW, "--yes")
+    assert "changed after the gateway was started" in said
+    assert "restart the gateway" in said
+    assert _leaves_no_file(machine)
+
+
 async def test_an_axis_that_is_not_ready_is_not_moved(machine: Machine) -> None:
     async with gateway(machine):
         machine.mechanics.homed = False

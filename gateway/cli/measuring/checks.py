@@ -9,6 +9,7 @@ from gateway.cli.measuring.link import AxisLink
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.units import Units
 from gateway.exchange.plan import ALARM_BIT, AxisPlan, Reference, Role
+from gateway.ipc.messages import Pong, Reply
 from gateway.ipc.plan import ControllerLink, LinePlan
 from gateway.metrology.cycle import Stop
 
@@ -92,6 +93,21 @@ def controller_of(line: LinePlan, name: str | None) -> ControllerLink:
             'on 127.0.0.1 with role = "motion" and name it with --controller'
         )
     return link
+
+
+def check_same_plan(reply: Reply, shape: str) -> None:
+    """Check that the gateway runs from the configuration as its file is now; ``reply`` is that to a ping.
+
+    With other counts, registers or travel than the gateway's an axis would go to other places than it is told.
+
+    Raises:
+        AxisError: it was started with another one.
+    """
+    if not isinstance(reply, Pong) or reply.shape != shape:
+        raise AxisError(
+            "the configuration was changed after the gateway was started, and the gateway goes by the old one: "
+            "restart the gateway, then measure"
+        )
 
 
 def compensation_of(status: Mapping[str, Any], axis: AxisPlan) -> Compensation:
