@@ -98,15 +98,15 @@ def controller_of(line: LinePlan, name: str | None) -> ControllerLink:
 def check_same_plan(reply: Reply, shape: str) -> None:
     """Check that the gateway runs from the configuration as its file is now; ``reply`` is that to a ping.
 
-    With other counts, registers or travel than the gateway's an axis would go to other places than it is told.
+    With other counts or registers than the gateway's an axis would go to other places than it is told.
 
     Raises:
         AxisError: it was started with another one.
     """
     if not isinstance(reply, Pong) or reply.shape != shape:
         raise AxisError(
-            "the configuration was changed after the gateway was started, and the gateway goes by the old one: "
-            "restart the gateway, then measure"
+            "the configuration was changed after the gateway was started, and the gateway goes by the old "
+            "one: restart the gateway, then measure"
         )
 
 

@@ -3,7 +3,7 @@
 import asyncio
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,7 +77,9 @@ def work(wish: Wish, plan: GatewayPlan, state: Path) -> int:
     outcome.check_places(wish.out, wish.report, force=wish.force)
     lines = Lines()
     instrument, manners = instrument_of(wish.reader, lines), manners_of(wish.scale, axis)
-    return _Work(wish, place, state, shape=shape_of(plan), out_format=out_format).run(instrument, manners, lines)
+    return _Work(wish, place, state, shape=shape_of(plan), out_format=out_format).run(
+        instrument, manners, lines
+    )
 
 
 class _Work:
