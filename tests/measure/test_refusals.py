@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
-from tests.measure.site import Machine, gateway, measuring
+from tests.measure.site import Machine, gateway, measuring, run_command
 
 FEW = ("--from", "0", "--to", "10", "--step", "10", "--runs", "1", "--dwell", "0", "--json")
 
@@ -91,6 +91,22 @@ async def test_a_configuration_that_the_gateway_was_not_started_with_moves_nothi
     assert "changed after the gateway was started" in said
     assert "restart the gateway" in said
     assert _leaves_no_file(machine)
+
+
+async def test_a_table_that_the_configuration_now_reads_the_other_way_round_is_not_refined(
+    machine: Machine,
+) -> None:
+    """The file is the same, and each correction the opposite."""
+    (machine.folder / "x.txt").write_text("P001 X0 EX 0.001\nP002 X50 EX 0.002\nP003 X100 EX 0.003\n")
+    lines = 'table = "x.txt"\ntable_options = {{ fagor_sense = "{}", file_units = "mm" }}\n'
+    machine.configure(lines.format("actual_minus_command"))
+    async with gateway(machine):
+        await run_command("reload", str(machine.config))  # at its start it has read the file once more
+        machine.configure(lines.format("command_minus_actual"))
+        said = await _refused(machine, *FEW, "--yes")
+        assert "CONFIG reads x.txt otherwise than the gateway did" in said
+        machine.configure(lines.format("actual_minus_command"))
+        assert "nobody can be asked" in await _refused(machine, *FEW)
 
 
 async def test_an_axis_that_is_not_ready_is_not_moved(machine: Machine) -> None:
