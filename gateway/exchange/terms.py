@@ -119,17 +119,22 @@ class Terms:
         self._due_ns = 0
 
     def resume(self, spec: CorrectionSpec, now_ns: int) -> None:
-        """Go on from the line that was in force in another run."""
+        """Go on from the line that was in force in another run.
+
+        Without one nobody can say whether anything was known there: then the first word of a sensor counts at
+        once, as at any start.
+        """
         self.offset, self.tilt = spec.offset, spec.tilt
+        self._due_ns = 0
         fixed_at = 0.0
         if self.thermal is not None:
             fixed_at = self.thermal.settings.fixed_at
-            self.thermal.resume(-spec.tilt / self.thermal.settings.alpha, now_ns)
-        if self.crosses:
+            if spec.tilt:
+                self.thermal.resume(-spec.tilt / self.thermal.settings.alpha, now_ns)
+        if self.crosses and (self.offset, self.tilt) != _NO_LINE:
             self._held_cross = self._cross = spec.offset + spec.tilt * fixed_at
             self._is_cross_known = True
             self._lost_ns = now_ns
-        self._due_ns = 0
 
     # --- what it ought to be ---------------------------------------------------------------------------
 
