@@ -332,11 +332,12 @@ def tell_terms(axis: "AxisExchange", now_ns: int) -> None:
 
 def resume_terms(axis: "AxisExchange", now_ns: int) -> None:
     """Let the terms of an axis go on from what its record put into force."""
-    spec = axis.compensation.state.spec
-    if axis.terms is not None and spec.is_kin_of(axis.base):
-        axis.terms.resume(spec, now_ns)
-        axis.wanted = spec
-        axis.compensation.want(spec)
+    terms, spec = axis.terms, axis.compensation.state.spec
+    if terms is None or spec.curve is None:  # a mere offset holds a table too
+        return
+    terms.resume(spec, now_ns)
+    axis.wanted = spec if spec.is_kin_of(axis.base) else terms.on(axis.base, axis.plan)
+    axis.compensation.want(axis.wanted)
 
 
 def join_terms(axes: Iterable["AxisExchange"]) -> None:

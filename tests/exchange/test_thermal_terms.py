@@ -248,6 +248,19 @@ def test_a_restart_goes_on_with_the_line_that_was_in_force() -> None:
     assert again.memory.get(COMMAND) == 999_908
 
 
+def test_a_restart_with_another_table_goes_on_with_the_line_that_was_in_force() -> None:
+    bench = RecordBench(warm_plan(max_correction=1.0))
+    warm(bench, 30.0)
+    bench.move(1_000_000)
+    again = bench.restarted(warm_plan(table=RAMP, max_correction=1.0), find_table=lambda _digest: FLAT)
+    assert again.actual() == 1_000_000
+    again.move(1_000_000)
+    assert again.memory.get(COMMAND) == 999_885
+    again.move(400_000)  # 40 µm of the new table, and 46 less of 10 K
+    assert again.memory.get(COMMAND) == 399_994
+    assert again.actual() == 400_000
+
+
 @pytest.mark.parametrize("is_heard_first", [False, True])
 def test_a_restart_with_the_key_for_the_first_time_begins_with_the_first_temperature(
     is_heard_first: bool,
