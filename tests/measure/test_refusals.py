@@ -93,6 +93,16 @@ async def test_a_configuration_that_the_gateway_was_not_started_with_moves_nothi
     assert _leaves_no_file(machine)
 
 
+async def test_a_file_to_go_on_with_stays_where_nothing_could_be_read(machine: Machine) -> None:
+    begun = machine.folder / "begun.csv"
+    text = "# axis: x\n# compensation: off\n# targets: 0.0 10.0\n# runs: 1\n# overrun: 1.0\n"
+    begun.write_text(text + "target_mm,direction,run,measured_mm\n")
+    async with gateway(machine):
+        said = await _refused(machine, "--resume", str(begun), "--csv", "none.txt", "--yes")
+    assert "none.txt: No such file" in said
+    assert begun.read_text().startswith(text)
+
+
 async def test_a_table_that_the_configuration_now_reads_the_other_way_round_is_not_refined(
     machine: Machine,
 ) -> None:

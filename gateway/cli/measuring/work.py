@@ -202,7 +202,7 @@ class _Work:
                 f"--axis {self._axis.name} --resume {path} and the same instrument",
                 err=True,
             )
-        else:
+        elif self._wish.resume is None:
             path.unlink(missing_ok=True)
         number = session.stopped_by
         return 1 if number is None else STOPPED_BY_SIGNAL + number
