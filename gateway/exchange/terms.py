@@ -238,8 +238,10 @@ class Terms:
                 found.append(Event(EventKind.TERM_HELD, name, detail, (("term", kind),)))
             if state is not said:
                 self._said[kind] = state
-                if _SAID.get(state) is not _SAID.get(said):
-                    found.append(Event(_SAID[state], name, self._detail(kind, state), (("term", kind),)))
+                event = _SAID.get(state)
+                # Another axis may be known and lost again before it ever counted: then it is waited for.
+                if event is not None and event is not _SAID.get(said):
+                    found.append(Event(event, name, self._detail(kind, state), (("term", kind),)))
         if self.is_too_large is not self._was_too_large:
             self._was_too_large = self.is_too_large
             if self.is_too_large:
