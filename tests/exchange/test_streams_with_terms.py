@@ -52,7 +52,6 @@ class Streams:
         self.bench = RecordBench(*PLANS, find_table=find_table)
         self.nominal = {COMMAND: 500_000, Y_COMMAND: 400_000}
         self.told: dict[PositionField, float] = {}
-        self.stand()
 
     def cycle(self, place: PositionField, distance: int) -> None:
         """Send the next setpoint; what the drive is told goes the same way, and reads as it was commanded."""
@@ -94,6 +93,32 @@ class Streams:
 
     def killed(self) -> None:
         self.bench = self.bench.restarted(find_table=find_table)
+        self.stand()  # where the drives are says what counts
+
+    def cut(self) -> None:
+        """The drives cannot be reached for a while."""
+        self.bench.line.link_down(self.bench.now_ns)
+        self.bench.now_ns += self.random.choice((1, 5_000, 300_000)) * MS
+        self.bench.line.link_up(self.bench.now_ns)
+        self.bench.serve()
+
+    def look(self) -> None:
+        """What the line does every few seconds, and whoever asks for the status."""
+        for axis in self.bench.line.axes:
+            assert axis.terms is not None
+            axis.terms.news(axis.plan.name, self.bench.now_ns)
+            axis.terms.status(axis, self.bench.now_ns)
+
+    def lost(self) -> None:
+        """An axis loses its reference, passes 1:1 for some setpoints of both, and is declared to have it."""
+        place = self.random.choice(list(PLACES))
+        axis = self.bench.line.axes[list(PLACES).index(place)]
+        axis.lose()
+        self.told.pop(place, None)
+        for _ in range(self.random.randrange(3)):
+            self.cycle(self.random.choice(list(PLACES)), self.random.randrange(-5, 6))
+        axis.declare_referenced()
+        self.told.pop(place, None)
 
     def pause(self) -> None:
         self.bench.wait(self.random.choice((1.0, 600.0, 20_000.0, 2_000_000.0)))
@@ -110,10 +135,11 @@ class Streams:
         set_tables(self.bench.line.axes, [TableChange(self.random.choice("xy"), table, "t", "csv", "")])
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(12))
 def test_no_setpoint_jumps_or_turns_round_and_a_standing_axis_reads_what_was_commanded(seed: int) -> None:
     streams = Streams(seed)
     for _ in range(60):
         streams.step()
+    streams.stand()
     corrected = {place: streams.told[place] - streams.nominal[place] for place in PLACES}
     assert any(corrected.values())
