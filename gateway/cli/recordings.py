@@ -28,6 +28,7 @@ def header_of(loaded: "Loaded") -> Header:
     """
     text = loaded.path.read_bytes().decode("utf-8")
     paths = {table.path for table in loaded.tables.values()}
+    paths |= {table.path for crosses in loaded.crosses.values() for table in crosses}
     profiles = sorted({drive.name for drive in loaded.drives.values() if not drive.is_shipped})
     return Header(
         format=FORMAT,

@@ -12,6 +12,7 @@ from gateway.compensation.correction_spec import (
     NOTHING,
     CorrectionSpec,
     changeover_distance,
+    steepest_change,
     towards_line,
 )
 from gateway.compensation.direction import Direction, Travel, follow
@@ -361,8 +362,8 @@ class AxisCompensation:
                 share = share_of(state.spec.reversal, distance, elapsed_ms if was_reversing else 0.0)
             return state._replace(progress=towards(state.progress, travel.direction.goal, share))
         if state.spec is not self._wanted:
-            if state.spec.is_kin_of(self._wanted):  # as steep as a table may be
-                most = self.settings.max_slope * distance
+            if state.spec.is_kin_of(self._wanted):
+                most = steepest_change(state.spec, self._wanted, self.settings.max_slope) * distance
                 return state._replace(spec=towards_line(state.spec, self._wanted, position, most))
             return state._replace(
                 previous=state.spec, spec=self._wanted, change=0.0, change_distance=self._wanted_distance

@@ -103,6 +103,16 @@ def towards_line(
     return replace(spec, offset=offset, tilt=spec.tilt + share * (wanted.tilt - spec.tilt))
 
 
+def steepest_change(spec: CorrectionSpec, wanted: CorrectionSpec, max_slope: float) -> float:
+    """Return how fast a line may go over to another one, per unit of travel; ``spec`` and ``wanted`` are kin.
+
+    As fast as a table may change, and with curve and line never so fast that the axis would turn round.
+    """
+    steepest = 0.0 if spec.curve is None else spec.curve.max_slope
+    room = 1.0 - steepest - max(abs(spec.tilt), abs(wanted.tilt))
+    return min(max_slope, 0.5 * room)
+
+
 def spec_of_table(
     table: CorrectionTable, settings: AxisSettings, gain: Gain | None = None, digest: bytes = b""
 ) -> CorrectionSpec:

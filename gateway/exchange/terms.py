@@ -119,17 +119,22 @@ class Terms:
         self._due_ns = 0
 
     def resume(self, spec: CorrectionSpec, now_ns: int) -> None:
-        """Go on from the line that was in force in another run."""
+        """Go on from the line that was in force in another run.
+
+        Without one nobody can say whether anything was known there: then the first word of a sensor counts at
+        once, as at any start.
+        """
         self.offset, self.tilt = spec.offset, spec.tilt
+        self._due_ns = 0
         fixed_at = 0.0
         if self.thermal is not None:
             fixed_at = self.thermal.settings.fixed_at
-            self.thermal.resume(-spec.tilt / self.thermal.settings.alpha, now_ns)
-        if self.crosses:
+            if spec.tilt:
+                self.thermal.resume(-spec.tilt / self.thermal.settings.alpha, now_ns)
+        if self.crosses and (self.offset, self.tilt) != _NO_LINE:
             self._held_cross = self._cross = spec.offset + spec.tilt * fixed_at
             self._is_cross_known = True
             self._lost_ns = now_ns
-        self._due_ns = 0
 
     # --- what it ought to be ---------------------------------------------------------------------------
 
@@ -233,8 +238,10 @@ class Terms:
                 found.append(Event(EventKind.TERM_HELD, name, detail, (("term", kind),)))
             if state is not said:
                 self._said[kind] = state
-                if _SAID.get(state) is not _SAID.get(said):
-                    found.append(Event(_SAID[state], name, self._detail(kind, state), (("term", kind),)))
+                event = _SAID.get(state)
+                # Another axis may be known and lost again before it ever counted: then it is waited for.
+                if event is not None and event is not _SAID.get(said):
+                    found.append(Event(event, name, self._detail(kind, state), (("term", kind),)))
         if self.is_too_large is not self._was_too_large:
             self._was_too_large = self.is_too_large
             if self.is_too_large:
@@ -327,11 +334,12 @@ def tell_terms(axis: "AxisExchange", now_ns: int) -> None:
 
 def resume_terms(axis: "AxisExchange", now_ns: int) -> None:
     """Let the terms of an axis go on from what its record put into force."""
-    spec = axis.compensation.state.spec
-    if axis.terms is not None and spec.is_kin_of(axis.base):
-        axis.terms.resume(spec, now_ns)
-        axis.wanted = spec
-        axis.compensation.want(spec)
+    terms, spec = axis.terms, axis.compensation.state.spec
+    if terms is None or spec.curve is None:  # a mere offset holds a table too
+        return
+    terms.resume(spec, now_ns)
+    axis.wanted = spec if spec.is_kin_of(axis.base) else terms.on(axis.base, axis.plan)
+    axis.compensation.want(axis.wanted)
 
 
 def join_terms(axes: Iterable["AxisExchange"]) -> None:

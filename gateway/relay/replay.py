@@ -205,7 +205,10 @@ class Replay:
         self.result = ReplayResult(is_cut_off=True)
         tell = on_event or _tell_nobody
         self._lines = {line.name: _Line(line, tell) for line in plan.lines if only in (None, line.name)}
-        join_terms(axis for line in self._lines.values() for axis in line.axes)
+        self._others = {line.name: _Line(line, _tell_nobody) for line in _acting_on(plan, only)}
+        """Lines that do not count, with axes that act on one that does."""
+        lines = (*self._lines.values(), *self._others.values())
+        join_terms(axis for line in lines for axis in line.axes)
         self._only = only
         self._input: tuple[int, traffic.Input] | None = None
 
@@ -227,6 +230,10 @@ class Replay:
                     return False
                 self._compare(number, entry)
             case _:
+                if (other := self._others.get(entry.line)) is not None:
+                    other.feed(entry)
+                    other.outputs.clear()
+                    return False
                 line = self._line(entry.line)
                 if line is None:
                     return False
@@ -265,6 +272,20 @@ class Replay:
         if len(self.result.first) < KEPT_DIFFERENCES:
             number, cause = self._input or (0, traffic.Up(line, 0))
             self.result.first.append(Difference(number, file_line or number, cause.t, line, expected, got))
+
+
+def _acting_on(plan: GatewayPlan, only: str | None) -> list[LinePlan]:
+    """Return the other lines whose axes act on those of one line by ``cross``, or on each other there."""
+    if only is None:
+        return []
+    names: set[str] = set()
+    found = {line.name: line for line in plan.lines if line.name == only}
+    while True:
+        names |= {cross.axis for line in found.values() for axis in line.axes for cross in axis.cross}
+        more = [line for line in plan.lines if names & {axis.name for axis in line.axes}]
+        if found.keys() >= {line.name for line in more}:
+            return [line for line in found.values() if line.name != only]
+        found |= {line.name: line for line in more}
 
 
 def _tell_nobody(line: str, event: Event) -> None:

@@ -28,6 +28,8 @@ KEYS: Final = ("temperature", "celsius", "value")
 TELL_EVERY_S: Final = 1.0
 """The relay is told no more often, however often a sensor speaks."""
 PATIENCE_MS: Final = 2000.0
+EXCEPTION_SIZE: Final = 2
+"""Bytes of a PDU that refuses; a device may send less, or more."""
 NOT_A_NUMBER: Final = "allowed: a number in °C, or JSON with a number under temperature, celsius or value"
 
 
@@ -156,7 +158,7 @@ class Temperatures:
         async with ModbusMaster(source.modbus, timeout_ms=PATIENCE_MS) as master:
             while True:
                 reply = await master.exchange(source.unit_id, request)
-                if is_exception(reply):
+                if is_exception(reply) and len(reply) == EXCEPTION_SIZE:
                     self._complain(name, f"{source.modbus}: exception {reply[1]:#04x}", is_unread=True)
                 elif len(reply) != 2 + 2 * place.words or reply[0] != source.function:
                     self._complain(name, f"{source.modbus}: found {reply.hex(' ')}", is_unread=True)

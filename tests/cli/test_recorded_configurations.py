@@ -60,6 +60,35 @@ def test_the_plan_comes_back_after_every_file_is_gone(tmp_path: Path, drive: str
     assert plan_of(header) == loaded.plan
 
 
+def test_the_tables_of_other_axes_come_back_too(tmp_path: Path) -> None:
+    folder = tmp_path / "machine"
+    folder.mkdir()
+    (folder / "x.tab").write_bytes(TABLE)
+    (folder / "x-over-y.csv").write_text("position_mm,correction_mm\n0,0\n100,0.02\n")
+    (folder / "mine.toml").write_text(PROFILE)
+    (folder / "broker-password").write_text("hush")
+    (folder / "broker-password").chmod(0o600)
+    terms = """
+thermal = { alpha = 11.5e-6, source = { mqtt = "hall/screw" } }
+cross = [{ axis = "y", table = "x-over-y.csv" }]
+"""
+    broker = """
+[mqtt]
+host = "127.0.0.1"
+username = "gateway"
+password_file = "broker-password"
+"""
+    text = CONFIG.format(drive="./mine.toml", tables='tables = "."')
+    other = text[text.index("[axis.x]") :].replace("axis.x", "axis.y").replace("unit_id = 1", "unit_id = 2")
+    config = folder / "gateway.toml"
+    config.write_text(text + terms + other.replace('table = "x.tab"\n', "") + broker)
+    loaded = load(config)
+    assert loaded.plan.lines[0].axes[0].cross
+    header = header_of(loaded)
+    folder.rename(tmp_path / "gone")
+    assert plan_of(header) == loaded.plan
+
+
 def test_a_recording_of_another_format_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.tab").write_bytes(TABLE)
     (tmp_path / "mine.toml").write_text(PROFILE)

@@ -17,8 +17,9 @@ from gateway.compensation.correction_spec import (
     with_line,
 )
 from gateway.compensation.curve import Curve
+from gateway.compensation.direction import Direction, Travel
 from gateway.compensation.errors import SettingsError
-from gateway.compensation.moves import Place, PlaceKind
+from gateway.compensation.moves import Accepted, Place, PlaceKind, State
 from gateway.compensation.settings import Outside, OutsideKind, Setpoints
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
@@ -237,3 +238,18 @@ def test_a_line_is_kin_only_on_its_own_curve() -> None:
     assert with_line(one, 1.0, 0.0).is_kin_of(one)
     assert not spec_of_table(FLAT, plain_settings()).is_kin_of(one)
     assert not CorrectionSpec(offset=0.1).is_kin_of(CorrectionSpec())
+
+
+@pytest.mark.parametrize("towards", [1, -1])
+def test_a_stream_on_a_steep_table_is_never_turned_round_by_its_line(towards: int) -> None:
+    """A table of −0.6 and a line that may change by 0.6 would come to −1.2: backwards."""
+    steep = make_table([-1000, 1000], [600.0, -600.0], [600.0, -600.0], Units.MM)
+    axis = axis_with(
+        steep, setpoints=Setpoints.STREAM, max_slope=0.6, max_correction=1e4, travel=(-1000.0, 1000.0)
+    )
+    way = Direction(towards)
+    axis.resume(State(0.0, Travel(way, 0.0), way.goal, spec=axis._wanted), Accepted(0, 0), 0.0, None)
+    want_line(axis, -towards * 2.0, 0.0)
+    told = [send(axis, towards * 1000 * step) for step in range(21)]
+    assert all((other - one) * towards > 0 for one, other in pairwise(told))
+    assert told[-1] == towards * (0.4 * 20_000 - 2000)  # all of it has come

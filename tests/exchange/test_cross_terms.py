@@ -180,6 +180,23 @@ def test_an_other_axis_without_a_target_counts_by_where_it_was_read_to_be() -> N
     assert terms(bench).status(bench.line.axes[0], bench.now_ns)["cross"]["state"] == "held"
 
 
+def test_an_other_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> None:
+    """As when a cable is pulled before the first target: y was read, and x was never told anything."""
+    bench = Bench(x_plan(), y_plan())
+    go_y(bench, 400_000)
+    assert [event.kind.value for event in terms(bench).news("x", bench.now_ns)] == ["term-follows"]
+    bench.line.link_down(bench.now_ns)
+    assert terms(bench).news("x", bench.now_ns) == []
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    bench.move(100_000)
+    assert told(bench) == 100_000
+    go_y(bench, 400_000)
+    bench.move(200_000)
+    assert told(bench) == 200_040
+    assert bench.kinds()[-1] == "term-follows"
+
+
 def test_units_and_turns_of_the_other_axis_are_its_own() -> None:
     inches = CrossPlan("y", (0.0, 254.0), (0.0, 0.0254), scale=25.4)
     y = y_plan(units=Units.INCH, travel=(0.0, 40.0))

@@ -248,6 +248,45 @@ def test_a_restart_goes_on_with_the_line_that_was_in_force() -> None:
     assert again.memory.get(COMMAND) == 999_908
 
 
+def test_a_restart_with_another_table_goes_on_with_the_line_that_was_in_force() -> None:
+    bench = RecordBench(warm_plan(max_correction=1.0))
+    warm(bench, 30.0)
+    bench.move(1_000_000)
+    again = bench.restarted(warm_plan(table=RAMP, max_correction=1.0), find_table=lambda _digest: FLAT)
+    assert again.actual() == 1_000_000
+    again.move(1_000_000)
+    assert again.memory.get(COMMAND) == 999_885
+    again.move(400_000)  # 40 µm of the new table, and 46 less of 10 K
+    assert again.memory.get(COMMAND) == 399_994
+    assert again.actual() == 400_000
+
+
+@pytest.mark.parametrize("is_heard_first", [False, True])
+def test_a_restart_with_the_key_for_the_first_time_begins_with_the_first_temperature(
+    is_heard_first: bool,
+) -> None:
+    """The record knows of no line, and so of no temperature either."""
+    bench = RecordBench(axis_plan(table=FLAT, travel=(0.0, 1000.0)))
+    bench.move(500_000)
+    again = bench.restarted(warm_plan())
+    if is_heard_first:  # before the record is recalled
+        warm(again, 30.0)
+    assert again.actual() == 500_000
+    again.move(500_000)
+    assert again.memory.get(COMMAND) == 500_000
+    if not is_heard_first:
+        again.move(300_000)
+        again.wait(600_000.0)
+        again.move(400_000)
+        assert events(again, "term-held") == [
+            "no temperature has been heard since the start: nothing is added"
+        ]
+        warm(again, 30.0)
+    again.move(1_000_000)
+    assert again.memory.get(COMMAND) == 999_885
+    assert again.actual() == 1_000_000
+
+
 def test_a_restart_without_the_key_takes_the_line_away_with_the_next_target() -> None:
     bench = RecordBench(warm_plan())
     warm(bench, 30.0)

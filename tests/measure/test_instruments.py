@@ -4,14 +4,17 @@ import asyncio
 import contextlib
 import os
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from gateway.cli.measuring.errors import BadReadingError, InstrumentError
+from gateway.cli.measuring.instruments import GrowingCsv
 from gateway.simulator.pty import Pty
 from gateway.simulator.screw import Screw
 from gateway.transport.null_modem import NullModem
-from tests.measure.site import SECONDS, Gauge, Machine, Typed, gateway, measuring
+from tests.measure.site import COUNTS_PER_MM, SECONDS, Gauge, Machine, Typed, gateway, measuring
 
 FEW = ("--from", "0", "--to", "10", "--step", "10", "--runs", "1", "--dwell", "0", "--yes")
 STRAIGHT = Screw(length_mm=100.0, progressive_um_per_m=1000.0)
@@ -82,6 +85,59 @@ async def test_a_row_that_came_while_the_axis_moved_is_not_taken(tmp_path: Path)
     assert "1 rows came before the axis stood at its target" in typed.stderr
     assert machine.commanded() == [-1.0, 0.0]
     assert not (tmp_path / "r.csv").exists()
+
+
+async def test_what_came_of_a_row_before_the_axis_stood_is_no_reading(tmp_path: Path) -> None:
+    laser = tmp_path / "laser.csv"
+    laser.write_text("position\n1.5\n")
+    csv = GrowingCsv(laser, "position")
+    await csv.open()
+    csv.arm()
+    with laser.open("a") as stream:
+        stream.write("2.")  # the axis moves on, and the rest of it comes when it stands
+    with pytest.raises(BadReadingError, match=r"the beginning of a row, b'2\.', came before"):
+        csv.arm()
+    with laser.open("a") as stream:
+        stream.write("5\n")
+    with pytest.raises(BadReadingError, match="1 rows came before"):
+        csv.arm()
+    csv.arm()
+    with laser.open("a") as stream:
+        stream.write("3.5\n")
+    assert await csv.read("next") == 3.5
+
+
+async def test_a_file_that_is_written_anew_gives_no_old_row_for_a_new_one(tmp_path: Path) -> None:
+    laser = tmp_path / "laser.csv"
+    laser.write_text("position\n1.5\n")
+    csv = GrowingCsv(laser, "position")
+    await csv.open()
+    csv.arm()
+    laser.write_text("position\n1.51\n2.5\n")
+    with pytest.raises(InstrumentError, match="it was written anew"):
+        await csv.read("next")
+
+
+@pytest.mark.parametrize("push_mm", [0.3, -0.3])
+async def test_an_axis_that_was_pushed_away_after_it_arrived_is_not_read(
+    tmp_path: Path, push_mm: float
+) -> None:
+    async with Machine(tmp_path, screw=STRAIGHT) as machine:
+        machine.configure('compensation = "off"\n')
+        dwells = tuple("1" if before == "--dwell" else each for before, each in pairwise(("", *FEW)))
+        with Gauge(machine) as gauge:
+            serial = ("--gauge", gauge.path, "--json", "--readings", "r.csv")
+            async with gateway(machine), measuring(machine, *dwells, *serial) as typed:
+                async with asyncio.timeout(SECONDS):
+                    while len(machine.commanded()) < 2 or not machine.mechanics.is_done:
+                        machine.mechanics.advance(machine.clock())
+                        await asyncio.sleep(0.01)
+                    await asyncio.sleep(0.5)  # of the second for which it lets the axis settle
+                machine.mechanics.command(push_mm * COUNTS_PER_MM, machine.clock())
+                assert await typed.end() == 1
+            assert gauge.asked == 0
+    assert f"axis x is at {push_mm:g} and no longer at 0" in typed.stderr
+    assert machine.commanded() == [-1.0, 0.0]
 
 
 async def test_a_listener_on_a_serial_port_is_reached_at_the_other_end_of_its_cable(tmp_path: Path) -> None:

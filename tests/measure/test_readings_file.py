@@ -1,5 +1,6 @@
 """The file of a measuring run: what was written comes back, and what was changed is refused."""
 
+import resource
 from pathlib import Path
 
 import pytest
@@ -93,3 +94,19 @@ def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
     file.append(Reading(20.0, Direction.FORWARD, 20.0015, 1))
     file.close()
     assert path.read_text() == TEXT + "20.0,forward,1,20.0015\n"
+
+
+def test_a_disk_that_is_full_is_said_and_keeps_what_was_read(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text(TEXT)
+    file = ReadingsFile(path, Units.MM)
+    file.go_on()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(TEXT), hard))
+    try:
+        with pytest.raises(FileError, match=r"r\.csv: File too large"):
+            file.append(Reading(20.0, Direction.FORWARD, 20.0015, 1))
+        file.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert path.read_text() == TEXT

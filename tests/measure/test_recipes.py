@@ -4,12 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.measuring.checks import axis_of
+from gateway.cli.measuring.checks import Compensation, axis_of, controller_of
 from gateway.cli.measuring.errors import AxisError, UndrivableError
+from gateway.cli.measuring.preview import Pace, preview
 from gateway.cli.measuring.recipe import Recipe, recipe_of
+from gateway.cli.measuring.session import Place, Seen, endpoint_of
 from gateway.config.load import load
 from gateway.drives.library import names
 from gateway.drives.motion import Action
+from gateway.metrology.cycle import bidirectional_cycle
 from tests.measure.site import CONFIG, REGISTERS
 
 # What starts a move, and what stops one: register and value, as the profiles have them from the manuals.
@@ -109,3 +112,46 @@ def test_a_word_that_would_do_something_else_too_is_not_written(tmp_path: Path) 
         recipe.check_words(0x3100, 0x0016, 0x0006, (Action.START,))
     with pytest.raises(UndrivableError, match="would start too"):
         recipe.check_words(0x3100, 0x001F, 0x000F, ())
+
+
+TERMS = """
+table = "x.csv"
+thermal = { alpha = 11.5e-6, reference = 22.0, source = { modbus = "127.0.0.1:5022", address = 0 } }
+cross = [{ axis = "y", table = "x.csv" }]
+"""
+OTHER = """
+[axis.y]
+line = "main"
+unit_id = 2
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 100.0]
+referenced = "absolute"
+registers.command = [{ address = 0x0100, type = "int32" }]
+"""
+
+
+@pytest.mark.parametrize(
+    ("compensation", "told"),
+    [
+        (Compensation("off"), ["it is to hold at 22 °C", "let it stand where x.csv is 0"]),
+        (Compensation("active", "ab"), ["as if the screw were at its reference", "without what y does"]),
+    ],
+)
+def test_it_is_said_what_is_added_beside_the_table(
+    tmp_path: Path, compensation: Compensation, told: list[str]
+) -> None:
+    """What thermal and cross take care of would count twice if it were measured into the table too."""
+    (tmp_path / "x.csv").write_text("position_mm,correction_mm\n-5,0\n105,0.01\n")
+    path = tmp_path / "gateway.toml"
+    axis = TERMS + REGISTERS + OTHER
+    path.write_text(CONFIG.format(drives=5020, controller='tcp = "127.0.0.1:5021"', axis=axis))
+    line, plan = axis_of(load(path).plan.lines, "x")
+    link = controller_of(line, None)
+    place = Place(line, recipe_of(plan), link, endpoint_of(link, None))
+    stops = list(bidirectional_cycle([0.0, 10.0], 1.0))
+    said = list(preview(place, Seen(compensation, 0.0, None), stops, "gauge", Pace(2.0, None)))
+    (thermal,) = [text for text in said if text.startswith("  thermal")]
+    (cross,) = [text for text in said if text.startswith("  cross")]
+    assert told[0] in thermal
+    assert told[1] in cross

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
-from tests.measure.site import Machine, gateway, measuring
+from tests.measure.site import Machine, gateway, measuring, run_command
 
 FEW = ("--from", "0", "--to", "10", "--step", "10", "--runs", "1", "--dwell", "0", "--json")
 
@@ -70,6 +70,53 @@ async def machine(tmp_path: Path):  # type: ignore[no-untyped-def]
 
 async def test_without_a_gateway_nothing_is_asked_of_the_axis(machine: Machine) -> None:
     assert "no gateway runs" in await _refused(machine, *FEW, "--yes")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("counts_per_unit = 10000.0", "counts_per_unit = 100000.0"),
+        ("travel = [-5.0, 105.0]", "travel = [-500.0, 1050.0]"),
+        ("unit_id = 1", "unit_id = 2"),
+    ],
+)
+async def test_a_configuration_that_the_gateway_was_not_started_with_moves_nothing(
+    machine: Machine, old: str, new: str
+) -> None:
+    async with gateway(machine):
+        text = machine.config.read_text()
+        assert old in text
+        machine.config.write_text(text.replace(old, new))
+        said = await _refused(machine, *FEW, "--yes")
+    assert "changed after the gateway was started" in said
+    assert "restart the gateway" in said
+    assert _leaves_no_file(machine)
+
+
+async def test_a_file_to_go_on_with_stays_where_nothing_could_be_read(machine: Machine) -> None:
+    begun = machine.folder / "begun.csv"
+    text = "# axis: x\n# compensation: off\n# targets: 0.0 10.0\n# runs: 1\n# overrun: 1.0\n"
+    begun.write_text(text + "target_mm,direction,run,measured_mm\n")
+    async with gateway(machine):
+        said = await _refused(machine, "--resume", str(begun), "--csv", "none.txt", "--yes")
+    assert "none.txt: No such file" in said
+    assert begun.read_text().startswith(text)
+
+
+async def test_a_table_that_the_configuration_now_reads_the_other_way_round_is_not_refined(
+    machine: Machine,
+) -> None:
+    """The file is the same, and each correction the opposite."""
+    (machine.folder / "x.txt").write_text("P001 X0 EX 0.001\nP002 X50 EX 0.002\nP003 X100 EX 0.003\n")
+    lines = 'table = "x.txt"\ntable_options = {{ fagor_sense = "{}", file_units = "mm" }}\n'
+    machine.configure(lines.format("actual_minus_command"))
+    async with gateway(machine):
+        await run_command("reload", str(machine.config))  # at its start it has read the file once more
+        machine.configure(lines.format("command_minus_actual"))
+        said = await _refused(machine, *FEW, "--yes")
+        assert "CONFIG reads x.txt otherwise than the gateway did" in said
+        machine.configure(lines.format("actual_minus_command"))
+        assert "nobody can be asked" in await _refused(machine, *FEW)
 
 
 async def test_an_axis_that_is_not_ready_is_not_moved(machine: Machine) -> None:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.compensation.settings import ThermalSettings
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
 from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
 from gateway.exchange.control import ControlError
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Reference
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 HEADER = Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
 ROUNDS = 120
+FLAT = make_table([0.0, 100.0], [0.0, 0.0], [0.0, 0.0], Units.MM)
 
 
 def entries_of(path: Path) -> list[Entry]:
@@ -210,6 +213,35 @@ async def test_temperatures_and_another_axis_replay_to_the_same_bytes(
     assert [entry.celsius for entry in told] == [21.0, 3000.0, 35.0, 3000.0, 15.0, 3000.0]
     cold = replace(plan.lines[0], axes=(replace(warm, thermal=None), *plan.lines[0].axes[1:]))
     assert replayed(path, GatewayPlan("bench", (cold,))).different
+
+
+def test_one_line_replays_alone_though_an_axis_of_another_one_acts_on_it(tools: "Tools") -> None:
+    plain = replace(tools.axis(), settings=replace(tools.axis().settings, max_correction=1.0))
+    x = replace(plain, cross=(CrossPlan("y", (0.0, 100.0), (0.0, 0.2)),), table=FLAT)
+    links = (ControllerLink(ControllerPlan("cnc"), TcpEndpoint("h", 1)),)
+    plan = GatewayPlan(
+        "bench",
+        tuple(
+            LinePlan(name, TcpEndpoint("h", 1), links, (axis,), tools.timing)
+            for name, axis in (("one", x), ("other", replace(plain, name="y", table=FLAT)))
+        ),
+    )
+    target, told = "1000640002040000C350", "100064000204" + (50_100).to_bytes(4).hex()  # y at 50 adds 0.1 mm
+    entries: list[Entry] = []
+    for t, name in enumerate(("other", "one"), start=1):
+        sent = target.lower() if name == "other" else told
+        entries += (
+            traffic.Up(name, t * 1000),
+            traffic.Request(name, t * 1000, 1, "cnc", 7, 1, target),
+            Sent(name, 1, sent),
+            traffic.Reply(name, t * 1000 + 1, 1, "1000640002"),
+            Answered(name, 1, 7, 1, "1000640002"),
+        )
+    for only, outputs in ((None, 4), ("one", 2), ("other", 2)):
+        replay = Replay(plan, only)
+        for number, entry in enumerate([*entries, End(0)], start=1):
+            replay.feed(number, entry)
+        assert (replay.result.outputs, replay.result.first) == (outputs, [])
 
 
 async def test_another_configuration_shows_what_it_would_have_done(

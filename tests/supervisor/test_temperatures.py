@@ -177,6 +177,8 @@ class Sensor:
         self.data = b""
         self.requests: list[bytes] = []
         self.exception = 0
+        self.answer = b""
+        """What is said instead, whatever was asked."""
         self.hangs_up = False
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -190,6 +192,7 @@ class Sensor:
                 reply = bytes((pdu[0], len(self.data))) + self.data
                 if self.exception:
                     reply = bytes((pdu[0] | 0x80, self.exception))
+                reply = self.answer or reply
                 length = (1 + len(reply)).to_bytes(2, "big")
                 writer.write(head[:4] + length + head[6:7] + reply)
         writer.close()
@@ -248,6 +251,19 @@ async def test_a_device_that_refuses_hangs_up_or_lies_is_said_and_read_again() -
                 while found._readers:  # noqa: ASYNC110 - nor of this
                     await asyncio.sleep(0)
             assert len(device.requests) == asked
+
+
+@pytest.mark.parametrize("answer", ["83", "83 02 00", "03", "03 00", "03 02 00", "04 02 00 d7", "2b 0e 01"])
+async def test_an_odd_reply_is_shown_and_the_register_read_again(answer: str) -> None:
+    async with sensor() as (device, address):
+        device.answer = bytes.fromhex(answer)
+        source = {"modbus": address, "address": 100, "every_s": 0.5, "scale": 0.1}
+        async with following(sections_with(source)) as (_, relay):
+            await relay.until(1)
+            assert relay.said == [("temperature-not-read", f"{address}: found {answer}")]
+            device.answer, device.data = b"", bytes.fromhex("00d7")
+            await relay.until(2)
+            assert relay.told[0][1] == pytest.approx(21.5)
 
 
 async def test_a_float_that_is_no_number_is_not_told_to_the_relay() -> None:

@@ -6,9 +6,12 @@ from typing import Any, Final
 
 from gateway.cli.measuring.errors import AxisError
 from gateway.cli.measuring.link import AxisLink
+from gateway.compensation.backlash import with_backlash
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.units import Units
 from gateway.exchange.plan import ALARM_BIT, AxisPlan, Reference, Role
+from gateway.ipc.compiled_table import compiled, digest_of
+from gateway.ipc.messages import Pong, Reply
 from gateway.ipc.plan import ControllerLink, LinePlan
 from gateway.metrology.cycle import Stop
 
@@ -94,6 +97,21 @@ def controller_of(line: LinePlan, name: str | None) -> ControllerLink:
     return link
 
 
+def check_same_plan(reply: Reply, shape: str) -> None:
+    """Check that the gateway runs from the configuration as its file is now; ``reply`` is that to a ping.
+
+    With other counts or registers than the gateway's an axis would go to other places than it is told.
+
+    Raises:
+        AxisError: it was started with another one.
+    """
+    if not isinstance(reply, Pong) or reply.shape != shape:
+        raise AxisError(
+            "the configuration was changed after the gateway was started, and the gateway goes by the old "
+            "one: restart the gateway, then measure"
+        )
+
+
 def compensation_of(status: Mapping[str, Any], axis: AxisPlan) -> Compensation:
     """Return what is in force. Raises AxisError: nobody can say, or it is neither on nor off."""
     found = _axis_status(status, axis)
@@ -118,7 +136,22 @@ def compensation_of(status: Mapping[str, Any], axis: AxisPlan) -> Compensation:
             f"axis {axis.name}: the gateway runs with another table than {axis.table_name} is now: "
             "pitch-gateway reload, then measure"
         )
+    if found["table"]["compiled"] != _compiled_digest(axis):
+        raise AxisError(
+            f"axis {axis.name}: CONFIG reads {axis.table_name} otherwise than the gateway did "
+            "(table_options): pitch-gateway reload, then measure"
+        )
     return Compensation(state, str(found["table"]["sha256"]))
+
+
+def _compiled_digest(axis: AxisPlan) -> str:
+    """Return what names the corrections of an axis, as a gateway puts them into force."""
+    table = axis.table
+    if table is None:
+        return ""
+    if axis.settings.backlash is not None:
+        table = with_backlash(table, axis.settings.backlash)
+    return digest_of(compiled(table))
 
 
 def check_writer(status: Mapping[str, Any], axis: AxisPlan) -> None:

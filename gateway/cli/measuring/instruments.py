@@ -194,17 +194,18 @@ class GrowingCsv:
 
     def arm(self) -> None:
         """See :class:`Instrument`."""
-        early = self._rows()
-        if early:
+        early, begun = self._rows()
+        if early or begun:
             self._at += sum(len(row) + 1 for row in early)
+            what = f"{len(early)} rows" if early else f"the beginning of a row, {begun[:SHOWN]!r},"
             raise BadReadingError(
-                f"{self._path}: {len(early)} rows came before the axis stood at its target: let the "
+                f"{self._path}: {what} came before the axis stood at its target: let the "
                 "instrument write one row for each stop, after the axis has come to rest"
             )
 
     async def read(self, stop: str) -> float:
         """See :class:`Instrument`. Waits for one more row."""
-        while not (rows := self._rows()):  # noqa: ASYNC110 - no file tells when it grows
+        while not (rows := self._rows()[0]):  # noqa: ASYNC110 - no file tells when it grows
             await asyncio.sleep(POLL_S)
         self._at += sum(len(row) + 1 for row in rows)
         if len(rows) > 1:
@@ -217,18 +218,21 @@ class GrowingCsv:
     def close(self) -> None:
         """See :class:`Instrument`."""
 
-    def _rows(self) -> list[bytes]:
-        """Return the whole rows that have come since."""
+    def _rows(self) -> tuple[list[bytes], bytes]:
+        """Return the whole rows that have come since, and what has come of the next one."""
         try:
             with self._path.open("rb") as stream:
                 size = stream.seek(0, os.SEEK_END)
                 if size < self._at:
                     raise InstrumentError(f"{self._path}: is shorter than it was: it was begun anew")
-                stream.seek(self._at)
-                data = stream.read()
+                stream.seek(max(0, self._at - 1))
+                before, data = stream.read(min(1, self._at)), stream.read()
         except OSError as error:
             raise InstrumentError(f"{self._path}: {error.strerror or error}") from None
-        return data.split(b"\n")[:-1]
+        if before not in (b"", b"\n"):
+            raise InstrumentError(f"{self._path}: its rows are other ones than before: it was written anew")
+        *rows, begun = data.split(b"\n")
+        return rows, begun
 
     def _column_of(self, header: bytes) -> int:
         if self._column.isdigit():

@@ -7,7 +7,7 @@ from math import inf
 from typing import Final
 
 from gateway.cli.measuring.session import Place, Seen
-from gateway.exchange.plan import Reference
+from gateway.exchange.plan import AxisPlan, Reference
 from gateway.metrology.cycle import Stop
 
 MINUTE_S: Final = 60.0
@@ -45,9 +45,27 @@ def preview(place: Place, seen: Seen, stops: Sequence[Stop], instrument: str, pa
         yield f"  mode          register {recipe.mode.address:#06x} is set from {before:#06x} to {after:#06x}"
     if axis.referenced in (Reference.HOMING, Reference.SET_POSITION) and not seen.compensation.is_active:
         yield "  homed?        nobody can tell while nothing is corrected: home it before"
+    yield from _terms(axis, is_active=seen.compensation.is_active)
     if axis.settings.machine_offset:
         off = -axis.settings.machine_offset
         yield f"  positions     machine positions, as in travel and the table; the controller's: {off:+.9g}"
+
+
+def _terms(axis: AxisPlan, *, is_active: bool) -> Iterator[str]:
+    """Yield what is added beside the table, or will be: it must not be measured into the table too."""
+    if axis.thermal is not None and is_active:
+        yield "  thermal       in force: the table is refined as if the screw were at its reference"
+    elif axis.thermal is not None:
+        at = axis.thermal.reference
+        yield f"  thermal       not in force now, but on the new table: it is to hold at {at:g} °C"
+    for cross in axis.cross:
+        if is_active:
+            yield f"  cross {cross.axis:7} in force: the table is refined without what {cross.axis} does"
+        else:
+            yield (
+                f"  cross {cross.axis:7} not in force now, but on the new table: let it stand where "
+                f"{cross.table_name} is 0"
+            )
 
 
 def _time(place: Place, stops: Sequence[Stop], position: float, pace: Pace) -> str:

@@ -18,6 +18,7 @@ machine positions in units of the axis, mm or inch, which the names of the colum
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -89,9 +90,10 @@ class ReadingsFile:
         self._put(f"{_number(reading.target)},{way},{reading.run},{_number(reading.measured)}\n")
 
     def close(self) -> None:
-        """Close it."""
+        """Close it. What counts is on the disk already; what did not get there was told."""
         if self._stream is not None:
-            self._stream.close()
+            with suppress(OSError):  # a full disk takes the rest of a refused row no better now
+                self._stream.close()
             self._stream = None
 
     def _put(self, text: str) -> None:

@@ -136,8 +136,13 @@ class Run:
         return first
 
     def _is_near(self, one: float, other: float) -> bool:
+        return abs(one - other) <= self._slack
+
+    @property
+    def _slack(self) -> float:
+        """By how much the position of an axis that stands may change."""
         settings = self._link.plan.settings
-        return abs(one - other) <= max(settings.hysteresis, 2.0 / abs(settings.counts_per_unit))
+        return max(settings.hysteresis, 2.0 / abs(settings.counts_per_unit))
 
     async def _move(self, stop: Stop) -> None:
         self._showing.going(stop)
@@ -178,7 +183,7 @@ class Run:
         where = f"{stop.nominal:.9g} {self._units} {way}, run {stop.run}"
         while True:
             try:
-                before = await self._link.position()
+                before = await self._position_at(stop)
                 raw = await self.halt.during(self._read(where, stop))
                 reading = self._checked(stop, raw)
             except BadReadingError as error:
@@ -186,6 +191,16 @@ class Run:
                 continue
             await self._check_still(stop, before)
             return reading
+
+    async def _position_at(self, stop: Stop) -> float:
+        """Return where the axis is. Raises AxisError: not at its target any more."""
+        here = await self._link.position()
+        if abs(here - stop.nominal) > self._manners.window + self._slack:
+            raise AxisError(
+                f"axis {self._link.plan.name} is at {here:.9g} and no longer at {stop.nominal:.9g}, where it "
+                "had arrived: somebody else moves it, or its drive lets go; no reading was taken"
+            )
+        return here
 
     async def _read(self, where: str, stop: Stop) -> float:
         """Read the instrument. It is told of what came too early before anybody is asked for a reading."""

@@ -3,7 +3,7 @@
 import asyncio
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ import typer
 
 from gateway.cli.commanding import NoAnswerError, ask_relay
 from gateway.cli.measuring import outcome
-from gateway.cli.measuring.checks import axis_of, controller_of
+from gateway.cli.measuring.checks import axis_of, check_same_plan, controller_of
 from gateway.cli.measuring.errors import AxisError, FileError, MeasureError
 from gateway.cli.measuring.instruments import Instrument, Keyboard, Lines
 from gateway.cli.measuring.preview import Pace, preview
@@ -31,8 +31,9 @@ from gateway.cli.measuring.running import Manners
 from gateway.cli.measuring.session import Place, Seen, Session, endpoint_of, look
 from gateway.cli.measuring.setting import Grid, Reader, Scale, instrument_of, manners_of, plan_of
 from gateway.cli.measuring.showing import AsBar, AsJson, AsLines, Showing
-from gateway.ipc.messages import GetStatus, Status
-from gateway.ipc.plan import LinePlan
+from gateway.ipc.compiled_plan import shape_of
+from gateway.ipc.messages import GetStatus, Ping, Status
+from gateway.ipc.plan import GatewayPlan
 from gateway.metrology.cycle import bidirectional_cycle, remaining
 from gateway.metrology.readings import Reading
 
@@ -63,29 +64,32 @@ class Wish:
     as_json: bool
 
 
-def work(wish: Wish, plans: Sequence[LinePlan], state: Path) -> int:
+def work(wish: Wish, plan: GatewayPlan, state: Path) -> int:
     """Do all of it; returns the exit code.
 
     Raises:
         MeasureError: it could not begin, or its results could not be made or written.
     """
-    line, axis = axis_of(plans, wish.axis)
+    line, axis = axis_of(plan.lines, wish.axis)
     link = controller_of(line, wish.controller)
     place = Place(line, recipe_of(axis), link, endpoint_of(link, wish.port))
     out_format = outcome.check_format(wish.out_format, axis)
     outcome.check_places(wish.out, wish.report, force=wish.force)
     lines = Lines()
     instrument, manners = instrument_of(wish.reader, lines), manners_of(wish.scale, axis)
-    return _Work(wish, place, state, out_format).run(instrument, manners, lines)
+    return _Work(wish, place, state, shape=shape_of(plan), out_format=out_format).run(
+        instrument, manners, lines
+    )
 
 
 class _Work:
     """One command, when its options are known to be good."""
 
-    def __init__(self, wish: Wish, place: Place, state: Path, out_format: str) -> None:
+    def __init__(self, wish: Wish, place: Place, state: Path, *, shape: str, out_format: str) -> None:
         self._wish = wish
         self._place = place
         self._state = state
+        self._shape = shape
         self._out_format = out_format
         self._axis = place.recipe.plan
         self._units = self._axis.settings.units
@@ -147,7 +151,9 @@ class _Work:
             )
 
     def _status(self) -> Mapping[str, Any]:
+        """Return the status of the gateway that runs CONFIG. Raises AxisError: none does."""
         try:
+            check_same_plan(ask_relay(self._wish.config, self._state, Ping()), self._shape)
             reply = ask_relay(self._wish.config, self._state, GetStatus())
         except NoAnswerError as error:
             raise AxisError(str(error)) from None
@@ -196,7 +202,7 @@ class _Work:
                 f"--axis {self._axis.name} --resume {path} and the same instrument",
                 err=True,
             )
-        else:
+        elif self._wish.resume is None:
             path.unlink(missing_ok=True)
         number = session.stopped_by
         return 1 if number is None else STOPPED_BY_SIGNAL + number
