@@ -98,7 +98,7 @@ def write(story: AxisStory, file: Path, out: Path | None, *, force: bool, json: 
 def story_of(loaded: LoadedTable, axis: str | None) -> AxisStory:
     """Return what there is to tell of a file: its table, where it comes from, what is odd about it."""
     table = loaded.table
-    name = axis or loaded.source.axis or axis_of_name(Path(loaded.file).name) or "?"
+    name = axis or loaded.source.axis or axis_of_name(Path(loaded.file).name) or ""
     facts = {
         "file": Path(loaded.file).name,
         "format": loaded.format,
