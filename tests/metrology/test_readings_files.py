@@ -53,6 +53,21 @@ def test_an_iso_csv_is_read_with_facts_and_axis() -> None:
     ]
 
 
+def test_directions_that_every_run_contradicts_are_named() -> None:
+    exchanged = ISO.replace("forward", "~").replace("backward", "forward").replace("~", "backward")
+    [remark] = read(exchanged).remarks
+    assert "as if the directions were exchanged" in remark
+    # Sorted by a program, both ways alike: the order of the lines says nothing.
+    heading, lines = ISO.splitlines()[:3], ISO.splitlines()[3:]
+    assert read("\n".join([*heading, *lines[2::-1], *lines[3:]])).remarks == ()
+
+
+def test_more_runs_one_way_than_the_other_are_named() -> None:
+    again = "".join(f"{target},forward,2,{target}\n" for target in (0, 50, 100))
+    [remark] = read(ISO + again).remarks
+    assert "2 forward and 1 backward runs: measure as many both ways" in remark
+
+
 def test_columns_in_another_order_with_semicolons_and_deviations_in_um() -> None:
     text = "run;deviation_um;direction;target_mm;note\n1;2.5;up;10;a\n1;-1;+;20;\n1;-3;down;20;\n1;0;-;10;\n"
     assert deviations_um(read(text)) == [
@@ -125,7 +140,7 @@ def test_a_missing_direction_is_a_remark_with_a_remedy() -> None:
 
 def test_runs_of_unequal_length_are_named() -> None:
     survey = read(ISO + "0,forward,2,0\n100,forward,2,100\n")
-    [remark] = survey.remarks
+    _, remark = survey.remarks
     assert "forward run 2 has 2 of 3 readings, none at 50" in remark
 
 
