@@ -71,6 +71,8 @@ def evaluate(
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
         notes = _notes(before, second if loaded is None else None)
+        if loaded is not None and second is not None:
+            notes = (*notes, *(remark for remark in second.remarks if remark not in before.remarks))
         if results[1] is not None and (other := other_stretch(results[0], results[1])):
             notes = (*notes, f"measured {other}")
         if report is not None:

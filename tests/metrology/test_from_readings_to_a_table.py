@@ -202,6 +202,17 @@ def test_the_predicted_residue_is_the_deviation_plus_the_correction() -> None:
     assert [r.measured for r in inches.readings] == pytest.approx([r.measured for r in after.readings])
 
 
+def test_a_prediction_outside_the_table_is_named() -> None:
+    table = make_table([10.0, 20.0], [0.001, 0.001], [0.0, 0.0], Units.MM)
+    survey = Survey(tuple(Reading(x, UP, x) for x in (9.0, 10.0, 20.0, 22.0)), Units.MM)
+    found = predicted_residue(survey, table)
+    assert found.remarks == (
+        "outside the table, 10 to 20 mm, lie targets from 9 to 22: predicted with its end values held there",
+    )
+    inside = Survey(survey.readings[1:3], Units.MM)
+    assert predicted_residue(inside, table.in_units(Units.INCH)).remarks == ()
+
+
 def test_a_table_of_all_targets_leaves_only_scatter() -> None:
     survey = noisy()
     before = evaluate(survey)
