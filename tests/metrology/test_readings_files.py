@@ -275,6 +275,23 @@ def test_surveys_of_one_axis_are_counted_on() -> None:
         merged([read(ISO), read(TB058_MANUAL)])
 
 
+def test_one_target_written_in_two_ways_in_two_files_is_refused() -> None:
+    # The usual distance is 100 / 3 = 33.3: nearer than 0.333 is the same target.
+    for other, found in (
+        ("50.3", "has target 50.3, which is 50 in the files before"),
+        ("49.7", "has target 49.7"),
+    ):
+        with pytest.raises(ReadingsError, match=found):
+            merged([read(ISO), read(ISO.replace("\n50,", f"\n{other},"))])
+    merged([read(ISO), read(ISO.replace("\n50,", "\n51,"))])
+
+
+def test_the_same_readings_twice_are_named() -> None:
+    [remark] = merged([read(ISO), read(ISO)]).remarks
+    assert "the same readings as laser.csv: if that is one measurement, name it once" in remark
+    assert merged([read(ISO), read(ISO.replace("50.003", "50.004"))]).remarks == ()
+
+
 def test_a_survey_in_inches_is_the_same_in_mm() -> None:
     survey = read(TB058_MANUAL).in_units(Units.MM)
     assert survey.readings[1].target == pytest.approx(-50.8)

@@ -8,11 +8,9 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.readings import APPROACHES, Reading, Survey
+from gateway.metrology.readings import APPROACHES, NEAR, Reading, Survey
 from gateway.tabfile.text import SourceText
 
-NEAR: Final = 0.01
-"""Targets nearer than this share of the usual distance are one target, written in two ways."""
 FAR: Final = 0.5
 """A reading further from its target than this share of the way to the next target is another's."""
 
