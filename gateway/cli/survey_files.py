@@ -134,7 +134,7 @@ def written(
     except TabFileError as error:
         remedy = error.allowed
         if "even" in remedy:
-            remedy += ": --step, or a format with positions of its own"
+            remedy = "an even grid: --step, or --to a format with positions of its own, such as csv"
         elif "subtract it" in remedy and not table.is_unidirectional:
             remedy += ": --one-way makes one curve that is 0 at home"
         raise TabFileError(replace(error.problems[0], allowed=remedy)) from None

@@ -134,7 +134,7 @@ def _uncovered(measured: CorrectionTable, table: CorrectionTable) -> list[str]:
     unit = table.units.value
     return [
         f"measured from {low:.9g} to {high:.9g} {unit}, but no multiple of the step lies there: the table "
-        "does not cover it"
+        "does not cover it; --travel LO HI lays the grid over the whole axis"
         for low, high in ((measured.first, table.first), (table.last, measured.last))
         if high > low
     ] + [
