@@ -44,7 +44,7 @@ def plot(
     """Draw a table: forward and backward corrections, backlash, slope; with READINGS also what it does.
 
     The suffix of OUT decides: PNG or SVG is one picture, HTML a report to hand on, in a single file that
-    needs no network. Deviations are in µm, positions in the units of the table.
+    needs no network. Deviations are in µm (rotary axes: arcsec), positions in the units of the table.
 
     Examples:
       pitch-gateway table plot cnc10z.tab

@@ -52,10 +52,12 @@ def program(
         ),
     ] = None,
     overrun: Annotated[
-        float | None, typer.Option(help="How far beyond the ends it turns round; default 2 mm.")
+        float | None, typer.Option(help="How far beyond the ends it turns round; default 2 mm, or 2 degrees.")
     ] = None,
     dwell: Annotated[float, typer.Option(help="Pause for a reading, as the control takes G4 P.")] = 5.0,
-    feed: Annotated[float | None, typer.Option(help="Units a minute; default 500 mm.")] = None,
+    feed: Annotated[
+        float | None, typer.Option(help="Units a minute; default 500 mm, or 500 degrees.")
+    ] = None,
     axis: Annotated[str, typer.Option("--axis", metavar="LETTER", help="The axis.")] = "X",
     units: Annotated[Units, typer.Option("--units", help="Units of all lengths.")] = Units.MM,
     force: shared.Force = False,
