@@ -1,6 +1,6 @@
 """What the commands that take readings share: options, reading, writing, errors."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -26,9 +26,9 @@ from gateway.tabfile import (
     LoadedTable,
     Problem,
     TabFileError,
-    V1Layout,
     WriteOptions,
     Written,
+    dialect_named,
     parse_table,
 )
 
@@ -122,20 +122,23 @@ def dialect_to_write(name: str) -> Dialect:
 
 
 def written(
-    table: CorrectionTable, target: Dialect, options: WriteOptions
+    table: CorrectionTable, target: Dialect, options: WriteOptions, own_options: Mapping[str, str]
 ) -> tuple[Written, LoadedTable, float]:
     """Write a table as text and read it back; returns both and the largest difference of a correction.
+
+    ``own_options`` are what this command calls some options of ``table convert``.
 
     Raises:
         TabFileError: the target cannot hold the table, or the gateway would refuse what it holds.
     """
     try:
-        result = target.write(table, options)
+        result = table_writing.write_text(table, target, options)
     except TabFileError as error:
         remedy = error.allowed
-        if "even" in remedy:
-            remedy = "an even grid: --step, or --to a format with positions of its own, such as csv"
-        elif "subtract it" in remedy and not table.is_unidirectional:
+        # writers name the options of table convert
+        for option, own in own_options.items():
+            remedy = remedy.replace(option, own)
+        if "subtract it" in remedy and not table.is_unidirectional:
             remedy += ": --one-way makes one curve that is 0 at home"
         raise TabFileError(replace(error.problems[0], allowed=remedy)) from None
     context = replace(result.context, format=target.name)
@@ -166,17 +169,9 @@ def write_file(out: Path, text: str, *, force: bool) -> None:
     table_writing.write(out, text, force=force)
 
 
-def told_to_reader(result: Written) -> dict[str, object]:
+def told_to_reader(result: Written, again: LoadedTable) -> dict[str, object]:
     """Return what a reader of the file must be told, by the names of the options."""
-    context = result.context
-    layout: V1Layout | None = context.v1_layout
-    told: dict[str, object | None] = {
-        "file_counts_per_unit": context.file_counts_per_unit,
-        "v1_layout": layout.value if layout else None,
-        "file_start": context.file_start,
-        "file_units": context.file_units.value if context.file_units else None,
-    }
-    return {name: fact for name, fact in told.items() if fact is not None}
+    return table_writing.told_to_reader(result, dialect_named(again.format))
 
 
 def print_written(out: Path, result: Written, again: LoadedTable, difference: float) -> None:
@@ -187,5 +182,6 @@ def print_written(out: Path, result: Written, again: LoadedTable, difference: fl
         f"{table.units.value}, corrections up to {table.max_correction():.6g}"
     )
     print_lines(f"not in the file: {loss}" for loss in result.losses)
+    print_lines(table_writing.reader_lines(result, dialect_named(again.format)))
     print_lines(finding_line(str(out), lint) for lint in again.lints)
     typer.echo(f"largest difference of a correction after reading it back: {difference:.3g}")

@@ -1,7 +1,7 @@
 """``pitch-gateway table build``: readings of a laser, a scale or a dial gauge into a table."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -15,6 +15,12 @@ from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
 from gateway.tabfile import LoadedTable, WriteOptions, Written, axis_of_name
+
+OWN_OPTIONS: Final = {
+    "--to-axis": "--axis",
+    "--resample STEP": "--step STEP, or a format with positions of its own",
+}
+"""What some options of ``table convert`` are called here."""
 
 
 def build(
@@ -70,7 +76,7 @@ def build(
         table = built.table.in_units(to_units or built.table.units)
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)
         options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
-        result, again, difference = shared.written(table, target, options)
+        result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
         notes = [*built.notes, *_one_curve(table, again, target.name)]
         shared.write_file(out, result.text, force=force)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
@@ -98,7 +104,7 @@ def _print_json(
             "notes": notes,
             "losses": list(result.losses),
             "largest_difference": difference,
-            "read_with": shared.told_to_reader(result),
+            "read_with": shared.told_to_reader(result, again),
             "lints": [lint.to_json() for lint in again.lints],
             "before": results_json(results[0]),
             "predicted": results_json(results[1]),

@@ -1,7 +1,6 @@
 """``pitch-gateway table convert``: a table in another format, and what that format cannot hold."""
 
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -11,18 +10,24 @@ from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.table_options import AsJson, Target, Told, Wanted, takes_file_options
 from gateway.cli.table_reading import inspect, problems, usage
-from gateway.cli.table_writing import Converted, converted, write
+from gateway.cli.table_writing import (
+    Converted,
+    converted,
+    is_modulo,
+    reader_lines,
+    told_to_reader,
+    turns_lost,
+    write,
+)
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.tabfile import (
-    OPTIONS,
     Dialect,
     FileContext,
     LoadedTable,
     Problem,
     TabFileError,
-    UnitsOf,
     WriteOptions,
     axis_of_name,
     dialect_named,
@@ -61,13 +66,21 @@ def convert(
     with usage(), problems():
         loaded = inspect(file, told.context())
         scale = _scale(wanted.to_counts_per_unit)
-        if scale is None and target.name == "centroid-1":
-            scale = told.file_counts_per_unit
         table = _in_units(loaded, wanted.to_units)
+        if scale is None and target.name == "centroid-1" and told.file_counts_per_unit is not None:
+            scale = told.file_counts_per_unit * table.units.convert_factor(loaded.table.units)
         even = None if wanted.resample is None else resample(table, wanted.resample, str(file))
         letter = _letter(wanted.to_axis) or letter_for(loaded, told.axis, out)
-        options = WriteOptions(letter, scale, wanted.to_v1_layout, wanted.to_file_axis, wanted.to_sense)
-        result = converted(even.table if even else table, target, options)
+        table = even.table if even else table
+        options = WriteOptions(
+            axis=letter,
+            file_counts_per_unit=scale,
+            v1_layout=wanted.to_v1_layout,
+            file_axis=wanted.to_file_axis,
+            sense=wanted.to_sense,
+            is_modulo=is_modulo(loaded, table),
+        )
+        result = converted(table, target, options)
         write(out, result.written.text, force=force)
     report = _Report(loaded, out, target, table.units, even, result)
     if json:
@@ -129,19 +142,8 @@ class _Report:
                 f"the lost motion that {self.loaded.format} states beside the table: {line}"
                 for line in backlash
             ),
+            *turns_lost(self.loaded, self.result.modulo),
         ]
-
-    def _needed(self) -> dict[str, object]:
-        context = self.result.written.context
-        names = ["format", *OPTIONS]
-        if self.target.units is not UnitsOf.FILE:
-            names.append("file_units" if self.target.units is UnitsOf.TOLD else "units")
-        told = {name: getattr(context, name) for name in names}
-        return {
-            name: fact.value if isinstance(fact, Enum) else fact
-            for name, fact in told.items()
-            if fact is not None
-        }
 
     def to_json(self) -> dict[str, object]:
         """Return it as plain data; lengths are in the units of OUT."""
@@ -162,7 +164,7 @@ class _Report:
             "largest_difference": self.result.difference,
             "largest_difference_at": self.result.at,
             "units": self.units.value,
-            "read_with": self._needed(),
+            "read_with": told_to_reader(self.result.written, self.target),
             "usual_suffix": self.target.suffix,
         }
 
@@ -176,12 +178,7 @@ class _Report:
                 f"{self.even.difference:.3g} {self.units.value} (at {self.even.at:g})"
             )
         lines += [f"not in the file: {loss}" for loss in self._losses()]
-        if self._needed():
-            options = " ".join(
-                f"--{'units' if name == 'file_units' else name.replace('_', '-')} {fact}"
-                for name, fact in sorted(self._needed().items())
-            )
-            lines.append(f"to be told when it is read: {options}")
+        lines += reader_lines(self.result.written, self.target)
         if self.target.suffix and self.out.suffix.lower() != self.target.suffix.lower():
             lines.append(f"files of {self.target.name} are usually called *{self.target.suffix}")
         lines.append(

@@ -152,6 +152,10 @@ class Told:
     units: AxisUnits = None
     axis: AxisLetter = None
 
+    def sense(self) -> ErrorSense | None:
+        """Return the sense of the errors, whichever option told it."""
+        return self.error_sense or self.isg_sense or self.fagor_sense
+
     def context(self, counts_per_unit: float | None = None) -> FileContext:
         """Return it for a reader; ``counts_per_unit`` is the drive's.
 

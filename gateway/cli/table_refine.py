@@ -1,7 +1,8 @@
 """``pitch-gateway table refine``: a better table from readings that were taken with the old one in use."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -10,9 +11,17 @@ from gateway.cli.arguments import TableFile
 from gateway.cli.table_options import AsJson, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
+from gateway.cli.table_writing import is_modulo, turns_lost
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.tabfile import LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
+
+OWN_OPTIONS: Final = {
+    "--to-axis": "--axis",
+    "--resample STEP": "--to csv, then table convert with --resample STEP",
+    "--to-units mm": "--to csv, then table convert with --to-units mm",
+}
+"""What some options of ``table convert`` are called here."""
 
 
 @takes_file_options
@@ -70,9 +79,17 @@ def refine(
         )
         table = refined.table.in_units(loaded.table.units)
         letter = told.axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
-        scale = to_counts_per_unit or told.file_counts_per_unit
-        options = WriteOptions(letter, scale, told.v1_layout, to_file_axis, to_sense)
-        result, again, difference = shared.written(table, target, options)
+        scale = to_counts_per_unit
+        if scale is None and "file_counts_per_unit" in target.writes:
+            scale = told.file_counts_per_unit
+        if target.name == loaded.format:  # whoever reads FILE reads OUT in the same way
+            to_sense = to_sense or told.sense()
+            to_file_axis = to_file_axis or loaded.source.file_axis
+        turns = is_modulo(loaded, table)
+        layout = told.v1_layout if "v1_layout" in target.writes else None
+        options = WriteOptions(letter, scale, layout, to_file_axis, to_sense, is_modulo=turns)
+        result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
+        result = replace(result, losses=(*result.losses, *turns_lost(loaded, again.source.modulo)))
         shared.write_file(out, result.text, force=force)
     if json:
         _print_json(file, out, refined, (result, again, difference))
@@ -99,7 +116,7 @@ def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written,
             "notes": list(refined.notes),
             "losses": list(result.losses),
             "largest_difference": difference,
-            "read_with": shared.told_to_reader(result),
+            "read_with": shared.told_to_reader(result, again),
             "lints": [lint.to_json() for lint in again.lints],
         }
     )

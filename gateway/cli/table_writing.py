@@ -5,22 +5,36 @@ import secrets
 import stat
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from enum import Enum
 from pathlib import Path
+from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.files import kind_of
 from gateway.tabfile import (
     DIALECTS,
+    OPTIONS,
     Dialect,
+    LoadedTable,
     Problem,
     SourceRow,
     TabFileError,
+    UnitsOf,
     WriteOptions,
     Written,
     parse_table,
 )
 from gateway.tabfile.readings import largest_difference
 from gateway.tabfile.text import decode
+
+WRITE_OPTIONS: Final = {
+    "file_counts_per_unit": "--to-counts-per-unit",
+    "v1_layout": "--to-v1-layout",
+    "file_axis": "--to-file-axis",
+    "sense": "--to-sense",
+}
+SAME_TURN: Final = 1e-9
+"""A turn may be off by this fraction of it: the rounding of positions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +44,8 @@ class Converted:
     written: Written
     difference: float
     at: float
+    modulo: float | None = None
+    """What is read back begins again after this length."""
 
 
 def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) -> Converted:
@@ -38,14 +54,66 @@ def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) ->
     Raises:
         TabFileError: the target cannot hold the table.
     """
-    written = target.write(table, options)
+    written = write_text(table, target, options)
     data = written.text.encode()
     name = f"a {target.name} file"
     if written.context.format is None and sum(d.recognise(decode(data, name)) for d in DIALECTS) > 1:
         written = replace(written, context=replace(written.context, format=target.name))
-    again = parse_table(data, name, written.context).table
-    again = again.in_units(table.units)
-    return Converted(written, *largest_difference(_rows(table), _rows(again)))
+    loaded = parse_table(data, name, written.context)
+    again = loaded.table.in_units(table.units)
+    return Converted(written, *largest_difference(_rows(table), _rows(again)), modulo=loaded.source.modulo)
+
+
+def is_modulo(loaded: LoadedTable, table: CorrectionTable) -> bool:
+    """Whether a table that was made of a file begins again at its end, as that of the file does."""
+    if loaded.source.modulo is None:
+        return False
+    turn = loaded.source.modulo * loaded.table.units.convert_factor(table.units)
+    is_closed = table.forward[0] == table.forward[-1] and table.backward[0] == table.backward[-1]
+    return is_closed and abs(table.last - table.first - turn) <= SAME_TURN * turn
+
+
+def turns_lost(loaded: LoadedTable, modulo: float | None) -> list[str]:
+    """Say that a table begins again at its end, where the file that was made of it does not say so."""
+    if loaded.source.modulo is None or modulo is not None:
+        return []
+    turn, unit = f"{loaded.source.modulo:.10g}", loaded.table.units.value
+    remedy = f"set it on the control (modulo = {turn} for an axis of the gateway)"
+    return [f"that the table begins again after {turn} {unit}: {remedy}"]
+
+
+def write_text(table: CorrectionTable, target: Dialect, options: WriteOptions) -> Written:
+    """Return the text of a table; told options that a file of this format has no place for are losses, too.
+
+    Raises:
+        TabFileError: the target cannot hold the table.
+    """
+    written = target.write(table, options)
+    unused = [
+        f"{option}: {target.name} has no place for it"
+        for name, option in WRITE_OPTIONS.items()
+        if name not in target.writes and getattr(options, name) is not None
+    ]
+    return replace(written, losses=(*written.losses, *unused))
+
+
+def told_to_reader(written: Written, target: Dialect) -> dict[str, object]:
+    """Return what a reader of the file must be told, by the names of the options."""
+    names = ["format", *OPTIONS]
+    if target.units is not UnitsOf.FILE:
+        names.append("file_units" if target.units is UnitsOf.TOLD else "units")
+    told = {name: getattr(written.context, name) for name in names}
+    said = {name: fact for name, fact in told.items() if fact is not None}
+    return {name: fact.value if isinstance(fact, Enum) else fact for name, fact in said.items()}
+
+
+def reader_lines(written: Written, target: Dialect) -> list[str]:
+    """Say the same as options of the command line; no line where nothing is to be told."""
+    options = " ".join(
+        f"--{'units' if name == 'file_units' else name.replace('_', '-')} {fact}"
+        for name, fact in sorted(told_to_reader(written, target).items())
+    )
+    return [f"to be told when it is read: {options}"] if options else []
 
 
 def _rows(table: CorrectionTable) -> list[SourceRow]:

@@ -22,6 +22,7 @@ def check_table(findings: Findings, name: str, axis: AxisSection, found: AxisTab
     settings = settings_of(axis)
     table = _check_backlash(findings, path, settings, found.table)
     _check_turn(findings, path, settings, table)
+    _check_that_it_repeats(findings, path, settings, found)
     _check_outside(findings, path, settings, table)
     _check_hysteresis(findings, path, axis, settings, table)
     _check_reversal(findings, path, settings, table)
@@ -67,6 +68,24 @@ def _check_turn(findings: Findings, path: KeyPath, settings: AxisSettings, table
         findings.refuse(
             (*path, "modulo"), str(error), "allowed: a table that covers exactly one turn with equal ends"
         )
+
+
+def _check_that_it_repeats(
+    findings: Findings, path: KeyPath, settings: AxisSettings, found: AxisTable
+) -> None:
+    """Whether a table that begins again after a turn does so here, where the axis can leave the first one."""
+    source = found.source
+    if source.source.modulo is None or settings.modulo:
+        return
+    turn = source.source.modulo * source.table.units.convert_factor(settings.units)
+    if settings.travel is not None and settings.travel[1] - settings.travel[0] <= turn * (1 + ROUNDING):
+        return
+    findings.warn(
+        (*path, "table"),
+        f"on the control of {found.path.name} the table begins again after {turn:.10g} "
+        f"{settings.units.value}; here it does not: outside it {_OUTSIDE_WORDS[settings.outside.kind]}",
+        f"add to the axis: modulo = {turn:.10g}",
+    )
 
 
 def _check_outside(findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable) -> None:
@@ -142,10 +161,10 @@ def _check_direction(findings: Findings, path: KeyPath, axis: AxisSection, table
 
 
 _OUTSIDE_WORDS = {
-    OutsideKind.HOLD: "the correction of the end holds there",
-    OutsideKind.FADE: "the correction fades to 0 there",
-    OutsideKind.ZERO: "nothing is corrected there",
-    OutsideKind.REFUSE: "targets there are refused",
+    OutsideKind.HOLD: "the correction of the end holds",
+    OutsideKind.FADE: "the correction fades to 0",
+    OutsideKind.ZERO: "nothing is corrected",
+    OutsideKind.REFUSE: "targets are refused",
 }
 
 
@@ -165,7 +184,7 @@ def _check_coverage(
         findings.warn(
             (*path, "table"),
             f"L8 the table does not cover travel from {' and from '.join(stretches)} {settings.units.value}",
-            f'outside = "{settings.outside.kind.value}": {_OUTSIDE_WORDS[settings.outside.kind]}',
+            f'outside = "{settings.outside.kind.value}": {_OUTSIDE_WORDS[settings.outside.kind]} there',
         )
 
 

@@ -127,6 +127,9 @@ def _supervisor_lines(loaded: Loaded) -> Iterator[str]:
         addresses.listener(page.host, (), "who looks at the page")
     if loaded.sections.mqtt is not None:
         addresses.peer(loaded.sections.mqtt.host, "[mqtt] host")
+    for name, axis in loaded.sections.axes.items():
+        if axis.thermal is not None and axis.thermal.source.modbus is not None:
+            addresses.peer(axis.thermal.source.modbus.host, f"the temperature sensor of axis {name}")
     yield from addresses.lines()
     ports = [] if page is None else [page.port]
     yield from _port_lines(ports)

@@ -39,7 +39,7 @@ from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, told_units
 from gateway.tabfile.readings import Reading
 from gateway.tabfile.sums import check_points, check_sum, stamped, stated_facts
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.text import Line, SourceText, listed, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
 
 NAME: Final = "aerotech-cal"
@@ -132,6 +132,7 @@ def _decoded(
         rule,
         rule,
         axis=table.axis.upper() if re.fullmatch("[A-Za-z]", table.axis) else None,
+        file_axis=table.axis,
         decisions=tuple(decisions),
         remarks=remarks,
         behaves_as=('outside = "hold"',),
@@ -232,7 +233,7 @@ def _parse_start(source: SourceText, line: Line, words: dict[str, tuple[str, int
 
 
 def _pick(source: SourceText, tables: Sequence[_Table], context: FileContext) -> _Table:
-    names = ", ".join(table.axis for table in tables)
+    names = listed(table.axis for table in tables)
     if context.file_axis is not None:
         fitting = [table for table in tables if table.axis.upper() == context.file_axis.upper()]
         if not fitting:

@@ -97,7 +97,11 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     mirror = _reading(header, forward, backward, start.position - header.intervals * header.step)
     reading = _reading(header, forward, backward, start.position)
     check_range(
-        source, reading, mirror, context, f"file_start = {mirror.rows[0].position:g} or the right travel"
+        source,
+        reading,
+        mirror,
+        context,
+        f"file_start = {context.as_told(mirror.rows[0].position):.9g} or the right travel",
     )
     check_home(source, rows, context)
     unused = ("file_counts_per_unit",) if header.counts == 1 else ()
@@ -231,7 +235,7 @@ def _decide_start(
             candidates,
             "fields 5 and 6 of '1 0', which do not say where the first point lies, and no travel limits",
         )
-    return _start_from_travel(source, header, lists, context.travel)
+    return _start_from_travel(source, header, lists, context)
 
 
 def _check_encoder_counts(source: SourceText, header: _Header, context: FileContext) -> None:
@@ -258,10 +262,11 @@ def _check_encoder_counts(source: SourceText, header: _Header, context: FileCont
 
 
 def _start_from_travel(
-    source: SourceText, header: _Header, lists: tuple[list[Line], list[Line]], travel: tuple[float, float]
+    source: SourceText, header: _Header, lists: tuple[list[Line], list[Line]], context: FileContext
 ) -> _Start:
     """Derive the start as TB058 lays it out: multiples of the step, beginning just inside the travel."""
-    low, high = travel
+    assert context.travel is not None
+    low, high = context.travel
     length = header.intervals * header.step
     told = f"travel {low:g} to {high:g}"
     if high == 0:
@@ -275,7 +280,10 @@ def _start_from_travel(
     if length < (high - low) - header.step * (1 + GRID_TOLERANCE):
         found = f"{header.intervals} intervals of {header.step:g}, which do not reach across {told}"
         raise _unproven(source, header, lists, [low, high - length], found)
-    message = f"start {low:g} is inferred from {told}: check it, and tell file_start = {low:g} if it is right"
+    message = (
+        f"start {low:g} is inferred from {told}: check it, and tell file_start = {context.as_told(low):.9g} "
+        "if it is right"
+    )
     return _Start(low, f"start {low:g}: lower end of {told}", (Lint("R2", Severity.WARNING, message),))
 
 

@@ -52,7 +52,8 @@ class FileContext:
     """Facts about the axis and about the old control that wrote the file. None: not known.
 
     Every length is in ``units``, the machine units of the axis, and every scale in counts per that unit. With
-    ``units`` None they are in the units that the file states.
+    ``units`` None they are in the units that the file states. ``told_in`` are the units in which they were
+    told, where :meth:`in_units` has turned them into others: messages that name an option go by these.
 
     ``file_counts_per_unit`` belongs to the OLD control (encoder counts per revolution x revolutions per unit,
     negative where its Dir Rev was Y), ``counts_per_unit`` to the drive that is commanded now. ``format``
@@ -83,6 +84,7 @@ class FileContext:
     fagor_sense: ErrorSense | None = None
     isg_sense: ErrorSense | None = None
     error_sense: ErrorSense | None = None
+    told_in: Units | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a file."""
@@ -104,16 +106,29 @@ class FileContext:
             ValueError: between a length and an angle.
         """
         if self.units is None or self.units is file_units:
-            return replace(self, units=file_units)
+            return replace(self, units=file_units, told_in=self.told_in or file_units)
         factor = self.units.convert_factor(file_units)
         return replace(
             self,
             units=file_units,
+            told_in=self.told_in or self.units,
             travel=None if self.travel is None else (self.travel[0] * factor, self.travel[1] * factor),
             file_start=None if self.file_start is None else self.file_start * factor,
             max_correction=None if self.max_correction is None else self.max_correction * factor,
             file_counts_per_unit=_per(self.file_counts_per_unit, factor),
             counts_per_unit=_per(self.counts_per_unit, factor),
+        )
+
+    def option_units(self, file_units: Units) -> Units:
+        """Units in which lengths and scales have to be told, for a file in ``file_units``."""
+        return self.told_in or self.units or file_units
+
+    def as_told(self, length: float) -> float:
+        """Return a length in ``units`` as an option has to say it."""
+        return (
+            length
+            if self.units is None
+            else length * self.units.convert_factor(self.option_units(self.units))
         )
 
     def correction_limit(self, units: Units) -> float:

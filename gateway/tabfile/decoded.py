@@ -35,7 +35,9 @@ class Decoded:
     the file leaves open was settled; ``remarks`` what was taken on trust. ``behaves_as`` holds settings of
     the axis, each a line of its configuration, that make the gateway do outside the table and at a reversal
     what the control did that the file was made for. ``are_positions``: the values are places of the nut, not
-    corrections, so that their size says nothing about their unit.
+    corrections, so that their size says nothing about their unit. ``file_axis`` is what a file that names
+    axes in a way of its own calls this one. ``modulo`` is the length after which the table begins again, in
+    ``units``, None where it does not.
     """
 
     rows: tuple[SourceRow, ...]
@@ -51,6 +53,8 @@ class Decoded:
     remarks: tuple[Lint, ...] = ()
     behaves_as: tuple[str, ...] = ()
     are_positions: bool = False
+    file_axis: str | None = None
+    modulo: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,6 +74,8 @@ class Dialect:
     """1: its files hold one correction for both."""
     is_writable: bool = True
     """False where no system reads such files; :attr:`write` then says so."""
+    writes: frozenset[str] = frozenset()
+    """Names of :class:`WriteOptions` that its writer has a use for, besides ``axis`` and ``is_modulo``."""
 
 
 DIALECTS: Final = (
@@ -92,6 +94,7 @@ DIALECTS: Final = (
         centroid_v2.read,
         centroid_v2.write,
         uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
+        writes=frozenset({"file_counts_per_unit"}),
     ),
     Dialect(
         centroid_v1.NAME,
@@ -102,6 +105,7 @@ DIALECTS: Final = (
         uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
         directions=1,
+        writes=frozenset({"file_counts_per_unit", "v1_layout"}),
     ),
     Dialect(
         csv_table.NAME,
@@ -122,6 +126,7 @@ DIALECTS: Final = (
         units=UnitsOf.TOLD,
         suffix=".csv",
         directions=1,
+        writes=frozenset({"file_counts_per_unit"}),
     ),
     Dialect(
         mitsubishi.NAME,
@@ -133,6 +138,7 @@ DIALECTS: Final = (
         units=UnitsOf.TOLD,
         suffix=".csv",
         directions=1,
+        writes=frozenset({"file_counts_per_unit"}),
     ),
     Dialect(
         linuxcnc.NAME_0,
@@ -163,6 +169,7 @@ DIALECTS: Final = (
         uses=frozenset({"file_counts_per_unit", "file_start", "isg_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix=".lis",
+        writes=frozenset({"file_counts_per_unit", "sense"}),
     ),
     Dialect(
         fagor.NAME,
@@ -173,6 +180,7 @@ DIALECTS: Final = (
         uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix="",
+        writes=frozenset({"file_axis", "sense"}),
     ),
     Dialect(
         aerotech.NAME,
@@ -184,6 +192,7 @@ DIALECTS: Final = (
         units=UnitsOf.TOLD,
         suffix=".cal",
         directions=1,
+        writes=frozenset({"file_axis"}),
     ),
     Dialect(
         renishaw_ren.NAME,
@@ -205,6 +214,7 @@ DIALECTS: Final = (
         uses=frozenset({"file_start", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=mint.SUFFIX,
+        writes=frozenset({"file_axis"}),
     ),
     Dialect(
         heidenhain.NAME,
@@ -214,6 +224,7 @@ DIALECTS: Final = (
         heidenhain.write,
         uses=frozenset({"file_start", "file_axis", "error_sense"}),
         suffix=".com",
+        writes=frozenset({"file_axis", "sense"}),
     ),
     Dialect(
         siemens.NAME,
@@ -225,11 +236,12 @@ DIALECTS: Final = (
         units=UnitsOf.TOLD,
         suffix=siemens.SUFFIX,
         directions=1,
+        writes=frozenset({"file_axis"}),
     ),
 )
 
 
-_OF_A_TABLE: Final = re.compile(r"(?i)(cnc|#)[\w .#-]*|[0-9e+., \t-]*")
+_OF_A_TABLE: Final = re.compile(r"(?i)cnc[0-9]*[ \t][\w .-]*|[0-9e+., \t-]*")
 """What is quoted in messages. Where a table should be, a link may lead to a password, and messages go far."""
 
 

@@ -50,7 +50,7 @@ _MAX_PLAUSIBLE: Final = {Units.MM: 0.5, Units.INCH: 0.1, Units.DEGREE: inf}
 _WHAT: Final = "a Fagor 8055 table"
 _GRAMMAR: Final = "such as 'P001 X- 20.00000 EX 0.00100', with a third field (EX) in all lines or in none"
 _SIGN: Final = r"(-[ \t]*|[ \t]*-?)"
-_NUMBER: Final = r"([0-9]+\.?[0-9]*|\.[0-9]+)"
+_NUMBER: Final = r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)"
 _FIELD: Final = rf"[ \t]+E([A-Z]){_SIGN}{_NUMBER}"
 _ROW: Final = re.compile(
     rf"P([0-9]{{3,4}})[ \t]+([A-Z]){_SIGN}{_NUMBER}{_FIELD}(?:{_FIELD})?", re.IGNORECASE | re.ASCII
@@ -101,9 +101,11 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         f"{RULES[sense]}; second field",
         f"{RULES[sense]}; {'second field, as in the positive direction' if is_both_ways else 'third field'}",
         axis=axis if context.file_axis is None else None,
+        file_axis=context.file_axis,
         plausible=(0.0, _MAX_PLAUSIBLE[units]),
         decisions=(f"sense {sense.value}: told", f"units {units.value}: told by file_units", decision),
-        behaves_as=_behaviour(rows, units),
+        behaves_as=(f"modulo = {TURN:g}",) if _is_turn(rows, units) else ('outside = "hold"',),
+        modulo=TURN if _is_turn(rows, units) else None,
     )
 
 
@@ -231,12 +233,10 @@ def _rows(found: Sequence[_Row], sense: ErrorSense, *, is_both_ways: bool) -> tu
     return tuple(rows)
 
 
-def _behaviour(rows: Sequence[SourceRow], units: Units) -> tuple[str, ...]:
+def _is_turn(rows: Sequence[SourceRow], units: Units) -> bool:
     """A rotary table from 0 to 360 with equal ends repeats; any other holds its end values."""
     ends = (rows[0].position, rows[-1].position)
-    if units is Units.DEGREE and ends == (0.0, TURN) and is_closed(rows):
-        return (f"modulo = {TURN:g}",)
-    return ('outside = "hold"',)
+    return units is Units.DEGREE and ends == (0.0, TURN) and is_closed(rows)
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:

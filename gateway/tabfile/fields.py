@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Final
 
 _INTEGER: Final = re.compile(r"[+-]?[0-9]{1,15}")
-_DECIMAL: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
+_DECIMAL: Final = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 MAX_CHARACTERS: Final = 40
 DECIMAL_ALLOWED: Final = "a decimal number with a point, such as -0.0001"
 INTEGER_ALLOWED: Final = "a whole number, such as -32"

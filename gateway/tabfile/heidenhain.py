@@ -24,6 +24,7 @@ known here.
 """
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -102,6 +103,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         f"{RULES[sense]}; column {columns.axis}",
         f"{RULES[sense]}; {backward}",
         axis=columns.axis if len(columns.axis) == 1 and context.file_axis is None else None,
+        file_axis=columns.axis,
         plausible=(0.0, _MAX_PLAUSIBLE[units]),
         decisions=(f"sense {sense.value}: told", unit_decision, *_column_decisions(columns)),
     )
@@ -129,7 +131,7 @@ def _columns(source: SourceText, context: FileContext) -> _Columns:
     line = source.lines[1]
     names = line.text.upper().split()
     axes = [name for name in names[1:] if name not in {_POSITION, _NEGATIVE}]
-    odd = [name for name in names if names.count(name) > 1]
+    odd = [name for name, count in Counter(names).items() if count > 1]
     odd += [name for name in axes if not _AXIS.fullmatch(name)]
     if names[:1] != ["NR"] or _POSITION not in names or not axes or odd:
         raise source.error(

@@ -9,7 +9,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.csv_text import axis_letter, csv_file
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.increments import HEADER, Increments, Sum, System, is_turn
+from gateway.tabfile.increments import HEADER, TURN_DEGREES, Increments, Sum, System, is_turn
 from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, told_units
 from gateway.tabfile.readings import Reading
 from gateway.tabfile.text import SourceText
@@ -58,8 +58,8 @@ def decode(
         found = "no file_counts_per_unit" if scale is None else f"file_counts_per_unit {scale:g}"
         raise source.error(
             f"a table of increments, which holds counts, and {found}",
-            f"file_counts_per_unit = counts of the OLD control per {units.value}, above 0 (1000 where it "
-            "counts in 0.001)",
+            f"file_counts_per_unit = counts of the OLD control per {context.option_units(units).value}, the "
+            "unit of the axis, above 0 (1000 where it counts in 0.001 of that)",
         )
     _check_turn(source, units, file, sums)
     axis = axis_letter(source, file.csv, context)
@@ -83,6 +83,7 @@ def decode(
         context,
         "a table of this axis; the right file_units, file_start and travel",
     )
+    turn = TURN_DEGREES if is_turn(units, len(rows) - 1, file.interval) else None
     place = f"the reference point {file.reference} is {offset:g} {units.value}"
     told = "as file_start tells" if start is not None else "the zero of the machine (file_start moves it)"
     return Decoded(
@@ -93,9 +94,19 @@ def decode(
         meaning.rule,
         meaning.rule,
         axis=axis,
-        decisions=(f"{place}, {told}", *meaning.assumed),
-        behaves_as=HOLDS,
+        decisions=(f"{place}, {told}", *_scale_told(context, scale, units), *meaning.assumed),
+        behaves_as=HOLDS if turn is None else (f"modulo = {turn:g}",),
+        modulo=turn,
     )
+
+
+def _scale_told(context: FileContext, scale: float, units: Units) -> tuple[str, ...]:
+    """Say what a scale is that was told per unit of the axis, where the file has other units."""
+    told = context.option_units(units)
+    if told is units:
+        return ()
+    rule = f"file_counts_per_unit is told per {told.value}, the unit of the axis"
+    return (f"{scale:.9g} counts per {units.value}: {rule}",)
 
 
 def _check_turn(source: SourceText, units: Units, file: Increments, sums: Sequence[Sum]) -> None:

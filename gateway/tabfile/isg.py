@@ -113,6 +113,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         decisions=(_sense_decision(sense), unit_decision, *_other_decisions(keys, shape)),
         remarks=(*_remarks(keys), *unused_options(context, NAME, unused)),
         behaves_as=_behaviour(keys, shape, rows),
+        modulo=rows[-1].position - rows[0].position if shape.is_modulo else None,
     )
 
 
@@ -153,6 +154,12 @@ def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Uni
         raise source.error("unit 1 (0.1 µm or 0.0001 degree), told file_units inch", "'mm' or 'degree'")
     if told is not None:
         return told, f"units {told.value}: told by file_units"
+    if context.units is Units.DEGREE:
+        raise source.error(
+            "a list in unit 1 for an axis in degree, in which it is 0.0001 degree; nothing in the list says "
+            "that it is of a rotary one",
+            "file_units = 'degree'",
+        )
     if shape.is_modulo:
         raise source.error(
             "a modulo list in unit 1, which is 0.0001 degree on a rotary axis and 0.1 µm on a linear one",

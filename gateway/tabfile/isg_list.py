@@ -21,6 +21,7 @@ from gateway.tabfile.text import SourceText, shown
 MAX_PROBLEMS: Final = 20
 _KEY: Final = re.compile(r"[a-z_]\w*(?:\[[0-9]{1,6}\])*(?:\.[a-z_]\w*(?:\[[0-9]{1,6}\])*)*", re.ASCII)
 _OPENING: Final = re.compile(r"(?:^|(?<=[ \t]))(?:#|/\*)")
+_OPENING_THERE: Final = re.compile(r"#|/\*")
 _LIST_LINE: Final = "a line 'key value', such as 'kw.ssfk.table[0].pos 24', or a comment"
 
 
@@ -75,18 +76,23 @@ def _entry(text: str, line: int) -> Entry | str | None:
 
 def _without_comments(text: str, *, is_open: bool) -> tuple[str, bool, bool]:
     """Return what is no comment, whether one is open at the end, and whether one began in another."""
-    kept, is_nested = "", False
+    kept: list[str] = []
+    is_nested, at = False, 0
     while True:
         if is_open:
-            comment, end, text = text.partition("*/")
-            is_nested = is_nested or "/*" in comment
-            if not end:
-                return kept.strip(), True, is_nested
-            text = " " + text
-        opening = _OPENING.search(text)
+            # a place in the text, not the rest of it: a line may hold very many comments
+            end = text.find("*/", at)
+            is_nested = is_nested or "/*" in text[at : end if end >= 0 else None]
+            if end < 0:
+                return "".join(kept).strip(), True, is_nested
+            kept.append(" ")
+            at = end + 2
+        # what begins right behind a comment is a comment, too
+        opening = _OPENING_THERE.match(text, at) if is_open else None
+        opening = opening or _OPENING.search(text, at)
         if opening is None:
-            return (kept + text).strip(), False, is_nested
-        kept += text[: opening.start()]
+            return "".join((*kept, text[at:])).strip(), False, is_nested
+        kept.append(text[at : opening.start()])
         if opening.group() == "#":
-            return kept.strip(), False, is_nested
-        is_open, text = True, text[opening.end() :]
+            return "".join(kept).strip(), False, is_nested
+        is_open, at = True, opening.end()

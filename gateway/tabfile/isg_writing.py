@@ -36,6 +36,8 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         found = f"points closer than {10**-_DECIMALS:g} of its unit"
         raise unwritable(NAME, found, "points further apart (--resample STEP), or --to-counts-per-unit N")
     lines = _settings(table, positions, is_metric=scale is None)
+    if options.is_modulo:
+        lines.append(("kw.ssfk.modulo", "1"))
     if options.axis is not None:
         lines.insert(0, ("kopf.log_achs_name", f"{options.axis.upper()}-ACHSE"))
     branches = [("pos", table.forward)]

@@ -6,7 +6,7 @@ from pathlib import Path
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.context import MAX_POSITION, FileContext
 from gateway.tabfile.curves import steepest
 from gateway.tabfile.decoded import Decoded, LoadedTable
 from gateway.tabfile.dialects import OPTIONS, Dialect, choose
@@ -81,6 +81,13 @@ def dialect_of(path: Path, told: str | None = None) -> Dialect:
 
 
 def _table(source: SourceText, decoded: Decoded) -> CorrectionTable:
+    far = next((row for row in decoded.rows if not abs(row.position) < MAX_POSITION), None)
+    if far is not None:
+        raise source.error(
+            f"a position of {far.position:g} {decoded.units.value}",
+            f"positions below {MAX_POSITION:g}",
+            line=far.forward_line or far.backward_line,
+        )
     slope, before, after = steepest(decoded.rows)
     if abs(slope) >= 1:
         raise source.error(

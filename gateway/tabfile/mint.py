@@ -31,7 +31,7 @@ from gateway.tabfile.mint_program import INCREMENT, MODE, OFFSET, TABLE, Array, 
 from gateway.tabfile.mint_reversal import Reversal, reversal_of
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.stated import check_stated
-from gateway.tabfile.text import SourceText
+from gateway.tabfile.text import SourceText, listed
 
 NAME: Final = "mint"
 TITLE: Final = "Baldor and ABB Mint programs: PRECISIONTABLE, absolute positions of the nut"
@@ -112,6 +112,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         remarks=(*screw.remarks, *remarks, *reversal.remarks),
         behaves_as=(*outside, *_reversal_lines(reversal, units, axis_units)),
         are_positions=True,
+        file_axis=str(axis),
     )
 
 
@@ -120,11 +121,11 @@ def _choose_axis(source: SourceText, program: Program, context: FileContext) -> 
     told = context.file_axis
     if told is not None and told not in names:
         raise source.error(
-            f"tables of axis {', '.join(names)}, told file_axis {told!r}", f"file_axis = {' or '.join(names)}"
+            f"tables of axis {listed(names)}, told file_axis {told!r}", f"file_axis = {listed(names, ' or ')}"
         )
     if told is None and len(names) > 1:
         raise source.error(
-            f"tables of the axes {', '.join(names)}",
+            f"tables of the axes {listed(names)}",
             f"file_axis = {names[0]!r}, for example (--file-axis on the command line)",
         )
     return int(told or names[0])
@@ -220,7 +221,8 @@ def _start_of(
         if abs(told - offset) > SAME_START:
             raise source.error(
                 f"{OFFSET} {offset:g}, but file_start is {told:g}",
-                f"file_start = {offset:g}, or the program without {OFFSET} if its sign was meant otherwise",
+                f"file_start = {context.as_told(offset):.9g}, or the program without {OFFSET} if its sign "
+                "was meant otherwise",
                 line=setting.line,
             )
         return offset, f"{OFFSET}, and file_start says the same", ()

@@ -65,7 +65,8 @@ def find_table(folder: Path, name: str) -> FoundTable:
     matches = _matches(folder, wanted)
     if matches:
         return FoundTable(TableState.PRESENT, matches)
-    for backup in (str(Path(wanted).with_suffix(OFF_SUFFIX)), wanted + OFF_SUFFIX):
+    # behind the suffix first: x.bak may be another file, an x.cal that was switched off
+    for backup in (wanted + OFF_SUFFIX, str(Path(wanted).with_suffix(OFF_SUFFIX))):
         switched_off = _matches(folder, backup)
         if switched_off:
             return FoundTable(TableState.OFF, switched_off)

@@ -112,9 +112,10 @@ def check_start(source: SourceText, rows: Sequence[SourceRow], context: FileCont
         return
     step = (rows[-1].position - rows[0].position) / (len(rows) - 1)
     if abs(context.file_start - rows[0].position) > 1e-4 * step:
+        found, told = context.as_told(rows[0].position), context.as_told(context.file_start)
         raise source.error(
-            f"a lowest position of {rows[0].position:g}, but file_start is {context.file_start:g}",
-            f"file_start = {rows[0].position:g}, or none",
+            f"a lowest position of {found:.9g}, but file_start is {told:.9g}",
+            f"file_start = {found:.9g}, or none",
         )
 
 

@@ -65,8 +65,9 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         raise source.error(
             "a Renishaw table, which states neither the unit nor the sign of its values, and no "
             "file_counts_per_unit",
-            f"file_counts_per_unit = how many of its values make one {units.value}, negative if they are "
-            "errors (actual - commanded) to be taken off: 1000 or -1000 for micrometres of mm",
+            f"file_counts_per_unit = how many of its values make one {context.option_units(units).value}, "
+            "the unit of the axis, negative if they are errors (actual - commanded) to be taken off: 1000 or "
+            "-1000 for micrometres and an axis in mm",
         )
     rows = [
         SourceRow(

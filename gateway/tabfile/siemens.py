@@ -23,6 +23,7 @@ another thing and refused by name.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
@@ -35,7 +36,7 @@ from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.stated import check_stated, is_closed
-from gateway.tabfile.text import MAX_LINES, Line, SourceText, shown
+from gateway.tabfile.text import MAX_LINES, Line, SourceText, listed, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
 
 NAME: Final = "siemens-eec"
@@ -119,6 +120,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         _RULE,
         _RULE,
         axis=name[1][0] if _LETTER.fullmatch(name[1]) else None,
+        file_axis=",".join(name),
         plausible=(0.0, _PLAUSIBLE[units]),
         decisions=(
             f"axis {name[1]}, measuring system {name[0]}",
@@ -126,6 +128,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             *((f"one turn of {turn:.10g}, then it begins again",) if is_modulo else ()),
         ),
         behaves_as=(f"modulo = {turn:.10g}",) if is_modulo else ('outside = "hold"',),
+        modulo=turn if is_modulo else None,
     )
 
 
@@ -172,9 +175,9 @@ def _add(tables: _Tables, line: Line, text: str) -> str | None:
 
 
 def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[tuple[str, str], _Table]:
-    axes = [axis for _, axis in tables]
+    systems = Counter(axis for _, axis in tables)
     names = {
-        (axis if axes.count(axis) == 1 else f"{encoder},{axis}"): (encoder, axis)
+        (axis if systems[axis] == 1 else f"{encoder},{axis}"): (encoder, axis)
         for encoder, axis in sorted(tables)
     }
     told = context.file_axis
@@ -183,12 +186,12 @@ def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[
         name = (full | names).get(told.upper().replace(" ", ""))
         if name is None:
             raise source.error(
-                f"tables of {', '.join(names)}, told file_axis {told!r}", f"file_axis = {' or '.join(names)}"
+                f"tables of {listed(names)}, told file_axis {told!r}", f"file_axis = {listed(names, ' or ')}"
             )
         return name, tables[name]
     if len(names) > 1:
         raise source.error(
-            f"tables of {', '.join(names)}",
+            f"tables of {listed(names)}",
             f"file_axis = {next(iter(names))!r}, for example (--file-axis on the command line); with two "
             "measuring systems their number comes first, as in the file",
         )
@@ -288,7 +291,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         f"$AA_ENC_COMP_STEP[{inside}]={float(f'{step:.12g}')!r}",
         f"$AA_ENC_COMP_MIN[{inside}]={float(f'{table.first:.12g}')!r}",
         f"$AA_ENC_COMP_MAX[{inside}]={float(f'{table.last:.12g}')!r}",
-        f"$AA_ENC_COMP_IS_MODULO[{inside}]=0",
+        f"$AA_ENC_COMP_IS_MODULO[{inside}]={int(options.is_modulo)}",
         "M17",
     ]
     losses = (

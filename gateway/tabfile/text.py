@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import sha256
+from itertools import islice
 from typing import Final
 
 from gateway.tabfile.errors import Problem, TabFileError
@@ -17,6 +18,7 @@ _CONTROL: Final = re.compile("[\x00-\x08\x0b-\x19\x1b-\x1f\x7f]")
 _LINE_END: Final = re.compile("\r\n|\r|\n")
 _UTF16_MARKS: Final = (b"\xff\xfe", b"\xfe\xff")
 SHOWN_CHARACTERS: Final = 60
+SHOWN_NAMES: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +112,16 @@ def _check_control(lines: Iterable[Line], name: str) -> None:
         if control:
             found = f"control character 0x{ord(control.group()):02X}: the file is binary"
             raise TabFileError(Problem(name, found, "the plain text of a table", line.number))
+
+
+def listed(names: Iterable[str], between: str = ", ") -> str:
+    """Join the first of some names for a message.
+
+    >>> listed(["X1", "Y1"], " or ")
+    'X1 or Y1'
+    """
+    first = list(islice(names, SHOWN_NAMES + 1))
+    return between.join(first[:SHOWN_NAMES]) + (" …" if len(first) > SHOWN_NAMES else "")
 
 
 def shown(text: str) -> str:

@@ -21,7 +21,8 @@ class WriteOptions:
 
     ``axis`` is the letter for the file; ``file_counts_per_unit`` the encoder counts of the control that will
     read it, per unit of the table, negative where its Dir Rev is Y; ``file_axis`` what a file that can hold
-    several axes calls this one; ``sense`` that of the errors in a file whose sense is not fixed.
+    several axes calls this one; ``sense`` that of the errors in a file whose sense is not fixed;
+    ``is_modulo``: the table begins again at its end, so that both ends are one place.
     """
 
     axis: str | None = None
@@ -29,6 +30,7 @@ class WriteOptions:
     v1_layout: V1Layout | None = None
     file_axis: str | None = None
     sense: ErrorSense | None = None
+    is_modulo: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +44,7 @@ class Written:
 
 def unwritable(dialect: str, found: str, allowed: str) -> TabFileError:
     """Return the error of a table that a dialect cannot hold."""
-    return TabFileError(Problem(f"a {dialect} file", found, allowed))
+    return TabFileError(Problem(f"a file of {dialect}", found, allowed))
 
 
 def even_step(table: CorrectionTable, dialect: str) -> float:

@@ -136,6 +136,17 @@ def test_what_needs_more_gets_it(tmp_path: Path) -> None:
     )
 
 
+def test_a_temperature_sensor_is_let_in_to_the_supervisor(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("position_mm,correction_mm\n0,0\n100,0.01\n")
+    config = config_in(tmp_path, gateway='tables = "."')
+    source = '{ modbus = "192.168.0.40:502", address = 100 }'
+    with config.open("a") as file:
+        file.write(f'table = "x.csv"\nthermal = {{ alpha = 11.5e-6, source = {source} }}\n')
+    relay, supervisor = fitted(config)
+    assert supervisor == "IPAddressDeny=any\nIPAddressAllow=localhost 192.168.0.40\n"
+    assert "192.168.0.40" not in relay
+
+
 def test_secrets_are_handed_to_both(tmp_path: Path) -> None:
     loaded = load(config_in(tmp_path))
     broker = {"password_file": "credential:mqtt", "tls": {"key": "credential:mqtt-key", "ca": "ca.pem"}}

@@ -181,9 +181,12 @@ _WAYS: Final = (
 class Judge:
     """Says of each mutant of one sample how it ended: ``error``, ``equal``, ``said`` or ``remark``.
 
+    ``equal``: the same table, and the sample's own ``meaning`` finds no other in the text: a reader to which
+    a number does not count is not believed.
     ``said``: as many points, and the table differs only around the lines that were changed, where it is what
     their numbers say by the sample's own ``meaning``. Lines of the header may say something about all points.
-    ``remark``: lines or points came or went, and a remark that was not there before names the place.
+    ``remark``: lines or points came or went, and a remark that was not there before names the place; where no
+    line came or went, ``meaning`` must find the same table.
     """
 
     def __init__(self, sample: Sample) -> None:
@@ -201,15 +204,26 @@ class Judge:
         if found.errors:
             return "error"  # a lint with which the gateway does not load the table
         if _same(meaning_of(found), meaning_of(self.sound)):
-            return "equal"
+            return (
+                "silent: equal to a text that says otherwise" if self._says_other(mutant, found) else "equal"
+            )
         lines = text_lines(mutant.data)
         changed = _changed(self.lines, lines)
+        if len(lines) == len(self.lines) and self._says_other(mutant, found, is_other_if_unread=True):
+            return f"silent: lines {changed[0]} to {changed[-1]} are not read as they stand"
         end = self._said(mutant.data, found, lines, changed)
         sizes = len(found.source.rows), len(self.sound.source.rows)
         came_or_went = len(lines) != len(self.lines) or sizes[0] != sizes[1]
         if came_or_went and any(self._names_the_place(lint, changed, found) for lint in self._new(found)):
             return "remark"
         return end
+
+    def _says_other(self, mutant: Mutant, found: LoadedTable, *, is_other_if_unread: bool = False) -> bool:
+        """Whether the second reader finds another table in the text; where it finds none, as told."""
+        try:
+            return not _same(meaning_of(found), self.sample.meaning(_text(mutant.data)))
+        except (ValueError, IndexError, KeyError, ZeroDivisionError, StopIteration):
+            return is_other_if_unread
 
     def _new(self, found: LoadedTable) -> list[Lint]:
         return [lint for lint in found.lints if _kind(lint) not in self.remarks]

@@ -157,7 +157,7 @@ def test_modulo_list_must_close() -> None:
 
 def test_rotary_list_and_wrong_units() -> None:
     assert parse(ONE_WAY, units=Units.DEGREE, file_units=Units.DEGREE).table.units is Units.DEGREE
-    with pytest.raises(TabFileError, match="a table in mm for an axis in degree"):
+    with pytest.raises(TabFileError, match="a list in unit 1 for an axis in degree"):
         parse(ONE_WAY, units=Units.DEGREE)
     with pytest.raises(TabFileError, match="told file_units inch"):
         parse(ONE_WAY, file_units=Units.INCH)

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.tabfile import DIALECTS
-from tests.tabfile.mutants import Judge, Mutant, Sample, meaning_of, mutants
+from gateway.tabfile import DIALECTS, parse_table
+from tests.tabfile.mutants import Judge, Meaning, Mutant, Sample, meaning_of, mutants
 from tests.tabfile.samples import SAMPLES
 
 COUNT = 10_000
@@ -59,3 +59,28 @@ def test_the_judge_sees_what_is_silent() -> None:
     assert elsewhere.judge(Mutant(sample.data, "digits")).startswith("silent")
     wrong = Judge(replace(sample, meaning=lambda text: sample.meaning(text.replace("13000", "19000"))))
     assert wrong.judge(Mutant(sample.data.replace(b"00014", b"00015"), "a digit")).startswith("silent")
+
+
+def test_the_judge_sees_a_reader_to_which_a_number_does_not_count() -> None:
+    sample = next(sample for sample in SAMPLES if sample.dialect == "fanuc-csv")
+    judge = Judge(sample)
+    moved = Mutant(sample.data.replace(b"3620,40", b"3620,41"), "a digit")
+    # what a reader without an eye for 3620 makes of it is what the sound file says
+    blind = Judge(sample)
+    blind.sound = parse_table(moved.data, sample.name, sample.context)
+    assert judge.judge(moved) != "equal"
+    assert blind.judge(Mutant(sample.data.replace(b"3620,40", b"3620, 41"), "a digit")) == "equal"
+    blind.sample = replace(sample, meaning=lambda text: sample.meaning(text.replace("3620,41", "3620,40")))
+    assert blind.judge(moved).startswith("silent: equal to a text")
+
+
+def test_the_judge_sees_a_reader_that_stops_at_a_damaged_line() -> None:
+    sample = next(sample for sample in SAMPLES if sample.dialect == "linuxcnc-1")
+    # the last point becomes a comment, and a remark says that its travel is not covered
+    shorter = Mutant(sample.data.replace(b" 10 0.001", b"#10 0.001"), "a byte")
+    assert Judge(sample).judge(shorter) == "remark"
+
+    def strict(text: str) -> Meaning:
+        return sample.meaning(text.replace("#", "x"))
+
+    assert Judge(replace(sample, meaning=strict)).judge(shorter).endswith("are not read as they stand")

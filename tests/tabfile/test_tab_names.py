@@ -47,6 +47,13 @@ def test_table_of_any_suffix_is_off_with_bak_in_place_of_it_or_behind_it(tmp_pat
     assert find_table(tmp_path, "Axis1.lis").state is TableState.PRESENT
 
 
+def test_bak_behind_the_suffix_goes_before_one_that_may_be_of_another_file(tmp_path: Path) -> None:
+    (tmp_path / "x.bak").touch()
+    (tmp_path / "x.csv.bak").touch()
+    assert find_table(tmp_path, "x.csv").path.name == "x.csv.bak"
+    assert find_table(tmp_path, "x.cal").path.name == "x.bak"
+
+
 def test_table_beside_its_old_bak_is_on(tmp_path: Path) -> None:
     (tmp_path / "cnc7x.bak").touch()
     (tmp_path / "cnc7x.tab").touch()

@@ -67,7 +67,7 @@ def test_lines_are_counted_from_the_top_of_the_file() -> None:
         (bytes(range(256)), "binary"),
         (GOOD.decode().encode("utf-16"), "UTF-16"),
         (GOOD + b"\x1a20 0.002 0", "text after an end-of-file mark"),
-        (b"# a note\n0 0\n", "unknown first line '# a note'"),
+        (b"# a note\n0 0\n", "unknown first line of 8 characters, which is of no table"),
         (b"3 9 0.5 20 1 0\n", "unknown first line"),
         (b"24\n", "unknown first line '24'"),
         (b"CNC11 TABLE\n", "unknown first line 'CNC11 TABLE'"),

@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli.evaluation_output import results_json, results_text
 from gateway.cli.measuring.errors import FileError, MeasureError
-from gateway.cli.table_writing import write
+from gateway.cli.table_writing import reader_lines, write
 from gateway.compensation.backlash import with_backlash
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.direction import Direction
@@ -206,6 +206,7 @@ def write_table(outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, *
     return [
         f"{out}: {format_name}, {len(outcome.table.positions)} points",
         *(f"not in the file: {loss}" for loss in written.losses),
+        *reader_lines(written, dialect_named(format_name)),
         f"largest difference of a correction after reading it back: {abs(change.amount) * factor:.3g} {unit}",
     ]
 
