@@ -6,6 +6,7 @@ from typing import Final
 
 from gateway.cli.table_output import PLAIN_WIDTH
 from gateway.metrology.evaluation import Evaluation
+from gateway.report.findings import other_stretch
 
 _NAMES: Final = (
     ("A", "accuracy"),
@@ -64,11 +65,13 @@ def results_text(before: Evaluation, after: Evaluation | None, titles: tuple[str
             table.add_column(f"{title}\n{way}", justify="right")
     if after:
         table.add_column("left", justify="right")
+    comparable = after is None or not other_stretch(before, after)
     digits = 6 if unit == "inch" else 5
     for name, meaning in _NAMES:
         numbers = [value for _, values in shown for value in values[name]]
         cells = ["–" if number is None else f"{round(number, digits) + 0.0:.{digits}f}" for number in numbers]
-        table.add_row(f"{name}  {meaning}", *cells, *_left(numbers, 0.5 * 10**-digits))
+        left = _left(numbers, 0.5 * 10**-digits)
+        table.add_row(f"{name}  {meaning}", *cells, *(left if comparable else ("–" for _ in left)))
     Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH).print(table)
 
 

@@ -77,5 +77,5 @@ def with_readings(
         after=after,
         is_predicted=True,
         facts={**before.facts, **story.facts, "readings": before.source},
-        notes=(*story.notes, *before.remarks),
+        notes=(*story.notes, *after.remarks),
     )

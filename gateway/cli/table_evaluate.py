@@ -17,6 +17,7 @@ from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import predicted_residue
+from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
 from gateway.tabfile import LoadedTable
 
@@ -70,6 +71,10 @@ def evaluate(
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
         notes = _notes(before, second if loaded is None else None)
+        if loaded is not None and second is not None:
+            notes = (*notes, *(remark for remark in second.remarks if remark not in before.remarks))
+        if results[1] is not None and (other := other_stretch(results[0], results[1])):
+            notes = (*notes, f"measured {other}")
         if report is not None:
             _write_report(report, _story(before, second, loaded, notes), force=force)
     if json:
@@ -111,8 +116,9 @@ def _story(
     facts = dict(before.facts)
     if loaded is not None:
         facts |= {"table": loaded.file, "table SHA-256": loaded.sha256}
+    named = (before.axis, after.axis if after else None, loaded.source.axis if loaded else None)
     return AxisStory(
-        axis=before.axis or "axis",
+        axis=next(filter(None, named), ""),
         units=before.units,
         table=loaded.table.in_units(before.units) if loaded else None,
         before=before,
@@ -129,6 +135,6 @@ def _write_report(path: Path, story: AxisStory, *, force: bool) -> None:
 
     made_at = datetime.now(UTC).astimezone().isoformat(sep=" ", timespec="minutes")
     try:
-        write_report(Report(f"Accuracy of axis {story.axis}", (story,), made_at), path, force=force)
+        write_report(Report(f"Accuracy of {find(story).named}", (story,), made_at), path, force=force)
     except ReportError as error:
         raise ValueError(str(error)) from error

@@ -44,7 +44,7 @@ def plot(
     """Draw a table: forward and backward corrections, backlash, slope; with READINGS also what it does.
 
     The suffix of OUT decides: PNG or SVG is one picture, HTML a report to hand on, in a single file that
-    needs no network. Deviations are in µm, positions in the units of the table.
+    needs no network. Deviations are in µm (rotary axes: arcsec), positions in the units of the table.
 
     Examples:
       pitch-gateway table plot cnc10z.tab
@@ -98,7 +98,7 @@ def write(story: AxisStory, file: Path, out: Path | None, *, force: bool, json: 
 def story_of(loaded: LoadedTable, axis: str | None) -> AxisStory:
     """Return what there is to tell of a file: its table, where it comes from, what is odd about it."""
     table = loaded.table
-    name = axis or loaded.source.axis or axis_of_name(Path(loaded.file).name) or "?"
+    name = axis or loaded.source.axis or axis_of_name(Path(loaded.file).name) or ""
     facts = {
         "file": Path(loaded.file).name,
         "format": loaded.format,

@@ -47,13 +47,17 @@ def program(
     runs: Annotated[int, typer.Option(help="Runs each way.")] = 5,
     travel: Annotated[
         tuple[float, float] | None,
-        typer.Option(metavar="LO HI", help="Limits of the axis: a cycle that leaves them is refused."),
+        typer.Option(
+            metavar="LO HI", help="Limits of the axis: a cycle or a list that leaves them is refused."
+        ),
     ] = None,
     overrun: Annotated[
-        float | None, typer.Option(help="How far beyond the ends it turns round; default 2 mm.")
+        float | None, typer.Option(help="How far beyond the ends it turns round; default 2 mm, or 2 degrees.")
     ] = None,
     dwell: Annotated[float, typer.Option(help="Pause for a reading, as the control takes G4 P.")] = 5.0,
-    feed: Annotated[float | None, typer.Option(help="Units a minute; default 500 mm.")] = None,
+    feed: Annotated[
+        float | None, typer.Option(help="Units a minute; default 500 mm, or 500 degrees.")
+    ] = None,
     axis: Annotated[str, typer.Option("--axis", metavar="LETTER", help="The axis.")] = "X",
     units: Annotated[Units, typer.Option("--units", help="Units of all lengths.")] = Units.MM,
     force: shared.Force = False,
@@ -73,6 +77,10 @@ def program(
     """
     if (step is None) == (targets is None):
         raise typer.BadParameter("one of --step and --targets is needed", param_hint="--step, --targets")
+    if kind is Kind.ENDLESS and travel is not None:
+        raise typer.BadParameter(
+            "the endless program only stops at the limit of the control: --write cycle", param_hint="--travel"
+        )
     if kind is Kind.ENDLESS and step is None:
         raise typer.BadParameter("the endless program makes even steps: --step", param_hint="--write")
     decimals = maths.DECIMALS[units]
@@ -106,7 +114,8 @@ def program(
 
 def _text(kind: Kind, stops: list[float], cycle: maths.Cycle, travel: tuple[float, float] | None) -> str:
     if kind is Kind.LIST:
-        return "".join(f"{stop:.{maths.DECIMALS[cycle.units]}f}\n" for stop in stops)
+        maths.check_targets(stops, cycle.units, travel)
+        return "".join(f"{maths.fixed(stop, maths.DECIMALS[cycle.units])}\n" for stop in stops)
     return maths.bidirectional_cycle(stops, cycle, travel)
 
 
@@ -119,8 +128,18 @@ def _warn(stops: list[float], cycle: maths.Cycle, kind: Kind) -> None:
             "it must be free to do so",
             err=True,
         )
+        typer.echo(
+            "note: its positions are those of the active work offset, a table's those of the machine: cancel "
+            "work and tool offsets, so that both are one",
+            err=True,
+        )
     if kind is Kind.ENDLESS:
         typer.echo("note: the program repeats itself until the software travel limit stops it", err=True)
+        typer.echo(
+            f"note: the step is {unit} only if the control is set so (G20 inch, G21 mm); G91 stays in force "
+            "after it: G90 before anything else",
+            err=True,
+        )
     if cycle.units is not Units.DEGREE:
         length_mm = (stops[-1] - stops[0]) * cycle.units.convert_factor(Units.MM)
         needed = maths.enough_targets(length_mm)

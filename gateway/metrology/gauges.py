@@ -9,6 +9,7 @@ no gauge, or one that is switched off.
 is an error. In tolerance mode ``<``, ``=`` or ``>`` follows the number (user manuals of the Power and UniCal
 families: data format, remote commands).
 
+The sign is never left out: without it, a line that lost its first byte would be a reading of the other sign.
 Nothing is guessed: a line that is not exactly one of these is refused, and shown.
 """
 
@@ -54,7 +55,7 @@ DEFAULTS: Final[Mapping[GaugeKind, GaugeDefaults]] = {
 
 _MITUTOYO: Final = re.compile(r"(\d\d)A([+-])(\d{1,8}\.\d{0,6})")
 _MITUTOYO_ERROR: Final = re.compile(r"9\d\d?")
-_SYLVAC: Final = re.compile(r"([+ -]?)(\d{1,8}\.\d{1,6})([<=>]?)")
+_SYLVAC: Final = re.compile(r"([+ -])(\d{1,8}\.\d{1,6})([<=>]?)")
 _SYLVAC_ERROR: Final = re.compile(r"ERR ?\d+")
 
 

@@ -66,10 +66,25 @@ def find_outliers(survey: Survey) -> tuple[Outlier, ...]:
     return tuple(sorted(found, key=lambda outlier: order[outlier.reading]))
 
 
-def without(survey: Survey, outliers: Sequence[Outlier]) -> tuple[Reading, ...]:
-    """Return the readings of a survey that are not among the outliers."""
+def without_outliers(
+    survey: Survey, outliers: Sequence[Outlier]
+) -> tuple[tuple[Reading, ...], tuple[float, ...]]:
+    """Return the readings that are not among the outliers, and the targets that went with them altogether.
+
+    Where an outlier was the only reading of its direction, the target is left out in both: a curve goes
+    straight from its neighbours there, as the other one does.
+    """
     dropped = {outlier.reading for outlier in outliers}
-    return tuple(reading for reading in survey.readings if reading not in dropped)
+    left = [reading for reading in survey.readings if reading not in dropped]
+    ways: dict[float, set[Direction]] = {}
+    for reading in left:
+        ways.setdefault(reading.target, set()).add(reading.direction)
+    emptied = {
+        outlier.reading.target
+        for outlier in outliers
+        if outlier.reading.direction not in ways.get(outlier.reading.target, ())
+    }
+    return tuple(reading for reading in left if reading.target not in emptied), tuple(sorted(emptied))
 
 
 def _against_runs(groups: _Group, floor: float) -> Iterable[Outlier]:

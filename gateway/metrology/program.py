@@ -6,6 +6,7 @@ same at each of them. The standard's ``P_i = (i - 1) p + r`` moves every target 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil, isfinite
 from random import Random
 from typing import Final
@@ -20,6 +21,12 @@ LEAST_TARGETS: Final = 5
 TARGETS_PER_METRE: Final = 5
 UNITS_WORDS: Final = {Units.MM: "G21", Units.INCH: "G20", Units.DEGREE: ""}
 MAX_TARGETS: Final = 10_000
+AXES: Final = "XYZABCUVW"
+"""Letters of axes. Any other letter means something else in a program: F a feed, M a function."""
+ROUNDING: Final = 1e-9
+"""Share of a step by which its decimal notation may differ."""
+WORD_DECIMALS: Final = 3
+"""Of F and P."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +49,19 @@ class Cycle:
         """Check what no control would run.
 
         Raises:
-            ReadingsError: no letter, or a number that is not above 0.
+            ReadingsError: no letter of an axis, or a number that is not above 0 as the program writes it.
         """
-        if not (len(self.axis) == 1 and self.axis.isascii() and self.axis.isalpha()):
-            raise ReadingsError(f"axis {self.axis!r}: a program needs one letter, A to Z")
-        for name, number in (("feed", self.feed), ("dwell", self.dwell), ("overrun", self.overrun)):
-            if not (isfinite(number) and number > 0.0):
-                raise ReadingsError(f"{name} {number:g}: it must be above 0")
+        if len(self.axis) != 1 or self.axis.upper() not in AXES:
+            raise ReadingsError(
+                f"axis {self.axis!r}: a program needs the letter of an axis, {', '.join(AXES)}"
+            )
+        for name, number, decimals in (
+            ("feed", self.feed, WORD_DECIMALS),
+            ("dwell", self.dwell, WORD_DECIMALS),
+            ("overrun", self.overrun, DECIMALS[self.units]),
+        ):
+            if not (isfinite(number) and round(number, decimals) > 0.0):
+                raise ReadingsError(f"{name} {number:g}: it must be above 0, with {decimals} decimals")
         if self.runs < 1:
             raise ReadingsError(f"{self.runs} runs: at least one each way")
 
@@ -101,8 +114,31 @@ def enough_targets(length_mm: float) -> int:
     return max(LEAST_TARGETS, ceil(TARGETS_PER_METRE * length_mm / 1000.0))
 
 
+def check_targets(targets: Sequence[float], units: Units, travel: tuple[float, float] | None = None) -> None:
+    """Check that targets are still what they are when they are written with the decimals of a program.
+
+    Raises:
+        ReadingsError: two of them are written alike, or one lies outside the travel.
+    """
+    decimals = DECIMALS[units]
+    stops = sorted(targets)
+    for low, high in pairwise(stops):
+        if round(low, decimals) == round(high, decimals):
+            raise ReadingsError(
+                f"targets {low:.9g} and {high:.9g} are one with {decimals} decimals: fewer targets"
+            )
+    if travel is not None and not travel[0] <= stops[0] <= stops[-1] <= travel[1]:
+        raise ReadingsError(
+            f"the targets go from {stops[0]:g} to {stops[-1]:g}, the travel is {travel[0]:g} to "
+            f"{travel[1]:g}: targets further inside"
+        )
+
+
 def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:
     """Return TB058's program: one step, a pause to read the instrument, and again until the limit.
+
+    Raises:
+        ReadingsError: a step of 0, or one that rounding would add up to another target with every turn.
 
     >>> print(endless_steps("X", 0.5, 5, 4), end="")
     G91X.5
@@ -111,7 +147,12 @@ def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:
     """
     if not step or not isfinite(step):
         raise ReadingsError(f"a step of {step:g}: it must not be 0; its sign is the direction")
-    return f"G91{axis.upper()}{_short(step, decimals)}\nG4P{_short(dwell, 3)}\nM102\n"
+    if abs(step - round(step, decimals)) > ROUNDING * abs(step):
+        raise ReadingsError(
+            f"a step of {step:.9g}: it repeats, so what {decimals} decimals lose of it adds up; a step with "
+            "fewer, or --write cycle"
+        )
+    return f"G91{axis.upper()}{_short(step, decimals)}\nG4P{_short(dwell, WORD_DECIMALS)}\nM102\n"
 
 
 def bidirectional_cycle(
@@ -122,8 +163,9 @@ def bidirectional_cycle(
     The first move goes below the lowest target, so that it too is approached from below.
 
     Raises:
-        ReadingsError: it would leave the travel.
+        ReadingsError: it would leave the travel, or two targets are written alike.
     """
+    check_targets(targets, cycle.units)
     low, high = min(targets) - cycle.overrun, max(targets) + cycle.overrun
     if travel is not None and not travel[0] <= low < high <= travel[1]:
         raise ReadingsError(
@@ -138,14 +180,23 @@ def _cycle_lines(targets: Sequence[float], cycle: Cycle) -> Iterator[str]:
     axis, stops = cycle.axis.upper(), sorted(targets)
     below, above = stops[0] - cycle.overrun, stops[-1] + cycle.overrun
     yield " ".join(filter(None, (UNITS_WORDS[cycle.units], "G90 G94")))
-    yield f"G1 {axis}{below:.{decimals}f} F{_short(cycle.feed, 3)}"
+    yield f"G1 {axis}{fixed(below, decimals)} F{_short(cycle.feed, WORD_DECIMALS)}"
     for _ in range(cycle.runs):
         for way, turn in ((stops, above), (stops[::-1], below)):
             for stop in way:
-                yield f"G1 {axis}{stop:.{decimals}f}"
-                yield f"G4 P{_short(cycle.dwell, 3)}"
-            yield f"G1 {axis}{turn:.{decimals}f}"
+                yield f"G1 {axis}{fixed(stop, decimals)}"
+                yield f"G4 P{_short(cycle.dwell, WORD_DECIMALS)}"
+            yield f"G1 {axis}{fixed(turn, decimals)}"
     yield "M30"
+
+
+def fixed(number: float, decimals: int) -> str:
+    """Write a position; what rounds to zero has no sign.
+
+    >>> fixed(-0.0001, 3), fixed(12.5, 3)
+    ('0.000', '12.500')
+    """
+    return f"{round(number, decimals) + 0.0:.{decimals}f}"
 
 
 def _short(number: float, decimals: int) -> str:

@@ -1,14 +1,18 @@
 """What an instrument measured: the raw material of a table."""
 
+from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from statistics import fmean
+from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 
+NEAR: Final = 0.01
+"""Targets nearer than this share of the usual distance are one target, written in two ways."""
 APPROACHES = (Direction.FORWARD, Direction.BACKWARD)
 
 
@@ -95,7 +99,7 @@ def merged(surveys: Sequence[Survey]) -> Survey:
     """Return several surveys of one axis as one: the runs of each are counted on from those before.
 
     Raises:
-        ReadingsError: no survey, other units, or another axis.
+        ReadingsError: no survey, other units, another axis, or one target that is written in two ways.
     """
     if not surveys:
         raise ReadingsError("no readings: name at least one file")
@@ -111,6 +115,7 @@ def merged(surveys: Sequence[Survey]) -> Survey:
                     f"{first.source} is of {what} {one}, {other.source} of {what} {two}: "
                     "only readings of one axis in one unit go together"
                 )
+        _check_targets(readings, other)
         runs = max((reading.run for reading in readings), default=0)
         readings.extend(replace(reading, run=reading.run + runs) for reading in other.readings)
     return replace(
@@ -119,8 +124,31 @@ def merged(surveys: Sequence[Survey]) -> Survey:
         axis=next((survey.axis for survey in surveys if survey.axis is not None), None),
         source=", ".join(survey.source for survey in surveys),
         facts={key: fact for survey in reversed(surveys) for key, fact in survey.facts.items()},
-        remarks=tuple(remark for survey in surveys for remark in survey.remarks),
+        remarks=(*(remark for survey in surveys for remark in survey.remarks), *_doubled(surveys)),
     )
+
+
+def _check_targets(readings: Sequence[Reading], other: Survey) -> None:
+    """Check that no target of a further survey is one of those before, written in another way."""
+    targets = sorted({reading.target for reading in readings})
+    for spelt in sorted({reading.target for reading in other.readings}):
+        at = bisect_left(targets, spelt)
+        for near in targets[max(at - 1, 0) : at + 1]:
+            if 0.0 < abs(near - spelt) < NEAR * (targets[-1] - targets[0]) / len(targets):
+                raise ReadingsError(
+                    f"{other.source} has target {spelt:.9g}, which is {near:.9g} in the files before: "
+                    "the same number for one target in all"
+                )
+
+
+def _doubled(surveys: Sequence[Survey]) -> list[str]:
+    return [
+        f"{other.source}: the same readings as {one.source}: if that is one measurement, name it once, or "
+        "its scatter looks smaller than it is"
+        for index, other in enumerate(surveys)
+        for one in surveys[:index]
+        if one.readings == other.readings
+    ]
 
 
 def check_reading(reading: Reading, number: int) -> None:

@@ -11,9 +11,9 @@ from gateway.metrology.build import (
     with_estimated_ends,
 )
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.outliers import Outlier, find_outliers, without
+from gateway.metrology.outliers import Outlier, find_outliers, without_outliers
 from gateway.metrology.readings import APPROACHES, Survey, mean_corrections
-from gateway.metrology.resample import Loss, fewest_points, on_grid
+from gateway.metrology.resample import Loss, fewest_points, on_grid, with_point
 from gateway.metrology.smooth import Change, smoothed
 
 
@@ -66,9 +66,13 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
         raise ReadingsError("a travel without a step: only an even grid is laid over the travel")
     unit = survey.units.value
     outliers = find_outliers(survey)
-    readings = without(survey, outliers) if recipe.drop_outliers else survey.readings
+    readings, emptied = without_outliers(survey, outliers) if recipe.drop_outliers else (survey.readings, ())
     done = "left out" if recipe.drop_outliers else "kept; --drop-outliers leaves it out"
     notes = [*survey.remarks, *(f"outlier, {done}: {each.describe(unit)}" for each in outliers)]
+    notes.extend(
+        f"{target:.9g}: left out in both directions, for the outlier was the only reading of one"
+        for target in emptied
+    )
     table = build_table(readings, survey.units, estimate_ends=recipe.estimate_ends, one_way=recipe.one_way)
     if recipe.estimate_ends and not recipe.one_way:
         notes.extend(_estimated(Survey(readings, survey.units)))
@@ -104,9 +108,12 @@ def _with_points(
 ) -> tuple[CorrectionTable, Loss | None]:
     if recipe.step is not None:
         return on_grid(table, recipe.step, recipe.travel)
-    if recipe.tolerance is not None:
-        return fewest_points(table, recipe.tolerance, keep=[home.position] if home else [])
-    return table, None
+    if recipe.tolerance is None:
+        return table, None
+    if home is None:
+        return fewest_points(table, recipe.tolerance)
+    # Home becomes 0 at the end: a loss there would shift the whole table, and be lost everywhere once more.
+    return fewest_points(with_point(table, home.position), recipe.tolerance, keep=[home.position])
 
 
 def _estimated(survey: Survey) -> list[str]:
@@ -127,7 +134,7 @@ def _uncovered(measured: CorrectionTable, table: CorrectionTable) -> list[str]:
     unit = table.units.value
     return [
         f"measured from {low:.9g} to {high:.9g} {unit}, but no multiple of the step lies there: the table "
-        "does not cover it"
+        "does not cover it; --travel LO HI lays the grid over the whole axis"
         for low, high in ((measured.first, table.first), (table.last, measured.last))
         if high > low
     ] + [

@@ -1,7 +1,10 @@
 """A better table, from readings taken while the old one was in use: new = old + (nominal - measured)."""
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
@@ -10,6 +13,9 @@ from gateway.metrology.lookup import correction_at
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import APPROACHES, Survey
 from gateway.metrology.smooth import Change
+
+SAME_PLACE: Final = 1e-9
+"""Of the longest position: what two places in different units may differ by and be one."""
 
 
 class Points(Enum):
@@ -61,7 +67,7 @@ def refine_table(
     rest = build_table(survey.readings, survey.units, one_way=one_way)
     positions = list(old.positions)
     if points is Points.UNION:
-        positions = sorted({*positions, *rest.positions})
+        positions = _union(positions, rest.positions)
     forward, backward = (
         [correction_at(old, x, way) + correction_at(rest, x, way) for x in positions] for way in APPROACHES
     )
@@ -78,6 +84,17 @@ def refine_table(
     if home is None:
         notes.append("no home reference: what was read at home went into the table like any other reading")
     return Refined(new, _change(old, new), tuple(notes))
+
+
+def _union(points: Sequence[float], targets: Sequence[float]) -> list[float]:
+    """Both in order; a target that is a point but for the rounding of its units is that point."""
+    nearer = SAME_PLACE * max(abs(place) for place in (*points, *targets))
+    others = []
+    for target in targets:
+        index = bisect_left(points, target)
+        if all(abs(target - near) > nearer for near in points[max(index - 1, 0) : index + 1]):
+            others.append(target)
+    return sorted([*points, *others])
 
 
 def _unmeasured(old: CorrectionTable, rest: CorrectionTable) -> list[str]:

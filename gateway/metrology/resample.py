@@ -82,6 +82,13 @@ def fewest_points(
     return _at(table, [table.positions[index] for index in reversed(chosen)])
 
 
+def with_point(table: CorrectionTable, position: float) -> CorrectionTable:
+    """Return the same curves with a point at a position inside the table."""
+    if position in table.positions or not table.first < position < table.last:
+        return table
+    return _at(table, sorted({*table.positions, position}))[0]
+
+
 def _reachable(table: CorrectionTable, start: int, margin: float, kept: set[float]) -> Iterable[int]:
     """Yield the points to which a straight line from ``start`` stays within the margin of all between.
 

@@ -15,7 +15,8 @@ def predicted_residue(survey: Survey, table: CorrectionTable) -> Survey:
     leaves out is at most the largest slope of the error times the largest correction: with 50 µm and
     0.001, 0.05 µm. Scatter is taken as it was, noise and all; only a new measurement shows what is new.
 
-    Outside the table its end values are held. The table is taken in the units of the readings.
+    Outside the table its end values are held, and a remark says so: with another policy of the axis less is
+    corrected there. The table is taken in the units of the readings.
 
     Raises:
         ValueError: between a length and an angle.
@@ -28,4 +29,19 @@ def predicted_residue(survey: Survey, table: CorrectionTable) -> Survey:
             for each in survey.readings
         ),
         source=f"{survey.source} (predicted)",
+        remarks=(*survey.remarks, *_uncovered(survey, here)),
     )
+
+
+def _uncovered(survey: Survey, table: CorrectionTable) -> list[str]:
+    # The rounding of a conversion puts no target outside.
+    margin = 1e-9 * max(abs(table.first), abs(table.last))
+    low, high = table.first - margin, table.last + margin
+    outside = {each.target for each in survey.readings if not low <= each.target <= high}
+    if not outside:
+        return []
+    remark = (
+        f"outside the table, {table.first:.9g} to {table.last:.9g} {table.units.value}, lie targets from "
+        f"{min(outside):.9g} to {max(outside):.9g}: predicted with its end values held there"
+    )
+    return [remark]

@@ -9,10 +9,14 @@ from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.readings import Survey
 from gateway.report.errors import ReportError
 from gateway.report.story import AxisStory
-from gateway.report.words import Scale, clean, cut, scale_of
+from gateway.report.words import NONE, Scale, clean, cut, scale_of, shortest
 
 ISO_RUNS: Final = 5
 """Runs in each direction that ISO 230-2 asks for."""
+SAME_STRETCH: Final = 0.8
+"""Share of a measured length that must be measured again before two results may be compared."""
+LEAST_LEFT: Final = 0.005
+"""What is shown as 0.00 is no number to divide by."""
 _NAME_CHARACTERS: Final = 24
 
 
@@ -29,6 +33,21 @@ class Findings:
     def axis(self) -> str:
         """Name of the axis, fit for a page."""
         return cut(clean(self.story.axis), _NAME_CHARACTERS)
+
+    @property
+    def named(self) -> str:
+        """The axis as the subject of a sentence; not every file of readings says which it is."""
+        return f"axis {self.axis}" if self.axis else "the axis"
+
+    @property
+    def subject(self) -> str:
+        """The same at the beginning of a sentence."""
+        return self.named[0].upper() + self.named[1:]
+
+    @property
+    def other_stretch(self) -> str:
+        """Why the readings after say nothing about those before; empty where they do."""
+        return other_stretch(self.before, self.after) if self.before and self.after else ""
 
     @property
     def after_word(self) -> str:
@@ -78,13 +97,15 @@ def find(story: AxisStory) -> Findings:
         ReportError: there is nothing to tell, units are mixed, or readings cannot be evaluated.
     """
     if story.table is None and story.before is None and story.after is None:
-        raise ReportError(f"axis {story.axis}: neither a table nor readings: there is nothing to show")
+        raise ReportError(
+            f"axis {story.axis or NONE}: neither a table nor readings: there is nothing to show"
+        )
     parts = (("table", story.table), ("readings before", story.before), ("readings after", story.after))
     for name, part in parts:
         if part is not None and part.units is not story.units:
             raise ReportError(
-                f"axis {story.axis}: its {name} are in {part.units.value}, the axis in {story.units.value}: "
-                "convert them first"
+                f"axis {story.axis or NONE}: its {name} are in {part.units.value}, the axis in "
+                f"{story.units.value}: convert them first"
             )
     before, after = (_evaluated(story.axis, survey) for survey in (story.before, story.after))
     return Findings(story, scale_of(story.units), before, after)
@@ -96,7 +117,7 @@ def _evaluated(axis: str, survey: Survey | None) -> Evaluation | None:
     try:
         return evaluate(survey)
     except ReadingsError as error:
-        raise ReportError(f"axis {axis}: {error}") from error
+        raise ReportError(f"axis {axis or NONE}: {error}") from error
 
 
 def sentence(found: Findings) -> str:
@@ -110,8 +131,8 @@ def sentence(found: Findings) -> str:
         if before is not None and after is not None:
             return _change(found, words, numbers[0], numbers[1])
         if before is not None:
-            return f"Axis {found.axis} is {words} {show(numbers[0])} as it was measured."
-        return f"Axis {found.axis} is {_is(found)}{words} {show(numbers[0])}, with the correction in force."
+            return f"{found.subject} is {words} {show(numbers[0])} as it was measured."
+        return f"{found.subject} is {_is(found)}{words} {show(numbers[0])}, with the correction in force."
     return _about_table(found)
 
 
@@ -120,22 +141,41 @@ def _is(found: Findings) -> str:
 
 
 def _change(found: Findings, words: str, before: float, after: float) -> str:
+    """Say what it was and what it is; how many times better only of two measurements of the same stretch."""
     show = found.scale.rounded
     now = "is predicted to be" if found.story.is_predicted else "is now"
-    first = f"Axis {found.axis} was {words} {show(before)} and {now} {words} {show(after)}"
+    first = f"{found.subject} was {words} {show(before)} and {now} {words} {show(after)}"
+    if found.other_stretch:
+        return f"{first}, but {found.other_stretch}."
     if after >= before:
         return f"{first}: it did not become better."
-    if after <= 0 or before / after < 1.05:
+    if found.story.is_predicted or found.scale.of(after) < LEAST_LEFT or before / after < 1.05:
         return f"{first}."
     ratio = before / after
     return f"{first}: {ratio:.0f} times better." if ratio >= 9.5 else f"{first}: {ratio:.1f} times better."
 
 
+def other_stretch(before: Evaluation, after: Evaluation) -> str:
+    """Say that two sets of readings were not taken over the same stretch; empty where they were.
+
+    What was measured over a part of the axis looks better than the axis is. Targets that lie a little
+    elsewhere, as random ones do, are no other stretch.
+    """
+    (low, high), (low_now, high_now) = (
+        (each.targets[0].target, each.targets[-1].target) for each in (before, after)
+    )
+    if min(high, high_now) - max(low, low_now) >= SAME_STRETCH * max(high - low, high_now - low_now):
+        return ""
+    was, now = (f"{shortest(one)} to {shortest(two)}" for one, two in ((low, high), (low_now, high_now)))
+    unit = scale_of(before.units).position
+    return f"over {now} {unit} instead of {was} {unit}: these do not compare"
+
+
 def _about_table(found: Findings) -> str:
     table, show = found.story.table, found.scale.rounded
     if table is None:
-        return f"Axis {found.axis} was measured, but not often enough for a result."
-    first = f"The table of axis {found.axis} changes a position by up to {show(table.max_correction())}"
+        return f"{found.subject} was measured, but not often enough for a result."
+    first = f"The table of {found.named} changes a position by up to {show(table.max_correction())}"
     if table.is_unidirectional:
         return f"{first}, the same in both directions."
     return f"{first}; between the two directions lie up to {show(table.max_reversal())}."
@@ -158,8 +198,17 @@ def about_readings(evaluation: Evaluation) -> str:
     runs = f"{fewest}" if fewest == most else f"{fewest} to {most}"
     targets = evaluation.targets
     one_sided = any(target.forward is None or target.backward is None for target in targets)
-    words = f"{len(targets)} targets, {runs} run{'s' if most > 1 else ''} in each direction"
-    if one_sided:
+    ways = {
+        way: any(approach is not None for approach in approaches)
+        for way, approaches in (
+            ("forward", [target.forward for target in targets]),
+            ("backward", [target.backward for target in targets]),
+        )
+    }
+    only = [way for way, is_there in ways.items() if is_there]
+    where = "in each direction" if len(only) > 1 else f"{only[0]} only"
+    words = f"{len(targets)} targets, {runs} run{'s' if most > 1 else ''} {where}"
+    if one_sided and len(only) > 1:
         words += "; some targets were approached from one side only"
     if fewest < ISO_RUNS:
         words += f"; ISO 230-2 asks for {ISO_RUNS}"

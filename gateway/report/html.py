@@ -94,7 +94,7 @@ def _axis(found: Findings, index: int) -> str:
     notes = "".join(f"<li>{text(note)}</li>\n" for note in found.story.notes)
     parts = (
         f'<section class="card" aria-labelledby="{prefix}">\n',
-        f'<h2 id="{prefix}">Axis {escape(found.axis)}</h2>\n',
+        f'<h2 id="{prefix}">{escape(found.subject)}</h2>\n',
         f'<p class="said">{escape(sentence(found))}</p>\n',
         _facts(found.story.facts.items()),
         results_table(found),

@@ -1,6 +1,7 @@
 """A report as one picture: of each axis a sheet with its result, and under it all panels."""
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING, Final
 
 from gateway import __version__
@@ -8,41 +9,44 @@ from gateway.metrology.evaluation import Evaluation
 from gateway.report.drawing import saved, svg_of
 from gateway.report.figures import Panel, panels
 from gateway.report.figures.panel import legend_to_the_right
-from gateway.report.findings import FIGURES, Findings, about_readings, sentence
+from gateway.report.findings import FIGURES, Figure, Findings, about_readings, sentence
 from gateway.report.ink import GRID, INK, QUIET, ZERO, settings
 from gateway.report.story import Report
 from gateway.report.words import NONE, clean, cut, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.figure import Figure as Canvas
+    from matplotlib.figure import SubFigure
     from matplotlib.lines import Line2D
 
 WIDTH_IN: Final = 10.0
 ROW_IN: Final = 2.75
 TITLE_IN: Final = 0.5
 SENTENCE_IN: Final = 0.42
+LINE_IN: Final = 0.22
 FACTS_IN: Final = 0.25
 RESULT_IN: Final = 0.28
 MARGIN_IN: Final = 0.1
 LEFT: Final = 0.014
 RIGHT: Final = 0.986
+_SENTENCE_CHARACTERS: Final = 106
 _FACT_CHARACTERS: Final = 40
 _FACTS_CHARACTERS: Final = 165
 _BETWEEN_FACTS: Final = "   ·   "
 _COLUMN: Final = 0.114
 _SHORT: Final = {"systematic deviation": "systematic", "mean systematic deviation": "mean syst."}
-_SHOWN: Final = [figure for figure in FIGURES if figure.direction == "both"]
+_COLUMNS: Final = 6
 
 
 def draw_page(report: Report, found: Sequence[Findings], form: str) -> bytes:
     """Draw the whole report as one ``png`` or ``svg``."""
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Canvas
 
     with settings("page"):
         rows = [_rows(panels(each)) for each in found]
         heights = [_head_height(each) + ROW_IN * len(its) for each, its in zip(found, rows, strict=True)]
-        figure = Figure(figsize=(WIDTH_IN, TITLE_IN + sum(heights)))
+        figure = Canvas(figsize=(WIDTH_IN, TITLE_IN + sum(heights)))
         figure.set_layout_engine("constrained", w_pad=MARGIN_IN, h_pad=MARGIN_IN / 2)
         parts = figure.subfigures(1 + len(heights), 1, height_ratios=[TITLE_IN, *heights], squeeze=False)
         _title(parts[0, 0], report)
@@ -53,7 +57,7 @@ def draw_page(report: Report, found: Sequence[Findings], form: str) -> bytes:
         return saved(figure, form)
 
 
-def _standalone(figure: "Figure", report: Report) -> str:
+def _standalone(figure: "Canvas", report: Report) -> str:
     from html import escape
 
     svg = svg_of(figure, "")
@@ -75,8 +79,15 @@ def _rows(its: list[Panel]) -> list[list[Panel]]:
 
 def _head_height(found: Findings) -> float:
     results = [each for each in (found.before, found.after) if each is not None]
-    lines = SENTENCE_IN + (FACTS_IN if found.story.facts else 0.0)
+    lines = (
+        SENTENCE_IN + LINE_IN * (len(sentence_lines(found)) - 1) + (FACTS_IN if found.story.facts else 0.0)
+    )
     return lines + (RESULT_IN * (len(results) + 1) if results else 0.0)
+
+
+def sentence_lines(found: Findings) -> list[str]:
+    """Return the sentence on as many lines as it needs: its end says whether it became better."""
+    return wrap(sentence(found), _SENTENCE_CHARACTERS, break_on_hyphens=False)
 
 
 def _title(part: "SubFigure", report: Report) -> None:
@@ -101,8 +112,11 @@ def _head(head: "SubFigure", found: Findings, height: float) -> None:
     """Write the sentence, the facts and the results in their lines from the top."""
     rule = 1 - 0.03 / height
     head.add_artist(_line((LEFT, RIGHT), (rule, rule)))
-    head.text(LEFT, 1 - 0.23 / height, cut(sentence(found), 110), fontsize=11.5, va="center")
-    head.text(LEFT, 1 - 0.48 / height, _facts_line(found), fontsize=7.5, color=QUIET, va="center")
+    at = 0.23
+    for line in sentence_lines(found):
+        head.text(LEFT, 1 - at / height, line, fontsize=11.5, va="center")
+        at += LINE_IN
+    head.text(LEFT, 1 - (at + 0.03) / height, _facts_line(found), fontsize=7.5, color=QUIET, va="center")
     results = [
         (word, each)
         for word, each in (("before", found.before), (f"after, {found.after_word}", found.after))
@@ -131,6 +145,19 @@ def _line(x: tuple[float, float], y: tuple[float, float]) -> "Line2D":
     return Line2D(x, y, color=INK, linewidth=1.1)
 
 
+def shown_figures(results: Sequence[Evaluation]) -> list[Figure]:
+    """Return what there is room for: results of both directions, those of each where none is of both."""
+    both = [figure for figure in FIGURES if figure.direction == "both"]
+    if any(figure.of(each) is not None for each in results for figure in both):
+        return both
+    return [figure for figure in FIGURES if figure.direction != "both"]
+
+
+def _heading(figure: Figure) -> str:
+    name = _SHORT.get(figure.name, figure.name) if figure.direction == "both" else figure.direction
+    return f"{figure.symbol}  {name}"
+
+
 def _results(axes: "Axes", found: Findings, results: list[tuple[str, Evaluation]]) -> None:
     """Write the numbers of the standard, a line for each set of readings."""
     axes.set_axis_off()
@@ -139,16 +166,16 @@ def _results(axes: "Axes", found: Findings, results: list[tuple[str, Evaluation]
     for line, colour in ((0.98, ZERO), (len(results) + 0.98, GRID)):
         axes.axhline(line, xmin=LEFT, xmax=RIGHT, color=colour, linewidth=0.8)
     axes.text(LEFT, 0.5, f"ISO 230-2 / {found.scale.deviation}", color=QUIET, fontsize=7.5, va="center")
-    left = RIGHT - _COLUMN * (len(_SHOWN) - 1)
-    columns = [left + _COLUMN * index for index in range(len(_SHOWN))]
-    for x, figure in zip(columns, _SHOWN, strict=True):
-        words = f"{figure.symbol}  {_SHORT.get(figure.name, figure.name)}"
-        axes.text(x, 0.5, words, color=QUIET, fontsize=7.5, va="center", ha="right")
+    left = RIGHT - _COLUMN * (_COLUMNS - 1)
+    columns = [left + _COLUMN * index for index in range(_COLUMNS)]
+    shown = shown_figures([each for _, each in results])
+    for x, figure in zip(columns, shown, strict=True):
+        axes.text(x, 0.5, _heading(figure), color=QUIET, fontsize=7.5, va="center", ha="right")
     for line, (word, evaluation) in enumerate(results, start=1):
         axes.text(LEFT, line + 0.5, word, fontsize=9, va="center", fontweight="bold")
-        about = about_readings(evaluation).partition(" in each")[0]
+        about = about_readings(evaluation).partition(";")[0].removesuffix(" in each direction")
         axes.text(0.145, line + 0.5, about, fontsize=7.5, va="center", color=QUIET)
-        for x, figure in zip(columns, _SHOWN, strict=True):
+        for x, figure in zip(columns, shown, strict=True):
             value = figure.of(evaluation)
             text = NONE if value is None else number(found.scale.of(value), 2)
             axes.text(x, line + 0.5, text, fontsize=9.5, va="center", ha="right")

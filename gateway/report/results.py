@@ -44,7 +44,7 @@ def _row(found: Findings, figure: Figure, evaluations: list[Evaluation]) -> str:
         f"<td>{NONE if value is None else number(found.scale.of(value), ISO_PLACES)}</td>" for value in values
     )
     if len(values) > 1:
-        cells += f"<td>{_share(*values)}</td>"
+        cells += f"<td>{NONE if found.other_stretch else _share(*values)}</td>"
     if figure.direction == "both":
         name = f"<b>{figure.symbol}</b> {figure.name}"
         return f'<tr class="total"><th scope="row">{name}</th>{cells}</tr>\n'

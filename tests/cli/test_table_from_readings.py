@@ -127,7 +127,9 @@ def test_uneven_targets_need_a_step_for_an_even_format(tmp_path: Path) -> None:
     stops = ((0, 0), (7, 7.001), (20, 20.002), (31, 31.004))
     rows = [f"{t},{way},1,{m}" for way in ("forward", "backward") for t, m in stops]
     readings.write_text("\n".join(["target_mm,direction,run,measured_mm", *rows]))
-    assert "--step" in refused("build", readings, tmp_path / "a.tab")
+    told = refused("build", readings, tmp_path / "a.tab")
+    assert "--step" in told
+    assert "--resample" not in told
     data = good("build", readings, tmp_path / "a.tab", "--step", 10)
     assert data["points"] == 4
     assert any("from 30 to 31 mm" in note for note in data["notes"])
@@ -160,6 +162,21 @@ def test_evaluate_predicts_what_a_table_leaves_and_compares_with_what_was_measur
     assert "0.01857" in shown.stdout
     assert "100%" in shown.stdout
     assert run("evaluate", oracle, "--after", oracle, "--table", table).exit_code == 2
+
+
+def test_a_part_of_the_axis_is_not_compared_with_the_whole(oracle: Path, tmp_path: Path) -> None:
+    heading, *lines = oracle.read_text().splitlines()
+    targets = sorted({float(line.split(",")[0]) for line in lines})
+    part = tmp_path / "part.csv"
+    part.write_text(
+        "\n".join([heading, *(line for line in lines if float(line.split(",")[0]) in targets[:2])])
+    )
+    result = run("evaluate", oracle, "--after", part)
+    assert result.exit_code == 0
+    first, second, last = (f"{targets[index]:g}" for index in (0, 1, -1))
+    assert f"note: measured over {first} to {second} mm instead of {first} to {last} mm" in result.stderr
+    assert "%" not in result.stdout
+    assert "100%" in run("evaluate", oracle, "--after", oracle).stdout
 
 
 def test_refine_adds_what_is_left(tmp_path: Path) -> None:
@@ -196,6 +213,17 @@ def test_program_writes_what_tb058_prints(tmp_path: Path) -> None:
     assert "the axis goes from" in few.stderr
     assert run("program", "--from", 0, "--to", 500).exit_code == 2
     assert run("program", "--from", 0, "--to", 500, "--step", 5, "--targets", 3).exit_code == 2
+
+
+def test_a_program_says_in_which_coordinates_and_units_it_moves() -> None:
+    span = ("--from", 0, "--to", 100, "--step", 50)
+    cycle = run("program", *span)
+    assert "cancel work and tool offsets" in cycle.stderr
+    endless = run("program", *span, "--write", "endless")
+    assert "G91 stays in force after it: G90 before anything else" in endless.stderr
+    assert run("program", *span, "--write", "endless", "--travel", 0, 90).exit_code == 2
+    listed = refused("program", *span, "--write", "list", "--travel", 0, 90)
+    assert "the targets go from 0 to 100, the travel is 0 to 90" in listed
 
 
 def test_a_format_of_one_curve_wants_one_that_is_zero_at_home(rtl: Path, tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.refine import Points, refine_table
+from gateway.metrology.resample import loss
 from gateway.metrology.residue import predicted_residue
 from gateway.tabfile import WriteOptions, dialect_named
 from tests.metrology.samples import TB058_MANUAL, TB058_SIMULATED
@@ -139,6 +140,37 @@ def test_a_tolerance_leaves_out_points_and_says_what_it_lost() -> None:
     assert any("points instead of 31: the largest loss is" in note for note in built.notes)
 
 
+def test_a_home_between_targets_does_not_cost_the_tolerance_twice() -> None:
+    # The curve is at 3 µm at the mark. The line from -10 to 10 is off by 1 µm at most, but passes the mark
+    # at 2 µm: subtracted, that 1 µm would be lost once more, and 2 at the ends.
+    corrections_um = {-10.0: 0.0, -5.0: 2.0, 5.0: 4.0, 10.0: 4.0}
+    readings = tuple(
+        Reading(target, way, target - correction / 1000)
+        for target, correction in corrections_um.items()
+        for way in (UP, DOWN)
+    )
+    survey = Survey(readings, Units.MM)
+    whole = build_from(survey, Recipe(HomeCase.MARK)).table
+    few = build_from(survey, Recipe(HomeCase.MARK, tolerance=0.001))
+    assert list(few.table.positions) == [-10.0, 0.0, 10.0]
+    # 3 µm are subtracted: at 5 the line from 0 to 1 µm stands at 0.5, the curve at 1 µm.
+    assert list(few.table.forward) == pytest.approx([-0.003, 0.0, 0.001])
+    assert loss(whole, few.table).size == pytest.approx(0.0005)
+    assert few.loss is not None
+    assert few.loss.size == pytest.approx(0.0005)
+
+
+def test_an_outlier_that_was_the_only_reading_takes_its_target_with_it() -> None:
+    readings = [Reading(float(x), way, float(x)) for x in range(0, 90, 10) for way in (UP, DOWN)]
+    at = readings.index(Reading(40.0, UP, 40.0))
+    readings[at] = Reading(40.0, UP, 40.05)
+    built = build_from(Survey(tuple(readings), Units.MM), Recipe(drop_outliers=True))
+    assert list(built.table.positions) == [0.0, 10.0, 20.0, 30.0, 50.0, 60.0, 70.0, 80.0]
+    assert built.table.max_correction() == 0.0
+    words = "40: left out in both directions, for the outlier was the only reading of one"
+    assert words in built.notes
+
+
 def test_a_step_and_a_tolerance_exclude_each_other() -> None:
     with pytest.raises(ReadingsError, match="not both"):
         build_from(noisy(), Recipe(step=10.0, tolerance=0.001))
@@ -168,6 +200,17 @@ def test_the_predicted_residue_is_the_deviation_plus_the_correction() -> None:
     assert [r.deviation for r in after.readings] == pytest.approx([0.006, 0.02, 0.01])
     inches = predicted_residue(before, table.in_units(Units.INCH))
     assert [r.measured for r in inches.readings] == pytest.approx([r.measured for r in after.readings])
+
+
+def test_a_prediction_outside_the_table_is_named() -> None:
+    table = make_table([10.0, 20.0], [0.001, 0.001], [0.0, 0.0], Units.MM)
+    survey = Survey(tuple(Reading(x, UP, x) for x in (9.0, 10.0, 20.0, 22.0)), Units.MM)
+    found = predicted_residue(survey, table)
+    assert found.remarks == (
+        "outside the table, 10 to 20 mm, lie targets from 9 to 22: predicted with its end values held there",
+    )
+    inside = Survey(survey.readings[1:3], Units.MM)
+    assert predicted_residue(inside, table.in_units(Units.INCH)).remarks == ()
 
 
 def test_a_table_of_all_targets_leaves_only_scatter() -> None:
@@ -208,6 +251,16 @@ def test_refining_on_the_union_keeps_every_target() -> None:
     assert any("no reading from 15 to 20 mm" in note for note in union.notes)
     same = refine_table(old, Survey(tuple(readings), Units.MM))
     assert list(same.table.positions) == [0, 20]
+
+
+def test_targets_in_another_unit_are_the_points_they_mean() -> None:
+    inches = [index / 2 for index in range(21)]
+    old = make_table(inches, [0.0] * 21, [0.0] * 21, Units.INCH).in_units(Units.MM)
+    targets = [round(inch * 25.4, 4) for inch in inches]
+    assert list(old.positions) != targets
+    readings = tuple(Reading(x, way, x + 0.001) for x in (*targets, 3.0) for way in (UP, DOWN))
+    new = refine_table(old, Survey(readings, Units.MM), points=Points.UNION).table
+    assert list(new.positions) == sorted((*old.positions, 3.0))
 
 
 def machine(table: CorrectionTable, positions: list[float], bend: float, lost: float) -> Survey:

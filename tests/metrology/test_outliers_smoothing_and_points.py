@@ -10,7 +10,7 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lookup import correction_at
-from gateway.metrology.outliers import find_outliers, without
+from gateway.metrology.outliers import find_outliers, without_outliers
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.resample import fewest_points, loss, on_grid
 from gateway.metrology.smooth import smoothed
@@ -84,7 +84,8 @@ def test_two_slips_are_both_left_out() -> None:
     bad = survey({(40.0, 1): 25.0, (70.0, 3): -18.0}, 5)
     found = find_outliers(bad)
     assert [(o.reading.target, o.reading.run) for o in found] == [(40.0, 1), (70.0, 3)]
-    assert len(without(bad, found)) == len(bad.readings) - 2
+    assert without_outliers(bad, found)[1] == ()
+    assert len(without_outliers(bad, found)[0]) == len(bad.readings) - 2
 
 
 def table(forward_um: list[float], backward_um: list[float], step: float = 10.0) -> CorrectionTable:

@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import pytest
 from hypothesis import assume, given
@@ -9,6 +10,7 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.program import (
     Cycle,
     bidirectional_cycle,
+    check_targets,
     endless_steps,
     enough_targets,
     even_targets,
@@ -48,6 +50,31 @@ def test_a_cycle_that_leaves_the_travel_is_refused() -> None:
     for travel in ((-1.9, 20.0), (-5.0, 11.0)):
         with pytest.raises(ReadingsError, match="the cycle goes from -2 to 12"):
             bidirectional_cycle([0, 10], MM, travel)
+
+
+def test_nothing_is_rounded_away_that_the_measurement_needs() -> None:
+    for feed, dwell, overrun in ((0.0004, 5.0, 2.0), (500.0, 0.0004, 2.0), (500.0, 5.0, 0.0004)):
+        with pytest.raises(ReadingsError, match="it must be above 0, with 3 decimals"):
+            replace(MM, feed=feed, dwell=dwell, overrun=overrun)
+    with pytest.raises(ReadingsError, match=r"targets 1.0001 and 1.0002 are one with 3 decimals"):
+        bidirectional_cycle([0.0, 1.0001, 1.0002], MM)
+    # 1/32 inch: 32 steps of .0312 would be .0016 short of an inch.
+    with pytest.raises(ReadingsError, match=r"a step of 0.03125: it repeats"):
+        endless_steps("X", 0.03125, 5, 4)
+    assert "G1 X0.000 F500" in bidirectional_cycle([1.9999, 10.0], MM)
+
+
+def test_a_list_that_leaves_the_travel_is_refused() -> None:
+    check_targets([0.0, 10.0], Units.MM, (0.0, 10.0))
+    for travel in ((0.1, 20.0), (-5.0, 9.9)):
+        with pytest.raises(ReadingsError, match="the targets go from 0 to 10"):
+            check_targets([10.0, 0.0], Units.MM, travel)
+
+
+@pytest.mark.parametrize("letter", ["F", "G", "M", "N", "P", "R", "", "XY", "x1", "ß"])
+def test_words_of_a_program_are_no_axes(letter: str) -> None:
+    with pytest.raises(ReadingsError, match="a program needs the letter of an axis, X, Y, Z, A, B, C, U"):
+        Cycle(letter, Units.MM, feed=500, dwell=5, overrun=2, runs=1)
 
 
 @given(st.sets(st.integers(-500, 500), min_size=2, max_size=12), st.integers(1, 4), st.sampled_from(Units))

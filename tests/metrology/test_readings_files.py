@@ -53,6 +53,21 @@ def test_an_iso_csv_is_read_with_facts_and_axis() -> None:
     ]
 
 
+def test_directions_that_every_run_contradicts_are_named() -> None:
+    exchanged = ISO.replace("forward", "~").replace("backward", "forward").replace("~", "backward")
+    [remark] = read(exchanged).remarks
+    assert "as if the directions were exchanged" in remark
+    # Sorted by a program, both ways alike: the order of the lines says nothing.
+    heading, lines = ISO.splitlines()[:3], ISO.splitlines()[3:]
+    assert read("\n".join([*heading, *lines[2::-1], *lines[3:]])).remarks == ()
+
+
+def test_more_runs_one_way_than_the_other_are_named() -> None:
+    again = "".join(f"{target},forward,2,{target}\n" for target in (0, 50, 100))
+    [remark] = read(ISO + again).remarks
+    assert "2 forward and 1 backward runs: measure as many both ways" in remark
+
+
 def test_columns_in_another_order_with_semicolons_and_deviations_in_um() -> None:
     text = "run;deviation_um;direction;target_mm;note\n1;2.5;up;10;a\n1;-1;+;20;\n1;-3;down;20;\n1;0;-;10;\n"
     assert deviations_um(read(text)) == [
@@ -125,7 +140,7 @@ def test_a_missing_direction_is_a_remark_with_a_remedy() -> None:
 
 def test_runs_of_unequal_length_are_named() -> None:
     survey = read(ISO + "0,forward,2,0\n100,forward,2,100\n")
-    [remark] = survey.remarks
+    _, remark = survey.remarks
     assert "forward run 2 has 2 of 3 readings, none at 50" in remark
 
 
@@ -258,6 +273,23 @@ def test_surveys_of_one_axis_are_counted_on() -> None:
     assert {(r.direction, r.run) for r in both.readings} == {(UP, 1), (UP, 2), (DOWN, 1), (DOWN, 2)}
     with pytest.raises(ReadingsError, match="units"):
         merged([read(ISO), read(TB058_MANUAL)])
+
+
+def test_one_target_written_in_two_ways_in_two_files_is_refused() -> None:
+    # The usual distance is 100 / 3 = 33.3: nearer than 0.333 is the same target.
+    for other, found in (
+        ("50.3", "has target 50.3, which is 50 in the files before"),
+        ("49.7", "has target 49.7"),
+    ):
+        with pytest.raises(ReadingsError, match=found):
+            merged([read(ISO), read(ISO.replace("\n50,", f"\n{other},"))])
+    merged([read(ISO), read(ISO.replace("\n50,", "\n51,"))])
+
+
+def test_the_same_readings_twice_are_named() -> None:
+    [remark] = merged([read(ISO), read(ISO)]).remarks
+    assert "the same readings as laser.csv: if that is one measurement, name it once" in remark
+    assert merged([read(ISO), read(ISO.replace("50.003", "50.004"))]).remarks == ()
 
 
 def test_a_survey_in_inches_is_the_same_in_mm() -> None:

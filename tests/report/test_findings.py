@@ -1,5 +1,7 @@
 """The sentence for the customer, and what keeps an axis from being told."""
 
+from dataclasses import replace
+
 import pytest
 
 from gateway.compensation.direction import Direction
@@ -7,7 +9,8 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.metrology.readings import Reading, Survey
 from gateway.report.errors import ReportError
-from gateway.report.findings import about_readings, find, sentence
+from gateway.report.findings import FIGURES, about_readings, find, sentence
+from gateway.report.results import results_table
 from tests.report.stories import story, survey
 
 
@@ -21,8 +24,33 @@ def test_a_customer_reads_what_it_was_and_what_it_is() -> None:
 
 
 def test_a_prediction_is_called_one() -> None:
-    words = "Axis x was accurate to 21.7 µm and is predicted to be accurate to 2.2 µm: 10 times better."
+    # Without a ratio: the readings that a table was made of vanish in its prediction.
+    words = "Axis x was accurate to 21.7 µm and is predicted to be accurate to 2.2 µm."
     assert said(is_predicted=True) == words
+
+
+@pytest.mark.parametrize("is_predicted", [True, False])
+def test_nothing_left_is_not_so_many_times_better(is_predicted: bool) -> None:
+    now = "is predicted to be" if is_predicted else "is now"
+    words = f"Axis x was accurate to 21.7 µm and {now} accurate to 0.00 µm."
+    assert said(after=survey(1e-13), is_predicted=is_predicted) == words
+
+
+def test_a_part_of_the_axis_does_not_compare_with_the_whole() -> None:
+    half = [replace(each, target=each.target / 2, measured=each.measured / 2) for each in survey().readings]
+    found = find(story(after=Survey(tuple(half), Units.MM)))
+    words = "accurate to 10.8 µm, but over 0 to 50 mm instead of 0 to 100 mm: these do not compare."
+    assert sentence(found).replace("\N{NO-BREAK SPACE}", " ").endswith(words)
+    assert results_table(found).count("<td>–</td>") == len(FIGURES)
+    moved = [
+        replace(each, target=each.target + 10, measured=each.measured + 10) for each in survey().readings
+    ]
+    assert find(story(after=Survey(tuple(moved), Units.MM))).other_stretch == ""
+
+
+def test_an_axis_without_a_name_has_none() -> None:
+    assert said(axis="").startswith("The axis was accurate to 21.7 µm")
+    assert said(axis="", before=None, after=None).startswith("The table of the axis changes")
 
 
 def test_an_axis_that_became_worse_is_told_so() -> None:
@@ -81,5 +109,10 @@ def test_fewer_runs_than_the_standard_asks_for_are_named() -> None:
     one_sided = tuple(each for each in survey().readings if each.direction is Direction.FORWARD)
     found = find(story(before=Survey(one_sided * 3, Units.MM)))
     assert found.before is not None
-    words = "2 targets, 6 runs in each direction; some targets were approached from one side only"
-    assert about_readings(found.before) == words
+    assert about_readings(found.before) == "2 targets, 6 runs forward only"
+    gap = tuple(each for each in survey().readings if (each.target, each.run) != (0.0, 1))
+    gap = tuple(each for each in gap if each.direction is Direction.FORWARD or each.target != 0.0)
+    found = find(story(before=Survey(gap, Units.MM)))
+    assert found.before is not None
+    words = "2 targets, 1 to 2 runs in each direction; some targets were approached from one side only"
+    assert about_readings(found.before).startswith(words)

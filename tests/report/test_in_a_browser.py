@@ -62,6 +62,12 @@ def test_it_opens_alone_and_fits(browser: Browser, file: Path, width: int, schem
     assert before is not None
     assert after is not None
     assert (before["x"] < after["x"]) is (width == 1280)
+    # Numbers are never cut; on a telephone only the two wide pictures of an axis are wider, and say so.
+    wide = "[...document.querySelectorAll('.wide')].filter(each => each.scrollWidth > each.clientWidth)"
+    assert page.evaluate(f"{wide}.length") == (4 if width == 390 else 0)
+    assert page.evaluate(f"{wide}.every(each => each.querySelector('svg'))")
+    told = "getComputedStyle(document.querySelector('figure:not(.half) h3'), '::after').content"
+    assert ("sideways" in page.evaluate(told)) is (width == 390)
     context.close()
 
 

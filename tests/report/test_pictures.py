@@ -7,10 +7,14 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from gateway.compensation.direction import Direction
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.metrology.evaluation import evaluate
 from gateway.metrology.readings import Survey
 from gateway.report.envelope import MOST_POINTS
+from gateway.report.findings import find
+from gateway.report.page import sentence_lines, shown_figures
 from gateway.report.story import Report
 from gateway.report.writing import render
 from tests.report.stories import report, story, survey
@@ -72,6 +76,21 @@ def test_every_picture_is_there_with_its_curves(drawing: Drawing) -> None:
             for panel in ("readings-before", "readings-after", "residue", "correction", "slope", "backlash")
         ),
     }
+
+
+def test_a_long_sentence_is_told_to_its_end() -> None:
+    lines = sentence_lines(find(story(before=survey(runs=1), after=survey(runs=1), axis="a name " * 9)))
+    assert " ".join(lines).endswith("it did not become better.")
+    assert [len(line) <= 106 for line in lines] == [True, True]
+
+
+def test_readings_of_one_direction_have_their_results_in_the_picture() -> None:
+    forward = tuple(each for each in survey().readings if each.direction is Direction.FORWARD)
+    one, both = evaluate(Survey(forward, Units.MM)), evaluate(survey())
+    assert [(each.symbol, each.direction) for each in shown_figures([one])] == [
+        (symbol, way) for symbol in "ARE" for way in ("forward", "backward")
+    ]
+    assert {each.direction for each in shown_figures([one, both])} == {"both"}
 
 
 def test_the_curves_of_the_table_are_its_points(drawing: Drawing) -> None:

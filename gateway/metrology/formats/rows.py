@@ -8,11 +8,9 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.readings import APPROACHES, Reading, Survey
+from gateway.metrology.readings import APPROACHES, NEAR, Reading, Survey
 from gateway.tabfile.text import SourceText
 
-NEAR: Final = 0.01
-"""Targets nearer than this share of the usual distance are one target, written in two ways."""
 FAR: Final = 0.5
 """A reading further from its target than this share of the way to the next target is another's."""
 
@@ -54,7 +52,7 @@ def to_survey(
         axis=axis,
         source=source.name,
         facts=dict(facts or {}),
-        remarks=(*remarks, *_missing(source, rows)),
+        remarks=(*remarks, *_exchanged(source, rows), *_missing(source, rows)),
     )
 
 
@@ -125,10 +123,35 @@ def _check_distance(source: SourceText, rows: Sequence[Row]) -> None:
             )
 
 
+def _exchanged(source: SourceText, rows: Sequence[Row]) -> list[str]:
+    """Name directions that all runs contradict: forward ones listed downwards, backward ones upwards."""
+    runs: dict[tuple[Direction, int], list[float]] = {}
+    for row in rows:
+        runs.setdefault((row.direction, row.run), []).append(row.target)
+    senses = {
+        way: {targets[-1] > targets[0] for (of, _), targets in runs.items() if of is way and len(targets) > 1}
+        for way in APPROACHES
+    }
+    if senses == {Direction.FORWARD: {False}, Direction.BACKWARD: {True}}:
+        remark = (
+            f"{source.name}: every forward run falls and every backward run rises, as if the directions were "
+            "exchanged: forward is towards greater machine positions; exchange them, or ignore this where "
+            "the lines were sorted"
+        )
+        return [remark]
+    return []
+
+
 def _missing(source: SourceText, rows: Sequence[Row]) -> list[str]:
     """Name what a whole measurement would have and this one has not."""
     targets = sorted({row.target for row in rows})
     remarks = []
+    counts = {way: len({row.run for row in rows if row.direction is way}) for way in APPROACHES}
+    if all(counts.values()) and len(set(counts.values())) > 1:
+        one, two = (f"{count} {way.name.lower()}" for way, count in counts.items())
+        remarks.append(
+            f"{source.name}: {one} and {two} runs: measure as many both ways; a mean is of those there"
+        )
     for way in APPROACHES:
         of_runs: dict[int, set[float]] = {}
         for row in rows:

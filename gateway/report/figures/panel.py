@@ -38,7 +38,7 @@ class Panel:
 
 def dress(axes: "Axes", found: Findings, quantity: str, unit: str | None = None) -> None:
     """Label both axes with their units and draw the line of no deviation."""
-    axes.set_xlabel(f"position of axis {found.axis} / {found.scale.position}")
+    axes.set_xlabel(f"position of {found.named} / {found.scale.position}")
     axes.set_ylabel(f"{quantity} / {unit or found.scale.deviation}")
     axes.axhline(0.0, color=ZERO, linewidth=0.9, zorder=1.5, gid="zero")
     axes.margins(x=0.02)
