@@ -77,7 +77,7 @@ def measure(
     )  # fmt: skip
     loaded = load_or_exit(config)
     try:
-        code = work(wish, loaded.plan, state_folder_or_exit(config))
+        code = work(wish, loaded.plan, loaded.sections.axes, state_folder_or_exit(config))
     except MeasureError as error:
         typer.echo(f"{config}: {error}", err=True)
         raise typer.Exit(1) from None

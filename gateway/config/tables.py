@@ -19,6 +19,7 @@ from gateway.tabfile import (
     Severity,
     TabFileError,
     TableState,
+    WriteOptions,
     find_table,
     inspect_table,
 )
@@ -116,11 +117,28 @@ def _numbered(readings: tuple[str, ...]) -> list[str]:
     return [f"reading {number}: {text}" for number, text in enumerate(readings, start=1)]
 
 
+def write_options_of(axis: AxisSection, name: str) -> WriteOptions:
+    """Return what a table of the axis must be written with so that its configuration reads the same."""
+    options = axis.table_options
+    return WriteOptions(
+        axis=_letter(name),
+        file_counts_per_unit=options.file_counts_per_unit,
+        v1_layout=options.v1_layout,
+        file_axis=options.file_axis,
+        sense=options.error_sense or options.fagor_sense or options.isg_sense,
+        is_modulo=axis.modulo is not None,
+    )
+
+
+def _letter(name: str) -> str | None:
+    return name.upper() if len(name) == 1 and name.isalpha() else None
+
+
 def context_of(axis: AxisSection, name: str) -> FileContext:
     """Return what the configuration knows about a table file that the file does not say itself."""
     options = axis.table_options
     return FileContext(
-        axis=name.upper() if len(name) == 1 and name.isalpha() else None,
+        axis=_letter(name),
         units=axis.units,
         travel=None if axis.modulo else axis.travel,
         file_counts_per_unit=options.file_counts_per_unit,

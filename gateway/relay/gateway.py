@@ -306,10 +306,11 @@ class Relay:
     def _turn(self) -> None:
         """Turn one line each time, as with looks."""
         if self._lines:
-            self._turns += 1
-            self._lines[self._turns % len(self._lines)].turn()
+            # Before the work: a mistake in it must not end the turning.
             pause_s = TURN_EVERY_S / len(self._lines)
             self._turning = asyncio.get_running_loop().call_later(pause_s, self._turn)
+            self._turns += 1
+            self._lines[self._turns % len(self._lines)].turn()
 
     def _scheduling_withdrawn(self, why: str) -> None:
         self._journal.note(processes.SCHEDULING_WITHDRAWN, key="relay.fifo", detail=why)

@@ -16,6 +16,8 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
+from gateway.config.axis_model import AxisSection
+from gateway.config.tables import context_of, write_options_of
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.build import HomeReference, build_table
 from gateway.metrology.errors import ReadingsError
@@ -24,7 +26,7 @@ from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.formats.load import read_survey
 from gateway.metrology.readings import Survey
 from gateway.metrology.refine import refine_table
-from gateway.tabfile import DIALECTS, TabFileError, WriteOptions, dialect_named, parse_table
+from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 
 FALLBACK_FORMATS: Final = ("csv", "centroid-3")
 SMALL: Final = {Units.MM: (1000.0, "µm"), Units.INCH: (10_000.0, "tenths (0.0001 inch)")}
@@ -164,7 +166,9 @@ def check_places(out: Path | None, report: Path | None, *, force: bool) -> None:
             raise FileError(str(error)) from None
 
 
-def check_writable(format_name: str, positions: Sequence[float], axis: AxisPlan) -> None:
+def check_writable(
+    format_name: str, positions: Sequence[float], axis: AxisPlan, section: AxisSection
+) -> None:
     """Check before the work that a dialect can hold a table of two directions at these positions.
 
     Raises:
@@ -174,7 +178,7 @@ def check_writable(format_name: str, positions: Sequence[float], axis: AxisPlan)
     forward, backward = [least] * len(positions), [-least] * len(positions)
     try:
         table = make_table(positions, forward, backward, axis.settings.units)
-        dialect_named(format_name).write(table, WriteOptions(axis=_letter(axis)))
+        dialect_named(format_name).write(table, write_options_of(section, axis.name))
     except (TabFileError, TableError) as error:
         raise FileError(
             f"--out: a table at these targets cannot be written as {format_name}: {error}; give another "
@@ -182,18 +186,16 @@ def check_writable(format_name: str, positions: Sequence[float], axis: AxisPlan)
         ) from None
 
 
-def _letter(axis: AxisPlan) -> str | None:
-    return axis.name.upper() if len(axis.name) == 1 else None
-
-
-def write_table(outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, *, force: bool) -> list[str]:
-    """Write the table and read it back; return what a person should know.
+def write_table(
+    outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, section: AxisSection, *, force: bool
+) -> list[str]:
+    """Write the table as the axis's ``table_options`` read it; return what a person should know.
 
     Raises:
         FileError: the dialect cannot hold it, or the place cannot be written to.
     """
     try:
-        written = dialect_named(format_name).write(outcome.table, WriteOptions(axis=_letter(axis)))
+        written = dialect_named(format_name).write(outcome.table, write_options_of(section, axis.name))
         again = parse_table(written.text.encode(), str(out), written.context).table
         change = largest_change(outcome.table, again.in_units(outcome.table.units), axis)
         write(out, written.text, force=force)
@@ -207,8 +209,25 @@ def write_table(outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, *
         f"{out}: {format_name}, {len(outcome.table.positions)} points",
         *(f"not in the file: {loss}" for loss in written.losses),
         *reader_lines(written, dialect_named(format_name)),
+        *_as_configured(written, again, out, axis, section),
         f"largest difference of a correction after reading it back: {abs(change.amount) * factor:.3g} {unit}",
     ]
+
+
+def _as_configured(
+    written: Written, table: CorrectionTable, out: Path, axis: AxisPlan, section: AxisSection
+) -> list[str]:
+    """Return what is wrong where the axis's configuration, as it is, would read another table."""
+    try:
+        read = parse_table(written.text.encode(), str(out), context_of(section, axis.name)).table
+        units = axis.settings.units
+        change = largest_change(table.in_units(units), read.in_units(units), axis)
+        if abs(change.amount) <= abs(0.5 / axis.settings.counts_per_unit):
+            return []
+        why = "it would be read as another table"
+    except (TabFileError, TableError, ValueError) as error:
+        why = str(error)
+    return [f"not for table_options as they are in the configuration ({why}): change them with the table"]
 
 
 def survey_of(path: Path, axis: AxisPlan) -> Survey:

@@ -31,6 +31,7 @@ from gateway.cli.measuring.running import Manners
 from gateway.cli.measuring.session import Place, Seen, Session, endpoint_of, look
 from gateway.cli.measuring.setting import Grid, Reader, Scale, instrument_of, manners_of, plan_of
 from gateway.cli.measuring.showing import AsBar, AsJson, AsLines, Showing
+from gateway.config.axis_model import AxisSection
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.messages import GetStatus, Ping, Status
 from gateway.ipc.plan import GatewayPlan
@@ -64,8 +65,8 @@ class Wish:
     as_json: bool
 
 
-def work(wish: Wish, plan: GatewayPlan, state: Path) -> int:
-    """Do all of it; returns the exit code.
+def work(wish: Wish, plan: GatewayPlan, sections: Mapping[str, AxisSection], state: Path) -> int:
+    """Do all of it; returns the exit code. ``sections`` are the axes of the configuration.
 
     Raises:
         MeasureError: it could not begin, or its results could not be made or written.
@@ -77,18 +78,20 @@ def work(wish: Wish, plan: GatewayPlan, state: Path) -> int:
     outcome.check_places(wish.out, wish.report, force=wish.force)
     lines = Lines()
     instrument, manners = instrument_of(wish.reader, lines), manners_of(wish.scale, axis)
-    return _Work(wish, place, state, shape=shape_of(plan), out_format=out_format).run(
-        instrument, manners, lines
-    )
+    done = _Work(wish, place, state, sections[axis.name], shape=shape_of(plan), out_format=out_format)
+    return done.run(instrument, manners, lines)
 
 
 class _Work:
     """One command, when its options are known to be good."""
 
-    def __init__(self, wish: Wish, place: Place, state: Path, *, shape: str, out_format: str) -> None:
+    def __init__(
+        self, wish: Wish, place: Place, state: Path, section: AxisSection, *, shape: str, out_format: str
+    ) -> None:
         self._wish = wish
         self._place = place
         self._state = state
+        self._section = section
         self._shape = shape
         self._out_format = out_format
         self._axis = place.recipe.plan
@@ -107,7 +110,7 @@ class _Work:
         if self._wish.out is not None:
             old = self._axis.table if seen.compensation.is_active else None
             positions = plan.targets if old is None else old.positions
-            outcome.check_writable(self._out_format, positions, self._axis)
+            outcome.check_writable(self._out_format, positions, self._axis, self._section)
         if not left:
             return self._finish(self._wish.resume, seen)
         for text in preview(
@@ -216,7 +219,9 @@ class _Work:
             found = outcome.outcome_of(survey, self._axis, is_active=seen.compensation.is_active)
             notes = []
             if wish.out is not None:
-                notes += outcome.write_table(found, wish.out, self._out_format, self._axis, force=wish.force)
+                notes += outcome.write_table(
+                    found, wish.out, self._out_format, self._axis, self._section, force=wish.force
+                )
             if wish.report is not None:
                 outcome.write_report(found, wish.report, self._axis.name, self._before, force=wish.force)
                 notes.append(f"{wish.report}: the report")

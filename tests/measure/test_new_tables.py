@@ -1,0 +1,92 @@
+"""A table that ``measure`` writes means for its configuration what it was built as."""
+
+from pathlib import Path
+
+import pytest
+
+from gateway.cli.measuring.outcome import outcome_of, write_table
+from gateway.compensation.direction import Direction
+from gateway.compensation.units import Units
+from gateway.config.load import Loaded, load
+from gateway.config.tables import context_of
+from gateway.exchange.plan import AxisPlan
+from gateway.metrology.readings import Reading, Survey
+from gateway.tabfile import parse_table
+
+CONFIG = """
+[gateway]
+name = "mill"
+tables = "."
+
+[line.x]
+drives = {{ tcp = "127.0.0.1:5020" }}
+
+[[line.x.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:1502"
+
+[axis.x]
+line = "x"
+unit_id = 1
+units = "mm"
+counts_per_unit = 10000.0
+referenced = "absolute"
+registers.command = [{{ address = 100, type = "int32" }}]
+table = "x.csv"
+table_options = {{ {options} }}
+"""
+READINGS = Survey(
+    tuple(
+        Reading(target, way, target + error, run)
+        for run in (1, 2)
+        for way, errors in (
+            (Direction.FORWARD, (0.0, 0.01, 0.02)),
+            (Direction.BACKWARD, (0.005, 0.015, 0.025)),
+        )
+        for target, error in zip((0.0, 50.0, 100.0), errors, strict=True)
+    ),
+    Units.MM,
+    "x",
+)
+
+
+def configured(folder: Path, options: str) -> tuple[Loaded, AxisPlan]:
+    (folder / "x.csv").write_text("position_mm,correction_mm\n0,0\n100,0.01\n")
+    (folder / "gateway.toml").write_text(CONFIG.format(options=options))
+    loaded = load(folder / "gateway.toml")
+    return loaded, loaded.plan.lines[0].axes[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "form"),
+    [
+        ('isg_sense = "command_minus_actual", file_units = "mm"', "isg"),
+        ('isg_sense = "actual_minus_command", file_units = "mm"', "isg"),
+        ('fagor_sense = "command_minus_actual", file_units = "mm", file_axis = "Q"', "fagor-8055"),
+        ('fagor_sense = "actual_minus_command", file_units = "mm"', "fagor-8055"),
+        ("", "csv"),
+    ],
+)
+def test_a_new_table_is_read_by_its_configuration_as_it_was_built(
+    tmp_path: Path, options: str, form: str
+) -> None:
+    loaded, axis = configured(tmp_path, options)
+    section = loaded.sections.axes["x"]
+    outcome = outcome_of(READINGS, axis, is_active=False)
+    notes = write_table(outcome, tmp_path / "new", form, axis, section, force=False)
+    assert not [note for note in notes if "not for table_options" in note]
+    data = (tmp_path / "new").read_bytes()
+    table = parse_table(data, "new", context_of(section, "x")).table
+    # What was measured too far is taken back: -0.01 at 50 forward, less what there is at home.
+    difference = table.forward[2] - table.forward[0], table.backward[2] - table.backward[0]
+    assert difference == pytest.approx((-0.02, -0.02), abs=1e-4)
+    assert table.forward[1] - table.backward[1] == pytest.approx(0.005, abs=1e-4)
+
+
+def test_options_with_which_it_would_be_another_table_are_said(tmp_path: Path) -> None:
+    loaded, axis = configured(tmp_path, "")
+    outcome = outcome_of(READINGS, axis, is_active=False)
+    section = loaded.sections.axes["x"]
+    notes = write_table(outcome, tmp_path / "new", "linuxcnc-1", axis, section, force=False)
+    [note] = [note for note in notes if "not for table_options" in note]
+    assert "linuxcnc-0" in note
