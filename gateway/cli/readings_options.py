@@ -44,13 +44,13 @@ def with_readings(
         BadParameter: ``runs`` is no way of making them.
         Exit: code 1, the files are no readings of this axis; each problem is a line on stderr.
     """
-    from gateway.metrology.formats import (  # type: ignore[import-untyped, import-not-found, unused-ignore]
+    from gateway.metrology.formats import (
         ReadingsContext,
         Runs,
         read_survey,
     )
-    from gateway.metrology.readings import merged  # type: ignore[attr-defined, unused-ignore]
-    from gateway.metrology.residue import (  # type: ignore[import-untyped, import-not-found, unused-ignore]
+    from gateway.metrology.readings import merged
+    from gateway.metrology.residue import (
         predicted_residue,
     )
 

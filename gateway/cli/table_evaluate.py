@@ -113,7 +113,8 @@ def _notes(before: Survey, after: Survey | None) -> tuple[str, ...]:
 def _story(
     before: Survey, after: Survey | None, loaded: LoadedTable | None, notes: tuple[str, ...]
 ) -> AxisStory:
-    facts = dict(before.facts)
+    # What holds of one of two surveys only, as whether the compensation was on, is no fact of both.
+    facts = {k: v for k, v in before.facts.items() if after is None or after.facts.get(k) == v}
     if loaded is not None:
         facts |= {"table": loaded.file, "table SHA-256": loaded.sha256}
     named = (before.axis, after.axis if after else None, loaded.source.axis if loaded else None)
@@ -130,8 +131,8 @@ def _story(
 
 
 def _write_report(path: Path, story: AxisStory, *, force: bool) -> None:
-    from gateway.report.errors import ReportError  # type: ignore[import-untyped, import-not-found, unused-ignore]
-    from gateway.report.writing import write_report  # type: ignore[import-untyped, import-not-found, unused-ignore]
+    from gateway.report.errors import ReportError
+    from gateway.report.writing import write_report
 
     made_at = datetime.now(UTC).astimezone().isoformat(sep=" ", timespec="minutes")
     try:

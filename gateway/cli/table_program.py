@@ -75,14 +75,7 @@ def program(
 
       pitch-gateway table program targets.txt --from 0 --to 500 --targets 21 --write list --seed 7
     """
-    if (step is None) == (targets is None):
-        raise typer.BadParameter("one of --step and --targets is needed", param_hint="--step, --targets")
-    if kind is Kind.ENDLESS and travel is not None:
-        raise typer.BadParameter(
-            "the endless program only stops at the limit of the control: --write cycle", param_hint="--travel"
-        )
-    if kind is Kind.ENDLESS and step is None:
-        raise typer.BadParameter("the endless program makes even steps: --step", param_hint="--write")
+    _check(kind, step, targets, travel)
     decimals = maths.DECIMALS[units]
     with shared.problems():
         if step is not None:
@@ -110,6 +103,18 @@ def program(
             typer.echo(
                 f"{out}: {len(stops)} targets from {stops[0]:.{decimals}f} to {stops[-1]:.{decimals}f}"
             )
+
+
+def _check(kind: Kind, step: float | None, targets: int | None, travel: tuple[float, float] | None) -> None:
+    """Refuse options that do not go together."""
+    if (step is None) == (targets is None):
+        raise typer.BadParameter("one of --step and --targets is needed", param_hint="--step, --targets")
+    if kind is Kind.ENDLESS and travel is not None:
+        raise typer.BadParameter(
+            "the endless program only stops at the limit of the control: --write cycle", param_hint="--travel"
+        )
+    if kind is Kind.ENDLESS and step is None:
+        raise typer.BadParameter("the endless program makes even steps: --step", param_hint="--write")
 
 
 def _text(kind: Kind, stops: list[float], cycle: maths.Cycle, travel: tuple[float, float] | None) -> str:
