@@ -1,7 +1,7 @@
 # Each target sets up what it needs on a fresh machine. `make` alone lists them.
 BIN := .venv/bin
 # Three at a time, because most of the long ones wait for programs that they started.
-PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile
+PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
 .PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs fmt clean
