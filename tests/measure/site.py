@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any, Self
 
+from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, socket_path
 from gateway.simulator.axis import DEFAULT_REGISTERS, SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import scaled_clock
@@ -164,6 +165,18 @@ async def gateway(machine: Machine) -> AsyncIterator[asyncio.subprocess.Process]
         if process.returncode is None:
             process.kill()
             await process.wait()
+
+
+async def supervisor_answers(state: Path) -> None:
+    """Wait until the supervisor of a gateway answers; before, a reload is none of its business."""
+    path = socket_path(state, SUPERVISOR_SOCKET_NAME)
+    async with asyncio.timeout(SECONDS):
+        while True:
+            with contextlib.suppress(OSError):
+                _, writer = await asyncio.open_unix_connection(path)
+                writer.close()
+                return
+            await asyncio.sleep(0.02)  # another process: nothing tells when its socket is there
 
 
 class Typed:

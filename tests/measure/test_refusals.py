@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
-from tests.measure.site import Machine, gateway, measuring, run_command
+from tests.measure.site import Machine, gateway, measuring, run_command, supervisor_answers
 
 FEW = ("--from", "0", "--to", "10", "--step", "10", "--runs", "1", "--dwell", "0", "--json")
 
@@ -111,6 +111,7 @@ async def test_a_table_that_the_configuration_now_reads_the_other_way_round_is_n
     lines = 'table = "x.txt"\ntable_options = {{ fagor_sense = "{}", file_units = "mm" }}\n'
     machine.configure(lines.format("actual_minus_command"))
     async with gateway(machine):
+        await supervisor_answers(machine.folder / "state")
         await run_command("reload", str(machine.config))  # at its start it has read the file once more
         machine.configure(lines.format("command_minus_actual"))
         said = await _refused(machine, *FEW, "--yes")
