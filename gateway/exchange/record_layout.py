@@ -48,7 +48,7 @@ _TILTS: Final = struct.Struct("<Q4d")
 """Generation; slopes of the lines, in the order of the specs."""
 _TAIL_SIZE: Final = _TILTS.size + _CRC.size
 _NO_TAIL: Final = bytes(_TAIL_SIZE)
-_LEVEL: Final = (0.0, 0.0, 0.0, 0.0)
+_LEVEL: Final[tuple[float, ...]] = (0.0, 0.0, 0.0, 0.0)  # mypyc loses a Final of unboxed floats
 _EMPTY: Final = (
     *(False, False, False, False, False, 0, 0.0, 0.0, 0.0, 0.0),
     *(0, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0),

@@ -27,7 +27,6 @@ LOOK_NS: Final = 500 * NS_PER_MS
 """At the slowest, the temperature is followed so often: at 2 K/min and 1 m of steel a step is 0.2 µm."""
 ROUNDING: Final = 1e-9
 """Share of a limit by which decimal fractions may exceed it."""
-_NO_LINE: Final = (0.0, 0.0)
 _SAID: Final = {
     TermState.FOLLOWING: EventKind.TERM_FOLLOWS,
     TermState.HELD: EventKind.TERM_HELD,
@@ -89,7 +88,7 @@ class Terms:
         self.thermal = None if plan.thermal is None else Thermal(plan.thermal)
         self.crosses = tuple(_Cross(each, plan) for each in plan.cross)
         self._fresh_ns = int(min((each.fresh_s for each in plan.cross), default=0.0) * NS_PER_S)
-        self.offset, self.tilt = _NO_LINE
+        self.offset = self.tilt = 0.0
         """The line that is asked for: at machine position 0 in units, and its slope."""
         self.is_too_large = False
         """The line that ought to be would, with the table, come to more than ``max_correction``."""
@@ -131,7 +130,7 @@ class Terms:
             fixed_at = self.thermal.settings.fixed_at
             if spec.tilt:
                 self.thermal.resume(-spec.tilt / self.thermal.settings.alpha, now_ns)
-        if self.crosses and (self.offset, self.tilt) != _NO_LINE:
+        if self.crosses and self._has_line:
             self._held_cross = self._cross = spec.offset + spec.tilt * fixed_at
             self._is_cross_known = True
             self._lost_ns = now_ns
@@ -155,7 +154,7 @@ class Terms:
         low, high = self._ends
         more, steeper = offset - self.offset, tilt - self.tilt
         is_small = max(abs(more + steeper * low), abs(more + steeper * high)) < self._least
-        if is_small and ((offset, tilt) != _NO_LINE or (self.offset, self.tilt) == _NO_LINE):
+        if is_small and ((offset or tilt) or not self._has_line):
             self.is_too_large = False
             return not self._fits(base, plan, self.offset, self.tilt)  # limits may have been lowered
         self.is_too_large = not self._fits(base, plan, offset, tilt)
@@ -166,13 +165,17 @@ class Terms:
 
     def on(self, base: CorrectionSpec, plan: AxisPlan) -> CorrectionSpec:
         """Return a table with the line; without one where the two do not fit. A line needs a table."""
-        if base is NOTHING or (self.offset, self.tilt) == _NO_LINE:
+        if base is NOTHING or not self._has_line:
             return base
         if not self._fits(base, plan, self.offset, self.tilt):
             self.is_too_large = True
-            self.offset, self.tilt = _NO_LINE
+            self.offset = self.tilt = 0.0
             return base
         return with_line(base, self.offset, self.tilt)
+
+    @property
+    def _has_line(self) -> bool:
+        return bool(self.offset or self.tilt)
 
     def _fits(self, base: CorrectionSpec, plan: AxisPlan, offset: float, tilt: float) -> bool:
         low, high = self._ends
