@@ -4,7 +4,8 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
+from functools import partial
+from typing import Final, Protocol
 
 from gateway.compensation.table import CorrectionTable
 from gateway.tabfile import (
@@ -78,62 +79,53 @@ class Dialect:
     """Names of :class:`WriteOptions` that its writer has a use for, besides ``axis`` and ``is_modulo``."""
 
 
+class Module(Protocol):
+    """What the file of a dialect holds where it is one dialect with reader and writer."""
+
+    NAME: str
+    TITLE: str
+
+    def recognise(self, source: SourceText, /) -> bool:
+        """See :class:`Dialect`."""
+
+    def read(self, source: SourceText, context: FileContext, /) -> Decoded:
+        """See :class:`Dialect`."""
+
+    def write(self, table: CorrectionTable, options: WriteOptions, /) -> Written:
+        """See :class:`Dialect`."""
+
+
+def _of(module: Module) -> partial[Dialect]:
+    """Return what becomes the entry of a file that is one dialect, as soon as the rest of it is said."""
+    return partial(Dialect, module.NAME, module.TITLE, module.recognise, module.read, module.write)
+
+
 DIALECTS: Final = (
-    Dialect(
-        centroid_v3.NAME,
-        centroid_v3.TITLE,
-        centroid_v3.recognise,
-        centroid_v3.read,
-        centroid_v3.write,
+    _of(centroid_v3)(
         uses=frozenset({"file_start", "file_home"}),
     ),
-    Dialect(
-        centroid_v2.NAME,
-        centroid_v2.TITLE,
-        centroid_v2.recognise,
-        centroid_v2.read,
-        centroid_v2.write,
+    _of(centroid_v2)(
         uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         writes=frozenset({"file_counts_per_unit"}),
     ),
-    Dialect(
-        centroid_v1.NAME,
-        centroid_v1.TITLE,
-        centroid_v1.recognise,
-        centroid_v1.read,
-        centroid_v1.write,
+    _of(centroid_v1)(
         uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
         directions=1,
         writes=frozenset({"file_counts_per_unit", "v1_layout"}),
     ),
-    Dialect(
-        csv_table.NAME,
-        csv_table.TITLE,
-        csv_table.recognise,
-        csv_table.read,
-        csv_table.write,
+    _of(csv_table)(
         uses=frozenset({"file_start", "file_home"}),
         suffix=".csv",
     ),
-    Dialect(
-        fanuc.NAME,
-        fanuc.TITLE,
-        fanuc.recognise,
-        fanuc.read,
-        fanuc.write,
+    _of(fanuc)(
         uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".csv",
         directions=1,
         writes=frozenset({"file_counts_per_unit"}),
     ),
-    Dialect(
-        mitsubishi.NAME,
-        mitsubishi.TITLE,
-        mitsubishi.recognise,
-        mitsubishi.read,
-        mitsubishi.write,
+    _of(mitsubishi)(
         uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".csv",
@@ -160,46 +152,26 @@ DIALECTS: Final = (
         units=UnitsOf.TOLD,
         suffix=linuxcnc.SUFFIX,
     ),
-    Dialect(
-        isg.NAME,
-        isg.TITLE,
-        isg.recognise,
-        isg.read,
-        isg.write,
+    _of(isg)(
         uses=frozenset({"file_counts_per_unit", "file_start", "isg_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix=".lis",
         writes=frozenset({"file_counts_per_unit", "sense"}),
     ),
-    Dialect(
-        fagor.NAME,
-        fagor.TITLE,
-        fagor.recognise,
-        fagor.read,
-        fagor.write,
+    _of(fagor)(
         uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix="",
         writes=frozenset({"file_axis", "sense"}),
     ),
-    Dialect(
-        aerotech.NAME,
-        aerotech.TITLE,
-        aerotech.recognise,
-        aerotech.read,
-        aerotech.write,
+    _of(aerotech)(
         uses=frozenset({"file_start", "file_home", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=".cal",
         directions=1,
         writes=frozenset({"file_axis"}),
     ),
-    Dialect(
-        renishaw_ren.NAME,
-        renishaw_ren.TITLE,
-        renishaw_ren.recognise,
-        renishaw_ren.read,
-        renishaw_ren.write,
+    _of(renishaw_ren)(
         uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".ren",
@@ -216,22 +188,12 @@ DIALECTS: Final = (
         suffix=mint.SUFFIX,
         writes=frozenset({"file_axis"}),
     ),
-    Dialect(
-        heidenhain.NAME,
-        heidenhain.TITLE,
-        heidenhain.recognise,
-        heidenhain.read,
-        heidenhain.write,
+    _of(heidenhain)(
         uses=frozenset({"file_start", "file_axis", "error_sense"}),
         suffix=".com",
         writes=frozenset({"file_axis", "sense"}),
     ),
-    Dialect(
-        siemens.NAME,
-        siemens.TITLE,
-        siemens.recognise,
-        siemens.read,
-        siemens.write,
+    _of(siemens)(
         uses=frozenset({"file_start", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=siemens.SUFFIX,
