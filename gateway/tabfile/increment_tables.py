@@ -53,14 +53,7 @@ def decode(
     """
     units = told_units(source, context, "a table of increments")
     context = context_in_file_units(source, context, units)
-    scale = context.file_counts_per_unit
-    if scale is None or scale <= 0:
-        found = "no file_counts_per_unit" if scale is None else f"file_counts_per_unit {scale:g}"
-        raise source.error(
-            f"a table of increments, which holds counts, and {found}",
-            f"file_counts_per_unit = counts of the OLD control per {context.option_units(units).value}, the "
-            "unit of the axis, above 0 (1000 where it counts in 0.001 of that)",
-        )
+    scale = _scale(source, context, units)
     _check_turn(source, units, file, sums)
     axis = axis_letter(source, file.csv, context)
     start = context.file_start
@@ -98,6 +91,19 @@ def decode(
         behaves_as=HOLDS if turn is None else (f"modulo = {turn:g}",),
         modulo=turn,
     )
+
+
+def _scale(source: SourceText, context: FileContext, units: Units) -> float:
+    """Return the counts of the old control in one unit of the file."""
+    scale = context.file_counts_per_unit
+    if scale is None or scale <= 0:
+        found = "no file_counts_per_unit" if scale is None else f"file_counts_per_unit {scale:g}"
+        raise source.error(
+            f"a table of increments, which holds counts, and {found}",
+            f"file_counts_per_unit = counts of the OLD control per {context.option_units(units).value}, the "
+            "unit of the axis, above 0 (1000 where it counts in 0.001 of that)",
+        )
+    return scale
 
 
 def _scale_told(context: FileContext, scale: float, units: Units) -> tuple[str, ...]:
