@@ -6,6 +6,7 @@ line), ``quit``. Each work is answered with a line of JSON, see :class:`Work`.
 """
 
 import contextlib
+import io
 import json
 import select
 import socket
@@ -72,9 +73,10 @@ class Drive:
 class Controller:
     """Moves to and fro, reads back after each move."""
 
-    def __init__(self, drive: Drive, connection: socket.socket) -> None:
+    def __init__(self, drive: Drive, connection: socket.socket, commands: io.FileIO) -> None:
         self._drive = drive
         self._connection = connection
+        self._commands = commands
         self._number = 0
         self._nominal = LOWEST
         self._step = STEP
@@ -83,7 +85,7 @@ class Controller:
         """Do so many moves, or those until there is a line to read."""
         work = Work()
         took_ns: list[int] = []
-        while work.moves < moves if moves is not None else not select.select((sys.stdin,), (), (), 0)[0]:
+        while work.moves < moves if moves is not None else not self._is_told():
             began_ns = time.perf_counter_ns()
             try:
                 self._move(work)
@@ -103,6 +105,9 @@ class Controller:
                 took_ns[min(len(took_ns) - 1, int(len(took_ns) * share))] / 2000 for share in (0.5, 0.99, 1.0)
             )
         return work
+
+    def _is_told(self) -> bool:
+        return bool(select.select((self._commands,), (), (), 0)[0])
 
     def _move(self, work: Work) -> None:
         if not LOWEST <= self._nominal + self._step <= HIGHEST:
@@ -149,10 +154,12 @@ def main() -> None:
     drive = Drive()
     print(drive.port, flush=True)
     controller: Controller | None = None
-    for line in iter(sys.stdin.readline, ""):
-        match line.split():
+    # Without a buffer: it would hide the line that ends ``carry-on`` from select, when both came at once.
+    commands = io.FileIO(sys.stdin.fileno(), closefd=False)
+    for line in iter(commands.readline, b""):
+        match line.decode().split():
             case ["connect", port, *files]:
-                controller = Controller(drive, connected(int(port), files))
+                controller = Controller(drive, connected(int(port), files), commands)
                 print("{}", flush=True)
             case ["work", moves] if controller:
                 print(json.dumps(asdict(controller.work(int(moves)))), flush=True)
