@@ -26,33 +26,35 @@ class Legitimate:
 
     def __init__(self, process: "subprocess.Popen[str]") -> None:
         self._process = process
-        self.drives = int(self._read())
+        self.drives = int(self.read())
 
     def connect(self, port: int, *files: Path) -> None:
         """Connect to the gateway; with a CA, a certificate and its key over TLS."""
-        self._say(" ".join(["connect", str(port), *map(str, files)]))
-        self._read()
+        self.say(" ".join(["connect", str(port), *map(str, files)]))
+        self.read()
 
     def work(self, moves: int = MOVES) -> Work:
         """Have it do so many moves."""
-        self._say(f"work {moves}")
-        return Work(**json.loads(self._read()))
+        self.say(f"work {moves}")
+        return Work(**json.loads(self.read()))
 
     @contextlib.contextmanager
     def working(self, into: list[Work]) -> Iterator[None]:
         """Have it work meanwhile, and :data:`MOVES` moves more; what came of both goes ``into`` a list."""
-        self._say("carry-on")
+        self.say("carry-on")
         yield
-        self._say("")
-        into.append(Work(**json.loads(self._read())))
+        self.say("")
+        into.append(Work(**json.loads(self.read())))
         into.append(self.work())
 
-    def _say(self, line: str) -> None:
+    def say(self, line: str) -> None:
+        """Write a line, or more than one at once, to its commands."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{line}\n")
         self._process.stdin.flush()
 
-    def _read(self) -> str:
+    def read(self) -> str:
+        """Read a line that it printed."""
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         assert line, "the legitimate controller ended"
