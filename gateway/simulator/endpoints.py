@@ -17,6 +17,7 @@ from gateway.simulator.pty import FdChannel
 from gateway.simulator.wire import Lane
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint
+from gateway.transport.stopping import all_made, stop_serving
 
 GATEWAY_TARGET_FAILED: Final = 0x0B
 """What a TCP device answers for a unit id that nobody has (Modbus application protocol V1.1b3, section 7)."""
@@ -173,7 +174,8 @@ class TcpDriveServer:
     async def stop(self) -> None:
         """Close the listener and every connection."""
         if self._server is not None:
-            self._server.close()
+            stop_serving(self._server)
+            await all_made()
             for connection in tuple(self._connections):
                 connection.abort()
             with suppress(asyncio.CancelledError):

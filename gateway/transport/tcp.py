@@ -22,6 +22,7 @@ from gateway.transport.keeper import Keeper
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits, ConnectRate
 from gateway.transport.permissions import is_permission, no_port
 from gateway.transport.places import SWEEP_S, Asking, Closing, Places
+from gateway.transport.stopping import stop_serving
 
 RECEIVE_BYTES: Final = 4096
 """More than fifteen of the largest Modbus/TCP frames (260 bytes)."""
@@ -207,7 +208,7 @@ class TcpListener:
         if self._sweeping is not None:
             self._sweeping.cancel()
         for server in self._servers:
-            server.close()
+            stop_serving(server)
 
     async def close(self) -> None:
         """Close everything after what was written has left (within a second, else at once)."""

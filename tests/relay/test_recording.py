@@ -67,6 +67,8 @@ class MoodyDrive:
         return b"\x55\xaa\x01" if mood > 0.95 and self.kind == "rtu" else reply
 
     def _answer(self, pdu: bytes) -> bytes:
+        if pdu[0] in (3, 4) and len(pdu) < 5:
+            return bytes((pdu[0] | 0x80, 3))
         if pdu[0] in (3, 4):
             quantity = pdu[4]
             return bytes((pdu[0], 2 * quantity)) + self.random.randbytes(2 * quantity)

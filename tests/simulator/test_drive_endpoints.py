@@ -1,7 +1,9 @@
 """Simulated drives behind sockets and pseudo terminals, with pymodbus as the independent other end."""
 
 import asyncio
+import contextlib
 import os
+import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack
 from struct import pack
@@ -210,6 +212,18 @@ async def test_a_port_in_use_is_named() -> None:
     with pytest.raises(SimulatorError, match=rf"cannot listen on 127\.0\.0\.1:{first.port}"):
         await TcpDriveServer(two_axes(), SteppedClock(), port=first.port).start()
     await first.stop()
+
+
+@pytest.mark.parametrize("turns", range(5))
+async def test_who_connected_just_before_the_end_is_not_left_hanging(turns: int) -> None:
+    server = TcpDriveServer(two_axes(), SteppedClock())
+    await server.start()
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5.0) as there:
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        await server.stop()
+        with contextlib.suppress(ConnectionResetError):
+            assert await asyncio.get_running_loop().run_in_executor(None, there.recv, 1) == b""
 
 
 async def test_a_serial_wire_carries_both_directions(lay_cable: LayCable) -> None:

@@ -172,6 +172,23 @@ async def test_who_was_accepted_while_the_listener_stopped_is_closed(make_record
     assert (listener.peers, listener.accepted, listener.refused) == ([], 0, 0)
 
 
+@pytest.mark.parametrize("turns", range(5))
+async def test_who_connected_just_before_the_listener_stopped_is_not_left_hanging(
+    make_recorder: "type[Recorder]", turns: int
+) -> None:
+    """At each turn of the loop between the system's taking the connection and the first byte."""
+    listener = TcpListener(LOOPBACK, (), make_recorder, nobody)
+    await listener.open()
+    where = listener.addresses[0]
+    with socket.create_connection((where.host, where.port), timeout=5.0) as there:
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        await listener.close()
+        with contextlib.suppress(ConnectionResetError):
+            assert await asyncio.get_running_loop().run_in_executor(None, there.recv, 1) == b""
+    assert listener.peers == []
+
+
 async def test_a_port_in_use_is_named_with_the_remedy(make_recorder: "type[Recorder]") -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]

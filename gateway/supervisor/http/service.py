@@ -25,6 +25,7 @@ from gateway.supervisor.http.sessions import Sessions
 from gateway.supervisor.http.tokens import Tokens
 from gateway.supervisor.http.wanted import Wanted, wanted_by
 from gateway.supervisor.http.window import Window
+from gateway.transport.stopping import all_made, stop_serving
 
 FIRST_WAIT_S: Final = 0.5
 LONGEST_WAIT_S: Final = 30.0
@@ -142,8 +143,8 @@ class HttpService:
             self._window.say(HTTP_READY, address=self._address)
             await self._changed.wait()
         finally:
-            self._address = self._tokens = None
             await _close(server, door, *watching)
+            self._address = self._tokens = None
 
     def _access(self, wanted: Wanted) -> Access | None:
         """Return who may look; None: everybody who gets here."""
@@ -211,7 +212,8 @@ class HttpService:
 
 
 async def _close(server: asyncio.Server, door: Door, *watching: "asyncio.Task[None]") -> None:
-    server.close()
+    stop_serving(server)
+    await all_made()
     for task in watching:
         task.cancel()
     await asyncio.gather(*watching, return_exceptions=True)

@@ -76,6 +76,19 @@ async def test_another_address_in_the_configuration_is_taken_over(tmp_path: Path
         assert (await served.ask("/metrics", is_local=True)).status == 200
 
 
+@pytest.mark.parametrize("turns", range(5))
+async def test_who_connected_just_before_the_end_is_not_left_hanging(tmp_path: Path, turns: int) -> None:
+    async with serving(tmp_path) as served:
+        with socket.create_connection(("127.0.0.1", served.port), timeout=5.0) as there:
+            for _ in range(turns):
+                await asyncio.sleep(0)
+            served.service.configure(HttpSection(listen=""), Path())
+            with contextlib.suppress(ConnectionError):
+                there.sendall(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
+                while await asyncio.get_running_loop().run_in_executor(None, there.recv, 65536):
+                    pass
+
+
 async def test_what_stays_the_same_disturbs_nobody(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
         line = await served.connect()
