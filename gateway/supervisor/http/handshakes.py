@@ -6,6 +6,7 @@ import socket
 import ssl
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from gateway.supervisor.http.refusals import Refused
@@ -82,18 +83,39 @@ class TlsListener:
 
     async def _accept(self, listening: socket.socket) -> None:
         loop = asyncio.get_running_loop()
-        while True:
-            try:
-                connection, address = await loop.sock_accept(listening)
-            except OSError:
-                await asyncio.sleep(PAUSE_S)
-                continue
-            site = site_of(address[0])
-            self._make_room(site)
-            task = asyncio.create_task(self._shake(connection, site))
-            self._shaking[task] = site
-            task.add_done_callback(self._shaking.pop)
-            await asyncio.sleep(0)  # the handshakes have their turn too
+        somebody = asyncio.Event()
+        loop.add_reader(listening.fileno(), somebody.set)
+        try:
+            while True:
+                # Not `sock_accept`: cancelled in the wrong turn it has a connection, and gives it to nobody.
+                await somebody.wait()
+                somebody.clear()
+                try:
+                    connection, address = listening.accept()
+                except (BlockingIOError, InterruptedError):
+                    continue
+                except OSError:
+                    # Whoever waits stays there, and would have us called without end.
+                    loop.remove_reader(listening.fileno())
+                    await asyncio.sleep(PAUSE_S)
+                    loop.add_reader(listening.fileno(), somebody.set)
+                    continue
+                self._take(connection, site_of(address[0]))
+                await asyncio.sleep(0)  # the handshakes have their turn too
+        finally:
+            loop.remove_reader(listening.fileno())
+
+    def _take(self, connection: socket.socket, site: str) -> None:
+        self._make_room(site)
+        connection.setblocking(False)
+        task = asyncio.create_task(self._shake(connection, site))
+        self._shaking[task] = site
+        task.add_done_callback(partial(self._shaken, connection))
+
+    def _shaken(self, connection: socket.socket, task: "asyncio.Task[None]") -> None:
+        self._shaking.pop(task, None)
+        if task.cancelled():  # perhaps before it began
+            _close(connection)
 
     def _make_room(self, site: str) -> None:
         """End the oldest handshake from where too many come, or of all where there are too many."""
@@ -104,7 +126,6 @@ class TlsListener:
             oldest = next(iter(self._shaking))
         else:
             return
-        oldest.remove_done_callback(self._shaking.pop)
         self._refused(self._shaking.pop(oldest), "too many TLS handshakes at once")
         oldest.cancel()
 
@@ -123,8 +144,12 @@ class TlsListener:
             self._refused(site, _why(error))
         finally:
             if not is_open:
-                with contextlib.suppress(OSError):
-                    connection.close()
+                _close(connection)
+
+
+def _close(connection: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        connection.close()
 
 
 def _why(error: OSError) -> str:

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.supervisor.http.handshakes import HandshakeLimits
+from gateway.supervisor.http.handshakes import HandshakeLimits, TlsListener
 from gateway.supervisor.http.limits import Limits
+from gateway.supervisor.http.refusals import tell_nobody
 from tests.certificates import Shop, signed_by
 from tests.supervisor.http.doors import (
     TOKEN,
@@ -220,6 +221,26 @@ async def test_a_handshake_that_never_ends_is_ended(tmp_path: Path, certificates
         assert await line.rest() == b""
         await until(lambda: bool(visitor.events("http-refused")))
         assert visitor.events("http-refused")[0]["detail"] == "the TLS handshake never ended"
+
+
+@pytest.mark.parametrize("turns", range(6))
+async def test_who_connected_just_before_the_end_is_not_left_hanging(certificates: Path, turns: int) -> None:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificates / "page.crt", certificates / "page.key")
+    listening = socket.create_server(("127.0.0.1", 0))
+    listener = TlsListener([listening], context, asyncio.Protocol, tell_nobody, HandshakeLimits())
+    running = asyncio.create_task(listener.run())
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    with socket.create_connection(listening.getsockname(), timeout=5.0) as there:
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        running.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await running
+        with contextlib.suppress(ConnectionResetError):
+            assert await asyncio.get_running_loop().run_in_executor(None, there.recv, 1) == b""
+    assert listener.handshakes == 0
 
 
 @pytest.mark.parametrize("limits", [HandshakeLimits(at_once=8), HandshakeLimits(from_one_site=8)])
