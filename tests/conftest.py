@@ -3,6 +3,11 @@
 import signal
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# How long an example takes says how busy the machine is; what is fast enough is the business of `bench/`.
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
 
 # A shell that starts us in the background, as some CI runners do, has us ignore SIGINT, and so would every
 # program that a test starts: Ctrl-C would then go unheard.  With Python's own handler here, they hear it.

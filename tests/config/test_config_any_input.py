@@ -16,7 +16,9 @@ from gateway.config.toml_lines import key_lines
 from gateway.drives.registers import PositionSpec, RegisterMap
 from tests.config.config_bench import GOOD, written
 
-Quick = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+Quick = settings(
+    max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 scalars = (

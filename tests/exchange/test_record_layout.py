@@ -49,7 +49,7 @@ def test_only_one_slot_is_written_at_a_time_and_each_has_a_page_of_its_own() -> 
     assert {at // PAGE for at in SLOTS_AT} == {1, 2}
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(st.integers(0, SLOT_SIZE - 1), st.integers(1, 255), st.sampled_from(SLOTS_AT))
 def test_a_flipped_byte_leaves_the_other_slot(place: int, flip: int, at: int) -> None:
     data = bytearray(AFTER)
@@ -85,7 +85,7 @@ def test_zeros_are_no_record_and_no_damage() -> None:
     assert slots.generation == 0
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.binary(min_size=SLOT_SIZE, max_size=SLOT_SIZE), st.sampled_from(SLOTS_AT))
 def test_any_other_bytes_are_no_record(garbage: bytes, at: int) -> None:
     data = bytearray(RECORD_SIZE)

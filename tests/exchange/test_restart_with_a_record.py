@@ -101,14 +101,14 @@ def check_goes_on(plan: AxisPlan, ops: list[Op], at: int) -> RecordBench:
     return again
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.lists(st.one_of(targets, targets, others, switches), min_size=1, max_size=12), st.data())
 def test_targets_go_on_after_a_kill_with_the_same_words_and_readings(ops: list[Op], data: Any) -> None:
     ops = [("move", 50_000, 1.0), ("arrive", 0, 0.0), *ops]
     check_goes_on(axis_plan(table=SCREW), ops, data.draw(st.integers(2, len(ops))))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     streams(),
     st.sampled_from(
@@ -148,7 +148,7 @@ def test_m1_a_half_after_a_restart_is_completed_from_the_record() -> None:
     assert read(COMMAND) not in again.seen
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(streams(), st.integers(11, 400), st.booleans(), st.data())
 def test_a_setpoint_that_was_on_the_wire_counts_as_it_is_found(
     ops: list[Op], step: int, has_arrived: bool, data: Any

@@ -212,7 +212,7 @@ STEPS = st.tuples(
 
 
 @pytest.mark.parametrize("name", PLANS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(steps=st.lists(STEPS, max_size=40))
 def test_both_ways_come_to_the_same(name: str, steps: list[tuple[str, int, str]]) -> None:
     twins = Twins(PLANS[name])

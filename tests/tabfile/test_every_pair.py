@@ -5,7 +5,7 @@ from itertools import pairwise, product
 from typing import Final
 
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gateway.cli.table_writing import Converted, converted
@@ -124,7 +124,7 @@ def on_grid_for(table: CorrectionTable, name: str, step: float) -> tuple[Correct
 
 @pytest.mark.parametrize(("one", "other"), PAIRS)
 def test_a_table_goes_from_one_dialect_into_the_other_and_back(one: str, other: str) -> None:
-    @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    @settings(max_examples=10)
     @given(tables((one, other)))
     def check(table: CorrectionTable) -> None:
         assume(table.max_correction() > 0)
