@@ -247,6 +247,43 @@ def test_what_is_wrong_in_a_renishaw_file_is_named(old: str, new: str, words: st
     assert words in refused(RTL.replace(old, new))
 
 
+@pytest.mark.parametrize("kind", ["rta", "RTS", ""])
+def test_an_rtl_of_angles_is_not_read_as_lengths(kind: str) -> None:
+    text = RTL.replace("File type: LINEAR", f"File type  : {kind}")
+    assert f"laser.csv:2: a file of type {kind!r}; allowed: rtl: a linear measurement" in refused(text)
+    for sound in ("rtl", "RTL", "linear"):
+        assert deviations_um(read(RTL.replace("LINEAR", sound))) == deviations_um(read(RTL))
+
+
+def test_a_run_that_was_filled_in_with_zeros_is_no_way_back() -> None:
+    head, _, rest = RTL.partition("  2   6   -2.5")
+    filled = (
+        head
+        + "".join(f"  2   {target}   0\r\n" for target in range(6, 0, -1))
+        + rest[rest.index("\r\nENV") :]
+    )
+    text = refused(filled)
+    assert "laser.csv:28: nothing but 0 in run 2" in text
+    assert "tell --runs forward" in text
+    way_out = filled.replace("Run-count: 2", "Run-count: 1")
+    way_out = "\r\n".join(line for line in way_out.split("\r\n") if not line.startswith("  2 "))
+    assert len(read(way_out, runs=Runs.FORWARD).readings) == 6
+    # one reading that differs from 0 is a measurement
+    assert len(read(filled.replace("  2   3   0", "  2   3   0.001")).readings) == 12
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "gbk", "cp1250"])
+def test_names_in_the_alphabets_of_old_programs_change_nothing(encoding: str) -> None:
+    name = {"latin-1": "Fräse 20 °C", "gbk": "机床一", "cp1250": "frézka č. 1"}[encoding]
+    data = RTL.replace("Machine: mill", f"Machine: {name}").encode(encoding)
+    assert deviations_um(parse_survey(data, "x.rtl")) == deviations_um(read(RTL))
+
+
+def test_readings_in_utf_16_are_refused_with_a_remedy() -> None:
+    with pytest.raises(TabFileError, match=r"UTF-16 text; allowed: plain text .*: save it again as such"):
+        parse_survey(RTL.encode("utf-16"), "x.rtl")
+
+
 def test_told_units_and_axis_that_contradict_the_file_are_refused() -> None:
     assert "positions in mm, told units inch" in refused(ISO, units=Units.INCH)
     assert "readings of axis x, told axis y" in refused(ISO, axis="y")

@@ -60,8 +60,12 @@ def _decoded(data: bytes, name: str) -> SourceText:
         return decode(data, name)
     except TabFileError as error:
         # The bytes of all text files are judged in one place; what belongs into this one is said here.
-        allowed = "the plain text of readings"
-        raise TabFileError(*(replace(each, allowed=allowed) for each in error.problems)) from None
+        raise TabFileError(
+            *(
+                replace(each, allowed=each.allowed.replace("of a table", "of readings"))
+                for each in error.problems
+            )
+        ) from None
 
 
 def is_readings(path: Path) -> bool:
