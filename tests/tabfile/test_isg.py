@@ -203,6 +203,15 @@ def test_list_of_a_cross_compensation_is_refused_by_name() -> None:
     assert (caught.value.line, "'cross' key" in caught.value.allowed) == (2, True)
 
 
+def test_reserved_keys_of_older_lists_must_be_0() -> None:
+    text = ONE_WAY + "kw.ssfk.res1    0\nkw.ssfk.res2 0 /* room */\n"
+    assert list(parse(text).table.forward) == list(parse(ONE_WAY).table.forward)
+    with pytest.raises(TabFileError, match=r"unknown key 'kw\.ssfk\.res1'"):
+        parse(text.replace("res1    0", "res1    2"))
+    with pytest.raises(TabFileError, match=r"kw\.ssfk\.res2 again, after line 9"):
+        parse(text.replace("res1", "res2"))
+
+
 def test_comments_anywhere_between_entries() -> None:
     text = "/* a\n b # c\n */ kw.ssfk.unit /* in between */ 1 # end\n#\n" + ONE_WAY.partition("\n")[2]
     assert list(parse(text).table.forward) == list(parse(ONE_WAY).table.forward)
