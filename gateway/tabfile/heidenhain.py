@@ -12,11 +12,12 @@ Sure, because the manuals say it: the columns AXISPOS (positions from the machin
 compensated axis, named like the axis, and BACKLASH (values measured in the negative direction of traverse).
 Which axis AXISPOS belongs to is not in this file: a ``.CMA`` file assigns it.
 
-Assumed, from how these controls write all their tables: the BEGIN line with the units, the line of column
-names, rows numbered from 0 in the column NR, and [END]. The columns may come in any order after NR. A column
-that is blank in all rows is not there, see :mod:`gateway.tabfile.heidenhain_columns`: a blank BACKLASH means
-that one value holds in both directions. The older layout, with DATUM and DISTANCE in the BEGIN line and
-without AXISPOS, is described nowhere at hand and refused by name.
+Assumed, from how these controls write all their tables and from a public program that writes such files for a
+TNC 640: the BEGIN line with the units, the line of column names, rows numbered from 0 in the column NR, and
+[END]. The columns may come in any order after NR. A column that is blank in all rows is not there, see
+:mod:`gateway.tabfile.heidenhain_columns`: a blank BACKLASH means that one value holds in both directions. The
+older layout, with DATUM and DISTANCE in the BEGIN line and without AXISPOS, is described nowhere at hand and
+refused by name.
 
 Refused, because nothing proves it: errors without a told ``error_sense`` (only the sign of the *linear*
 compensation is described), several axis columns without ``file_axis`` (the others are cross compensation),
