@@ -290,6 +290,11 @@ def test_names_in_the_alphabets_of_old_programs_change_nothing(encoding: str) ->
     assert deviations_um(parse_survey(data, "x.rtl")) == deviations_um(read(RTL))
 
 
+def test_a_column_for_each_run_is_refused_with_the_form_that_is_read() -> None:
+    text = refused("Target (mm),1 up,1 down\n0,0.1,0.2\n50,0.1,0.3\n")
+    assert "a line for each stop (not a column for each run)" in text
+
+
 def test_readings_in_utf_16_are_refused_with_a_remedy() -> None:
     with pytest.raises(TabFileError, match=r"UTF-16 text; allowed: plain text .*: save it again as such"):
         parse_survey(RTL.encode("utf-16"), "x.rtl")

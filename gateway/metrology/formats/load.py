@@ -88,7 +88,8 @@ def _choose(source: SourceText, told: str | None) -> ReadingsFormat:
         return fitting[0]
     raise source.error(
         "a text of no known format of readings" if not fitting else "a text that fits several formats",
-        f"a heading such as {iso_csv.HEADING!r} or {manual.HEADING!r}, or a Renishaw .rtl; "
+        f"a heading such as {iso_csv.HEADING!r}, with a line for each stop (not a column for each run), or "
+        f"{manual.HEADING!r}, or a Renishaw .rtl; "
         f"--readings-format {', '.join(named)}",
         line=source.lines[0].number,
     )
