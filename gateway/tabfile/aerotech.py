@@ -14,6 +14,9 @@ case, separated by blanks or tabs::
              | "CORUNIT=PRIMARY" ["/1000" | "/3600"]    unit of the values: thousandths, or seconds of arc
              | "HOMEDIRECTION=" ("CW" | "CCW") | "HOMEOFFSET=" number
              | "NEGCOR"                                 the values are measured deviations
+             | "SERIALNUMBER=" word                     of the stage; said, not compared
+
+Blanks may stand around a "=".
 
 A value is minus the measured deviation, so it is added; with NEGCOR it is subtracted. The primary unit is
 that of the axis, mm, inch or degree, and stands nowhere: ``file_units``. Where the first value lies stands
@@ -52,7 +55,10 @@ _AXIS: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}|[0-9]{1,3}")
 _PER_UNIT: Final = {"PRIMARY": 1.0, "PRIMARY/1000": 1000.0, "PRIMARY/3600": 3600.0}
 _TWO_DIMENSIONS: Final = (":START2D", "OFFSETROW", "OFFSETCOL", "OUTAXIS3")
 _PAIRED: Final = ("MASTER", "SAMPLEDIST", "POSUNIT", "CORUNIT", "HOMEDIRECTION", "HOMEOFFSET")
-_ALLOWED: Final = f"the axis, then {'=, '.join(_PAIRED)}= or NEGCOR"
+_SERIAL: Final = "SERIALNUMBER"
+_ALLOWED: Final = f"the axis, then {'=, '.join((*_PAIRED, _SERIAL))}= or NEGCOR"
+_LOOSE_EQUALS: Final = re.compile(r"[ \t]*=[ \t]*(?=[^ \t=]+(?:[ \t]|$))")
+"""A "=" and the blanks around it, before a value; not one whose value is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +130,8 @@ def _decoded(
         decisions.append(
             f"made for {', '.join(homing)}: a table holds for the homing that it was measured with"
         )
+    if _SERIAL in table.words:
+        decisions.append(f"made for the stage with {_SERIAL}={table.words[_SERIAL][0]}: is it this one?")
     return Decoded(
         rows,
         context.units,
@@ -206,7 +214,7 @@ def _found(line: Line) -> str:
 
 def _parse_start(source: SourceText, line: Line, words: dict[str, tuple[str, int]], *, is_first: bool) -> str:
     """Add the words of a start line to those of the table; return the axis if it is the first."""
-    head, *fields = line.text.split()
+    head, *fields = _LOOSE_EQUALS.sub("=", line.text).split()
     if head.upper() != ":START":
         is_known = head.upper() == ":START2D"
         found = f"{head}, a table in two dimensions" if is_known else shown(head)
@@ -221,7 +229,7 @@ def _parse_start(source: SourceText, line: Line, words: dict[str, tuple[str, int
         key = key.upper()
         if key in _TWO_DIMENSIONS:
             raise source.error(f"{key}, a table in two dimensions", "tables of one axis", line=line.number)
-        is_known = (key in _PAIRED and bool(value)) or (key == "NEGCOR" and not mark)
+        is_known = (key in {*_PAIRED, _SERIAL} and bool(value)) or (key == "NEGCOR" and not mark)
         if not is_known:
             raise source.error(f"{shown(field)} after :START", _ALLOWED, line=line.number)
         if key in words:

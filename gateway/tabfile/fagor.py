@@ -112,7 +112,10 @@ def read(source: SourceText, context: FileContext) -> Decoded:
 def _parse(source: SourceText) -> list[_Row]:
     rows: list[_Row] = []
     problems: list[Problem] = []
-    for number, line in enumerate(source.lines, start=1):
+    number = 0
+    for line in source.lines:
+        # A heading takes no number from the points below it.
+        number += number > 0 or _RECOGNISED.match(line.text) is not None
         row = _parse_row(line, number)
         if isinstance(row, _Row):
             rows.append(row)

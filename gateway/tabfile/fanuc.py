@@ -20,7 +20,8 @@ belongs to, and the sign on the negative side, the manual shows in figures only;
   interval of 50 mm, point 41 is the section 0 to 50, point 40 the section -50 to 0, point 33 the section -400
   to -350. The manual's example has 33 as the first point of a stroke that begins at -400.
 * Values are steps seen in the positive direction on both sides of the reference: the correction at -50 is
-  minus the value of point 40. (Assumed; one move to each side of the reference shows it.)
+  minus the value of point 40. (Assumed; a public program that makes such values of a laser's readings does so
+  too. One move to each side of the reference shows it.)
 
 On a rotary axis the manual makes the most negative point the reference itself and gives it the value of the
 last point (60 = 68); the values of a turn sum up to 0.

@@ -12,9 +12,12 @@ Sure, because the manuals say it: the columns AXISPOS (positions from the machin
 compensated axis, named like the axis, and BACKLASH (values measured in the negative direction of traverse).
 Which axis AXISPOS belongs to is not in this file: a ``.CMA`` file assigns it.
 
-Assumed, from how these controls write all their tables: the BEGIN line with the units, the line of column
-names, rows numbered from 0 in the column NR, and [END]. The columns may come in any order after NR. A blank
-cell would leave open which column it is of, so every row has as many numbers as there are columns.
+Assumed, from how these controls write all their tables and from a public program that writes such files for a
+TNC 640: the BEGIN line with the units, the line of column names, rows numbered from 0 in the column NR, and
+[END]. The columns may come in any order after NR. A column that is blank in all rows is not there, see
+:mod:`gateway.tabfile.heidenhain_columns`: a blank BACKLASH means that one value holds in both directions. The
+older layout, with DATUM and DISTANCE in the BEGIN line and without AXISPOS, is described nowhere at hand and
+refused by name.
 
 Refused, because nothing proves it: errors without a told ``error_sense`` (only the sign of the *linear*
 compensation is described), several axis columns without ``file_axis`` (the others are cross compensation),
@@ -24,12 +27,11 @@ known here.
 """
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -37,36 +39,50 @@ from gateway.tabfile.context import ErrorSense, FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
+from gateway.tabfile.heidenhain_columns import (
+    AXIS,
+    MAX_PROBLEMS,
+    NEGATIVE,
+    POSITION,
+    Grid,
+    Names,
+    parse_cells,
+    parse_names,
+)
 from gateway.tabfile.ranges import context_in_file_units
 from gateway.tabfile.senses import RULES, required_sense
 from gateway.tabfile.stated import check_stated
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.text import SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "heidenhain-com"
 TITLE: Final = "Heidenhain compensation table (.COM with AXISPOS), one or two directions"
 DECIMALS: Final = 6
-MAX_PROBLEMS: Final = 20
 _UNITS: Final = {"MM": Units.MM, "INCH": Units.INCH}
 _MAX_PLAUSIBLE: Final = {Units.MM: 0.5, Units.INCH: 0.1, Units.DEGREE: inf}
 _BEGIN: Final = re.compile(r"BEGIN[ \t]+([^ \t.]+)[ \t]*\.COM[ \t]+(MM|INCH)", re.IGNORECASE)
+_OLDER: Final = re.compile(r"BEGIN[ \t].*\.COM\b.*\bDATUM\b", re.IGNORECASE)
 _OF_THIS_FAMILY: Final = re.compile(r"BEGIN[ \t].*\.(?:COM|CMA)\b", re.IGNORECASE)
 _HAS_POSITIONS: Final = re.compile(r"\bAXISPOS\b", re.IGNORECASE)
-_AXIS: Final = re.compile(r"[A-Z][0-9]{0,2}")
-_POSITION: Final = "AXISPOS"
-_NEGATIVE: Final = "BACKLASH"
 
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """Where in a row the numbers are; ``negative`` is None without a BACKLASH column."""
+    """Which columns count."""
 
     axis: str
-    position: int
-    positive: int
-    negative: int | None
-    size: int
+    has_negative: bool
     others: tuple[str, ...]
+    blank: tuple[str, ...]
+    line: int
+
+
+class _Row(NamedTuple):
+    """Position, values in both directions as they stand, line."""
+
+    position: float
+    forward: float
+    backward: float
     line: int
 
 
@@ -87,14 +103,16 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             the travel.
     """
     units, unit_decision = _units(source, context)
-    columns = _columns(source, context)
-    table = _parse_rows(source, columns)
+    names = parse_names(source)
+    grid = parse_cells(source, names)
+    columns = _columns(source, context, names, grid)
+    table = _parse_rows(source, columns, grid)
     _check_negative(source, columns, table)
     context = context_in_file_units(source, context, units)
     sense = required_sense(source, context, None, "a Heidenhain compensation table")
-    rows = _rows(table, columns, sense)
+    rows = _rows(table, sense)
     check_stated(source, rows, units, context)
-    backward = f"column {_NEGATIVE}" if columns.negative is not None else "one value for both directions"
+    backward = f"column {NEGATIVE}" if columns.has_negative else "one value for both directions"
     return Decoded(
         rows,
         units,
@@ -118,6 +136,13 @@ def _units(source: SourceText, context: FileContext) -> tuple[Units, str]:
             raise source.error(
                 "a .CMA file, which only assigns tables", "the .COM file that it names", line=line.number
             )
+        if _OLDER.match(line.text):
+            raise source.error(
+                "a .COM file of the older layout (DATUM and DISTANCE), which states no units and no AXISPOS",
+                "BEGIN NAME .COM MM (or INCH), a line 'NR AXISPOS X' above the rows, with X for the axis, "
+                "and [END] below them; or its positions and values as plain CSV, with units and sign",
+                line=line.number,
+            )
         raise source.error(shown(line.text), "BEGIN NAME .COM MM (or INCH)", line=line.number)
     stated = _UNITS[match[2].upper()]
     if Units.DEGREE in (context.file_units, context.units) and context.file_units in (None, Units.DEGREE):
@@ -125,33 +150,20 @@ def _units(source: SourceText, context: FileContext) -> tuple[Units, str]:
     return stated, f"units {stated.value}: line {line.number}"
 
 
-def _columns(source: SourceText, context: FileContext) -> _Columns:
-    if len(source.lines) < 2:
-        raise source.error("the end of the file", f"a line 'NR {_POSITION} X'", line=source.last_line)
-    line = source.lines[1]
-    names = line.text.upper().split()
-    axes = [name for name in names[1:] if name not in {_POSITION, _NEGATIVE}]
-    odd = [name for name, count in Counter(names).items() if count > 1]
-    odd += [name for name in axes if not _AXIS.fullmatch(name)]
-    if names[:1] != ["NR"] or _POSITION not in names or not axes or odd:
+def _columns(source: SourceText, context: FileContext, names: Names, grid: Grid) -> _Columns:
+    line = names.line.number
+    if not grid.axes:
+        raise source.error(f"no number in any of {', '.join(names.axes)}", "values of one axis", line=line)
+    axis = _choose_axis(source, context, grid.axes, line)
+    has_negative = NEGATIVE in grid.filled
+    if has_negative and len(grid.axes) > 1:
         raise source.error(
-            f"column {shown(odd[0])} in {shown(line.text)}" if odd else shown(line.text),
-            f"NR first, then {_POSITION}, a column for each axis (X, Y, C, Z2 ...) and {_NEGATIVE} if there "
-            "is one, each once",
-            line=line.number,
+            f"{NEGATIVE} beside the columns {', '.join(grid.axes)}: nothing says which one it belongs to",
+            f"a file with {POSITION}, {axis} and its {NEGATIVE} only",
+            line=line,
         )
-    axis = _choose_axis(source, context, axes, line.number)
-    negative = names.index(_NEGATIVE) if _NEGATIVE in names else None
-    if negative is not None and len(axes) > 1:
-        raise source.error(
-            f"{_NEGATIVE} beside the columns {', '.join(axes)}: nothing says which one it belongs to",
-            f"a file with {_POSITION}, {axis} and its {_NEGATIVE} only",
-            line=line.number,
-        )
-    others = tuple(name for name in axes if name != axis)
-    return _Columns(
-        axis, names.index(_POSITION), names.index(axis), negative, len(names), others, line.number
-    )
+    others = tuple(name for name in grid.axes if name != axis)
+    return _Columns(axis, has_negative, others, grid.blank, line)
 
 
 def _choose_axis(source: SourceText, context: FileContext, axes: Sequence[str], line: int) -> str:
@@ -166,7 +178,7 @@ def _choose_axis(source: SourceText, context: FileContext, axes: Sequence[str], 
         raise source.error(
             f"{len(axes)} axes ({', '.join(axes)}): the errors of one by its own position, the others by the "
             "position of the first, and nothing says which is which",
-            f"file_axis = {axes[0]!r} or another: the axis whose positions are in {_POSITION}",
+            f"file_axis = {axes[0]!r} or another: the axis whose positions are in {POSITION}",
             line=line,
         )
     if context.axis is not None and context.axis.upper() != axes[0]:
@@ -184,59 +196,44 @@ def _column_decisions(columns: _Columns) -> tuple[str, ...]:
     ]
     if columns.others:
         decisions.append(f"not used: {', '.join(columns.others)}, cross compensation by these positions")
+    if columns.blank:
+        decisions.append(f"not filled in: {', '.join(columns.blank)}")
     return tuple(decisions)
 
 
-def _parse_rows(source: SourceText, columns: _Columns) -> list[tuple[list[float], int]]:
+def _parse_rows(source: SourceText, columns: _Columns, grid: Grid) -> list[_Row]:
     """Return the numbers of each row, with its line."""
-    last = source.lines[-1]
-    if last.text.upper() != "[END]":
-        raise source.error(f"the last line {shown(last.text)}", "[END]", line=last.number)
-    rows: list[tuple[list[float], int]] = []
+    rows: list[_Row] = []
     problems: list[Problem] = []
-    for number, line in enumerate(source.lines[2:-1]):
-        row = _parse_row(line, number, columns)
-        if isinstance(row, list):
-            rows.append((row, line.number))
-        else:
-            problems.append(source.problem(*row, line=line.number))
+    for cells, line in grid.rows:
+        numbers = {name: to_decimal(cell) for name, cell in cells.items() if name != "NR"}
+        problems += (
+            source.problem(shown(cells[name]), DECIMAL_ALLOWED, line=line)
+            for name, number in numbers.items()
+            if number is None
+        )
+        position, forward, backward = (
+            numbers[name] or 0.0
+            for name in (POSITION, columns.axis, NEGATIVE if columns.has_negative else columns.axis)
+        )
+        rows.append(_Row(position, forward, backward, line))
     if problems:
         raise TabFileError(*problems[:MAX_PROBLEMS])
-    if len(rows) < 2:
-        raise source.error(f"{len(rows)} row(s)", "at least 2", line=source.last_line)
-    for (before, _), (after, at) in pairwise(rows):
-        if after[columns.position] <= before[columns.position]:
-            found = f"position {after[columns.position]:g} after {before[columns.position]:g}"
-            problems.append(source.problem(found, "positions that ascend", line=at, code="L11"))
+    for before, after in pairwise(rows):
+        if after.position <= before.position:
+            found = f"position {after.position:g} after {before.position:g}"
+            problems.append(source.problem(found, "positions that ascend", line=after.line, code="L11"))
     if problems:
         raise TabFileError(*problems[:MAX_PROBLEMS])
     return rows
 
 
-def _parse_row(line: Line, number: int, columns: _Columns) -> list[float] | tuple[str, str]:
-    """Return the numbers, or what was found and what is allowed."""
-    fields = line.text.split()
-    if len(fields) != columns.size:
-        found = f"{len(fields)} fields in {shown(line.text)}" if fields else "a blank line"
-        return found, f"{columns.size}, one for each column of line {columns.line}; 0 instead of a blank cell"
-    if fields[0] != str(number):
-        return f"row {shown(fields[0])}", f"NR {number}: rows are numbered through from 0"
-    row = [0.0]
-    for field in fields[1:]:
-        value = to_decimal(field)
-        if value is None:
-            return shown(field), DECIMAL_ALLOWED
-        row.append(value)
-    return row
-
-
-def _check_negative(source: SourceText, columns: _Columns, table: Sequence[tuple[list[float], int]]) -> None:
-    column, positive = columns.negative, columns.positive
-    if column is None or any(row[column] for row, _ in table) or not any(row[positive] for row, _ in table):
+def _check_negative(source: SourceText, columns: _Columns, rows: Sequence[_Row]) -> None:
+    if not columns.has_negative or any(row.backward for row in rows) or not any(row.forward for row in rows):
         return
     raise source.error(
-        f"a {_NEGATIVE} column of zeros",
-        f"for the first: no column {_NEGATIVE}; for the second: one value in it that differs from 0",
+        f"a {NEGATIVE} column of zeros",
+        f"for the first: no column {NEGATIVE}; for the second: one value in it that differs from 0",
         line=columns.line,
         readings=(
             f"not filled in: the values of {columns.axis} hold in both directions",
@@ -245,25 +242,19 @@ def _check_negative(source: SourceText, columns: _Columns, table: Sequence[tuple
     )
 
 
-def _rows(
-    table: Sequence[tuple[list[float], int]], columns: _Columns, sense: ErrorSense
-) -> tuple[SourceRow, ...]:
-    rows = []
-    for row, line in table:
-        forward = row[columns.positive]
-        backward = forward if columns.negative is None else row[columns.negative]
-        rows.append(
-            SourceRow(
-                row[columns.position],
-                sense.to_correction * forward + 0.0,
-                sense.to_correction * backward + 0.0,
-                forward,
-                backward,
-                line,
-                line,
-            )
+def _rows(found: Sequence[_Row], sense: ErrorSense) -> tuple[SourceRow, ...]:
+    return tuple(
+        SourceRow(
+            row.position,
+            sense.to_correction * row.forward + 0.0,
+            sense.to_correction * row.backward + 0.0,
+            row.forward,
+            row.backward,
+            row.line,
+            row.line,
         )
-    return tuple(rows)
+        for row in found
+    )
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
@@ -275,7 +266,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         TabFileError: no name of the axis or no sense told, points that fall together once rounded.
     """
     axis = (options.file_axis or options.axis or "").upper()
-    if not _AXIS.fullmatch(axis):
+    if not AXIS.fullmatch(axis):
         raise unwritable(
             NAME, f"axis {axis!r}", "a letter, and up to two digits, for its column: --to-file-axis NAME"
         )
@@ -292,14 +283,14 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
             NAME, f"points closer than {10**-DECIMALS:g} {unit}", "points further apart: --resample STEP"
         )
     losses = [f"positions and values are rounded to {DECIMALS} decimals ({unit})"]
-    names, columns = [_POSITION, axis], [positions, forward]
+    names, columns = [POSITION, axis], [positions, forward]
     if not table.is_unidirectional:
         if any(forward) and not any(backward):
             backward[0] = 10**-DECIMALS
             losses.append(
-                f"a {_NEGATIVE} column of zeros has two meanings: its first value is {backward[0]:f}"
+                f"a {NEGATIVE} column of zeros has two meanings: its first value is {backward[0]:f}"
             )
-        names.append(_NEGATIVE)
+        names.append(NEGATIVE)
         columns.append(backward)
     lines = [
         f"BEGIN {axis}_PITCH .COM {'INCH' if table.units is Units.INCH else 'MM'}",

@@ -30,6 +30,8 @@ SETTINGS: Final = frozenset(
         "set_pos_without_comp",
     }
 )
+_RESERVED: Final = re.compile(r"res[0-9]")
+"""Room for later settings in older lists; anything but 0 in it would be a setting unknown here."""
 _POINT: Final = re.compile(r"table\[(0|[1-9][0-9]{0,5})\]\.(setpoint|pos|neg)")
 
 
@@ -122,6 +124,8 @@ def sort_keys(source: SourceText, entries: Iterable[Entry]) -> Keys:
             earlier = points[point[2]].setdefault(int(point[1]), entry)
         elif name in SETTINGS:
             earlier = settings.setdefault(name, entry)
+        elif _RESERVED.fullmatch(name) and to_decimal(entry.value) == 0:
+            earlier = single.setdefault(entry.key, entry)
         else:
             allowed = f"{', '.join(sorted(SETTINGS))}, table[i].setpoint, .pos or .neg"
             problems.append(source.problem(f"unknown key {shown(entry.key)}", allowed, line=entry.line))

@@ -120,7 +120,10 @@ def _parse_head(source: SourceText) -> tuple[dict[str, tuple[float, int]], int, 
             continue
         setting = _SETTING.fullmatch(line.text)
         if setting is None:
-            allowed = f"Compensation start, end or spacing, or the columns {_HEADINGS}"
+            allowed = (
+                f"Compensation start, end or spacing, or the columns {_HEADINGS}; a title may be taken out, "
+                "a setting too once you know that it leaves sign and unit of the values as you tell them"
+            )
             raise source.error(shown(line.text), allowed, line=line.number)
         name, number = setting[1].lower(), to_decimal(setting[2] or "")
         if name in settings:
@@ -128,7 +131,9 @@ def _parse_head(source: SourceText) -> tuple[dict[str, tuple[float, int]], int, 
             raise source.error(f"a second Compensation {name}", allowed, line=line.number)
         if number is None or (name == "spacing" and number <= 0):
             allowed = "a distance above 0" if name == "spacing" else DECIMAL_ALLOWED
-            raise source.error(shown(line.text), f"Compensation {name} and {allowed}", line=line.number)
+            raise source.error(
+                shown(line.text), f"Compensation {name} and {allowed}, without a unit", line=line.number
+            )
         settings[name] = (number, line.number)
     raise source.error("the end of the file", f"the columns {_HEADINGS}", line=source.last_line)
 

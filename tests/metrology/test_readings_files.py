@@ -78,6 +78,17 @@ def test_columns_in_another_order_with_semicolons_and_deviations_in_um() -> None
     ]
 
 
+def test_quotes_of_a_spreadsheet_around_whole_cells_change_nothing() -> None:
+    quoted = (
+        ISO.replace("forward", '"forward"').replace("backward", '"backward"').replace("50.003", '"50.003"')
+    )
+    quoted = quoted.replace(
+        "target_mm,direction,run,measured_mm", '"target_mm","direction","run","measured_mm"'
+    )
+    assert read(quoted).readings == read(ISO).readings
+    assert "direction '\"forward'" in refused(ISO.replace("forward", '"forward', 1))
+
+
 def test_tenths_are_ten_thousandths_of_an_inch() -> None:
     text = "target_inch,direction,run,deviation_tenth\n1,forward,1,5\n2,forward,1,-2\n"
     survey = read(text)
@@ -245,6 +256,48 @@ def test_runs_of_one_order_prove_no_direction() -> None:
 def test_what_is_wrong_in_a_renishaw_file_is_named(old: str, new: str, words: str) -> None:
     assert old in RTL
     assert words in refused(RTL.replace(old, new))
+
+
+@pytest.mark.parametrize("kind", ["rta", "RTS", ""])
+def test_an_rtl_of_angles_is_not_read_as_lengths(kind: str) -> None:
+    text = RTL.replace("File type: LINEAR", f"File type  : {kind}")
+    assert f"laser.csv:2: a file of type {kind!r}; allowed: rtl: a linear measurement" in refused(text)
+    for sound in ("rtl", "RTL", "linear"):
+        assert deviations_um(read(RTL.replace("LINEAR", sound))) == deviations_um(read(RTL))
+
+
+def test_a_run_that_was_filled_in_with_zeros_is_no_way_back() -> None:
+    head, _, rest = RTL.partition("  2   6   -2.5")
+    filled = (
+        head
+        + "".join(f"  2   {target}   0\r\n" for target in range(6, 0, -1))
+        + rest[rest.index("\r\nENV") :]
+    )
+    text = refused(filled)
+    assert "laser.csv:28: nothing but 0 in run 2" in text
+    assert "tell --runs forward" in text
+    way_out = filled.replace("Run-count: 2", "Run-count: 1")
+    way_out = "\r\n".join(line for line in way_out.split("\r\n") if not line.startswith("  2 "))
+    assert len(read(way_out, runs=Runs.FORWARD).readings) == 6
+    # one reading that differs from 0 is a measurement
+    assert len(read(filled.replace("  2   3   0", "  2   3   0.001")).readings) == 12
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "gbk", "cp1250"])
+def test_names_in_the_alphabets_of_old_programs_change_nothing(encoding: str) -> None:
+    name = {"latin-1": "Fräse 20 °C", "gbk": "机床一", "cp1250": "frézka č. 1"}[encoding]
+    data = RTL.replace("Machine: mill", f"Machine: {name}").encode(encoding)
+    assert deviations_um(parse_survey(data, "x.rtl")) == deviations_um(read(RTL))
+
+
+def test_a_column_for_each_run_is_refused_with_the_form_that_is_read() -> None:
+    text = refused("Target (mm),1 up,1 down\n0,0.1,0.2\n50,0.1,0.3\n")
+    assert "a line for each stop (not a column for each run)" in text
+
+
+def test_readings_in_utf_16_are_refused_with_a_remedy() -> None:
+    with pytest.raises(TabFileError, match=r"UTF-16 text; allowed: plain text .*: save it again as such"):
+        parse_survey(RTL.encode("utf-16"), "x.rtl")
 
 
 def test_told_units_and_axis_that_contradict_the_file_are_refused() -> None:

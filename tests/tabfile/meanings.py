@@ -153,6 +153,13 @@ def heidenhain(text: str) -> Meaning:
     return _two(Units.MM, [row[1:] for row in _columns(lines[2:-1])], -1.0)
 
 
+def heidenhain_wide(text: str) -> Meaning:
+    """NR, AXISPOS and one more number, which begins below the Z; errors are actual - commanded, both ways."""
+    lines = [line for line in _lines(text) if line]
+    place = lines[1].upper().index("Z")
+    return _both(Units.MM, [(float(line.split()[1]), -float(line[place:])) for line in lines[2:-1]])
+
+
 def renishaw_ren(text: str) -> Meaning:
     """Number, position, forward, reverse; 1000 values per mm."""
     rows = [line for line in _lines(text) if re.match("[0-9]", line)]

@@ -59,6 +59,14 @@ P003 X30 EX 0 EX 0.003
 P004 X60 EX 0.002 EX 0.006
 P005 X90 EX 0.001 EX 0.003
 """
+HEIDENHAIN_WIDE: Final = b"""BEGIN AXIS_Z.COM MM\r
+NR   AXISPOS       BACKLASH      X             Z\r
+0    -75.0000                                  +0.0040\r
+1    -25.0000                                  -0.0010\r
+2    +25.0000                                  +0.0030\r
+3    +75.0000                                  +0.0000\r
+[END]\r
+"""
 
 
 def shipped(name: str) -> bytes:
@@ -259,6 +267,18 @@ SAMPLES: Final = (
         table_options={"error_sense": "actual_minus_command"},
         # errors of 1.2 and 3.0 µm on the way down, of -2.1 on the way up
         moves=((1_000_000, 999_988), (0, -30), (1_000_000, 1_000_021)),
+    ),
+    Sample(
+        "heidenhain-com",
+        "AXIS_Z.COM",
+        HEIDENHAIN_WIDE,
+        FileContext(units=Units.MM, travel=(-75.0, 75.0), error_sense=AMC),
+        meanings.heidenhain_wide,
+        label="heidenhain-com-blanks",
+        header=frozenset({1, 2}),
+        table_options={"error_sense": "actual_minus_command"},
+        # errors of 3 and -1 µm, the same in both directions
+        moves=((250_000, 249_970), (-250_000, -249_990), (250_000, 249_970)),
     ),
     Sample(
         "siemens-eec",

@@ -165,6 +165,18 @@ def test_line_ends_comments_and_blanks_change_nothing(end: str) -> None:
     assert parse(text, **TOLD).table == parse(SAMPLE, **TOLD).table
 
 
+def test_blanks_around_an_equals_sign_and_a_serial_number() -> None:
+    loose = SAMPLE.replace("SAMPLEDIST=25", "SAMPLEDIST = 25").replace("HOMEOFFSET=0", "HOMEOFFSET =\t0")
+    loose = loose.replace("HOMEDIRECTION", 'SERIALNUMBER="1-47" HOMEDIRECTION')
+    assert loose.count(" = ") == 1
+    loaded = parse(loose, **TOLD)
+    assert loaded.table == parse(SAMPLE, **TOLD).table
+    assert loaded.source.decisions[-1] == 'made for the stage with SERIALNUMBER="1-47": is it this one?'
+    # a value that is missing does not take the next word
+    error = refused(SAMPLE.replace("SAMPLEDIST=25", "SAMPLEDIST ="), format="aerotech-cal", **TOLD)
+    assert "'SAMPLEDIST' after :START" in str(error)
+
+
 def test_travel_proves_a_wrong_start() -> None:
     assert "misses travel" in str(refused(SAMPLE, travel=(-500.0, -150.0), units=Units.MM, **TOLD))
 

@@ -85,6 +85,16 @@ def test_line_ends_marks_and_blanks_change_nothing(end: str) -> None:
     assert parse(text).table == parse(OURS).table
 
 
+def test_quotes_of_a_spreadsheet_around_whole_cells_change_nothing() -> None:
+    quoted = "\n".join(
+        ",".join(f'"{cell}"' for cell in line.split(",")) if line else "" for line in SMALL.split("\n")
+    )
+    assert parse(quoted).table == parse(SMALL).table
+    assert parse(SMALL.replace("0.002", ' " 0.002" ')).table == parse(SMALL).table
+    for half in ('"0.002', '0.002"', '"0.0"02"', '"'):
+        assert f"table.csv:3: {half!r}" in str(refused(SMALL.replace("0.002", half)))
+
+
 def test_axis_of_the_comment_is_checked() -> None:
     assert parse(OURS, axis="x").source.axis == "X"
     error = refused(OURS, axis="y")

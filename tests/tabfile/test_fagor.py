@@ -146,6 +146,12 @@ def test_line_ends_blanks_and_case(text: str) -> None:
     assert list(parse(text).table.forward) == list(parse(PRINTED).table.forward)
 
 
+def test_a_heading_is_the_only_line_that_is_named() -> None:
+    with pytest.raises(TabFileError) as caught:
+        parse("; X axis\n" + PRINTED)
+    assert [(problem.line, problem.found) for problem in caught.value.problems] == [(1, "'; X axis'")]
+
+
 @pytest.mark.parametrize(
     "row", ["P002 X0 EX -0.001", "P002 X 0 EX- 0.001", "P002\tX\t0\tEX-\t.001", "P002   X  0.  EX-0.0010"]
 )

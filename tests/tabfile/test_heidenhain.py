@@ -24,6 +24,15 @@ from gateway.tabfile import (
 SAMPLE = (Path(__file__).parents[2] / "tables" / "heidenhain-com" / "Z_PITCH.COM").read_bytes().decode()
 ONE = "BEGIN Y .COM MM\nNR AXISPOS Y\n0 -90 +0.01\n1 -85 -0.02\n2 -80 +0\n[END]\n"
 SEVERAL = "BEGIN Y .COM MM\nNR AXISPOS Z Y\n0 -90 +0.5 +0.01\n1 -85 +0.5 -0.02\n[END]\n"
+WIDE = """\
+BEGIN AXIS_Z.COM MM
+NR   AXISPOS       BACKLASH      X             Y             Z
+0    -75.0000                                                +0.0040
+1    -25.0000                                                -0.0010
+2    +25.0000                                                +0.0030
+[END]
+"""
+"""As a control with three axes has it: a column for each of them, and blanks in all but one."""
 ACTUAL, COMMAND = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
 
 
@@ -109,6 +118,58 @@ def test_columns_in_any_order() -> None:
     assert (list(loaded.table.positions), list(loaded.table.forward)) == ([0.0, 5.0], [0.002, 0.0])
     assert list(loaded.table.backward) == [-0.001, 0.0]
     assert loaded.source.axis is None
+
+
+def test_columns_that_are_blank_in_all_rows_are_not_there() -> None:
+    loaded = parse(WIDE, axis="z")
+    assert list(loaded.table.positions) == [-75.0, -25.0, 25.0]
+    # half way between errors of 0.004 and -0.001, the same both ways
+    explained = explain(loaded, -50.0)
+    assert explained.forward.correction == pytest.approx(-0.0015, abs=1e-15)
+    assert explained.backward.correction == pytest.approx(-0.0015, abs=1e-15)
+    assert loaded.source.decisions[3] == "not filled in: BACKLASH, X, Y"
+    with pytest.raises(TabFileError, match="columns Z, told file_axis X"):
+        parse(WIDE, file_axis="X")
+
+
+def test_a_number_belongs_to_the_column_that_begins_where_it_does() -> None:
+    in_y = WIDE.replace(" " * 14 + "+0.00", "+0.00").replace(" " * 14 + "-0.00", "-0.00")
+    loaded = parse(in_y)
+    assert loaded.source.decisions[2].startswith("positions: taken as those of Y")
+    # backlash beside one axis that is filled in, the others blank
+    both = in_y.replace(" " * 14 + " " * 14 + "+", "+0.0055       " + " " * 14 + "+")
+    both = both.replace(" " * 14 + " " * 14 + "-0.0010", "+0.0005       " + " " * 14 + "-0.0010")
+    loaded = parse(both)
+    assert list(loaded.table.forward) == [-0.004, 0.001, -0.003]
+    assert list(loaded.table.backward) == [-0.0055, -0.0005, -0.0055]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "found"),
+    [
+        ("   -0.0010", "  -0.0010", 4, "3 fields in"),
+        ("-25.0000 ", "-25.00000 ", 4, "3 fields in"),
+        ("BACKLASH ", "BACKLASH", 3, "3 fields in"),
+        ("-25.0000 ", "-25.0000\t", 4, "3 fields in"),
+        ("1    -25.0000      ", "1    -25.0000      +0.001", 4, "4 fields in"),
+        ("-25.0000                                                -0.0010", "-25.0000", 4, "in column Z"),
+        ("1    -25.0000", "1            ", 4, "in column AXISPOS"),
+        ("1    -25.0000      ", "1    -25.0000      +0.001"[:14], 4, "3 fields in"),
+    ],
+)
+def test_a_blank_cell_leaves_nothing_open(old: str, new: str, line: int, found: str) -> None:
+    assert old in WIDE
+    with pytest.raises(TabFileError) as caught:
+        parse(WIDE.replace(old, new, 1))
+    assert caught.value.line == line
+    assert found in caught.value.found
+
+
+def test_the_older_layout_is_refused_with_a_way_out() -> None:
+    text = "BEGIN AXIS-X.COM  DATUM:-75.0000 DISTANCE:+50.0000\nNR    1=F()\n0 -75.0000 +0.0040\n"
+    with pytest.raises(TabFileError, match="of the older layout") as caught:
+        parse(text)
+    assert "a line 'NR AXISPOS X' above the rows" in caught.value.allowed
 
 
 @pytest.mark.parametrize("key", ["units", "file_units"])

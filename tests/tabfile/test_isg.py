@@ -203,8 +203,8 @@ def test_list_of_a_cross_compensation_is_refused_by_name() -> None:
     assert (caught.value.line, "'cross' key" in caught.value.allowed) == (2, True)
 
 
-def test_comments_anywhere_between_entries() -> None:
-    text = "/* a\n b # c\n */ kw.ssfk.unit /* in between */ 1 # end\n#\n" + ONE_WAY.partition("\n")[2]
+def test_comments_and_reserved_keys_anywhere_between_entries() -> None:
+    text = "/* a\n b # c\n */ kw.ssfk.unit /* d */ 1 # e\nkw.ssfk.res1 0\n" + ONE_WAY.partition("\n")[2]
     assert list(parse(text).table.forward) == list(parse(ONE_WAY).table.forward)
 
 
@@ -254,6 +254,8 @@ def test_number_of_points_has_a_limit() -> None:
         ("kw.ssfk.table[1]", "kw.ssfk,table[1]", 7, "kw.ssfk,table[1]"),
         ("kw.ssfk.table[1]", "/* kw.ssfk.table[1]", 7, "does not end"),
         ("[2].pos", "[2].neg", 4, "no table[i].pos"),
+        ("bilateral 0\n", "bilateral 0\nkw.ssfk.res1 2\n", 6, "unknown key"),
+        ("bilateral 0\n", "bilateral 0\nkw.ssfk.res1 0\nkw.ssfk.res1 0\n", 7, "again, after line 6"),
     ],
 )
 def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: int, found: str) -> None:

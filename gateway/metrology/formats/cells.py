@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compensation.units import Units
+from gateway.tabfile.csv_text import split_cells
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.text import Line, SourceText, shown
@@ -65,7 +66,7 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
     if found is None:
         raise source.error("no heading with a separator in it", allowed, line=source.lines[0].number)
     heading, separator = found
-    names = tuple(cell.strip() for cell in heading.text.split(separator))
+    names = split_cells(heading.text, separator)
     facts: dict[str, str] = {}
     lines, problems = [], []
     for line in source.lines:
@@ -74,7 +75,7 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
             if fact.strip():
                 facts[key.strip()] = fact.strip()
         elif line.text and line.number > heading.number:
-            cells = tuple(cell.strip() for cell in line.text.split(separator))
+            cells = split_cells(line.text, separator)
             if len(cells) == len(names):
                 lines.append((line.number, cells))
             else:

@@ -60,8 +60,12 @@ def _decoded(data: bytes, name: str) -> SourceText:
         return decode(data, name)
     except TabFileError as error:
         # The bytes of all text files are judged in one place; what belongs into this one is said here.
-        allowed = "the plain text of readings"
-        raise TabFileError(*(replace(each, allowed=allowed) for each in error.problems)) from None
+        raise TabFileError(
+            *(
+                replace(each, allowed=each.allowed.replace("of a table", "of readings"))
+                for each in error.problems
+            )
+        ) from None
 
 
 def is_readings(path: Path) -> bool:
@@ -84,7 +88,8 @@ def _choose(source: SourceText, told: str | None) -> ReadingsFormat:
         return fitting[0]
     raise source.error(
         "a text of no known format of readings" if not fitting else "a text that fits several formats",
-        f"a heading such as {iso_csv.HEADING!r} or {manual.HEADING!r}, or a Renishaw .rtl; "
+        f"a heading such as {iso_csv.HEADING!r}, with a line for each stop (not a column for each run), or "
+        f"{manual.HEADING!r}, or a Renishaw .rtl; "
         f"--readings-format {', '.join(named)}",
         line=source.lines[0].number,
     )

@@ -3,7 +3,8 @@
 Grammar, as public programs that read and write such files have it (Renishaw publishes none)::
 
     file    := section*                         a line "NAME::", then its lines; often CRLF
-    HEADER::, USER-TEXT::                       "key: fact"
+    HEADER::                                    "File type : rtl" and other lines of "key: fact"
+    USER-TEXT::                                 "key: fact"
     TARGET DATA::                               "Filetype: ..", "Target-count: n", "Targets :", then n
                                                 positions on lines of up to five, then "Flags: .."
     RUNS::                                      "Run-count: r"
@@ -14,6 +15,10 @@ Grammar, as public programs that read and write such files have it (Renishaw pub
 Run and target count from 1; a deviation is measured - target. Odd runs go one way, even runs the other: the
 lines of a run stand in the order in which it was measured, so runs in both orders prove their directions.
 Where all runs have one order, the file may be of one direction or sorted by a program: that must be told.
+
+The same sections hold the angles of an .rta file, or straightness, in units of their own: a ``File type``
+other than rtl is refused. So is a run of nothing but 0 beside others: some programs write one in the place of
+the way back that was never measured.
 """
 
 import re
@@ -46,7 +51,10 @@ _SECTIONS: Final = (
 )
 _FACTS: Final = ("HEADER", "USER-TEXT")
 _FREE: Final = ("ENVIRONMENT", "EQUIPMENT")
+_LINEAR: Final = ("rtl", "linear")
 _OTHER_KINDS: Final = re.compile(r"(?i)angular|straight|square|flat|rotary|dynamic")
+_FEW_TARGETS: Final = 2
+"""As many readings may all be 0 by chance."""
 _MM_PER_UM: Final = 1e-3
 
 
@@ -107,6 +115,12 @@ def _parse(source: SourceText) -> _File:
             continue
         key, colon, fact = (part.strip() for part in line.text.partition(":"))
         if section in _FACTS and colon:
+            if section == "HEADER" and key.casefold() == "file type" and fact.casefold() not in _LINEAR:
+                raise source.error(
+                    f"a file of type {shown(fact)}",
+                    "rtl: a linear measurement, targets in mm and deviations in µm",
+                    line=line.number,
+                )
             file.facts.update({key: fact} if fact else {})
         elif section in _FREE or section in _FACTS:
             file.facts[section.lower()] = "; ".join(
@@ -204,7 +218,19 @@ def _runs(source: SourceText, file: _File) -> dict[int, list[tuple[int, int, flo
                 f"target {', '.join(map(str, twice))} twice" if twice else ""
             )
             raise source.error(f"run {run} has {found}", f"each of {count} targets once", line=lines[-1][0])
+    _check_zeros(source, runs)
     return runs
+
+
+def _check_zeros(source: SourceText, runs: dict[int, list[tuple[int, int, float]]]) -> None:
+    zeros = [run for run, lines in runs.items() if not any(deviation for _, _, deviation in lines)]
+    if 0 < len(zeros) < len(runs) and len(runs[zeros[0]]) > _FEW_TARGETS:
+        raise source.error(
+            f"nothing but 0 in run {', '.join(map(str, zeros))}: filled in, not measured?",
+            "runs that were measured: take the lines of the others out, number the rest through, and tell "
+            "--runs forward or backward",
+            line=runs[zeros[0]][0][0],
+        )
 
 
 def _ways(

@@ -1,0 +1,134 @@
+"""The columns of a Heidenhain table: which there are, which are filled in, and the cells of each row.
+
+A row may have a number in every column. Controls list a column for each of their axes and leave those blank
+that hold nothing; then a number belongs to the column whose name begins where it does, and a column is blank
+in all rows or in none.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.text import Line, SourceText, shown
+
+POSITION: Final = "AXISPOS"
+NEGATIVE: Final = "BACKLASH"
+AXIS: Final = re.compile(r"[A-Z][0-9]{0,2}")
+MAX_PROBLEMS: Final = 20
+_FIELD: Final = re.compile(r"\S+")
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """The line of names: each with the place at which it begins."""
+
+    names: tuple[str, ...]
+    starts: tuple[int, ...]
+    line: Line
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the columns of axes."""
+        return tuple(name for name in self.names[1:] if name not in {POSITION, NEGATIVE})
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """The columns that are filled in, with the cells of each row by the name of the column."""
+
+    filled: tuple[str, ...]
+    blank: tuple[str, ...]
+    rows: tuple[tuple[dict[str, str], int], ...]
+    """Cells and line."""
+
+    @property
+    def axes(self) -> list[str]:
+        """Names of the columns of axes that hold numbers."""
+        return [name for name in self.filled[1:] if name not in {POSITION, NEGATIVE}]
+
+
+def parse_names(source: SourceText) -> Names:
+    """Read the second line.
+
+    Raises:
+        TabFileError: there is none, or it does not name NR, the positions and an axis, each once.
+    """
+    if len(source.lines) < 2:
+        raise source.error("the end of the file", f"a line 'NR {POSITION} X'", line=source.last_line)
+    line = source.lines[1]
+    fields = list(_FIELD.finditer(line.text))
+    names = Names(tuple(f.group().upper() for f in fields), tuple(f.start() for f in fields), line)
+    odd = [name for name, count in Counter(names.names).items() if count > 1]
+    odd += [name for name in names.axes if not AXIS.fullmatch(name)]
+    if names.names[:1] != ("NR",) or POSITION not in names.names or not names.axes or odd:
+        raise source.error(
+            f"column {shown(odd[0])} in {shown(line.text)}" if odd else shown(line.text),
+            f"NR first, then {POSITION}, a column for each axis (X, Y, C, Z2 ...) and {NEGATIVE} if there "
+            "is one, each once",
+            line=line.number,
+        )
+    return names
+
+
+def parse_cells(source: SourceText, names: Names) -> Grid:
+    """Read the rows, from the third line to the last but one.
+
+    Raises:
+        TabFileError: no [END], a row whose number is not its own, numbers that belong to no column, a column
+            that is blank in some rows only.
+    """
+    last = source.lines[-1]
+    if last.text.upper() != "[END]":
+        raise source.error(f"the last line {shown(last.text)}", "[END]", line=last.number)
+    rows: list[tuple[dict[str, str], int]] = []
+    problems: list[Problem] = []
+    for number, line in enumerate(source.lines[2:-1]):
+        cells = _cells(line, number, names)
+        if isinstance(cells, dict):
+            rows.append((cells, line.number))
+        else:
+            problems.append(source.problem(*cells, line=line.number))
+    problems = problems or _partly_blank(source, names, rows)
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+    if len(rows) < 2:
+        raise source.error(f"{len(rows)} row(s)", "at least 2", line=source.last_line)
+    filled = tuple(name for name in names.names if name in rows[0][0])
+    return Grid(filled, tuple(name for name in names.names if name not in filled), tuple(rows))
+
+
+def _cells(line: Line, number: int, names: Names) -> dict[str, str] | tuple[str, str]:
+    """Return the cells by the names of their columns, or what was found and what is allowed."""
+    fields = list(_FIELD.finditer(line.text))
+    if len(fields) == len(names.names):
+        cells = dict(zip(names.names, (field.group() for field in fields), strict=True))
+    else:
+        # A tab is as wide as its reader likes.
+        places = (
+            {} if "\t" in line.text + names.line.text else dict(zip(names.starts, names.names, strict=True))
+        )
+        cells = {places[field.start()]: field.group() for field in fields if field.start() in places}
+        if not fields or len(cells) != len(fields):
+            found = f"{len(fields)} fields in {shown(line.text)}" if fields else "a blank line"
+            return found, (
+                f"{len(names.names)}, one for each column of line {names.line.number}; or fewer, each "
+                "beginning below the first letter of its column"
+            )
+    if cells["NR"] != str(number):
+        return f"row {shown(cells['NR'])}", f"NR {number}: rows are numbered through from 0"
+    return cells
+
+
+def _partly_blank(
+    source: SourceText, names: Names, rows: Sequence[tuple[dict[str, str], int]]
+) -> list[Problem]:
+    problems = []
+    for name in names.names:
+        blank = [line for cells, line in rows if name not in cells]
+        if blank and (len(blank) < len(rows) or name == POSITION):
+            found = f"no number in column {name}"
+            problems.append(source.problem(found, "one in each row, or in none", line=blank[0]))
+    return problems
