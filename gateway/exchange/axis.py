@@ -150,6 +150,11 @@ class AxisExchange:
         return self.is_shadow or self.compensation.is_passing
 
     @property
+    def reads_unchanged(self) -> bool:
+        """Whether what is read of it goes through 1:1: not yet while the last correction fades out."""
+        return self.passes_unchanged and (self.is_shadow or self.compensation.readback.fade is None)
+
+    @property
     def is_unsure(self) -> bool:
         """Whether the branch in force was assumed, where there are two and they count."""
         state = self.compensation.state
