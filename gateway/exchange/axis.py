@@ -202,6 +202,7 @@ class AxisExchange:
         self.forget_place()
         self.doubt_words()
         if is_referenced:
+            self.actual = None  # it may have been counted from another zero
             self.compensation.find_reference(self.wanted)
         else:
             self.compensation.lose_reference()
