@@ -7,17 +7,25 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sin
 
 from gateway.compensation.correction_map import CorrectionMap, Term
 from gateway.compensation.curve import Curve
-from gateway.compensation.settings import AxisSettings, Setpoints
+from gateway.compensation.settings import AxisSettings, Setpoints, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.exchange.control import set_temperature
 from gateway.exchange.life import Exchange
 from gateway.exchange.line import LineExchange
-from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference
+from gateway.exchange.plan import (
+    AxisPlan,
+    CompensationMode,
+    ControllerPlan,
+    CrossPlan,
+    LineTiming,
+    Reference,
+)
 from gateway.exchange.ports import Stamps, Unmeasured
 from gateway.exchange.short_ways import find_way
 from gateway.exchange.unit import UnitMap
@@ -27,6 +35,9 @@ from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 ROUNDS = 15
 CALLS = 2_000
 COMMAND = PositionField(0x6201, RegisterType.INT32)
+CYCLE_NS = 4_000_000
+HEARD_EVERY = 250
+"""Setpoints from one word of the sensor to the next: a second."""
 
 
 @dataclass
@@ -130,6 +141,47 @@ def rewritten_write(wire: _Wire) -> Callable[[int], object]:
     return call
 
 
+class Stream:
+    """Setpoints of x, one each cycle, with what terms may cost. Only the exchange of x counts."""
+
+    def __init__(self, *, has_terms: bool, other_moves: bool = False) -> None:
+        self._wire, self._other_moves, self._has_terms = _Wire(), other_moves, has_terms
+        x, y = plan_of_x(), replace(plan_of_x(), name="y", unit_id=2)
+        if has_terms:
+            x = replace(
+                x,
+                settings=replace(x.settings, travel=(0.0, 1000.0)),
+                thermal=ThermalSettings(11.5e-6),
+                cross=(CrossPlan("y", (0.0, 1000.0), (0.0, 0.1)),),
+            )
+        self._line = LineExchange([x, y], LineTiming(), self._wire, lambda _: None)
+        self._line.link_up(0)
+        self._cycle = self._ns = 0
+        for _ in range(CALLS):  # until the change-over at the start is over
+            self.call(0)
+        self.take_ns()
+
+    def call(self, _: int) -> None:
+        self._cycle += 1
+        cycle, now_ns = self._cycle, self._cycle * CYCLE_NS
+        if self._has_terms and cycle % HEARD_EVERY == 1:
+            set_temperature(self._line.axes, "x", 30.0 + 5.0 * sin(cycle), now_ns)
+        if self._other_moves or cycle == 1:
+            self._exchange(2, 400_000 + cycle % 1000, now_ns)
+        start = time.perf_counter_ns()
+        self._exchange(1, 100 * (cycle % 2_000), now_ns)
+        self._ns += time.perf_counter_ns() - start
+
+    def _exchange(self, unit_id: int, counts: int, now_ns: int) -> None:
+        pdu = b"\x10\x62\x01\x00\x02\x04" + COMMAND.pack(counts)
+        self._line.request(self._wire, 0, unit_id, pdu, now_ns)
+        self._line.reply(unit_id, pdu[:5], now_ns)
+
+    def take_ns(self) -> int:
+        taken, self._ns = self._ns, 0
+        return taken
+
+
 def rewritten_request() -> Callable[[int], object]:
     """Only what turns a frame into the corrected frame: taken apart, corrected, put together, both CRCs."""
     wire = _Wire()
@@ -193,6 +245,8 @@ def passed_read() -> Callable[[int], object]:
 
 def main() -> None:
     wire, other = _Wire(), _Wire()
+    plain, warm = Stream(has_terms=False), Stream(has_terms=True)
+    follower = Stream(has_terms=True, other_moves=True)
     candidates = [
         Candidate("correction, 1 000 points, even grid", correction_at(1_000, is_even=True)),
         Candidate("correction, 100 000 points, even grid", correction_at(100_000, is_even=True)),
@@ -205,6 +259,9 @@ def main() -> None:
         ),
         Candidate("rewriting one FC16 request: bytes in to bytes out", rewritten_request()),
         Candidate("  the same with what the line keeps of it", rewritten_write(other), other.take_request_ns),
+        Candidate("one setpoint of a stream, there and back", plain.call, plain.take_ns),
+        Candidate("the same with thermal and one cross term, whose axis stands", warm.call, warm.take_ns),
+        Candidate("the same with both, whose axis gets setpoints too", follower.call, follower.take_ns),
         Candidate("measuring one exchange: clock, histograms, high marks", measured_exchange()),
     ]
     for _ in range(ROUNDS):

@@ -20,6 +20,11 @@ LINE: Final = re.compile(r"^\s*(\S.*?)\s+([\d.]+)\s+([\d.]+)\s*$")
 EVEN_SMALL, EVEN_LARGE = "correction, 1 000 points, even grid", "correction, 100 000 points, even grid"
 FREE_SMALL, FREE_LARGE = "correction, 1 000 points, free grid", "correction, 100 000 points, free grid"
 REWRITING: Final = "rewriting one FC16 request: bytes in to bytes out"
+SETPOINT: Final = "one setpoint of a stream, there and back"
+WITH_TERMS: Final = (
+    "the same with thermal and one cross term, whose axis stands",
+    "the same with both, whose axis gets setpoints too",
+)
 MEASURING: Final = "measuring"
 """What its name begins with, where it is measured."""
 
@@ -39,6 +44,10 @@ def run(bench: Bench) -> Section:
                 series.setdefault(name, []).append(Round(us, us, us, us))
     rows = tuple((name, str(in_us(compiled, name)), str(in_us(plain, name))) for name in plain)
     section.tables.append(Table(("", "compiled µs", "not compiled µs"), rows))
+    of_terms = tuple(
+        (name, str(ratio(compiled, name, SETPOINT)), str(ratio(plain, name, SETPOINT))) for name in WITH_TERMS
+    )
+    section.tables.append(Table(("÷ one setpoint without terms", "compiled", "not compiled"), of_terms))
     section.goals += goals(compiled, "compiled") + goals(plain, "not compiled")
     return section
 
@@ -64,8 +73,14 @@ def parsed(printed: str) -> dict[str, float]:
 
 
 def in_us(series: Series, name: str) -> Interval:
-    """Return the microseconds of one line."""
+    """Return the microseconds of one line, or whatever else its rounds hold."""
     return over_rounds({name: series[name]}, lambda pick: pick(name, "p50"))
+
+
+def ratio(series: Series, of: str, to: str) -> Interval:
+    """Return how many times one line another one is: run by run, so that a slow run counts for both."""
+    shares = [one.p50 / other.p50 for one, other in zip(series[of], series[to], strict=True)]
+    return in_us({of: [Round(share, share, share, share) for share in shares]}, of)
 
 
 def goals(series: Series, build: str) -> list[Goal]:

@@ -17,6 +17,8 @@ from gateway.compensation.settings import ThermalSettings
 from gateway.times import NS_PER_S
 
 S_PER_MIN: Final = 60.0
+ROUNDING: Final = 1e-9
+"""Share of a limit by which a number may exceed it that was worked out back and forth."""
 
 
 class TermState(Enum):
@@ -45,9 +47,11 @@ class Thermal:
         self._taken_ns = 0
         self._at_ns = 0
         self._is_known = False
+        self._counts_at_once = True
+        """Nothing that was heard stands behind ``difference``: the next value has nothing to come from."""
 
     def take(self, celsius: float, now_ns: int) -> None:
-        """Take what the sensor says. The first value counts at once, as nothing is known before it.
+        """Take what the sensor says. The first value counts at once, as nothing was known before it.
 
         Raises:
             TemperatureError: it cannot be the temperature of this screw; nothing is changed.
@@ -59,17 +63,26 @@ class Thermal:
                 f"{settings.reference:g} °C"
             )
         self.follow(now_ns)
-        if not self._is_known:
+        if self._counts_at_once:
             self.difference = celsius - settings.reference
         self.celsius = celsius
         self._taken_ns = self._at_ns = now_ns
         self._is_known = True
+        self._counts_at_once = False
 
     def resume(self, difference: float, now_ns: int) -> None:
-        """Go on from what counted in another run, as if the sensor had been heard just now."""
+        """Go on from what counted in another run, as if the sensor had been heard just now.
+
+        A difference that cannot be one was worked out with another ``alpha``: it holds until the sensor is
+        heard, and what that says counts at once.
+        """
+        is_of_another_alpha = abs(difference) > self.settings.largest_dt * (1.0 + ROUNDING)
+        if is_of_another_alpha and self.celsius is not None:
+            return
         if not self._is_known:
             self._taken_ns = now_ns
             self._is_known = True
+        self._counts_at_once = is_of_another_alpha
         self.difference = difference
         self._at_ns = now_ns
 

@@ -1,5 +1,7 @@
 """The numbers of an axis, with the defaults that depend on its units and scale filled in."""
 
+from typing import Final
+
 from gateway.compensation.settings import (
     DEFAULT_MAX_CORRECTION_MM,
     DEFAULT_RELOAD_DISTANCE_MM,
@@ -11,6 +13,9 @@ from gateway.compensation.settings import (
 from gateway.config.axis_model import AxisSection
 from gateway.config.terms_model import ThermalSpec
 
+FLOAT_STEP_COUNTS: Final = 1e-6
+"""Next to nothing: 1 µm is what counts then."""
+
 
 def settings_of(axis: AxisSection) -> AxisSettings:
     """Return what the compensation of an axis works with."""
@@ -20,7 +25,7 @@ def settings_of(axis: AxisSection) -> AxisSettings:
         max_correction = units.from_mm(DEFAULT_MAX_CORRECTION_MM)
     hysteresis = axis.hysteresis
     if hysteresis is None:
-        hysteresis = default_hysteresis(units, axis.counts_per_unit)
+        hysteresis = default_hysteresis(units, axis.counts_per_unit / _step_counts(axis))
     return AxisSettings(
         units=units,
         counts_per_unit=axis.counts_per_unit,
@@ -44,6 +49,18 @@ def settings_of(axis: AxisSection) -> AxisSettings:
         fresh_ms=axis.fresh_ms,
         home_approach=axis.home_approach.sign,
     )
+
+
+def _step_counts(axis: AxisSection) -> float:
+    """Return the counts in one step of the registers that tell positions: 1, or a part of one.
+
+    Where a count is a whole millimetre, as with ``float32``, two of them are no hysteresis.
+    """
+    if axis.registers is None:
+        return 1.0
+    places = (*axis.registers.command, *axis.registers.actual)
+    steps = (FLOAT_STEP_COUNTS if each.type.is_float else each.scale for each in places)
+    return min(1.0, max(steps, default=1.0))
 
 
 def thermal_of(thermal: ThermalSpec) -> ThermalSettings:

@@ -150,6 +150,11 @@ class AxisExchange:
         return self.is_shadow or self.compensation.is_passing
 
     @property
+    def reads_unchanged(self) -> bool:
+        """Whether what is read of it goes through 1:1: not yet while the last correction fades out."""
+        return self.passes_unchanged and (self.is_shadow or self.compensation.readback.fade is None)
+
+    @property
     def is_unsure(self) -> bool:
         """Whether the branch in force was assumed, where there are two and they count."""
         state = self.compensation.state
@@ -197,6 +202,7 @@ class AxisExchange:
         self.forget_place()
         self.doubt_words()
         if is_referenced:
+            self.actual = None  # it may have been counted from another zero
             self.compensation.find_reference(self.wanted)
         else:
             self.compensation.lose_reference()

@@ -186,7 +186,7 @@ def _prepare_read(unit: UnitMap, rewriting: Rewriting) -> None:
     readbacks: dict[str, Readback] = {}
     for hit in hits.fields:
         axis = hit.place.axis
-        if not axis.passes_unchanged and hit.place.role.is_position:
+        if not axis.reads_unchanged and hit.place.role.is_position:
             active.append(hit.place)
             readbacks[axis.plan.name] = axis.compensation.readback
     rewriting.readbacks = readbacks

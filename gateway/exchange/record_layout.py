@@ -4,8 +4,8 @@ A process may be killed between any two stores, and a power cut may leave half a
 written then fails its check sum, and the other one, a generation older, holds. Little-endian, no padding; the
 check sum is the CRC-32 of everything before it. Each slot has a page of its own.
 
-Behind a slot stands its tail, with the slopes of its lines: zeros where all of them are 0, as in version 1,
-which had no tail; else with the generation that it belongs to. It is written before its slot, so that a slot
+Behind a slot stands its tail: the slopes of its lines and the generation that it belongs to; zeros as long as
+there never was a slope, as in version 1, which had no tail. It is written before its slot, so that a slot
 never holds with the tail of another one.
 """
 
@@ -210,12 +210,9 @@ class RecordSlots:
 
     def _store_tail(self, number: int, generation: int) -> None:
         at = SLOTS_AT[number] + SLOT_SIZE
-        self._has_tail[number] = self._tilts != _LEVEL
-        tail = _NO_TAIL
-        if self._has_tail[number]:
-            slopes = _TILTS.pack(generation, *self._tilts)
-            tail = slopes + _CRC.pack(crc32(slopes))
-        self._buffer[at : at + _TAIL_SIZE] = tail
+        self._has_tail[number] = True  # for good: zeros again would belong to any generation
+        slopes = _TILTS.pack(generation, *self._tilts)
+        self._buffer[at : at + _TAIL_SIZE] = slopes + _CRC.pack(crc32(slopes))
 
     def _bodies(self) -> list[bytes | None]:
         return [_body(self._buffer, number) for number in (0, 1)]

@@ -24,7 +24,7 @@ from gateway.exchange.shadow import Shadow
 
 LARGEST_COUNTS: Final = 2.0**53
 """Beyond it a double does not hold every whole count; such a target is not kept."""
-_NO_TARGET: Final = (0.0, 0.0)
+_NO_TARGET: Final[tuple[float, ...]] = (0.0, 0.0)
 _NO_FADE: Final = (False, 0.0, 0.0, 0.0, 0.0)
 FindTable = Callable[[bytes], CorrectionTable | None]
 """The table with a digest (``compensation.fingerprint.table_digest``); None where it is not to be had."""

@@ -58,9 +58,9 @@ def why_not_restored(axis: AxisExchange, record: Remembered, actual: Actual, fin
     except (TableError, SettingsError) as error:
         return f"the table that was in force cannot be used any more ({error})"
     _restore(axis, record, state, is_at_target=finding.is_at_target)
-    resume_terms(axis, actual.seen_ns)
     if record.unproven is not None and unproven is not None:
         _follow_unproven(axis, record.unproven, unproven, finding)
+    resume_terms(axis, actual.seen_ns)
     return ""
 
 

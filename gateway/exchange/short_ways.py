@@ -65,7 +65,7 @@ class ReadWay(Way):
                 if read.axis.needs_reference(now_ns, is_target=False):
                     return None
         exchange.readbacks = [
-            None if read.axis.passes_unchanged else read.axis.compensation.readback for read in self._reads
+            None if read.axis.reads_unchanged else read.axis.compensation.readback for read in self._reads
         ]
         return exchange.pdu
 

@@ -18,6 +18,7 @@ from gateway.compensation.thermal import TermState, Thermal
 from gateway.counts import Counts
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan, CrossPlan
+from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ LOOK_NS: Final = 500 * NS_PER_MS
 """At the slowest, the temperature is followed so often: at 2 K/min and 1 m of steel a step is 0.2 µm."""
 ROUNDING: Final = 1e-9
 """Share of a limit by which decimal fractions may exceed it."""
+FLOAT_STEP: Final = 2.0**-23
+"""Share of a float32 between two neighbours, at most."""
 _SAID: Final = {
     TermState.FOLLOWING: EventKind.TERM_FOLLOWS,
     TermState.HELD: EventKind.TERM_HELD,
@@ -54,20 +57,27 @@ class _Cross:
         return self._plan.axis
 
     @property
+    def known_partner(self) -> "AxisExchange | None":
+        """The other axis, where it is there, its registers mean what they did, and it knows where it is."""
+        partner = self.partner
+        is_known = partner is not None and partner.is_referenced and not partner.is_ended
+        return partner if is_known else None
+
+    @property
     def target(self) -> Accepted | None:
         """The last accepted target of the other axis, where it says where that axis is."""
-        partner = self.partner
-        return None if partner is None or not partner.is_referenced else partner.compensation.accepted
+        partner = self.known_partner
+        return None if partner is None else partner.compensation.accepted
 
     def place(self, now_ns: int) -> Counts | None:
         """Return where the other axis is, in nominal counts; None where nobody knows.
 
         After a stop or a jog it has no target: then a reading of its actual position has to do.
         """
-        target, partner = self.target, self.partner
+        target, partner = self.target, self.known_partner
         if target is not None:
             return target.nominal_counts
-        if partner is None or not partner.is_referenced or partner.actual is None:
+        if partner is None or partner.actual is None:
             return None
         age_ns = now_ns - partner.actual.seen_ns
         is_fresh = age_ns <= self._plan.fresh_s * NS_PER_S
@@ -93,7 +103,8 @@ class Terms:
         self.is_too_large = False
         """The line that ought to be would, with the table, come to more than ``max_correction``."""
         self._ends = settings.travel or (0.0, 0.0)
-        self._least = 0.5 / abs(settings.counts_per_unit)
+        self._least = 0.5 * min(_step_of(field, plan) for field in plan.command)
+        """What no command field can tell, in units."""
         self._due_ns = 0
         self._cross = self._held_cross = 0.0
         self._is_cross_known = False
@@ -141,7 +152,10 @@ class Terms:
         """Whether the line has to be looked at before the next target."""
         if now_ns >= self._due_ns:
             return True
-        return any(cross.target is not cross.seen for cross in self.crosses)
+        for cross in self.crosses:  # noqa: SIM110 (asked for each setpoint: no generator)
+            if cross.target is not cross.seen:
+                return True
+        return False
 
     def follow(self, base: CorrectionSpec, plan: AxisPlan, now_ns: int) -> bool:
         """Work out the line anew; whether another one is asked for now."""
@@ -302,6 +316,17 @@ class Terms:
             difference = self.thermal.difference
             return f"{_OF_SENSOR[state]}; {difference:+.3g} K count"
         return f"{_OF_PARTNER[state]}: {', '.join(cross.axis for cross in self.crosses)}"
+
+
+def _step_of(field: PositionField, plan: AxisPlan) -> float:
+    """Return the largest distance within the travel between two positions that a field can tell, in units."""
+    settings = plan.settings
+    step = field.scale
+    if field.type.is_float:
+        ends = settings.travel or (0.0, 0.0)
+        largest = max(abs(settings.zero_counts + settings.counts_per_unit * end) for end in ends)
+        step = FLOAT_STEP * largest
+    return step / abs(settings.counts_per_unit)
 
 
 _OF_SENSOR: Final = {

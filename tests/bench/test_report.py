@@ -78,10 +78,21 @@ def test_the_goals_over_tcp_are_judged_on_one_processor() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [hot.EVEN_SMALL, hot.EVEN_LARGE, hot.FREE_SMALL, hot.FREE_LARGE, hot.REWRITING]
+    "name",
+    [
+        *(hot.EVEN_SMALL, hot.EVEN_LARGE, hot.FREE_SMALL, hot.FREE_LARGE, hot.REWRITING),
+        *(hot.SETPOINT, *hot.WITH_TERMS),
+    ],
 )
 def test_the_hot_path_still_prints_the_lines_that_are_judged(name: str) -> None:
     assert f'{name}"' in (BENCH / "hot_path.py").read_text()
+
+
+def test_what_terms_cost_is_a_ratio_within_the_same_runs() -> None:
+    runs = ((10.0, 11.0), (20.0, 24.0), (10.0, 13.0))  # a machine that is half as fast for a while
+    names = (hot.SETPOINT, hot.WITH_TERMS[0])
+    series = {name: [Round(*4 * (run[i],)) for run in runs] for i, name in enumerate(names)}
+    assert hot.ratio(series, hot.WITH_TERMS[0], hot.SETPOINT).estimate == pytest.approx(1.2)
 
 
 def test_a_line_that_the_hot_path_no_longer_prints_is_not_measured() -> None:

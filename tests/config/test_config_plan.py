@@ -162,6 +162,28 @@ def test_an_axis_that_says_everything(tmp_path: Path) -> None:
     assert axis.max_registers == 10
 
 
+@pytest.mark.parametrize(
+    ("command", "actual", "hysteresis"),
+    [
+        ('"float32"', '"float32"', 0.001),
+        ('"float32"', '"int32", scale = 0.01', 0.02),
+        ('"int32", scale = 0.01', '"int32", scale = 0.01', 0.02),
+        ('"int32", scale = 0.01', '"int32"', 2.0),
+        ('"int32", scale = 10', '"int32"', 2.0),
+    ],
+)
+def test_where_a_count_is_a_millimetre_the_steps_of_the_registers_are_the_default_hysteresis(
+    tmp_path: Path, command: str, actual: str, hysteresis: float
+) -> None:
+    text = edited(
+        ("counts_per_unit = 1000.0", "counts_per_unit = 1.0"),
+        ('address = 0x0606, type = "int32"', f"address = 0x0606, type = {command}"),
+        ('address = 0x0520, type = "int32"', f"address = 0x0520, type = {actual}"),
+        ('table = "cnc10x.tab"\n', ""),
+    )
+    assert only_axis(tmp_path, text).settings.hysteresis == pytest.approx(hysteresis, rel=1e-12)
+
+
 def test_default_lengths_of_an_axis_in_inches_are_those_in_mm(tmp_path: Path) -> None:
     text = edited(
         ('units = "mm"', 'units = "inch"'),

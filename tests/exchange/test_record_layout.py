@@ -154,19 +154,20 @@ _SAYS = (
 )
 
 
-def test_the_slope_of_a_line_stands_in_a_tail_and_zeros_are_none() -> None:
+def test_the_slope_of_a_line_stands_in_a_tail_that_is_not_there_before_the_first() -> None:
     buffer = bytearray(RECORD_SIZE)
     slots = RecordSlots(memoryview(buffer), bytes(16))
     found = []
+    tails = []
     for tilt in (0.0, -1e-4, -2e-4, 0.0, 0.0, 3e-4):
         keep(slots, tilt)
         record = RecordSlots(memoryview(buffer), bytes(16)).read()
         assert record is not None
         found.append((record.state.spec.offset, record.state.spec.tilt))
+        both = (buffer[at + SLOT_SIZE : at + SLOT_SIZE + 8] for at in SLOTS_AT)
+        tails.append({int.from_bytes(tail, "little") for tail in both})
     assert found == [(0.5, 0.0), (0.5, -1e-4), (0.5, -2e-4), (0.5, 0.0), (0.5, 0.0), (0.5, 3e-4)]
-    for at in SLOTS_AT:  # the last one has a tail, the one before has none any more
-        generation = int.from_bytes(buffer[at : at + 8], "little")
-        assert any(buffer[at + SLOT_SIZE : at + SLOT_SIZE + 44]) is (generation == 6)
+    assert tails == [{0}, {0, 2}, {2, 3}, {3, 4}, {4, 5}, {5, 6}]  # the generations that they belong to
 
 
 def test_a_slot_without_its_own_tail_does_not_count() -> None:
@@ -187,3 +188,17 @@ def test_a_slot_without_its_own_tail_does_not_count() -> None:
     damaged = RecordSlots(memoryview(buffer), bytes(16))
     assert damaged.read() is None
     assert damaged.is_damaged
+
+
+def test_a_kill_between_a_level_tail_and_its_slot_takes_no_slope_from_the_older_slot() -> None:
+    buffer = bytearray(RECORD_SIZE)
+    slots = RecordSlots(memoryview(buffer), bytes(16))
+    for tilt in (-1e-4, -2e-4, -3e-4):
+        keep(slots, tilt)
+    at, other = SLOTS_AT
+    before = bytes(buffer[at : at + SLOT_SIZE])
+    keep(slots, 0.0)
+    buffer[at : at + SLOT_SIZE] = before  # generation 2 with the tail of generation 4
+    assert getattr(read(buffer), "generation", None) == 3
+    buffer[other : other + SLOT_SIZE] = bytes(SLOT_SIZE)  # and that page never reached the disk
+    assert read(buffer) is None

@@ -16,7 +16,7 @@ from gateway.exchange.axis import AxisExchange
 from gateway.exchange.control import ControlError, TableChange
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.modbus.registers import PositionField, RegisterType
-from tests.exchange.line_bench import COMMAND, Bench, stream_plan, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, stream_plan, write
 
 POINTS = 50_000
 
@@ -140,3 +140,30 @@ def test_a_change_asked_for_while_a_setpoint_is_on_the_wire_is_as_long_as_its_di
     assert max(told) == 400
     assert told[-1] == 0
     assert max(abs(b - a) for a, b in pairwise(told)) <= 20
+
+
+@pytest.mark.parametrize("way", ["switch", "clear"])
+def test_an_axis_that_is_switched_off_reads_on_without_a_jump(way: str) -> None:
+    """0.5 mm lie between what it reads and what 1:1 would be: they fade on the way to its next target."""
+    table = make_table([0, 100], [0.5, 0.5], [0.5, 0.5], Units.MM)
+    bench = Bench(axis_plan(table=table, max_correction=0.5))
+    bench.move(10_000)
+    assert bench.memory.get(ACTUAL) == 10_500
+    if way == "switch":
+        control.switch(bench.line.axes, "x", is_wanted=False)
+    else:
+        control.clear_table(bench.line.axes, "x")
+    assert bench.actual() == 10_000
+    bench.ask(write(COMMAND, 20_500))
+    assert bench.memory.get(COMMAND) == 20_500
+    readings = []
+    for corrected in (10_500, 13_000, 15_500, 18_000, 20_500):
+        bench.memory.put(ACTUAL, corrected)
+        readings.append(bench.actual())
+    assert readings == [10_000, 12_625, 15_250, 17_875, 20_500]
+    for corrected in (20_500, 15_500, 10_500):  # whatever moves it now
+        bench.memory.put(ACTUAL, corrected)
+        assert bench.actual() == corrected
+    bench.ask(write(COMMAND, 30_000))
+    bench.memory.put(ACTUAL, 25_000)
+    assert bench.actual() == 25_000

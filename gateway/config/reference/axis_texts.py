@@ -84,7 +84,7 @@ AXIS: Final[Texts] = {
             "position may lie beside another and still be the same place. Refused when as long as "
             "travel or table"
         ),
-        default="2 counts, at least 0.001 mm",
+        default="2 counts, or 2 steps of registers that tell less than a count, at least 0.001 mm",
     ),
     "reload": Said(
         meaning=(
