@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
+from gateway.catalogue.tls_events import CERTIFICATE_ENDS_SOON
+from gateway.transport.certificate_times import SOON
 from tests.supervisor.http.exposition import Samples, samples
 from tests.supervisor.http.http_bench import model, snapshot
 
@@ -21,7 +24,16 @@ PROMTOOL = shutil.which("promtool")
 with_promtool = pytest.mark.skipif(PROMTOOL is None, reason="promtool (Debian: prometheus) is not installed")
 EVERYWHERE = {"instance", "job"}
 """Labels that Prometheus adds."""
-ILL = model(snapshot(line={"state": "down"}), is_relay_up=False)
+CERTIFICATE = {"key": "certificate", "file": "/etc/s.pem", "subject": "CN=mill", "days_left": 3}
+
+
+def ending(seconds: int) -> dict[str, Any]:
+    """What the page says of a certificate that ends so long after 1970 began."""
+    ends = datetime.fromtimestamp(seconds, UTC).isoformat()
+    return {"problem": None, "certificates": [{**CERTIFICATE, "ends": ends}]}
+
+
+ILL = model(snapshot(line={"state": "down"}), is_relay_up=False, supervisor={"http": ending(10**9)})
 
 
 def expressions() -> list[str]:
@@ -67,6 +79,12 @@ def test_every_alert_says_what_to_do() -> None:
         assert rule["annotations"]["summary"]
         assert rule["annotations"]["description"].endswith(".")
         assert re.fullmatch(r"\d+[sm]", rule["for"])
+
+
+def test_the_alert_of_certificates_comes_when_the_event_does() -> None:
+    [rule] = [rule for rule in RULES if rule["alert"] == "PitchGatewayCertificateEndsSoon"]
+    assert rule["expr"].endswith(f" - time() < {SOON.days} * 86400")
+    assert f"ends within {SOON.days} days;" in CERTIFICATE_ENDS_SOON.meaning
 
 
 DASHBOARD_SCHEMA: dict[str, Any] = {
@@ -183,6 +201,12 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
         model(supervisor={"tables_folder": {"problem": "gone"}}),
         {"component": "tables_folder"},
         "PitchGatewayConfigurationNotTaken",
+    ),
+    # promtool's clock begins in 1970; it looks after 50 minutes.
+    (
+        model(supervisor={"http": ending(30 * 86_400)}),
+        {"where": "http", "key": "certificate", "file": "/etc/s.pem", "subject": "CN=mill"},
+        "PitchGatewayCertificateEndsSoon",
     ),
 ]
 
