@@ -12,7 +12,7 @@ from gateway.compensation.units import Units
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES
 from gateway.tabfile import FileContext, read_table
-from tests.metrology.iso230_reports import REPORTS
+from tests.metrology.iso230_readings import REPORTS
 from tests.metrology.samples import RTL, TB058_MANUAL
 
 ORACLE = "bifrost slits 11358 axis 1 (2021-11-03)"
