@@ -64,12 +64,13 @@ def evaluate(
     with shared.problems():
         context = ReadingsContext(readings_format, told.units, told.axis, runs)
         before = shared.read_all(readings, context)
-        loaded = None if table is None else inspect(table, told.context())
+        loaded = None
         second = shared.read_all(after, context).in_units(before.units) if after else None
-        if loaded is not None:
+        if table is not None:
+            loaded = inspect(table, told.context())
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
-        notes = _notes((before, second), results, is_predicted=loaded is not None)
+        notes = _all_notes((before, second), results, is_predicted=loaded is not None)
         if report is not None:
             _write_report(report, _story(before, second, loaded, notes), force=force)
     if json:
@@ -96,27 +97,29 @@ def _print_json(
     )
 
 
-def _notes(
+def _all_notes(
     surveys: tuple[Survey, Survey | None],
     results: tuple[Evaluation, Evaluation | None],
     *,
     is_predicted: bool,
 ) -> tuple[str, ...]:
-    """Return what is odd about both surveys; of a predicted one only what the first does not have."""
+    """Return what is odd about both; of a survey that was predicted only what the first does not say."""
     before, after = surveys
-    notes = _oddities(before)
-    if after is not None:
-        news = [remark for remark in after.remarks if remark not in before.remarks]
-        notes += news if is_predicted else _oddities(after)
+    notes = _notes(before, None if is_predicted else after)
+    if is_predicted and after is not None:
+        notes = (*notes, *(remark for remark in after.remarks if remark not in before.remarks))
     if results[1] is not None and (other := other_stretch(results[0], results[1])):
-        notes.append(f"measured {other}")
+        notes = (*notes, f"measured {other}")
+    return notes
+
+
+def _notes(before: Survey, after: Survey | None) -> tuple[str, ...]:
+    notes: list[str] = []
+    for survey in filter(None, (before, after)):
+        notes.extend(survey.remarks)
+        unit = survey.units.value
+        notes.extend(f"{survey.source}: outlier: {each.describe(unit)}" for each in find_outliers(survey))
     return tuple(notes)
-
-
-def _oddities(survey: Survey) -> list[str]:
-    unit = survey.units.value
-    outliers = (f"{survey.source}: outlier: {each.describe(unit)}" for each in find_outliers(survey))
-    return [*survey.remarks, *outliers]
 
 
 def _story(

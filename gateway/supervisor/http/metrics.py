@@ -124,6 +124,23 @@ def _of_troubles(troubles: Iterable[Mapping[str, str]]) -> Iterator[Metric]:
     yield each
 
 
+def _of_certificates(model: Mapping[str, Any]) -> Iterator[Metric]:
+    """Yield when certificates end; of several in one file the first to end."""
+    places = {"http": model["supervisor"]["http"].get("certificates", ())}
+    for name, line in model["lines"].items():
+        for controller in line["controllers"]:
+            found = controller.get("tls", {}).get("certificates", ())
+            places[f"line {name}, controller {controller['name']}"] = found
+    says = "When what is in a file of tls is good no more, in Unix time."
+    ends = _gauge("certificate_end_timestamp_seconds", says, ["where", "key", "file", "subject"])
+    for where, certificates in places.items():
+        for each in certificates:
+            if each["ends"] is not None:
+                labels = (where, each["key"], each["file"], each["subject"])
+                ends.add_metric(labels, datetime.fromisoformat(each["ends"]).timestamp())
+    yield ends
+
+
 def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Metric]:
     up = _gauge("line_up", "Whether the drives of a line are reached: 1 or 0.", ["line"])
     wire = _counter("line_wire_seconds", "Time that bytes took on the wire of the drives.", ["line"])
@@ -246,20 +263,3 @@ def _of_tables(axes: Mapping[str, Any]) -> Iterator[Metric]:
             kind, digest = table["format"] or "", table.get("sha256") or ""
             info.add_metric((name,), {"file": table["file"], "format": kind, "sha256": digest})
     yield from (points, loaded, info)
-
-
-def _of_certificates(model: Mapping[str, Any]) -> Iterator[Metric]:
-    """Yield when certificates end; of several in one file the first to end."""
-    places = {"http": model["supervisor"]["http"].get("certificates", ())}
-    for name, line in model["lines"].items():
-        for controller in line["controllers"]:
-            found = controller.get("tls", {}).get("certificates", ())
-            places[f"line {name}, controller {controller['name']}"] = found
-    says = "When what is in a file of tls is good no more, in Unix time."
-    ends = _gauge("certificate_end_timestamp_seconds", says, ["where", "key", "file", "subject"])
-    for where, certificates in places.items():
-        for each in certificates:
-            if each["ends"] is not None:
-                labels = (where, each["key"], each["file"], each["subject"])
-                ends.add_metric(labels, datetime.fromisoformat(each["ends"]).timestamp())
-    yield ends

@@ -87,10 +87,17 @@ AXIS = {
         "is_over_budget": False,
     },
 }
+CERTIFICATE = {
+    "key": "certificate",
+    "file": "/etc/page.pem",
+    "subject": "CN=mill",
+    "ends": "2001-09-09T01:46:40+00:00",
+    "days_left": 300,
+}
 WELL = {
     "configuration": {"file": "gateway.toml", "problem": None},
     "tables_folder": {"folder": "tables", "problem": None},
-    "http": {"problem": None},
+    "http": {"problem": None, "certificates": [CERTIFICATE]},
     "mqtt": {"problem": None},
 }
 

@@ -3,13 +3,19 @@
 from datetime import datetime, timedelta
 from pathlib import Path
 
+import yaml
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
+from gateway.catalogue.tls_events import CERTIFICATE_ENDS_SOON
+from gateway.transport.certificate_times import SOON
 from gateway.transport.certificates import now_utc
 from tests.certificates import Shop
 from tests.supervisor.http.doors import asking, section
-from tests.supervisor.http.http_bench import until
+from tests.supervisor.http.exposition import samples
+from tests.supervisor.http.http_bench import CERTIFICATE, CONTROLLER, model, snapshot, until
+
+ALERTS = Path(__file__).parents[3] / "deploy" / "monitoring" / "alerts.yml"
 
 
 def two_days(folder: Path) -> None:
@@ -66,3 +72,27 @@ async def test_serving_anew_does_not_tell_of_the_same_certificate_again(tmp_path
         assert len(visitor.events("certificate-ends-soon")) == 1
         visitor.served.service.configure(section(visitor.served.port, None), tmp_path)
         await until(lambda: visitor.served.service.status["certificates"] == [])
+
+
+def test_each_file_of_certificates_says_when_it_ends() -> None:
+    own = {**CERTIFICATE, "file": "/etc/s.pem", "ends": "2001-09-09T02:46:41+01:00"}
+    forever = {**CERTIFICATE, "key": "revoked", "ends": None, "days_left": None}
+    cnc = {**CONTROLLER, "tls": {"certificates": [own, forever]}}
+    found = samples(model(snapshot(line={"controllers": [cnc]})))
+    ends = {
+        (of["where"], of["key"], of["file"], of["subject"]): value
+        for (name, labels), value in found.items()
+        if name == "pitch_gateway_certificate_end_timestamp_seconds" and (of := dict(labels))
+    }
+    # 1 000 000 000 s of Unix time are 2001-09-09 01:46:40 UTC.
+    assert ends == {
+        ("http", "certificate", "/etc/page.pem", "CN=mill"): 1_000_000_000,
+        ("line xyz, controller cnc", "certificate", "/etc/s.pem", "CN=mill"): 1_000_000_001,
+    }
+
+
+def test_event_and_alert_come_when_the_check_warns() -> None:
+    rules = yaml.safe_load(ALERTS.read_text())["groups"][0]["rules"]
+    [rule] = [rule for rule in rules if rule["alert"] == "PitchGatewayCertificateEndsSoon"]
+    assert rule["expr"].endswith(f" - time() < {SOON.days} * 86400")
+    assert f"ends within {SOON.days} days;" in CERTIFICATE_ENDS_SOON.meaning

@@ -9,7 +9,7 @@ import pytest
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.metrics import Metrics
 from tests.supervisor.http.exposition import Samples, families, samples
-from tests.supervisor.http.http_bench import CONTROLLER, model, serving, snapshot
+from tests.supervisor.http.http_bench import model, serving, snapshot
 
 
 def of(found: Samples, metric: str, /, **labels: str) -> float:
@@ -114,22 +114,6 @@ def test_troubles_are_counted_and_named() -> None:
     assert of(ill, "relay_up") == 0
     assert of(ill, "component_ok", component="mqtt") == 0
     assert of(ill, "component_ok", component="http") == 1
-
-
-def test_each_file_of_certificates_says_when_it_ends() -> None:
-    own = {"key": "certificate", "file": "/etc/s.pem", "subject": "CN=mill", "days_left": 3}
-    forever = {"key": "revoked", "file": "/etc/crl.pem", "subject": "", "days_left": None, "ends": None}
-    certificates = [{**own, "ends": "2001-09-09T01:46:40+00:00"}, forever]
-    controllers = [{**CONTROLLER, "tls": {"certificates": certificates}}]
-    page = {"problem": None, "certificates": [{**own, "ends": "2001-09-09T02:46:40+01:00"}]}
-    found = samples(model(snapshot(line={"controllers": controllers}), supervisor={"http": page}))
-    ends = {labels: value for (name, labels), value in found.items() if "certificate_end" in name}
-    # 1 000 000 000 s of Unix time are 2001-09-09 01:46:40 UTC.
-    assert ends == {
-        (("file", "/etc/s.pem"), ("key", "certificate"), ("subject", "CN=mill"), ("where", where)): 1e9
-        for where in ("http", "line xyz, controller cnc")
-    }
-    assert not [name for name, _ in samples(model()) if "certificate" in name]
 
 
 def test_names_are_as_prometheus_wants_them() -> None:
