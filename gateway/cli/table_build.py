@@ -76,15 +76,14 @@ def build(
         table = built.table.in_units(to_units or built.table.units)
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)
         options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
-        written = shared.written(table, target, options, OWN_OPTIONS)
-        result, again, _ = written
+        result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
         notes = [*built.notes, *_one_curve(table, again, target.name)]
         shared.write_file(out, result.text, force=force)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
     if json:
-        _print_json(out, notes, written, results)
+        _print_json(out, notes, (result, again, difference), results)
     else:
-        _print(out, notes, written, results)
+        _print(out, notes, (result, again, difference), results)
 
 
 def _print(

@@ -29,6 +29,13 @@ from tests.ports import free_port
 PATIENCE_S = 20.0
 BOUNDS_US = [5, 10, 100, 1000]
 TOOK: dict[str, Any] = {"p50": 8.0, "p99": 90.0, "p999": 99.0, "max": 120.0, "max_minute": 60.0}
+CERTIFICATE = {
+    "key": "certificate",
+    "file": "/etc/page.pem",
+    "subject": "CN=mill",
+    "ends": "2001-09-09T01:46:40+00:00",
+    "days_left": 300,
+}
 CONTROLLER: dict[str, Any] = {
     "name": "cnc",
     "role": "motion",
@@ -86,13 +93,6 @@ AXIS = {
         "budget_overruns": 5,
         "is_over_budget": False,
     },
-}
-CERTIFICATE = {
-    "key": "certificate",
-    "file": "/etc/page.pem",
-    "subject": "CN=mill",
-    "ends": "2001-09-09T01:46:40+00:00",
-    "days_left": 300,
 }
 WELL = {
     "configuration": {"file": "gateway.toml", "problem": None},
