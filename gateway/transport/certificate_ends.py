@@ -4,15 +4,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.tls_events import CERTIFICATE_ENDED, CERTIFICATE_ENDS_SOON
 from gateway.files import FileRefusedError
-from gateway.transport.certificate_times import TimeProblem, list_problem, time_problem
-
-if TYPE_CHECKING:
-    from gateway.transport.certificate_facts import Facts
+from gateway.transport.certificate_times import Life, TimeProblem, list_problem, time_problem
 
 DAY: Final = timedelta(days=1)
 """So often a certificate is told of, at most; and when it ends."""
@@ -27,16 +24,16 @@ class Held:
     key: str
     """Of ``tls``: ``certificate``, ``clients`` or ``revoked``."""
     file: str
-    facts: "Facts | None"
+    life: Life | None
     """None: a list, or a file that only OpenSSL can read."""
     ends: datetime | None
     """None: never, or nobody knows."""
 
     def problem(self, now: datetime) -> TimeProblem | None:
         """Return what is to be said of its time, None for nothing."""
-        if self.facts is None:
+        if self.life is None:
             return list_problem(self.file, self.ends, now)
-        return time_problem(self.facts, now)
+        return time_problem(self.life, now)
 
 
 def read_held(paths: Mapping[str, Path]) -> tuple[Held, ...]:
@@ -50,14 +47,14 @@ def read_held(paths: Mapping[str, Path]) -> tuple[Held, ...]:
 
 
 def _read(key: str, path: Path) -> Iterator[Held]:
-    from gateway.transport.certificate_facts import list_ends, read_facts
+    from gateway.transport.certificate_facts import list_ends, read_lives
 
     try:
         if key == "revoked":
             yield Held(key, str(path), None, list_ends(path)[1])
         else:
-            for facts in read_facts(path):
-                yield Held(key, str(path), facts, facts.ends)
+            for life in read_lives(path):
+                yield Held(key, str(path), life, life.ends)
     except FileRefusedError:  # a check says so; until when it is good stays unknown here
         yield Held(key, str(path), None, None)
 
@@ -112,7 +109,7 @@ class Endings:
             {
                 "key": key,
                 "file": held.file,
-                "subject": "" if held.facts is None else held.facts.subject,
+                "subject": "" if held.life is None else held.life.subject,
                 "ends": None if held.ends is None else held.ends.isoformat(timespec="seconds"),
                 "days_left": _days_left(held.ends, now),
             }

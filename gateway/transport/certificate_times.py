@@ -2,13 +2,38 @@
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING, Final
-
-if TYPE_CHECKING:
-    from gateway.transport.certificate_facts import Facts
+from typing import Final, Protocol
 
 SOON: Final = timedelta(days=30)
 """So long before its end a certificate is warned of, by ``check`` and while the gateway runs."""
+
+
+class Timed(Protocol):
+    """Somebody's certificate, as far as its time goes."""
+
+    @property
+    def subject(self) -> str:
+        """Whose it is."""
+        ...
+
+    @property
+    def begins(self) -> datetime:
+        """From when on it is good."""
+        ...
+
+    @property
+    def ends(self) -> datetime:
+        """When it is good no more."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Life:
+    """A certificate of which nothing else was read: that is soon done."""
+
+    subject: str
+    begins: datetime
+    ends: datetime
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +45,7 @@ class TimeProblem:
     is_good_now: bool
 
 
-def time_problem(facts: "Facts", now: datetime) -> TimeProblem | None:
+def time_problem(facts: Timed, now: datetime) -> TimeProblem | None:
     """Return what is to be said of a certificate's time, None for nothing."""
     if facts.ends < now:
         found = f"{facts.subject} expired on {day(facts.ends)}"
