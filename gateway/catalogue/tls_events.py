@@ -19,6 +19,22 @@ HANDSHAKE_FAILED: Final = EventEntry(
     "plain Modbus or an old TLS on a TLS port; a peer that trusts another authority, hangs up or is silent",
     "let the controller speak TLS 1.2 or newer and trust the gateway's authority; else find out who it is",
 )
+CERTIFICATE_ENDS_SOON: Final = EventEntry(
+    "certificate-ends-soon",
+    Severity.WARNING,
+    "a certificate in force, or a list of revoked ones, ends within 30 days; told at the start and once a "
+    "day, with `days_left`",
+    "its time is nearly over",
+    "have it renewed and put it in the place of the old one; for the page then `pitch-gateway reload CONFIG`",
+)
+CERTIFICATE_ENDED: Final = EventEntry(
+    "certificate-ended",
+    Severity.ERROR,
+    "a certificate in force, or a list of revoked ones, is good no more, or not yet by the clock of this "
+    "machine: whoever connects anew is turned away or hangs up; told once a day",
+    "it was not renewed, or the clock is wrong",
+    "put a good one in its place; for the page then `pitch-gateway reload CONFIG`. Or set the clock",
+)
 CERTIFICATES_RENEWED: Final = EventEntry(
     "certificates-renewed",
     Severity.INFO,

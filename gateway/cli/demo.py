@@ -80,41 +80,46 @@ def demo(
     """
     from rich.console import Console
 
-    from gateway.relay.errors import StartError
-    from gateway.report.errors import ReportError
-    from gateway.report.writing import check_place
-    from gateway.simulator.errors import SimulatorError
-
     live = not once and not json_output and report is None and Console().is_terminal
-    wanted = _Wanted(seed, keep, json_output, report, force)
-    try:
-        if report is not None:
-            check_place(report, force=force)
-        with ExitStack() as exits:
-            folder = keep or Path(
-                exits.enter_context(tempfile.TemporaryDirectory(prefix="pitch-gateway-demo-"))
-            )
-            folder.mkdir(parents=True, exist_ok=True)
-            good = asyncio.run(_live(Console(), folder, seed) if live else _once(folder, wanted))
-    except _StoppedError as stopped:
-        typer.echo(f"demo: {stopped}", err=True)
-        raise typer.Exit(stopped.exit_code) from None
-    except (SimulatorError, StartError, ReportError, OSError) as error:
-        typer.echo(f"demo: {error}", err=True)
-        raise typer.Exit(1) from None
-    if not good:
+    if not _perform(_Wanted(seed, keep, json_output, report, force), live=live):
         raise typer.Exit(1)
 
 
 @dataclass(frozen=True, slots=True)
 class _Wanted:
-    """What one round was asked for."""
+    """What was asked for."""
 
     seed: int
     keep: Path | None
     json: bool
     report: Path | None
     force: bool
+
+
+def _perform(wanted: _Wanted, *, live: bool) -> bool:
+    """Play it in a folder of its own; returns whether the result is good. What ends it early is said."""
+    from rich.console import Console
+
+    from gateway.relay.errors import StartError
+    from gateway.report.errors import ReportError
+    from gateway.report.writing import check_place
+    from gateway.simulator.errors import SimulatorError
+
+    try:
+        if wanted.report is not None:
+            check_place(wanted.report, force=wanted.force)
+        with ExitStack() as exits:
+            folder = wanted.keep or Path(
+                exits.enter_context(tempfile.TemporaryDirectory(prefix="pitch-gateway-demo-"))
+            )
+            folder.mkdir(parents=True, exist_ok=True)
+            return asyncio.run(_live(Console(), folder, wanted.seed) if live else _once(folder, wanted))
+    except _StoppedError as stopped:
+        typer.echo(f"demo: {stopped}", err=True)
+        raise typer.Exit(stopped.exit_code) from None
+    except (SimulatorError, StartError, ReportError, OSError) as error:
+        typer.echo(f"demo: {error}", err=True)
+        raise typer.Exit(1) from None
 
 
 async def _once(folder: Path, wanted: _Wanted) -> bool:

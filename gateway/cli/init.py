@@ -15,6 +15,7 @@ from gateway.cli.asking import Asking, number, text, two_numbers, whole_number
 
 if TYPE_CHECKING:
     from gateway.cli.draft import Draft
+    from gateway.cli.first_configuration import Serial
 
 QUESTIONS: Final[Mapping[str, tuple[Callable[[str], Any], str]]] = {
     "drives_at": (text, "Drives at (/dev/…, HOST:PORT, or rtu://HOST:PORT)"),
@@ -72,13 +73,10 @@ def init(
         pitch-gateway init mill.toml --controller-compensation-off --drive oriental-az --units mm --unit-id 1
         --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 --counts-per-unit 1000 --travel -300 0
     """
-    from gateway.cli.draft import Draft
     from gateway.cli.first_configuration import Serial
 
     asking = Asking(is_on=sys.stdin.isatty() if ask is None else ask)
-    _check_names(file, axis, force=force)
-    draft = Draft(file, axis, Serial(baudrate, parity, stop_bits))
-    _check_serial(draft)
+    draft = _new_draft(file, axis, Serial(baudrate, parity, stop_bits), force=force)
     given = {
         "drive": drive,
         "drives_at": drives_at,
@@ -101,11 +99,17 @@ def init(
         _fit_units(file, systemd, is_good=is_good, is_quiet=as_json)
 
 
-def _check_serial(draft: "Draft") -> None:
+def _new_draft(file: Path, axis: str, serial: "Serial", *, force: bool) -> "Draft":
+    """Return a draft in which nothing is answered yet; refuses names and settings that cannot be."""
+    from gateway.cli.draft import Draft
+
+    _check_names(file, axis, force=force)
+    draft = Draft(file, axis, serial)
     problem = draft.wrong_serial()
     if problem is not None:
         option = "--" + problem.key.rpartition(".")[2].replace("_", "-")
         raise typer.BadParameter(f"{problem.found}; {problem.remedy}", param_hint=option)
+    return draft
 
 
 def _answer(draft: "Draft", asking: Asking, given: Mapping[str, Any], *, is_compensation_off: bool) -> None:

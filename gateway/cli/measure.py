@@ -1,11 +1,16 @@
 """``pitch-gateway measure CONFIG --axis X``."""
 
+from typing import TYPE_CHECKING
+
 import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit, state_folder_or_exit
 from gateway.cli.measuring import options as given
 from gateway.metrology.gauges import GaugeKind
+
+if TYPE_CHECKING:
+    from gateway.cli.measuring.work import Wish
 
 
 def measure(
@@ -64,9 +69,8 @@ def measure(
 
         pitch-gateway measure gateway.toml --axis x --resume x.readings.csv --gauge /dev/ttyUSB0
     """
-    from gateway.cli.measuring.errors import MeasureError
     from gateway.cli.measuring.setting import Grid, Reader, Scale
-    from gateway.cli.measuring.work import Wish, work
+    from gateway.cli.measuring.work import Wish
 
     grid = Grid(low, high, step, targets, spread, seed, runs, overrun)
     reader = Reader(csv, column, delimiter, gauge, gauge_kind, gauge_baud, gauge_request, gauge_timeout)
@@ -75,11 +79,19 @@ def measure(
         config, axis, controller, port, grid, reader, scale, speed, readings, resume, out, out_format, report,
         before, force, yes, as_json,
     )  # fmt: skip
-    loaded = load_or_exit(config)
+    _fulfil(wish)
+
+
+def _fulfil(wish: "Wish") -> None:
+    """Do what was asked for; ends the command where that does not come to its end."""
+    from gateway.cli.measuring.errors import MeasureError
+    from gateway.cli.measuring.work import work
+
+    loaded = load_or_exit(wish.config)
     try:
-        code = work(wish, loaded.plan, loaded.sections.axes, state_folder_or_exit(config))
+        code = work(wish, loaded.plan, loaded.sections.axes, state_folder_or_exit(wish.config))
     except MeasureError as error:
-        typer.echo(f"{config}: {error}", err=True)
+        typer.echo(f"{wish.config}: {error}", err=True)
         raise typer.Exit(1) from None
     if code:
         raise typer.Exit(code)

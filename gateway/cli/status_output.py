@@ -8,6 +8,8 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from gateway.transport.certificate_times import SOON
+
 NOT_KNOWN: Final = "–"
 COUNTERS: Final = {
     "exchanges": "exchanges",
@@ -117,12 +119,16 @@ def _line(name: str, line: Mapping[str, Any]) -> Iterator[RenderableType]:
 
 
 def _strangers_and_sessions(controller: Mapping[str, Any]) -> Iterator[RenderableType]:
-    """Say whom a controller's listener let in by certificate, and how many it turned away."""
+    """Say whom a controller's listener let in by certificate, which end soon, how many it turned away."""
     tls = controller.get("tls", {})
     name = escape(controller["name"])
     for session in tls.get("sessions", ()):
         who = f"{escape(session['subject'])}, {escape(session['certified'])} ({escape(session['role'])})"
         yield _words(f"  {name}: TLS with {escape(session['peer'])}, {who}")
+    for file in tls.get("certificates", ()):
+        if file["days_left"] is not None and file["days_left"] < SOON.days:
+            ends = f"is good until {escape(file['ends'])}, days left: {file['days_left']}"
+            yield _words(f"  {name}: [yellow]TLS: {escape(file['file'])} {ends}[/]")
     counts = {
         "connections refused": controller.get("refused_connections"),
         "handshakes failed": tls.get("failed_handshakes"),

@@ -82,9 +82,18 @@ def build(
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
     if json:
         _print_json(out, notes, (result, again, difference), results)
-        return
+    else:
+        _print(out, notes, (result, again, difference), results)
+
+
+def _print(
+    out: Path,
+    notes: list[str],
+    written: tuple[Written, LoadedTable, float],
+    results: tuple[Evaluation, Evaluation],
+) -> None:
     print_lines((f"note: {note}" for note in notes), err=True)
-    shared.print_written(out, result, again, difference)
+    shared.print_written(out, *written)
     results_text(*results, ("before", "predicted"))
 
 

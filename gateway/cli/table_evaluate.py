@@ -70,11 +70,7 @@ def evaluate(
             loaded = inspect(table, told.context())
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
-        notes = _notes(before, second if loaded is None else None)
-        if loaded is not None and second is not None:
-            notes = (*notes, *(remark for remark in second.remarks if remark not in before.remarks))
-        if results[1] is not None and (other := other_stretch(results[0], results[1])):
-            notes = (*notes, f"measured {other}")
+        notes = _all_notes((before, second), results, is_predicted=loaded is not None)
         if report is not None:
             _write_report(report, _story(before, second, loaded, notes), force=force)
     if json:
@@ -99,6 +95,22 @@ def _print_json(
             "notes": list(notes),
         }
     )
+
+
+def _all_notes(
+    surveys: tuple[Survey, Survey | None],
+    results: tuple[Evaluation, Evaluation | None],
+    *,
+    is_predicted: bool,
+) -> tuple[str, ...]:
+    """Return what is odd about both; of a survey that was predicted only what the first does not say."""
+    before, after = surveys
+    notes = _notes(before, None if is_predicted else after)
+    if is_predicted and after is not None:
+        notes = (*notes, *(remark for remark in after.remarks if remark not in before.remarks))
+    if results[1] is not None and (other := other_stretch(results[0], results[1])):
+        notes = (*notes, f"measured {other}")
+    return notes
 
 
 def _notes(before: Survey, after: Survey | None) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """``pitch-gateway table program``: what to measure, and programs that make the axis stop there."""
 
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -76,13 +77,8 @@ def program(
       pitch-gateway table program targets.txt --from 0 --to 500 --targets 21 --write list --seed 7
     """
     _check(kind, step, targets, travel)
-    decimals = maths.DECIMALS[units]
     with shared.problems():
-        if step is not None:
-            stops = maths.even_targets(low, high, abs(step) if kind is Kind.ENDLESS else step)
-        else:
-            assert targets is not None
-            stops = maths.random_targets(low, high, targets, seed=seed, spread=spread, decimals=decimals)
+        stops = _Targets(low, high, step, targets, seed, spread).stops(kind, units)
         cycle = maths.Cycle(
             axis=axis,
             units=units,
@@ -92,7 +88,7 @@ def program(
             runs=runs,
         )
         if kind is Kind.ENDLESS:
-            text = maths.endless_steps(axis, step or 0.0, dwell, decimals)
+            text = maths.endless_steps(axis, step or 0.0, dwell, maths.DECIMALS[units])
         else:
             text = _text(kind, stops, cycle, travel)
         _warn(stops, cycle, kind)
@@ -100,9 +96,38 @@ def program(
             typer.echo(text, nl=False)
         else:
             shared.write_file(out, text, force=force)
-            typer.echo(
-                f"{out}: {len(stops)} targets from {stops[0]:.{decimals}f} to {stops[-1]:.{decimals}f}"
-            )
+            _say_written(out, stops, maths.DECIMALS[units])
+
+
+@dataclass(frozen=True, slots=True)
+class _Targets:
+    """Where the axis is to stop, as the options say."""
+
+    low: float
+    high: float
+    step: float | None
+    number: int | None
+    seed: int
+    spread: float | None
+
+    def stops(self, kind: Kind, units: Units) -> list[float]:
+        """Return the targets, ascending.
+
+        Raises:
+            ReadingsError: they cannot be.
+        """
+        if self.step is not None:
+            step = abs(self.step) if kind is Kind.ENDLESS else self.step
+            return maths.even_targets(self.low, self.high, step)
+        assert self.number is not None, "one of both was asked for"
+        return maths.random_targets(
+            self.low,
+            self.high,
+            self.number,
+            seed=self.seed,
+            spread=self.spread,
+            decimals=maths.DECIMALS[units],
+        )
 
 
 def _check(kind: Kind, step: float | None, targets: int | None, travel: tuple[float, float] | None) -> None:
@@ -122,6 +147,11 @@ def _text(kind: Kind, stops: list[float], cycle: maths.Cycle, travel: tuple[floa
         maths.check_targets(stops, cycle.units, travel)
         return "".join(f"{maths.fixed(stop, maths.DECIMALS[cycle.units])}\n" for stop in stops)
     return maths.bidirectional_cycle(stops, cycle, travel)
+
+
+def _say_written(out: Path, stops: list[float], decimals: int) -> None:
+    ends = f"from {stops[0]:.{decimals}f} to {stops[-1]:.{decimals}f}"
+    typer.echo(f"{out}: {len(stops)} targets {ends}")
 
 
 def _warn(stops: list[float], cycle: maths.Cycle, kind: Kind) -> None:

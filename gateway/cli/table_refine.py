@@ -14,7 +14,7 @@ from gateway.cli.table_reading import inspect
 from gateway.cli.table_writing import is_modulo, turns_lost
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.refine import Points, Refined, refine_table
-from gateway.tabfile import LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
+from gateway.tabfile import Dialect, LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -79,28 +79,37 @@ def refine(
         )
         table = refined.table.in_units(loaded.table.units)
         letter = told.axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
-        scale = to_counts_per_unit
-        if scale is None and "file_counts_per_unit" in target.writes:
-            scale = told.file_counts_per_unit
-        if target.name == loaded.format:  # whoever reads FILE reads OUT in the same way
-            to_sense = to_sense or told.sense()
-            to_file_axis = to_file_axis or loaded.source.file_axis
-        turns = is_modulo(loaded, table)
-        layout = told.v1_layout if "v1_layout" in target.writes else None
-        options = WriteOptions(letter, scale, layout, to_file_axis, to_sense, is_modulo=turns)
+        given = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
+        options = _as_old(replace(given, is_modulo=is_modulo(loaded, table)), loaded, target, told)
         result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
         result = replace(result, losses=(*result.losses, *turns_lost(loaded, again.source.modulo)))
         shared.write_file(out, result.text, force=force)
     if json:
         _print_json(file, out, refined, (result, again, difference))
-        return
-    change = refined.change
+    else:
+        _print(out, refined, (result, again, difference))
+
+
+def _as_old(given: WriteOptions, loaded: LoadedTable, target: Dialect, told: Told) -> WriteOptions:
+    """Complete how OUT is written by how FILE is read."""
+    scale, sense, file_axis = given.file_counts_per_unit, given.sense, given.file_axis
+    if scale is None and "file_counts_per_unit" in target.writes:
+        scale = told.file_counts_per_unit
+    if target.name == loaded.format:  # whoever reads FILE reads OUT in the same way
+        sense = sense or told.sense()
+        file_axis = file_axis or loaded.source.file_axis
+    layout = told.v1_layout if "v1_layout" in target.writes else None
+    return replace(given, file_counts_per_unit=scale, v1_layout=layout, file_axis=file_axis, sense=sense)
+
+
+def _print(out: Path, refined: Refined, written: tuple[Written, LoadedTable, float]) -> None:
+    change, unit = refined.change, refined.table.units.value
     print_lines((f"note: {note}" for note in refined.notes), err=True)
     typer.echo(
-        f"changed by {change.rms:.3g} {survey.units.value} (root mean square), by {change.largest:.3g} at "
+        f"changed by {change.rms:.3g} {unit} (root mean square), by {change.largest:.3g} at "
         f"most, {change.direction.name.lower()} at {change.position:.9g}"
     )
-    shared.print_written(out, result, again, difference)
+    shared.print_written(out, *written)
 
 
 def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written, LoadedTable, float]) -> None:

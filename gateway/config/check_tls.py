@@ -6,7 +6,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gateway.config.certificate_times import TimeProblem, list_problem, time_problem
 from gateway.config.check_lines import controller_key
 from gateway.config.findings import Findings
 from gateway.config.named_files import is_out_of_reach
@@ -16,6 +15,7 @@ from gateway.config.tls_model import ControllerTls
 from gateway.config.toml_lines import KeyPath
 from gateway.files import FileRefusedError
 from gateway.secret_files import CREDENTIAL
+from gateway.transport.certificate_times import TimeProblem, list_problem, time_problem
 from gateway.transport.tls_files import TlsFileError, TlsFiles
 
 if TYPE_CHECKING:

@@ -1,6 +1,7 @@
 """One configured controller: what it connects to, and the ports that it has open."""
 
 from collections.abc import Callable
+from datetime import datetime
 from functools import partial
 from typing import Final
 
@@ -22,6 +23,7 @@ from gateway.relay.secure_door import SecureDoor
 from gateway.relay.timed import TimedExchange
 from gateway.relay.watchdog import Accepting
 from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.transport.certificates import now_utc
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint, host_of
 from gateway.transport.framing import frame_silence_ns, request_decoder
@@ -116,8 +118,13 @@ class TcpFront:
             "refused_connections": self._listener.refused,
             "malformed": self._counters.bad_headers + self._counters.skipped_frames,
             "dropped_bytes": self._counters.dropped_bytes,
-            **({} if self._door is None else {"tls": self._door.status()}),
+            **({} if self._door is None else {"tls": self._door.status(now_utc())}),
         }
+
+    def turn(self, now: datetime) -> None:
+        """Tell of certificates that end soon; to be called now and then."""
+        if self._door is not None:
+            self._door.turn(now)
 
     def _receiver(self) -> Receiver:
         return self._port(self.plan) if self._door is None else self._door.connection()
@@ -200,6 +207,9 @@ class SerialFront:
             "latency": self._serial.latency,
             **self._port.counters(),
         }
+
+    def turn(self, now: datetime) -> None:
+        """Nothing to do: a serial port has no certificates."""
 
 
 Front = TcpFront | SerialFront

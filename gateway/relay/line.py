@@ -29,6 +29,7 @@ from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
 from gateway.relay.watchdog import STUCK_NS
 from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.transport.certificates import now_utc
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.errors import TransportError
 from gateway.transport.framing import endpoint_key, frame_silence_ns, reply_decoder
@@ -208,7 +209,7 @@ class Line:
         }
 
     def turn(self) -> None:
-        """Let high marks of the last minute grow old, and tell of silent sensors, also where nothing moves.
+        """Let high marks of the last minute grow old; tell of silent sensors and of certificates that end.
 
         To be called at least once in ten seconds.
         """
@@ -217,6 +218,9 @@ class Line:
         for axis in self._exchange.axes:
             for event in () if axis.terms is None else axis.terms.news(axis.plan.name, now_ns):
                 self._journal.exchange_event(self.plan.name, event)
+        now = now_utc()
+        for front in self._fronts:
+            front.turn(now)
 
     def refresh_latency(self) -> None:
         """Work some of the measured times out anew."""

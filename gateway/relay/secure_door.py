@@ -5,6 +5,8 @@
 
 import asyncio
 from collections.abc import Callable
+from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from gateway.catalogue.entry import EventEntry
@@ -18,6 +20,7 @@ from gateway.catalogue.tls_events import (
 from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink, TlsPlan
 from gateway.relay.refusals import Refusals
+from gateway.transport.certificate_ends import Endings
 from gateway.transport.channel import Receiver
 from gateway.transport.errors import RefusedError
 from gateway.transport.tls_files import TlsFileError
@@ -57,6 +60,8 @@ class SecureDoor:
         self._note = note
         self._door: Door | None = None
         self._failed = 0
+        self._endings = Endings(lambda event, fields: note(event, **fields), "tls")
+        self._is_looking = self._is_closed = False
 
     def open(self) -> None:
         """Read the files.
@@ -79,6 +84,7 @@ class SecureDoor:
             contexts.open()
         except TlsFileError as error:
             raise RefusedError(f"tls.{error}") from None
+        self._endings.take(contexts.held)
         self._door = Door(contexts, self._receiver_for, self._tell_failure, self._too_many)
 
     def connection(self) -> Receiver:
@@ -88,12 +94,23 @@ class SecureDoor:
 
     def close(self) -> None:
         """End the sessions, and begin no more."""
+        self._is_closed = True
         if self._door is not None:
             for session in list(self._door.sessions):
                 session.close()
             self._door.close()
 
-    def status(self) -> dict[str, object]:
+    def turn(self, now: datetime) -> None:
+        """Tell of certificates that end soon or have ended; to be called now and then.
+
+        Before that the files are looked at: one that was renewed while nobody connected comes into force.
+        """
+        if self._door is None or self._is_closed or self._is_looking or not self._endings.is_due(now):
+            return
+        self._is_looking = True
+        self._door.renew(partial(self._looked, now))
+
+    def status(self, now: datetime) -> dict[str, object]:
         """Return what TLS has to say in the status of the controller."""
         door = self._door
         if door is None:
@@ -102,6 +119,7 @@ class SecureDoor:
             "handshakes": door.handshakes,
             "failed_handshakes": self._failed,
             "running_handshakes": door.limits.running,
+            "certificates": self._endings.status(now),
             "sessions": [
                 {
                     "peer": session.peer,
@@ -131,7 +149,14 @@ class SecureDoor:
         self._failed += 1
         self._refusals.count(CONNECTION_REFUSED, host, limit)
 
+    def _looked(self, now: datetime) -> None:
+        self._is_looking = False
+        if not self._is_closed:
+            self._endings.tell(now)
+
     def _renewed(self) -> None:
+        if self._door is not None:
+            self._endings.take(self._door.contexts.held)
         self._note(CERTIFICATES_RENEWED, detail=REVOKED_MEANS)
 
     def _not_renewed(self, error: TlsFileError) -> None:

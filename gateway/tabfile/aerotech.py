@@ -39,7 +39,7 @@ from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.findings import Lint, Severity
-from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, told_units
+from gateway.tabfile.ranges import check_home, check_own_range, context_in_file_units, told_units
 from gateway.tabfile.readings import Reading
 from gateway.tabfile.sums import check_points, check_sum, stamped, stated_facts
 from gateway.tabfile.text import Line, SourceText, listed, shown
@@ -100,15 +100,9 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             line=table.line,
         )
     rows = _rows(table, context.file_start, step, per_unit)
-    mirrored = tuple(row._replace(position=-row.position + 0.0) for row in reversed(rows))
     check_home(source, rows, context)
-    check_range(
-        source,
-        Reading(f"file_start {context.file_start:g}", rows, units),
-        Reading("positions mirrored", mirrored, units),
-        context,
-        "the right file_start, file_units and travel",
-    )
+    reading = Reading(f"file_start {context.file_start:g}", rows, units)
+    check_own_range(source, reading, context, "the right file_start, file_units and travel")
     remarks = () if "points" in facts else (_uncounted(size, table.line),)
     return _decoded(table, rows, context, per_unit, remarks)
 

@@ -29,8 +29,9 @@ from gateway.tabfile.context import FileContext, HomeSide
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
-from gateway.tabfile.ranges import check_home, check_range, check_start, context_in_file_units
+from gateway.tabfile.ranges import check_home, context_in_file_units
 from gateway.tabfile.readings import Reading, describe_both
+from gateway.tabfile.stated import check_stated
 from gateway.tabfile.text import Line, SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, home_side, unwritable
 
@@ -88,11 +89,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         )
     side = HomeSide.PLUS if file_rows[-1].position < 0 else HomeSide.MINUS
     rows = _ascending(file_rows, side)
-    reading = Reading("positions as they stand", rows, header.units)
-    mirror = Reading("positions mirrored", _mirrored(rows), header.units)
     check_home(source, rows, context)
-    check_start(source, rows, context)
-    check_range(source, reading, mirror, context, "a table of this axis, or the right travel")
+    check_stated(source, rows, header.units, context)
     away, toward = ("backward", "forward") if side is HomeSide.PLUS else ("forward", "backward")
     columns = {away: "column 2, away from home", toward: "column 3, towards home"}
     rule = f"value is added as it stands; {{}} (home is at the {side.value} end)"
@@ -236,10 +234,6 @@ def _directed(row: _Row, *, away_is_forward: bool) -> SourceRow:
     position, away, toward, line = row
     forward, backward = (away, toward) if away_is_forward else (toward, away)
     return SourceRow(position + 0.0, forward, backward, forward, backward, line, line)
-
-
-def _mirrored(rows: Sequence[SourceRow]) -> tuple[SourceRow, ...]:
-    return tuple(row._replace(position=-row.position + 0.0) for row in reversed(rows))
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:

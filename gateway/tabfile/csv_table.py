@@ -35,8 +35,8 @@ from gateway.tabfile.csv_text import (
 )
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import TabFileError
-from gateway.tabfile.ranges import check_home, check_range, check_start, context_in_file_units
-from gateway.tabfile.readings import Reading
+from gateway.tabfile.ranges import check_home, context_in_file_units
+from gateway.tabfile.stated import check_stated
 from gateway.tabfile.text import SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written
 
@@ -98,16 +98,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     check_sums(source, csv, len(rows))
     context = context_in_file_units(source, context, header.units)
     axis = axis_letter(source, csv, context)
-    mirrored = tuple(row._replace(position=-row.position + 0.0) for row in reversed(rows))
     check_home(source, rows, context)
-    check_start(source, rows, context)
-    check_range(
-        source,
-        Reading("positions as they stand", rows, header.units),
-        Reading("positions mirrored", mirrored, header.units),
-        context,
-        "a table of this axis, or the right travel",
-    )
+    check_stated(source, rows, header.units, context)
     rule = "value is added as it stands" if header.per_unit > 0 else "error = actual - commanded: subtracted"
     return Decoded(
         rows,

@@ -10,8 +10,8 @@ from gateway.tabfile.context import FileContext
 from gateway.tabfile.csv_text import axis_letter, csv_file
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.increments import HEADER, TURN_DEGREES, Increments, Sum, System, is_turn
-from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, told_units
-from gateway.tabfile.readings import Reading
+from gateway.tabfile.ranges import check_home, check_own_range, context_in_file_units, told_units
+from gateway.tabfile.readings import AS_THEY_STAND, Reading
 from gateway.tabfile.text import SourceText
 from gateway.tabfile.writing import (
     EVEN_TOLERANCE,
@@ -67,15 +67,9 @@ def decode(
         )
         for total in sums
     )
-    mirrored = tuple(row._replace(position=-row.position + 0.0) for row in reversed(rows))
     check_home(source, rows, context)
-    check_range(
-        source,
-        Reading("positions as they stand", rows, units),
-        Reading("positions mirrored", mirrored, units),
-        context,
-        "a table of this axis; the right file_units, file_start and travel",
-    )
+    remedy = "a table of this axis; the right file_units, file_start and travel"
+    check_own_range(source, Reading(AS_THEY_STAND, rows, units), context, remedy)
     turn = TURN_DEGREES if is_turn(units, len(rows) - 1, file.interval) else None
     place = f"the reference point {file.reference} is {offset:g} {units.value}"
     told = "as file_start tells" if start is not None else "the zero of the machine (file_start moves it)"

@@ -86,6 +86,17 @@ def check_range(
         )
 
 
+def check_own_range(source: SourceText, reading: Reading, context: FileContext, remedy: str) -> None:
+    """Check the range of a file whose positions have a sign of their own: its mirror has the other one.
+
+    Raises:
+        TabFileError: see :func:`check_range`.
+    """
+    mirrored = tuple(row._replace(position=-row.position + 0.0) for row in reversed(reading.rows))
+    mirror = Reading("positions mirrored", mirrored, reading.units)
+    check_range(source, reading, mirror, context, remedy)
+
+
 def check_home(source: SourceText, rows: Sequence[SourceRow], context: FileContext) -> None:
     """Check a told home side against the side that the positions prove.
 

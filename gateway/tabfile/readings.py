@@ -8,6 +8,8 @@ from typing import Final
 from gateway.compensation.units import Units
 from gateway.tabfile.decoded import SourceRow
 
+AS_THEY_STAND: Final = "positions as they stand"
+"""What the plain meaning of a file that states positions assumes."""
 _SHOWN_POINTS: Final = 4
 
 

@@ -25,8 +25,14 @@ from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
-from gateway.tabfile.ranges import check_home, check_range, check_start, context_in_file_units, told_units
-from gateway.tabfile.readings import Reading
+from gateway.tabfile.ranges import (
+    check_home,
+    check_own_range,
+    check_start,
+    context_in_file_units,
+    told_units,
+)
+from gateway.tabfile.readings import AS_THEY_STAND, Reading
 from gateway.tabfile.text import Line, SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
@@ -82,16 +88,10 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         for cells, line in found
     ]
     ascending = tuple(rows if settings["start"][0] < settings["end"][0] else reversed(rows))
-    mirrored = tuple(row._replace(position=-row.position + 0.0) for row in reversed(ascending))
     check_home(source, ascending, context)
     check_start(source, ascending, context)
-    check_range(
-        source,
-        Reading("positions as they stand", ascending, units),
-        Reading("positions mirrored", mirrored, units),
-        context,
-        "a table of this axis; the right file_units and travel",
-    )
+    remedy = "a table of this axis; the right file_units and travel"
+    check_own_range(source, Reading(AS_THEY_STAND, ascending, units), context, remedy)
     sign = "added" if scale > 0 else "told as errors (actual - commanded): subtracted"
     rule = f"column {{}}: value / {abs(scale):g} is {sign}"
     columns = ("Combined", "Combined") if values_per_row == 1 else ("Forward", "Reverse")

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import SourceRow
-from gateway.tabfile.ranges import check_range, check_start
-from gateway.tabfile.readings import Reading
+from gateway.tabfile.ranges import check_own_range, check_start
+from gateway.tabfile.readings import AS_THEY_STAND, Reading
 from gateway.tabfile.text import SourceText
 
 
@@ -17,14 +17,8 @@ def check_stated(source: SourceText, rows: Sequence[SourceRow], units: Units, co
         TabFileError: the file starts elsewhere, misses the travel, or sticks far out of it.
     """
     check_start(source, rows, context)
-    mirrored = tuple(row._replace(position=-row.position + 0.0) for row in reversed(rows))
-    check_range(
-        source,
-        Reading("positions as they stand", rows, units),
-        Reading("positions mirrored", mirrored, units),
-        context,
-        "a table of this axis, or the right travel",
-    )
+    reading = Reading(AS_THEY_STAND, rows, units)
+    check_own_range(source, reading, context, "a table of this axis, or the right travel")
 
 
 def is_closed(rows: Sequence[SourceRow]) -> bool:

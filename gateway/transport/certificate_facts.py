@@ -1,17 +1,20 @@
 """What stands in a file of certificates, for those who check configurations and for people."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from gateway.files import FileRefusedError, read_regular_file
+from gateway.transport.certificate_times import Life
 from gateway.transport.certificates import NoRoleError, role_of
 from gateway.transport.tls import LARGEST_FILE
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
 
+Taken = TypeVar("Taken")
 SMALLEST_RSA: Final = 2048
 SMALLEST_CURVE: Final = 256
 """Bits."""
@@ -47,11 +50,27 @@ def read_facts(path: Path) -> tuple[Facts, ...]:
     Raises:
         FileRefusedError: it cannot be read, or holds none; with the remedy.
     """
+    return _read(path, facts_of)
+
+
+def read_lives(path: Path) -> tuple[Life, ...]:
+    """Return from when until when the certificates of a file are good: soon done.
+
+    Raises:
+        FileRefusedError: as :func:`read_facts`.
+    """
+    return _read(
+        path,
+        lambda one: Life(one.subject.rfc4514_string(), one.not_valid_before_utc, one.not_valid_after_utc),
+    )
+
+
+def _read(path: Path, take: Callable[["Certificate"], Taken]) -> tuple[Taken, ...]:
     from cryptography import x509
 
     content = read_regular_file(path, LARGEST_FILE, "a certificate in PEM")
     try:
-        return tuple(map(facts_of, x509.load_pem_x509_certificates(content)))
+        return tuple(map(take, x509.load_pem_x509_certificates(content)))
     except ValueError:  # what it says is for programmers
         found = "a private key, and no certificate" if b"PRIVATE KEY-----" in content else "no certificates"
         raise FileRefusedError(found, PEM_REMEDY) from None

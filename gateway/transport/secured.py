@@ -88,6 +88,11 @@ class Door:
         """Do a step of a handshake in the thread; ``done`` gets it on the loop."""
         asyncio.get_running_loop().run_in_executor(self._thread, step).add_done_callback(done)
 
+    def renew(self, done: Callable[[], None]) -> None:
+        """Have the thread look whether the files are others, as before a handshake; then call ``done``."""
+        looked = asyncio.get_running_loop().run_in_executor(self._thread, self.contexts.current)
+        looked.add_done_callback(lambda _: done())
+
     def close(self) -> None:
         """Begin no more steps."""
         self._thread.shutdown(wait=False, cancel_futures=True)

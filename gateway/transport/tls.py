@@ -11,6 +11,7 @@ from typing import Final
 
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.secret_files import refuse_open_to_others
+from gateway.transport.certificate_ends import Held, read_held
 from gateway.transport.tls_files import TlsFileError, TlsFiles
 
 LARGEST_FILE: Final = 4_000_000
@@ -61,6 +62,8 @@ class ServerContexts:
         self._on_refused = on_refused
         self._context: ssl.SSLContext | None = None
         self._seen: object = None
+        self.held: tuple[Held, ...] = ()
+        """What is in the files of the context, with its times."""
 
     def open(self) -> None:
         """Make the first one.
@@ -70,6 +73,7 @@ class ServerContexts:
         """
         self._seen = self._look()
         self._context = server_context(self._files)
+        self.held = read_held(self._files.paths)
 
     def current(self) -> ssl.SSLContext:
         """Return the context for a new connection."""
@@ -84,6 +88,7 @@ class ServerContexts:
                     self._on_refused(error)
             else:
                 if is_new:
+                    self.held = read_held(self._files.paths)
                     self._on_renewed()
         return self._context
 

@@ -106,6 +106,18 @@ def test_who_came_by_certificate_and_who_was_turned_away_is_said() -> None:
     assert not any(line.startswith("hmi:") for line in lines)
 
 
+def test_a_certificate_that_ends_soon_is_said() -> None:
+    model = copy.deepcopy(MODEL)
+    cnc, _ = model["lines"]["xyz"]["controllers"]
+    ends = "2026-04-10T12:00:00+00:00"
+    files = [("[a].pem", ends, 29), ("b.pem", ends, 30), ("c.pem", None, None), ("d.pem", ends, -1)]
+    cnc["tls"] = {"certificates": [{"file": file, "ends": end, "days_left": n} for file, end, n in files]}
+    assert [line for line in shown(model) if line.startswith("cnc: TLS")] == [
+        f"cnc: TLS: [a].pem is good until {ends}, days left: 29",
+        f"cnc: TLS: d.pem is good until {ends}, days left: -1",
+    ]
+
+
 def test_what_the_gateway_runs_with_is_named() -> None:
     model = copy.deepcopy(MODEL)
     model["gateway"] |= {

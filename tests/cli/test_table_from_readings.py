@@ -1,40 +1,18 @@
 """``pitch-gateway table build, refine, evaluate, program``."""
 
-import json
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from gateway.cli.table import app
 from gateway.compensation.units import Units
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES
 from gateway.tabfile import FileContext, read_table
-from tests.metrology.iso230_reports import REPORTS
+from tests.metrology.iso230_readings import REPORTS
 from tests.metrology.samples import RTL, TB058_MANUAL
+from tests.table_commands import good, refused, run
 
 ORACLE = "bifrost slits 11358 axis 1 (2021-11-03)"
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def good(*arguments: object) -> dict[str, Any]:
-    result = run(*arguments, "--json")
-    assert result.exit_code == 0, result.output
-    data: dict[str, Any] = json.loads(result.stdout)
-    return data
-
-
-def refused(*arguments: object) -> str:
-    result = run(*arguments)
-    assert result.exit_code == 1, result.output
-    assert "Traceback" not in result.output
-    assert result.stderr.count("\n") == 1
-    return result.stderr
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway.cli.main import app
-from tests.metrology.iso230_reports import PRINTED, RIGHT
+from tests.metrology.iso230_results import PRINTED, RIGHT
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "metrology.md").read_text()

@@ -9,7 +9,8 @@ from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.readings import Reading, Survey
-from tests.metrology.iso230_reports import PRINTED, REPORTS, RIGHT
+from tests.metrology.iso230_readings import REPORTS
+from tests.metrology.iso230_results import PRINTED, RIGHT
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
 ORACLE = "bifrost slits 11358 axis 1 (2021-11-03)"

@@ -1,25 +1,15 @@
-"""Tables handed to a relay that runs: how they come into force, and what is refused."""
+"""Tables handed to a relay that runs: how they come into force."""
 
 import asyncio
-import gc
-import os
-import struct
-import tempfile
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pytest
-
 from gateway.compensation.settings import Setpoints
-from gateway.compensation.table import CorrectionTable, make_table
-from gateway.compensation.units import Units
-from gateway.exchange.plan import AxisPlan
 from gateway.ipc import traffic
 from gateway.ipc.client import ask
-from gateway.ipc.compiled_table import HEADER_BYTES, compiled, digest_of
+from gateway.ipc.compiled_table import compiled, digest_of
 from gateway.ipc.messages import (
     ClearTable,
     Disable,
@@ -28,113 +18,14 @@ from gateway.ipc.messages import (
     GetStatus,
     SetGain,
     SetLimits,
-    SetTable,
     Status,
-    TableFor,
 )
-from gateway.ipc.plan import GatewayPlan, LinePlan
-from gateway.ipc.sealed_memory import seal
-from gateway.modbus.mbap import encode_mbap
-from gateway.relay.gateway import Relay
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay
+from tests.relay.handover_site import STEEPER, machine, table_of, without_actual
 
 if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
-
-FLAT = [0.0, 100.0]
-
-
-def table_of(*corrections: float, units: Units = Units.MM) -> CorrectionTable:
-    return make_table(FLAT, list(corrections), list(corrections), units)
-
-
-STEEPER = table_of(0.0, 0.2)
-"""Adds 0.1 mm at 50 mm, where the table of the bench adds 0.05 mm."""
-
-
-def answered(data: bytes) -> bytes:
-    """Acknowledge FC16."""
-    return data[:4] + bytes((0, 6)) + data[6:12]
-
-
-def without_actual(tools: "Tools", **changes: Any) -> AxisPlan:
-    """The axis of the bench with nothing to read: no frame is added."""
-    return replace(tools.axis(), actual=(), **changes)
-
-
-class Machine:
-    """A relay with its controller's end; keeps what the drives were told, in counts by unit id."""
-
-    def __init__(self, relay: Relay, near: "RawEnd", told: list[tuple[int, int]]) -> None:
-        self.relay = relay
-        self.near = near
-        self.told = told
-
-    @property
-    def socket(self) -> Path:
-        assert self.relay.control_socket is not None
-        return self.relay.control_socket
-
-    async def move(self, counts: int, unit: int = 1) -> int:
-        """Command a position; returns what the drive was told."""
-        pdu = bytes.fromhex("10 0064 0002 04") + counts.to_bytes(4, "big", signed=True)
-        self.near.write(encode_mbap(1, unit, pdu))
-        await self.near.receives(encode_mbap(1, unit, pdu[:5]))
-        found, position = self.told[-1]
-        assert found == unit
-        return position
-
-    async def give(self, *tables: tuple[str, CorrectionTable | bytes]) -> Done:
-        """Hand over tables in one message."""
-        content = [table if isinstance(table, bytes) else compiled(table) for _, table in tables]
-        return await self.give_descriptors(
-            [axis for axis, _ in tables], [seal(data, "table") for data in content]
-        )
-
-    async def give_descriptors(self, axes: list[str], descriptors: list[int]) -> Done:
-        request = SetTable(tables=tuple(TableFor(axis, "new.tab", "centroid-3", "f" * 64) for axis in axes))
-        try:
-            reply = await asyncio.to_thread(ask, self.socket, request, descriptors=descriptors)
-        finally:
-            for descriptor in descriptors:
-                os.close(descriptor)
-        assert isinstance(reply, Done)
-        return reply
-
-    async def say(self, request: ClearTable | SetGain | SetLimits | Disable | Enable) -> Done:
-        reply = await asyncio.to_thread(ask, self.socket, request)
-        assert isinstance(reply, Done)
-        return reply
-
-
-async def machine(
-    bench: "Bench",
-    tools: "Tools",
-    state: Path,
-    *axes: AxisPlan,
-    groups: tuple[tuple[str, ...], ...] = (),
-    recorder: Recorder | None = None,
-) -> Machine:
-    told: list[tuple[int, int]] = []
-
-    def script(data: bytes) -> bytes:
-        told.append((data[6], int.from_bytes(data[13:17], "big", signed=True)))
-        return answered(data)
-
-    _, where = await bench.drive("tcp", script)
-    link, _ = bench.controller_link("tcp")
-    line = LinePlan("line", where, (link,), axes, tools.timing, groups)
-    relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=state, recorder=recorder)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
-    await tools.until_up(relay)
-    return Machine(relay, await bench.connect(relay.address("line", "cnc")), told)
-
-
-def descriptors_open() -> int:
-    gc.collect()  # what other tests left is none of ours
-    return sum(1 for _ in Path("/proc/self/fd").iterdir())
+    from tests.relay.conftest import Bench, Tools
 
 
 async def test_a_table_is_in_force_with_the_next_different_target(
@@ -232,96 +123,6 @@ async def test_a_table_for_an_axis_that_is_off_waits(bench: "Bench", tools: "Too
     assert await mill.move(50_000) == 50_000
     await mill.say(Enable())
     assert await mill.move(50_001) == 50_101
-
-
-def a_file() -> int:
-    with tempfile.TemporaryFile() as file:
-        file.write(compiled(STEEPER))
-        file.flush()
-        return os.dup(file.fileno())
-
-
-def unsealed() -> int:
-    descriptor = os.memfd_create("table", os.MFD_ALLOW_SEALING)
-    os.write(descriptor, compiled(STEEPER))
-    return descriptor
-
-
-def of(change: Callable[[bytes], bytes]) -> Callable[[], int]:
-    return lambda: seal(change(compiled(STEEPER)), "table")
-
-
-@pytest.mark.parametrize(
-    "case",
-    [
-        ("q", of(lambda data: data), "axis q: there is none of that name; there are x"),
-        ("x", a_file, "the table for axis x: the descriptor is no memory of the system's"),
-        ("x", unsealed, "the table for axis x: the memory is not sealed"),
-        ("x", of(lambda data: data[:-8]), "bytes for 2 points, which take"),
-        ("x", of(lambda data: data[:40]), "40 bytes are no compiled table"),
-        ("x", of(lambda data: b"PGtable\r" + data[8:]), "it begins with b'PGtable"),
-        ("x", of(lambda data: data[:8] + struct.pack("=I", 9) + data[12:]), "of version 9; this release"),
-        (
-            "x",
-            of(lambda data: data[:40] + b"\x01" + data[41:]),
-            "the header of the compiled table is damaged",
-        ),
-        ("x", of(lambda data: data[: HEADER_BYTES - 1] + b"\0" + data[HEADER_BYTES:]), "is damaged"),
-        (
-            "x",
-            of(lambda data: data[:-8] + struct.pack("=d", -50.0)),
-            "the table for axis x: the points of the compiled table are damaged",
-        ),
-        (
-            "x",
-            of(lambda data: data[:-8] + struct.pack("=d", float("nan"))),
-            "the table for axis x: the points of the compiled table are damaged",
-        ),
-        (
-            "x",
-            lambda: seal(compiled(table_of(0.0, 0.001, units=Units.INCH)), "table"),
-            "the table for axis x is in inch, not mm",
-        ),
-        (
-            "x",
-            lambda: seal(compiled(table_of(0.0, 0.51)), "table"),
-            "corrects by 0.51 mm, more than max_correction = 0.5",
-        ),
-    ],
-)
-async def test_a_bad_table_is_refused_and_the_relay_is_unharmed(
-    bench: "Bench", tools: "Tools", tmp_path: Path, case: tuple[str, Callable[[], int], str]
-) -> None:
-    axis, make, said = case
-    mill = await machine(bench, tools, tmp_path, without_actual(tools))
-    assert await mill.move(50_000) == 50_050
-    before = descriptors_open()
-    for _ in range(20):
-        done = await mill.give_descriptors([axis], [make()])
-        assert done.changed == ()
-        [problem] = done.problems
-        assert said in problem
-    await tools.eventually(lambda: descriptors_open() == before)
-    assert await mill.move(60_000) == 60_060  # the old table
-    await mill.relay.stop()
-    # Once, not twenty times.
-    refused = [str(note.fields["detail"]) for note in bench.notes if note.event == "table-refused"]
-    assert refused == [problem]
-
-
-async def test_tables_that_are_replaced_leave_no_descriptors_behind(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
-    mill = await machine(bench, tools, tmp_path, without_actual(tools))
-    counts = []
-    for number in range(12):
-        await mill.give(("x", table_of(0.0, 0.1 + number / 100)))
-        # At 50 mm: 50 counts and 5 more for each of them; then somewhere else, that the next differs.
-        assert await mill.move(50_000) == 50_050 + 5 * number
-        await mill.move(60_000)
-        counts.append(descriptors_open())
-    # The table in force keeps one, and at times the one before, for a reading that is still fading.
-    assert max(counts[2:]) <= counts[2]
 
 
 async def test_of_a_group_all_axes_get_their_tables_or_none(

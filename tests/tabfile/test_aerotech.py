@@ -10,29 +10,20 @@ from hypothesis import strategies as st
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
-    FileContext,
-    LoadedTable,
     TabFileError,
     WriteOptions,
     dialect_named,
     explain,
     parse_table,
 )
+from tests.tabfile.texts import Texts
 
 COUNTED = (Path(__file__).parents[2] / "tables" / "aerotech" / "x.cal").read_text()
 SAMPLE = COUNTED.replace("; points: 13\n", "")
 TOLD: dict[str, Any] = {"file_units": Units.MM, "file_start": -100.0}
 TWO = SAMPLE + SAMPLE.replace(":START X", ":START Y").replace("-1.2", "-9.9")
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    return parse_table(text.encode(), "table.cal", FileContext(**facts))
-
-
-def refused(text: str, **facts: Any) -> TabFileError:
-    with pytest.raises(TabFileError) as caught:
-        parse(text, **facts)
-    return caught.value
+FILE = Texts("table.cal")
+parse, refused = FILE.parse, FILE.refused
 
 
 def test_values_are_added_in_thousandths_upwards_from_the_told_start() -> None:

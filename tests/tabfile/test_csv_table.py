@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -11,30 +10,20 @@ from hypothesis import strategies as st
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
-    FileContext,
     HomeSide,
-    LoadedTable,
-    TabFileError,
     WriteOptions,
     dialect_named,
     explain,
     parse_table,
 )
+from tests.tabfile.texts import Texts
 
 TABLES = Path(__file__).parents[2] / "tables" / "csv"
 OURS = (TABLES / "x.csv").read_text()
 ERRORS = (TABLES / "laser-errors.csv").read_text()
 SMALL = "position_mm,forward_mm,backward_mm\n0,0,-0.004\n10,0.002,-0.001\n30,0.003,0.0005\n"
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    return parse_table(text.encode(), "table.csv", FileContext(**facts))
-
-
-def refused(text: str, **facts: Any) -> TabFileError:
-    with pytest.raises(TabFileError) as caught:
-        parse(text, **facts)
-    return caught.value
+FILE = Texts("table.csv")
+parse, refused = FILE.parse, FILE.refused
 
 
 def test_corrections_are_added_as_they_stand_on_a_free_grid() -> None:

@@ -1,7 +1,6 @@
 """Fagor 8055 tables: the manual's example and lines of real files by hand, strict grammar, sense, writing."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -11,15 +10,14 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     ErrorSense,
-    FileContext,
     HomeSide,
-    LoadedTable,
     TabFileError,
     WriteOptions,
     dialect_named,
     explain,
     parse_table,
 )
+from tests.tabfile.texts import Texts
 
 FOLDER = Path(__file__).parents[2] / "tables" / "fagor-8055"
 PRINTED = (FOLDER / "manual.txt").read_text()
@@ -35,11 +33,8 @@ CROSS = (
 )
 TWO_WAY = "P001 X- 20.000 EX 0.001 EX- 0.002\nP002 X 0.000 EX 0 EX 0\nP003 X 20.000 EX- .004 EX- 0.005\n"
 ACTUAL, COMMAND = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    told = {"file_units": Units.MM, "fagor_sense": ACTUAL, **facts}
-    return parse_table(text.encode(), "ML1", FileContext(**told))
+FILE = Texts("ML1", {"file_units": Units.MM, "fagor_sense": ACTUAL})
+parse, refused = FILE.parse, FILE.refused
 
 
 @pytest.mark.parametrize("text", [PRINTED, TRANSFER])
@@ -189,10 +184,9 @@ def test_spellings_of_one_line(row: str) -> None:
     ],
 )
 def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: int, found: str) -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(PRINTED.replace(old, new, 1))
-    assert caught.value.line == line
-    assert found in caught.value.found
+    error = refused(PRINTED.replace(old, new, 1))
+    assert error.line == line
+    assert found in error.found
 
 
 def test_a_line_without_its_third_field_is_named() -> None:

@@ -1,7 +1,6 @@
 """Heidenhain .COM tables: values by hand, what nothing proves is refused, strict grammar, writing."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -11,15 +10,14 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     ErrorSense,
-    FileContext,
     HomeSide,
-    LoadedTable,
     TabFileError,
     WriteOptions,
     dialect_named,
     explain,
     parse_table,
 )
+from tests.tabfile.texts import Texts
 
 SAMPLE = (Path(__file__).parents[2] / "tables" / "heidenhain-com" / "Z_PITCH.COM").read_bytes().decode()
 ONE = "BEGIN Y .COM MM\nNR AXISPOS Y\n0 -90 +0.01\n1 -85 -0.02\n2 -80 +0\n[END]\n"
@@ -34,11 +32,8 @@ NR   AXISPOS       BACKLASH      X             Y             Z
 """
 """As a control with three axes has it: a column for each of them, and blanks in all but one."""
 ACTUAL, COMMAND = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    told = {"error_sense": ACTUAL, **facts}
-    return parse_table(text.encode(), "Z_PITCH.COM", FileContext(**told))
+FILE = Texts("Z_PITCH.COM", {"error_sense": ACTUAL})
+parse, refused = FILE.parse, FILE.refused
 
 
 def test_two_directions_by_hand() -> None:
@@ -220,10 +215,9 @@ def test_line_ends_blanks_and_case(text: str) -> None:
     ],
 )
 def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: int, found: str) -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(ONE.replace(old, new, 1))
-    assert caught.value.line == line
-    assert found in caught.value.found
+    error = refused(ONE.replace(old, new, 1))
+    assert error.line == line
+    assert found in error.found
 
 
 @pytest.mark.parametrize(

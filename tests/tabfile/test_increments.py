@@ -10,30 +10,21 @@ from hypothesis import strategies as st
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
-    FileContext,
-    LoadedTable,
     TabFileError,
     WriteOptions,
     dialect_named,
     explain,
     parse_table,
 )
+from tests.tabfile.texts import Texts
 
 TABLES = Path(__file__).parents[2] / "tables"
 FANUC = (TABLES / "fanuc" / "x.csv").read_text()
 MITSUBISHI = (TABLES / "mitsubishi" / "x.csv").read_text()
 MM: dict[str, Any] = {"file_units": Units.MM, "file_counts_per_unit": 1000.0}
 DEGREES: dict[str, Any] = {"file_units": Units.DEGREE, "file_counts_per_unit": 1000.0}
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    return parse_table(text.encode(), "table.csv", FileContext(**facts))
-
-
-def refused(text: str, **facts: Any) -> TabFileError:
-    with pytest.raises(TabFileError) as caught:
-        parse(text, **facts)
-    return caught.value
+FILE = Texts("table.csv")
+parse, refused = FILE.parse, FILE.refused
 
 
 def fanuc(parameters: str, values: str, first: int) -> str:

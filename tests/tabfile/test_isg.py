@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,15 +11,14 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     ErrorSense,
-    FileContext,
     HomeSide,
-    LoadedTable,
     TabFileError,
     WriteOptions,
     dialect_named,
     explain,
     parse_table,
 )
+from tests.tabfile.texts import Texts
 
 SAMPLE = (Path(__file__).parents[2] / "tables" / "isg" / "achskw2.lis").read_text()
 EVEN = """kw.ssfk.unit 0
@@ -43,10 +41,8 @@ kw.ssfk.table[1].pos 50.5
 kw.ssfk.table[2].pos -30
 """
 TURN = ONE_WAY.replace("100000", "1800000").replace("[2].pos -30", "[2].pos 0") + "kw.ssfk.modulo 1\n"
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    return parse_table(text.encode(), "achskw1.lis", FileContext(**facts))
+FILE = Texts("achskw1.lis")
+parse, refused = FILE.parse, FILE.refused
 
 
 def test_the_published_example_by_hand() -> None:
@@ -259,10 +255,9 @@ def test_number_of_points_has_a_limit() -> None:
     ],
 )
 def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: int, found: str) -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(ONE_WAY.replace(old, new, 1))
-    assert caught.value.line == line
-    assert found in caught.value.found
+    error = refused(ONE_WAY.replace(old, new, 1))
+    assert error.line == line
+    assert found in error.found
 
 
 def test_absurd_number_of_points_is_refused_at_once() -> None:

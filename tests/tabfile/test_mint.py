@@ -6,15 +6,13 @@ from typing import Any
 import pytest
 
 from gateway.compensation.units import Units
-from gateway.tabfile import FileContext, LoadedTable, TabFileError, explain, parse_table
+from gateway.tabfile import LoadedTable, TabFileError, explain
+from tests.tabfile.texts import Texts
 
 SAMPLE = (Path(__file__).parents[2] / "tables" / "mint" / "leadscrew.mnt").read_text()
 SINGLE = "DIM fwd(3) = 10.02, 20.01, 30.00\nPRECISIONTABLE(0, fwd)\nPRECISIONINCREMENT.0 = 10\n"
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    told: dict[str, Any] = {"file_units": Units.MM, **facts}
-    return parse_table(text.encode(), "program.mnt", FileContext(**told))
+FILE = Texts("program.mnt", {"file_units": Units.MM})
+parse, refused = FILE.parse, FILE.refused
 
 
 def single(more: str = "", **facts: Any) -> LoadedTable:
@@ -188,10 +186,9 @@ def test_values_know_their_own_lines() -> None:
 )
 def test_what_is_not_of_the_grammar_is_refused_by_line(old: str, new: str, line: int, found: str) -> None:
     assert old in SINGLE
-    with pytest.raises(TabFileError) as caught:
-        parse(SINGLE.replace(old, new), file_start=0.0)
-    assert found in str(caught.value)
-    assert caught.value.line == line
+    error = refused(SINGLE.replace(old, new), file_start=0.0)
+    assert found in str(error)
+    assert error.line == line
 
 
 def test_tables_of_different_length_are_refused() -> None:

@@ -8,14 +8,12 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
-    FileContext,
-    LoadedTable,
     TabFileError,
     WriteOptions,
     dialect_named,
     explain,
-    parse_table,
 )
+from tests.tabfile.texts import Texts
 
 SAMPLE = (Path(__file__).parents[2] / "tables" / "renishaw" / "x.ren").read_text()
 TOLD: dict[str, Any] = {"file_units": Units.MM, "file_counts_per_unit": 1000.0}
@@ -27,16 +25,8 @@ No. Axis position Combined
 2 20 -2
 3 30 4
 """
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    return parse_table(text.encode(), "table.ren", FileContext(**facts))
-
-
-def refused(text: str, **facts: Any) -> TabFileError:
-    with pytest.raises(TabFileError) as caught:
-        parse(text, **facts)
-    return caught.value
+FILE = Texts("table.ren")
+parse, refused = FILE.parse, FILE.refused
 
 
 def test_micrometres_that_are_corrections_are_added() -> None:

@@ -1,7 +1,6 @@
 """Siemens _EEC_INI files: the manual's example, sign, gaps, several tables, turns, what is written."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -11,19 +10,17 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     FileContext,
-    LoadedTable,
     TabFileError,
     WriteOptions,
     dialect_named,
     explain,
     parse_table,
 )
+from tests.tabfile.texts import Texts
 
 SAMPLE = (Path(__file__).parents[2] / "tables" / "siemens" / "_N_AX_EEC_INI.ini").read_text()
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    return parse_table(text.encode(), "eec.ini", FileContext(**{"file_units": Units.MM, **facts}))
+FILE = Texts("eec.ini", {"file_units": Units.MM})
+parse, refused = FILE.parse, FILE.refused
 
 
 def program(values: list[float], axis: str = "C1", encoder: int = 0, modulo: int = 0) -> str:
@@ -140,10 +137,9 @@ def test_ways_to_write_the_same(text: str) -> None:
 )
 def test_what_is_not_of_the_grammar_is_refused_by_line(old: str, new: str, line: int, found: str) -> None:
     assert old in SAMPLE
-    with pytest.raises(TabFileError) as caught:
-        parse(SAMPLE.replace(old, new, 1))
-    assert found in str(caught.value)
-    assert caught.value.line == line
+    error = refused(SAMPLE.replace(old, new, 1))
+    assert found in str(error)
+    assert error.line == line
 
 
 def test_no_values_at_all() -> None:

@@ -5,12 +5,10 @@ import os
 import resource
 import signal
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from gateway.cli.table import app
+from tests.table_commands import good, refused, run
 
 TABLES = Path(__file__).parents[2] / "tables"
 V1 = str(TABLES / "centroid-v1" / "CNC7X.TAB")
@@ -18,26 +16,6 @@ V2 = str(TABLES / "centroid-v2" / "cnc10z.tab")
 V2_TB058 = str(TABLES / "centroid-v2-tb058" / "cnc10z.tab")
 V3 = str(TABLES / "centroid-v3" / "cnc10z.tab")
 MM = 1 / 25.4
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def good(*arguments: object) -> dict[str, Any]:
-    result = run(*arguments, "--json")
-    assert result.exit_code == 0, result.output
-    data: dict[str, Any] = json.loads(result.stdout)
-    return data
-
-
-def refused(*arguments: object) -> str:
-    """The one line on stderr of a bad input."""
-    result = run(*arguments)
-    assert result.exit_code == 1, result.output
-    assert "Traceback" not in result.output
-    assert result.stderr.count("\n") == 1
-    return result.stderr
 
 
 @pytest.fixture

@@ -1,13 +1,11 @@
 """``table formats``, the options that all commands share, ``--resample``, what a control did besides."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer.main
-from typer.testing import CliRunner, Result
 
 from gateway.cli import table_output as output
 from gateway.cli.table import app
@@ -17,23 +15,13 @@ from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, OPTIONS, FileContext, TabFileError, explain, read_table
 from gateway.tabfile.explanation import to_json
 from gateway.tabfile.resampling import resample
+from tests.table_commands import good, run
 
 TABLES = Path(__file__).parents[2] / "tables"
 V3 = TABLES / "centroid-v3" / "cnc10z.tab"
 CSV = TABLES / "csv" / "x.csv"
 FAGOR = TABLES / "fagor-8055" / "manual.txt"
 HEIDENHAIN = TABLES / "heidenhain-com" / "Z_PITCH.COM"
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def good(*arguments: object) -> dict[str, Any]:
-    result = run(*arguments, "--json")
-    assert result.exit_code == 0, result.output
-    data: dict[str, Any] = json.loads(result.stdout)
-    return data
 
 
 def test_every_format_is_listed_with_what_must_be_told() -> None:

@@ -56,6 +56,7 @@ class StatusCollector(Collector):
             yield from _of_gateway(model)
             yield from _of_lines(model["lines"], model["gateway"].get("latency_bounds_us", ()))
             yield from _of_axes(model["axes"], model["gateway"].get("latency_bounds_us", ()))
+            yield from _of_certificates(model)
 
 
 class Metrics:
@@ -121,6 +122,23 @@ def _of_troubles(troubles: Iterable[Mapping[str, str]]) -> Iterator[Metric]:
     for kind, severity, where in sorted({(t["kind"], t["severity"], t["where"]) for t in listed}):
         each.add_metric((kind, severity, where), 1)
     yield each
+
+
+def _of_certificates(model: Mapping[str, Any]) -> Iterator[Metric]:
+    """Yield when certificates end; of several in one file the first to end."""
+    places = {"http": model["supervisor"]["http"].get("certificates", ())}
+    for name, line in model["lines"].items():
+        for controller in line["controllers"]:
+            found = controller.get("tls", {}).get("certificates", ())
+            places[f"line {name}, controller {controller['name']}"] = found
+    says = "When what is in a file of tls is good no more, in Unix time."
+    ends = _gauge("certificate_end_timestamp_seconds", says, ["where", "key", "file", "subject"])
+    for where, certificates in places.items():
+        for each in certificates:
+            if each["ends"] is not None:
+                labels = (where, each["key"], each["file"], each["subject"])
+                ends.add_metric(labels, datetime.fromisoformat(each["ends"]).timestamp())
+    yield ends
 
 
 def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Metric]:

@@ -6,6 +6,8 @@ import os
 import socket
 import ssl
 import time
+from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,6 +27,8 @@ from gateway.supervisor.http.sessions import Sessions
 from gateway.supervisor.http.tokens import Tokens
 from gateway.supervisor.http.wanted import Wanted, wanted_by
 from gateway.supervisor.http.window import Window
+from gateway.transport.certificate_ends import Endings
+from gateway.transport.certificates import now_utc
 from gateway.transport.stopping import all_made, stop_serving
 
 FIRST_WAIT_S: Final = 0.5
@@ -34,7 +38,8 @@ LONGEST_WAIT_S: Final = 30.0
 class HttpService:
     """Serves the status on the configured address and on ``supervisor.sock`` in the state folder.
 
-    :meth:`run` runs until cancelled; :meth:`configure` may be called before and at any time.
+    :meth:`run` runs until cancelled; :meth:`configure` may be called before and at any time. ``now`` is what
+    certificates are held against.
     """
 
     def __init__(
@@ -43,6 +48,8 @@ class HttpService:
         tcp: Limits = TCP,
         local: Limits = LOCAL,
         handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008 - frozen
+        *,
+        now: Callable[[], datetime] = now_utc,
     ) -> None:
         self._window = window
         self._limits = {"tcp": tcp, "local": local}
@@ -56,6 +63,8 @@ class HttpService:
         self._tokens: Tokens | None = None
         self._sessions = Sessions()
         self._refusals = Refusals(window.say)
+        self._now = now
+        self._endings = Endings(lambda event, fields: window.say(event, None, **fields), "http.tls")
 
     def configure(self, section: HttpSection, folder: Path) -> None:
         """Serve as a configuration says from now on; the same as before changes nothing.
@@ -79,6 +88,7 @@ class HttpService:
             "listen": "" if self._wanted is None else str(self._wanted.endpoint),
             "address": self._address,
             "problem": "; ".join(problems) or None,
+            "certificates": self._endings.status(self._now()),
         }
 
     async def run(self) -> None:
@@ -98,6 +108,7 @@ class HttpService:
             self._changed.clear()
             if wanted is None:
                 self._tcp_problem = None
+                self._endings.take(())
                 await self._changed.wait()
                 continue
             try:
@@ -122,6 +133,7 @@ class HttpService:
         """
         host = wanted.endpoint.host
         context = await asyncio.to_thread(wanted.context)
+        held = await asyncio.to_thread(wanted.held)
         door = Door(self._limits["tcp"], self._refused)
         access = self._access(wanted)
         methods = READS if access is None else READS | {"POST"}
@@ -133,6 +145,7 @@ class HttpService:
             door.connection, host, wanted.endpoint.port, start_serving=context is None
         )
         self._tcp_problem = None
+        self._endings.take(held)
         watching = [asyncio.create_task(door.watch())]
         watching.append(asyncio.create_task(self._watch()))
         if context is not None:
@@ -162,8 +175,10 @@ class HttpService:
         self._refusals.note(HTTP_REFUSED, peer, why, time.monotonic())
 
     async def _watch(self) -> None:
-        """Notice tokens that cannot be used any more, and tell of refusals that were held back."""
+        """Notice tokens and certificates that cannot be used much longer; tell of refusals held back."""
         while True:
+            if self._endings.is_due(now := self._now()):
+                self._endings.tell(now)
             await asyncio.sleep(LOOK_S)
             if self._tokens is not None:
                 self._tokens.look()

@@ -4,9 +4,10 @@ import ssl
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.config.http_files import server_context
+from gateway.config.http_files import TLS_KEY, server_context
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
 from gateway.config.named_files import NamedFileError, path_of
+from gateway.transport.certificate_ends import Held, read_held
 from gateway.transport.endpoints import TcpEndpoint
 
 
@@ -43,6 +44,23 @@ class Wanted:
             return None
         return server_context(self.tls, self.folder, needs_client=not self.tokens)
 
+    def held(self) -> tuple[Held, ...]:
+        """Return what is in the files of TLS, with its times; blocks. Raises NamedFileError."""
+        if self.tls is None:
+            return ()
+        named = {
+            "certificate": self.tls.certificate,
+            "clients": self.tls.clients,
+            "revoked": self.tls.revoked,
+        }
+        return read_held(
+            {
+                key: path_of((*TLS_KEY, key), file, self.folder)
+                for key, file in named.items()
+                if file is not None
+            }
+        )
+
 
 def wanted_by(section: HttpSection, folder: Path) -> Wanted | None:
     """Return what a section wants; its files are relative to ``folder``. None: no page over TCP."""
@@ -55,7 +73,7 @@ def wanted_by(section: HttpSection, folder: Path) -> Wanted | None:
 
 def _look_at(file: str | None, folder: Path) -> tuple[int, int, int] | None:
     try:
-        status = path_of(("http", "tls"), file, folder).stat() if file is not None else None
+        status = path_of(TLS_KEY, file, folder).stat() if file is not None else None
     except (NamedFileError, OSError):
         return None
     return None if status is None else (status.st_ino, status.st_size, status.st_mtime_ns)

@@ -4,13 +4,15 @@ import asyncio
 import contextlib
 import json
 import ssl
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
 from gateway.supervisor.http.handshakes import HandshakeLimits
 from gateway.supervisor.http.limits import TCP, Limits
+from gateway.transport.certificates import now_utc
 from tests.certificates import authority, signed_by
 from tests.supervisor.http.http_bench import Answer, Line, Served, model, serving, until
 
@@ -130,10 +132,11 @@ async def asking(
     clients: bool = False,
     tcp: Limits = TCP,
     handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008
+    now: Callable[[], datetime] = now_utc,
 ) -> AsyncIterator[Asking]:
     """A service that asks, with one token, ``people``; over TLS where there are certificates."""
     write_token(folder, TOKEN)
-    async with serving(folder, tcp=tcp, handshakes=handshakes) as served:
+    async with serving(folder, tcp=tcp, handshakes=handshakes, now=now) as served:
         served.feeds.publish(model())
         before = len(served.said)
         wanted = section(served.port, certificates, tokens=tokens, clients=clients)

@@ -5,6 +5,7 @@ import contextlib
 import json
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,25 @@ from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.http.window import Window
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.outcome import Outcome
+from gateway.transport.certificates import now_utc
 from tests.ports import free_port
 
 PATIENCE_S = 20.0
 BOUNDS_US = [5, 10, 100, 1000]
 TOOK: dict[str, Any] = {"p50": 8.0, "p99": 90.0, "p999": 99.0, "max": 120.0, "max_minute": 60.0}
+CERTIFICATE = {
+    "key": "certificate",
+    "file": "/etc/page.pem",
+    "subject": "CN=mill",
+    "ends": "2001-09-09T01:46:40+00:00",
+    "days_left": 300,
+}
+CONTROLLER: dict[str, Any] = {
+    "name": "cnc",
+    "role": "motion",
+    "connections": ["a", "b"],
+    "gateway_us": TOOK,
+}
 LINE = {
     "state": "up",
     "exchanges": 7,
@@ -49,7 +64,7 @@ LINE = {
     "gateway_us": {**TOOK, "below": [1, 4, 6, 7, 7]},
     "computed": {},
     "drives": {"address": "127.0.0.1:502", "failure": "", "opens": 1, "notes": [], "latency": None},
-    "controllers": [{"name": "cnc", "role": "motion", "connections": ["a", "b"], "gateway_us": TOOK}],
+    "controllers": [CONTROLLER],
 }
 AXIS = {
     "compensation": "active",
@@ -82,7 +97,7 @@ AXIS = {
 WELL = {
     "configuration": {"file": "gateway.toml", "problem": None},
     "tables_folder": {"folder": "tables", "problem": None},
-    "http": {"problem": None},
+    "http": {"problem": None, "certificates": [CERTIFICATE]},
     "mqtt": {"problem": None},
 }
 
@@ -234,6 +249,7 @@ async def serving(
     handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008
     settings: AxisSettings | None = None,
     outcome: Outcome | None = None,
+    now: Callable[[], datetime] = now_utc,
 ) -> AsyncIterator[Served]:
     """A service that is open on both of its listeners."""
     feeds = Feeds() if feeds is None else feeds
@@ -247,7 +263,7 @@ async def serving(
         served.said.append((event.name, fields))
 
     window = Window(feeds, state, lambda axis: settings, reload, say)
-    service = HttpService(window, tcp, local, handshakes)
+    service = HttpService(window, tcp, local, handshakes, now=now)
     served = Served(service, feeds, port, state)
     service.configure(HttpSection(listen=f"127.0.0.1:{port}"), Path())
     running = asyncio.create_task(service.run())

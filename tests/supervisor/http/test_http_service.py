@@ -38,11 +38,21 @@ async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: 
                     },
                 )
             ]
-            assert served.service.status == {"listen": address, "address": None, "problem": problem}
+            assert served.service.status == {
+                "listen": address,
+                "address": None,
+                "problem": problem,
+                "certificates": [],
+            }
             served.said.clear()
         await until(lambda: bool(served.said))
         assert served.said == [("http-ready", {"address": f"http://{address}"})]
-        assert served.service.status == {"listen": address, "address": f"http://{address}", "problem": None}
+        assert served.service.status == {
+            "listen": address,
+            "address": f"http://{address}",
+            "problem": None,
+            "certificates": [],
+        }
 
 
 async def test_a_host_that_does_not_exist_is_a_problem(tmp_path: Path) -> None:
@@ -70,7 +80,7 @@ async def test_another_address_in_the_configuration_is_taken_over(tmp_path: Path
         writer.transport.abort()
         served.service.configure(HttpSection(listen=""), Path())
         await until(lambda: served.service.status["address"] is None)
-        assert served.service.status == {"listen": "", "address": None, "problem": None}
+        assert served.service.status == {"listen": "", "address": None, "problem": None, "certificates": []}
         with pytest.raises(ConnectionRefusedError):
             await asyncio.open_connection("::1", served.port)
         assert (await served.ask("/metrics", is_local=True)).status == 200

@@ -152,6 +152,13 @@ def table(status: str) -> dict[str, Any]:
     return {"file": "x.tab", "format": "", "points": 3, "status": status, "error": "bad"}
 
 
+CERTIFICATE = {
+    "key": "certificate",
+    "file": "/etc/page.pem",
+    "subject": "CN=mill",
+    "ends": "1970-01-31T00:00:00+00:00",
+    "days_left": 29,
+}
 LATENCY = {
     "gateway_us": {"p50": 1.0, "p99": 1.0, "p999": 1.0, "max": 1.0, "max_minute": 1.0},
     "budget_us": 1000.0,
@@ -183,6 +190,11 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
         model(supervisor={"tables_folder": {"problem": "gone"}}),
         {"component": "tables_folder"},
         "PitchGatewayConfigurationNotTaken",
+    ),
+    (  # promtool looks 50 minutes after 1970 began
+        model(supervisor={"http": {"problem": None, "certificates": [CERTIFICATE]}}),
+        {"where": "http", "key": "certificate", "file": "/etc/page.pem", "subject": "CN=mill"},
+        "PitchGatewayCertificateEndsSoon",
     ),
 ]
 
