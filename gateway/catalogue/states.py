@@ -66,9 +66,57 @@ TABLE_FILE: Final = (
 )
 """``axes.NAME.table.status``."""
 
+THERMAL: Final = (
+    StateEntry(
+        "waiting",
+        "no temperature has been heard yet: nothing is added for it",
+        "after `timeout_s` (then `is_silent`): look at the sensor and at `thermal.source`",
+    ),
+    StateEntry("following", "temperatures come: what is added follows them"),
+    StateEntry(
+        "held",
+        "the sensor has been silent for `timeout_s`: its last value holds",
+        "look at the sensor, the broker or the address it is read from",
+    ),
+    StateEntry(
+        "fading",
+        "the sensor has been silent for `hold_s` more: what is added goes back to 0 with the next targets",
+        "look at the sensor, the broker or the address it is read from",
+    ),
+    StateEntry(
+        "faded",
+        "the sensor is still silent: nothing is added for the temperature",
+        "look at the sensor, the broker or the address it is read from",
+    ),
+)
+"""``axes.NAME.terms.thermal.state``."""
+
+CROSS: Final = (
+    StateEntry("waiting", "nobody has known yet where the other axes are: nothing is added for them"),
+    StateEntry("following", "it is known where the other axes are: what is added follows them"),
+    StateEntry(
+        "held",
+        "nobody knows where one of the other axes is: what they add is held for `fresh_s`",
+        "give the other axis a target, or home it",
+    ),
+    StateEntry(
+        "fading",
+        "still nobody knows where one of the other axes is: what they add goes back to 0 with next targets",
+        "give the other axis a target, or home it",
+    ),
+    StateEntry(
+        "faded",
+        "still nobody knows where one of the other axes is: nothing is added for them",
+        "give the other axis a target, or home it",
+    ),
+)
+"""``axes.NAME.terms.cross.state``."""
+
 STATES: Final[Mapping[str, tuple[StateEntry, ...]]] = {
     "axes.NAME.compensation": COMPENSATION,
     "axes.NAME.direction": DIRECTION,
     "axes.NAME.table.status": TABLE_FILE,
+    "axes.NAME.terms.thermal.state": THERMAL,
+    "axes.NAME.terms.cross.state": CROSS,
 }
 """By the key of the status model."""

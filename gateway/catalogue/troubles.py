@@ -82,6 +82,28 @@ OVER_BUDGET: Final = TroubleEntry(
     "the machine is busy with something else",
     "look at the load of the machine; pitch-gateway budget shows what the line can hold",
 )
+SENSOR_SILENT: Final = TroubleEntry(
+    "sensor-silent",
+    Severity.WARNING,
+    "the temperature sensor of an axis says nothing",
+    "the sensor, its cable or its broker is off; it publishes to another topic, or stands at another address",
+    "look at the sensor, its broker or the address it is read from",
+)
+OTHER_AXIS_UNKNOWN: Final = TroubleEntry(
+    "other-axis-unknown",
+    Severity.WARNING,
+    "nobody knows where an axis is that `cross` of another one needs: what it adds goes back to 0",
+    "it lost its reference; or it was stopped or jogged, got no target since, and its position is not read",
+    "give the other axis a target, or home it",
+)
+TERM_TOO_LARGE: Final = TroubleEntry(
+    "term-too-large",
+    Severity.WARNING,
+    "what `thermal` and `cross` would add comes, with the table, to more than `max_correction`: it does not "
+    "follow",
+    "a warm machine with a table that needs nearly all of `max_correction`, or a wrong `alpha` or `fixed_at`",
+    "check alpha, reference and fixed_at of the axis; raise max_correction only if the machine is that bad",
+)
 CONFIGURATION: Final = TroubleEntry(
     "configuration",
     Severity.WARNING,

@@ -3,6 +3,7 @@
 from typing import Any, Final
 
 from gateway.compensation.settings import Setpoints
+from gateway.compensation.thermal import TermState
 from gateway.counts import Counts
 from gateway.exchange.axis import Actual, AxisExchange
 from gateway.exchange.line import LineExchange
@@ -25,6 +26,8 @@ COMPENSATION_STATES: Final = (
 """Everything that :func:`compensation_state` returns (DESIGN section 11)."""
 DIRECTION_STATES: Final = ("forward", "backward", "unknown", "unsure")
 """Everything that :func:`direction_state` returns."""
+TERM_STATES: Final = tuple(state.value for state in TermState)
+"""Every ``state`` of ``terms.thermal`` and ``terms.cross``."""
 
 
 def line_status(line: LineExchange) -> dict[str, object]:

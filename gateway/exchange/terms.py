@@ -9,6 +9,7 @@ due (:meth:`Terms.is_due`); such a target takes the long way.
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
+from gateway.compensation.blend import shape
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, with_line
 from gateway.compensation.curve import Curve
 from gateway.compensation.errors import SettingsError
@@ -36,6 +37,7 @@ _SAID: Final = {
     TermState.FADING: EventKind.TERM_FADES,
     TermState.FADED: EventKind.TERM_FADES,
 }
+_SILENT: Final = frozenset({TermState.HELD, TermState.FADING, TermState.FADED})
 
 
 class _Cross:
@@ -287,28 +289,46 @@ class Terms:
 
     def status(self, axis: "AxisExchange", now_ns: int) -> dict[str, object]:
         """Return its part of the status model. Corrections are in units, in force at the last target."""
-        found: dict[str, object] = {"correction": self._in_force(axis), "is_too_large": self.is_too_large}
+        of_thermal, of_cross = self._in_force(axis)
+        total = None if of_thermal is None or of_cross is None else of_thermal + of_cross
+        found: dict[str, object] = {"correction": total, "is_too_large": self.is_too_large}
         thermal = self.thermal
         if thermal is not None:
+            state = thermal.state(now_ns)
             found["thermal"] = {
-                "state": thermal.state(now_ns).value,
+                "state": state.value,
                 "celsius": thermal.celsius,
                 "age_s": thermal.age_s(now_ns),
                 "difference": thermal.difference_at(now_ns),
+                "correction": of_thermal,
+                "is_silent": self._was_missed if state is TermState.WAITING else state in _SILENT,
             }
         if self.crosses:
             found["cross"] = {
                 "state": self.cross_state(now_ns).value,
                 "axes": [cross.axis for cross in self.crosses],
-                "correction": self._cross,
+                "correction": of_cross,
             }
         return found
 
-    def _in_force(self, axis: "AxisExchange") -> float | None:
+    def _in_force(self, axis: "AxisExchange") -> tuple[float, float] | tuple[None, None]:
+        """Return what the temperature and what the other axes added to the last target, in units.
+
+        Only the temperature tilts the line, and it leaves ``fixed_at`` where it is: so the two can be told
+        apart. A correction without a table is an offset that was found, and nothing of it is a term.
+        """
         compensation = axis.compensation
-        if compensation.accepted is None or compensation.state.position is None:
-            return None
-        return compensation.state.spec.line_at(compensation.state.position)
+        state = compensation.state
+        if compensation.accepted is None or state.position is None:
+            return None, None
+        fixed_at = 0.0 if self.thermal is None else self.thermal.settings.fixed_at
+        weight = 1.0 if state.previous is None else shape(state.change)
+        of_thermal = of_cross = 0.0
+        for spec, share in ((state.spec, weight), (state.previous, 1.0 - weight)):
+            if spec is not None and spec.curve is not None:
+                of_thermal += share * spec.tilt * (state.position - fixed_at)
+                of_cross += share * spec.line_at(fixed_at)
+        return of_thermal, of_cross
 
     def _detail(self, kind: str, state: TermState) -> str:
         if kind == "thermal":

@@ -3,7 +3,7 @@
 The page's banner, the terminal, ``/healthz`` and alerts all go by this list.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -78,6 +78,41 @@ def _of_axis(name: str, axis: Mapping[str, Any]) -> Iterator[Trouble]:
     if axis["latency"]["is_over_budget"]:
         what = f"the gateway takes longer than budget_us = {axis['latency']['budget_us']:g}"
         yield _found(kinds.OVER_BUDGET, where, what)
+    yield from _of_terms(where, axis.get("terms") or {})
+
+
+_OF_SENSOR: Final = {
+    "waiting": "no temperature has been heard since the start: nothing is added for it",
+    "held": "the temperature sensor says nothing: its last value is held",
+    "fading": "the temperature sensor says nothing: what is added for it goes back to 0",
+    "faded": "the temperature sensor says nothing: nothing is added for it any more",
+}
+_OF_OTHERS: Final = {"fading": "what is added for that goes back to 0", "faded": "nothing is added for that"}
+"""Held it is no trouble yet: any stop of an axis that is not read does that, until its next target."""
+
+
+def _of_terms(where: str, terms: Mapping[str, Any]) -> Iterator[Trouble]:
+    thermal, cross = terms.get("thermal", {}), terms.get("cross", {})
+    if thermal.get("is_silent"):
+        what = _OF_SENSOR.get(thermal["state"], kinds.SENSOR_SILENT.meaning)
+        yield _found(kinds.SENSOR_SILENT, where, what)
+    if cross.get("state") in _OF_OTHERS:
+        what = f"it is not known where {_named(cross['axes'])}; {_OF_OTHERS[cross['state']]}"
+        yield _found(kinds.OTHER_AXIS_UNKNOWN, where, what)
+    if terms.get("is_too_large"):
+        what = (
+            "with the table, temperature and other axes come to more than max_correction; they do not follow"
+        )
+        yield _found(kinds.TERM_TOO_LARGE, where, what)
+
+
+def _named(axes: Sequence[str]) -> str:
+    """Return whose place is not known; of several only the sum is.
+
+    >>> _named(["y"]), _named(["y", "z"])
+    ('axis y is', 'one of the axes y, z is')
+    """
+    return f"axis {axes[0]} is" if len(axes) == 1 else f"one of the axes {', '.join(axes)} is"
 
 
 def _of_supervisor(supervisor: Mapping[str, Any]) -> Iterator[Trouble]:

@@ -8,9 +8,9 @@ from gateway.catalogue import troubles as kinds
 from gateway.catalogue.entry import RefusalEntry, StartEntry
 from gateway.catalogue.refusals import REFUSALS, TITLES
 from gateway.catalogue.starts import STARTS
-from gateway.catalogue.states import COMPENSATION, DIRECTION, TABLE_FILE
+from gateway.catalogue.states import COMPENSATION, CROSS, DIRECTION, TABLE_FILE, THERMAL
 from gateway.catalogue.troubles import TROUBLES
-from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES
+from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.modbus.pdu import ExceptionCode
 from gateway.supervisor.book import FileState
 from tests.catalogue.sentences import begins, raised, trees
@@ -36,6 +36,8 @@ def test_states_are_those_of_the_status() -> None:
     assert {state.name for state in COMPENSATION} == set(COMPENSATION_STATES)
     assert {state.name for state in DIRECTION} == set(DIRECTION_STATES)
     assert {state.name for state in TABLE_FILE} == {"none", *(state.value for state in FileState)}
+    for of_term in (THERMAL, CROSS):
+        assert [state.name for state in of_term] == list(TERM_STATES)
 
 
 def test_every_trouble_is_found_somewhere_and_none_is_made_up() -> None:

@@ -55,6 +55,8 @@ def test_a_temperature_over_mqtt_counts_and_the_relay_alone_goes_on_with_it(
                 "celsius": 30.0,
                 "age_s": found["thermal"]["age_s"],
                 "difference": 10.0,
+                "correction": pytest.approx(-0.02),
+                "is_silent": False,
             }
             supervisor = children(gateway.process)["gateway.supervisor"]
             os.kill(supervisor, signal.SIGSTOP)

@@ -122,6 +122,63 @@ def test_an_axis_that_does_what_it_should_is_none(compensation: str) -> None:
     assert kinds(model(with_axis(compensation=compensation))) == []
 
 
+def with_terms(**changes: Any) -> dict[str, Any]:
+    """An axis whose sensor is heard and whose other axes are known, but for the changes."""
+    thermal = {"state": "following", "is_silent": False, **changes.get("thermal", {})}
+    cross = {"state": "following", "axes": ["y"], **changes.get("cross", {})}
+    is_too_large = changes.get("is_too_large", False)
+    return with_axis(terms={"is_too_large": is_too_large, "thermal": thermal, "cross": cross})
+
+
+@pytest.mark.parametrize(
+    ("terms", "trouble", "what"),
+    [
+        (
+            {"thermal": {"state": "waiting", "is_silent": True}},
+            "sensor-silent",
+            "no temperature has been heard since the start: nothing is added for it",
+        ),
+        (
+            {"thermal": {"state": "held", "is_silent": True}},
+            "sensor-silent",
+            "the temperature sensor says nothing: its last value is held",
+        ),
+        (
+            {"cross": {"state": "fading", "axes": ["y"]}},
+            "other-axis-unknown",
+            "it is not known where axis y is; what is added for that goes back to 0",
+        ),
+        (
+            {"cross": {"state": "faded", "axes": ["y", "z"]}},
+            "other-axis-unknown",
+            "it is not known where one of the axes y, z is; nothing is added for that",
+        ),
+        (
+            {"is_too_large": True},
+            "term-too-large",
+            "with the table, temperature and other axes come to more than max_correction; they do not follow",
+        ),
+    ],
+)
+def test_terms_that_do_not_follow_are_a_warning(terms: dict[str, Any], trouble: str, what: str) -> None:
+    found = model(with_terms(**terms))
+    assert kinds(found) == [("warning", trouble, "axis x")]
+    assert found["troubles"][0]["what"] == what
+    assert begins_with_a_word(found["troubles"][0]["remedy"])
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [{}, {"thermal": {"state": "waiting"}}, {"cross": {"state": "waiting"}}, {"cross": {"state": "held"}}],
+)
+def test_terms_that_follow_or_have_just_begun_to_wait_are_none(terms: dict[str, Any]) -> None:
+    assert kinds(model(with_terms(**terms))) == []
+
+
+def test_an_axis_without_terms_has_no_trouble_with_them() -> None:
+    assert kinds(model(with_axis(terms=None))) == []
+
+
 def test_errors_come_first() -> None:
     snapshot = with_axis(compensation="unreferenced", latency={"is_over_budget": True, "budget_us": 500.0})
     snapshot["lines"]["xyz"] = {"state": "down", "drives": {"address": "a:1", "failure": "refused"}}

@@ -15,7 +15,7 @@ from prometheus_client.metrics_core import (
 )
 from prometheus_client.registry import Collector
 
-from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES
+from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.book import FileState
 from gateway.supervisor.feeds import Feeds
 
@@ -207,6 +207,7 @@ def _of_axes(axes: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Me
                 family.add_metric((name, state), state == found(axis))
         yield family
     yield from _of_tables(axes)
+    yield from _of_terms({name: axis for name, axis in axes.items() if axis.get("terms")})
     took_us = {name: axis["latency"]["gateway_us"] for name, axis in axes.items()}
     yield from _latency("axis", took_us, bounds_us)
     budget = _gauge("axis_latency_budget_seconds", "What the gateway may take for an exchange.", ["axis"])
@@ -263,3 +264,37 @@ def _of_tables(axes: Mapping[str, Any]) -> Iterator[Metric]:
             kind, digest = table["format"] or "", table.get("sha256") or ""
             info.add_metric((name,), {"file": table["file"], "format": kind, "sha256": digest})
     yield from (points, loaded, info)
+
+
+def _of_terms(axes: Mapping[str, Any]) -> Iterator[Metric]:
+    """Yield what ``thermal`` and ``cross`` add, and how well that is known; nothing where there are none."""
+    if not axes:
+        return
+    says = "What a term added to the last target, in the unit of the axis: thermal or cross."
+    added = _gauge("axis_term_correction", says, ["axis", "units", "term"])
+    state = _gauge("axis_term_state", "State of a term: 1 at the one it is in.", ["axis", "term", "state"])
+    large = _gauge("axis_terms_too_large", "Whether the terms are too large to follow: 1 or 0.", ["axis"])
+    for name, axis in axes.items():
+        terms = axis["terms"]
+        large.add_metric((name,), terms["is_too_large"])
+        for term in ("thermal", "cross"):
+            if term not in terms:
+                continue
+            its = terms[term]
+            if its.get("correction") is not None:
+                added.add_metric((name, axis["units"], term), its["correction"])
+            for each in dict.fromkeys((*TERM_STATES, its["state"])):
+                state.add_metric((name, term, each), each == its["state"])
+    yield from (added, state, large)
+    warm = {name: axis["terms"]["thermal"] for name, axis in axes.items() if "thermal" in axis["terms"]}
+    for key, rest, says in (
+        ("celsius", "celsius", "Temperature of the screw as its sensor said it last."),
+        ("age_s", "age_seconds", "How long ago the sensor of the screw was heard."),
+        ("difference", "difference_kelvin", "Difference from the reference temperature that counts."),
+        ("is_silent", "silent", "Whether the sensor of the screw is silent for too long: 1 or 0."),
+    ):
+        gauge = _gauge(f"axis_temperature_{rest}", says, ["axis"])
+        for name, thermal in warm.items():
+            if thermal.get(key) is not None:
+                gauge.add_metric((name,), thermal[key])
+        yield gauge

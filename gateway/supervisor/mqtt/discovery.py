@@ -1,15 +1,19 @@
 """What tells Home Assistant that there is a gateway with axes: device based discovery over MQTT.
 
-One device for the gateway and one for each axis, each described by one retained message under the topic
+One device for the gateway and one for each axis, each described by a retained message under the topic
 ``PREFIX/device/ID/OBJECT/config``; an empty one takes a device away again. The keys are those of
 https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery; the four that the format itself needs are in
 their short forms (``dev``, ``o``, ``cmps``, ``p``), as that page shows them.
+
+What ``thermal`` and ``cross`` add to an axis is described by a message of its own, for the same device: an
+entity that a later message leaves out would stay there, one whose message is taken away goes.
 """
 
+from collections.abc import Mapping
 from math import ceil
 from typing import Any, Final
 
-from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES
+from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.mqtt.messages import Payload
 from gateway.supervisor.mqtt.settings import Settings
 
@@ -27,13 +31,14 @@ def discovery_messages(settings: Settings, model: Payload) -> dict[str, Payload]
     """Return the description of each device, by topic; none where discovery is off."""
     if not settings.discovery:
         return {}
-    return {
-        _topic(settings, "gateway"): _gateway(settings, model),
-        **{
-            _topic(settings, f"axis_{name}"): _axis(settings, model, name, axis["units"])
-            for name, axis in model["axes"].items()
-        },
-    }
+    found = {_topic(settings, "gateway"): _gateway(settings, model)}
+    for name, axis in model["axes"].items():
+        components = _axis_components(settings, name, axis["units"])
+        found[_topic(settings, f"axis_{name}")] = _axis(settings, model, name, components)
+        if terms := axis.get("terms"):
+            components = _term_components(settings, name, axis["units"], terms)
+            found[_topic(settings, f"terms_{name}")] = _axis(settings, model, name, components)
+    return found
 
 
 def _topic(settings: Settings, device: str) -> str:
@@ -86,13 +91,16 @@ def _gateway(settings: Settings, model: Payload) -> Payload:
     }
 
 
-def _axis(settings: Settings, model: Payload, name: str, units: str) -> Payload:
+def _device(settings: Settings, name: str) -> str:
+    return f"{settings.topics.id}_axis_{name}"
+
+
+def _axis(settings: Settings, model: Payload, name: str, components: Payload) -> Payload:
     topics = settings.topics
-    device = f"{topics.id}_axis_{name}"
     return {
         **_about(model),
         "dev": {
-            "identifiers": [device],
+            "identifiers": [_device(settings, name)],
             "name": f"{topics.name} axis {name}",
             "manufacturer": MAKER,
             "model": "axis",
@@ -107,22 +115,29 @@ def _axis(settings: Settings, model: Payload, name: str, units: str) -> Payload:
             },
         ],
         "availability_mode": "all",
-        "cmps": _axis_components(settings, device, name, units),
+        "cmps": components,
     }
 
 
-def _axis_components(settings: Settings, device: str, name: str, units: str) -> dict[str, Any]:
-    """Return what Home Assistant shows of an axis; positions are in ``units``, times in µs."""
-    topics = settings.topics
-    state, table = topics.axis(name), topics.table(name)
-    expires = {"expire_after": max(SHORTEST_EXPIRY_S, ceil(settings.interval_s * QUIET_INTERVALS))}
-    length: dict[str, Any] = {
+def _expires(settings: Settings) -> dict[str, Any]:
+    return {"expire_after": max(SHORTEST_EXPIRY_S, ceil(settings.interval_s * QUIET_INTERVALS))}
+
+
+def _length(settings: Settings, units: str) -> dict[str, Any]:
+    return {
         "unit_of_measurement": UNITS[units],
         "state_class": "measurement",
         "suggested_display_precision": 4,
         **({} if units == "degree" else {"device_class": "distance"}),
-        **expires,
+        **_expires(settings),
     }
+
+
+def _axis_components(settings: Settings, name: str, units: str) -> dict[str, Any]:
+    """Return what Home Assistant shows of an axis; positions are in ``units``, times in µs."""
+    topics, device = settings.topics, _device(settings, name)
+    state, table = topics.axis(name), topics.table(name)
+    expires, length = _expires(settings), _length(settings, units)
     mine = f"value_json.troubles | selectattr('where', 'equalto', 'axis {name}') | list"
     positions = {
         "correction": "Correction",
@@ -155,6 +170,39 @@ def _axis_components(settings: Settings, device: str, name: str, units: str) -> 
             device, "problem", "Problem", topics.info, condition=mine, more={"device_class": "problem"}
         ),
     }
+
+
+def _term_components(settings: Settings, name: str, units: str, terms: Payload) -> dict[str, Any]:
+    """Return what Home Assistant shows of what is added to a table; lengths are in ``units``."""
+    device, topic, expires = _device(settings, name), settings.topics.axis(name), _expires(settings)
+    found: dict[str, Any] = {}
+    if "thermal" in terms:
+        warm: dict[str, Any] = {
+            "device_class": "temperature",
+            "unit_of_measurement": "°C",
+            "state_class": "measurement",
+            "suggested_display_precision": 1,
+            **expires,
+        }
+        found["temperature"] = _at(
+            "thermal.celsius", _sensor(device, "temperature", "Temperature", topic, warm)
+        )
+    for term, words, source in (
+        ("thermal", "Added for temperature", "Temperature sensor"),
+        ("cross", "Added for other axes", "Other axes"),
+    ):
+        if term in terms:
+            added, state = f"{term}_added", f"{term}_state"
+            length = _sensor(device, added, words, topic, _length(settings, units))
+            choice = _choice(device, state, source, topic, options=TERM_STATES, more=expires)
+            found[added] = _at(f"{term}.correction", length)
+            found[state] = {**_at(f"{term}.state", choice), "entity_category": "diagnostic"}
+    return found
+
+
+def _at(place: str, entity: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an entity whose value stands somewhere in the terms."""
+    return {**entity, "value_template": f"{{{{ value_json.terms.{place} }}}}"}
 
 
 def _about(model: Payload) -> dict[str, Any]:

@@ -33,6 +33,7 @@ FILES: Final = (
     "stream.js",
     "session.js",
     "tables.js",
+    "terms.js",
     "words.js",
 )
 """Every file of the page, by its name in this folder; nothing else is served."""

@@ -4,6 +4,7 @@
 import { Curve } from "./curve.js";
 import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, fixed, scaleOf, timeOfDay } from "./figures.js";
+import { Terms } from "./terms.js";
 import { compensation, direction, table as tableState } from "./words.js";
 
 /**
@@ -41,6 +42,9 @@ export class AxisCard {
     this.directionWords = make("span");
     this.direction = make("p", { class: "direction" }, this.directionSign, this.directionWords);
     this.correction = make("dd");
+    this.correctionRow = make("div", {}, make("dt", { text: "Correction" }), this.correction);
+    /** @type {Terms | null} */
+    this.terms = null;
     this.corrected = make("dd");
     this.target = make("dd");
     this.targetRow = make("div", {}, make("dt", { text: "Target" }), this.target);
@@ -97,7 +101,7 @@ export class AxisCard {
           make(
             "dl",
             { class: "facts" },
-            make("div", {}, make("dt", { text: "Correction" }), this.correction),
+            this.correctionRow,
             make("div", {}, make("dt", { text: "On the drive" }), this.corrected),
             this.targetRow,
             this.writerRow,
@@ -161,6 +165,10 @@ export class AxisCard {
       this.correction,
       withUnits(fixed(correction === null ? null : correction * scale.perUnit, scale.smallDecimals, true), scale.small),
     );
+    if (axis.terms) {
+      this.terms ??= new Terms(this.correctionRow);
+    }
+    this.terms?.show(axis.terms, axis.units);
     show(this.targetRow, isRead);
     setText(this.target, withUnits(fixed(axis.nominal_setpoint, scale.decimals), scale.units));
     const way = direction(axis.direction);

@@ -11,11 +11,19 @@
  * @typedef {{ file: string | null, format: string | null, compiled: string | null, points: number,
  *             status: string, error: string | null, loaded_at: string | null, problems?: Problem[] }} TableState
  *
+ * @typedef {{ state: string, celsius: number | null, age_s: number | null, difference: number,
+ *             correction: number | null, is_silent: boolean }} ThermalTerm
+ *
+ * @typedef {{ state: string, axes: string[], correction: number | null }} CrossTerm
+ *
+ * @typedef {{ correction: number | null, is_too_large: boolean, thermal?: ThermalTerm,
+ *             cross?: CrossTerm }} Terms what is added to the table; corrections in the unit of the axis
+ *
  * @typedef {{ compensation: string, units: string, direction: string, correction: number | null,
  *             gain: { forward: number, backward: number }, travel: [number, number] | null,
  *             nominal_setpoint: number | null, corrected_setpoint: number | null,
  *             nominal_actual: number | null, corrected_actual: number | null, table: TableState,
- *             writer?: string | null,
+ *             writer?: string | null, terms?: Terms | null,
  *             latency: { gateway_us: Times, budget_us: number, budget_overruns: number,
  *                        is_over_budget: boolean } }} Axis
  *

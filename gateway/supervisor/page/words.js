@@ -32,6 +32,14 @@ const DIRECTION = {
   unknown: { words: "direction unknown", sign: "unknown" },
 };
 
+/** @type {Record<string, State>} */
+const OTHER_AXES = {
+  waiting: { words: "place not known yet", sign: "wait", tone: "note" },
+  held: { words: "place not known: held", sign: "wait", tone: "note" },
+  fading: { words: "place not known: fading", sign: "warning", tone: "warning" },
+  faded: { words: "place not known: gone", sign: "warning", tone: "warning" },
+};
+
 /** @type {Record<string, string>} */
 const EVENTS = {
   "line-up": "Line up",
@@ -76,6 +84,12 @@ const EVENTS = {
   enabled: "Compensation switched on",
   disabled: "Compensation switched off",
   referenced: "Taken as referenced",
+  "term-follows": "Temperature or other axes known",
+  "term-held": "Temperature or other axes not known: held",
+  "term-fades": "Temperature or other axes not known: fading",
+  "term-too-large": "Temperature or other axes add too much",
+  "temperature-wrong": "Wrong temperature",
+  "temperature-not-read": "Temperature not read",
 };
 
 /** @param {string} state @returns {State} */
@@ -91,6 +105,44 @@ export function table(state) {
 /** @param {string} direction */
 export function direction(direction) {
   return DIRECTION[direction] ?? { words: direction, sign: "unknown" };
+}
+
+const GOING = "going with the next target";
+
+/**
+ * How the sensor of an axis's temperature is; null where it is heard.
+ * @param {string} state
+ * @param {boolean} isSilent for longer than it may be
+ * @param {boolean} isHeard since the start
+ * @param {string} silence how long, as ` for 5 min 1 s`, or nothing
+ * @param {boolean} isAdded whether something is added for it as yet
+ * @returns {State | null}
+ */
+export function sensor(state, isSilent, isHeard, silence, isAdded) {
+  if (state === "following") {
+    return isHeard ? null : { words: "not heard since the restart: held", sign: "wait", tone: "note" };
+  }
+  if (state === "waiting") {
+    return isSilent
+      ? { words: "sensor never heard: nothing added", sign: "warning", tone: "warning" }
+      : { words: "waiting for the sensor", sign: "wait", tone: "note" };
+  }
+  const found = { held: "held", fading: "fading", faded: isAdded ? GOING : "gone" }[state] ?? state;
+  return { words: `sensor silent${silence}: ${found}`, sign: "warning", tone: "warning" };
+}
+
+/**
+ * How well it is known where the other axes are that act on one; null where it is.
+ * @param {string} state
+ * @param {boolean} isAdded whether something is added for them as yet
+ * @returns {State | null}
+ */
+export function otherAxes(state, isAdded) {
+  if (state === "following") {
+    return null;
+  }
+  const found = OTHER_AXES[state] ?? { words: state, sign: "info", tone: "note" };
+  return state === "faded" && isAdded ? { ...found, words: `place not known: ${GOING}` } : found;
 }
 
 /** @param {string} event */

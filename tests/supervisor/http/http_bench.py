@@ -94,6 +94,20 @@ AXIS = {
         "is_over_budget": False,
     },
 }
+TERMS: dict[str, Any] = {
+    "correction": -0.0175,
+    "is_too_large": False,
+    "thermal": {
+        "state": "following",
+        "celsius": 30.5,
+        "age_s": 1.25,
+        "difference": 10.0,
+        "correction": -0.0575,
+        "is_silent": False,
+    },
+    "cross": {"state": "following", "axes": ["y"], "correction": 0.04},
+}
+"""Of an axis with ``thermal`` and ``cross``."""
 WELL = {
     "configuration": {"file": "gateway.toml", "problem": None},
     "tables_folder": {"folder": "tables", "problem": None},

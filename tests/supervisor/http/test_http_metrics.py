@@ -3,13 +3,14 @@
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.metrics import Metrics
 from tests.supervisor.http.exposition import Samples, families, samples
-from tests.supervisor.http.http_bench import model, serving, snapshot
+from tests.supervisor.http.http_bench import TERMS, model, serving, snapshot
 
 
 def of(found: Samples, metric: str, /, **labels: str) -> float:
@@ -101,6 +102,71 @@ def test_states_are_one_where_the_axis_is_and_zero_elsewhere() -> None:
     assert of(found, "axis_direction", axis="x", direction="unsure") == 1
 
 
+def with_terms(**changes: Any) -> dict[str, Any]:
+    return model(snapshot(axis={"terms": {**TERMS, **changes}}))
+
+
+def of_terms(found: Samples) -> set[str]:
+    return {name for name, _ in found if "_axis_term" in name or "_temperature_" in name}
+
+
+@pytest.mark.parametrize("accept", ["", "application/openmetrics-text;version=1.0.0"])
+def test_terms_have_what_each_added_and_how_well_it_is_known(accept: str) -> None:
+    found = samples(with_terms(), accept)
+    assert of(found, "axis_temperature_celsius", axis="x") == 30.5
+    assert of(found, "axis_temperature_age_seconds", axis="x") == 1.25
+    assert of(found, "axis_temperature_difference_kelvin", axis="x") == 10.0
+    assert of(found, "axis_temperature_silent", axis="x") == 0
+    assert of(found, "axis_term_correction", axis="x", units="mm", term="thermal") == -0.0575
+    assert of(found, "axis_term_correction", axis="x", units="mm", term="cross") == 0.04
+    assert of(found, "axis_terms_too_large", axis="x") == 0
+    states = {
+        (labels["term"], labels["state"]): value
+        for (name, pairs), value in found.items()
+        if name == "pitch_gateway_axis_term_state" and (labels := dict(pairs))
+    }
+    words = ("waiting", "following", "held", "fading", "faded")
+    assert states == {(t, word): float(word == "following") for t in ("thermal", "cross") for word in words}
+
+
+def test_what_is_not_known_of_a_term_is_left_out_and_what_is_wrong_is_one() -> None:
+    unheard = {
+        "state": "waiting",
+        "celsius": None,
+        "age_s": None,
+        "difference": 0.0,
+        "correction": None,
+        "is_silent": True,
+    }
+    lost = {"state": "faded", "axes": ["y"], "correction": None}
+    found = samples(with_terms(correction=None, is_too_large=True, thermal=unheard, cross=lost))
+    assert of_terms(found) == {
+        "pitch_gateway_axis_temperature_difference_kelvin",
+        "pitch_gateway_axis_temperature_silent",
+        "pitch_gateway_axis_term_state",
+        "pitch_gateway_axis_terms_too_large",
+    }
+    assert of(found, "axis_temperature_silent", axis="x") == 1
+    assert of(found, "axis_term_state", axis="x", term="cross", state="faded") == 1
+    assert of(found, "axis_terms_too_large", axis="x") == 1
+
+
+def test_only_a_term_that_is_there_is_shown() -> None:
+    found = samples(model(snapshot(axis={"terms": {k: v for k, v in TERMS.items() if k != "thermal"}})))
+    assert of_terms(found) == {
+        "pitch_gateway_axis_term_correction",
+        "pitch_gateway_axis_term_state",
+        "pitch_gateway_axis_terms_too_large",
+    }
+    assert {dict(labels).get("term") for name, labels in found if "_axis_term_" in name} == {"cross"}
+
+
+def test_without_terms_there_is_not_even_a_name() -> None:
+    assert not [family.name for family in families(model()) if "term" in family.name or "temp" in family.name]
+    none = families(model(snapshot(axis={"terms": None})))
+    assert [family.name for family in none] == [family.name for family in families(model())]
+
+
 def test_troubles_are_counted_and_named() -> None:
     well = samples(model())
     assert (of(well, "troubles", severity="error"), of(well, "troubles", severity="warning")) == (0, 0)
@@ -117,8 +183,8 @@ def test_troubles_are_counted_and_named() -> None:
 
 
 def test_names_are_as_prometheus_wants_them() -> None:
-    found = families(model())
-    assert len(found) > 30
+    found = families(with_terms())
+    assert len(found) > 37
     for family in found:
         assert family.name.startswith("pitch_gateway")
         assert family.documentation.endswith(".")
@@ -156,7 +222,8 @@ async def test_the_page_has_the_type_that_was_asked_for(tmp_path: Path) -> None:
 @pytest.mark.skipif(shutil.which("promtool") is None, reason="promtool (Debian: prometheus) is not installed")
 def test_promtool_finds_nothing_to_say() -> None:
     feeds = Feeds()
-    feeds.publish(model())
+    feeds.publish(with_terms())
     body, _ = Metrics(feeds).page("")
+    assert b"axis_temperature_difference_kelvin" in body
     done = subprocess.run(["promtool", "check", "metrics"], input=body, capture_output=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")

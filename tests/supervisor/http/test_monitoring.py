@@ -12,7 +12,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from tests.supervisor.http.exposition import Samples, samples
-from tests.supervisor.http.http_bench import model, snapshot
+from tests.supervisor.http.http_bench import TERMS, model, snapshot
 
 FOLDER = Path(__file__).parents[3] / "deploy" / "monitoring"
 RULES = yaml.safe_load((FOLDER / "alerts.yml").read_text())["groups"][0]["rules"]
@@ -21,7 +21,7 @@ PROMTOOL = shutil.which("promtool")
 with_promtool = pytest.mark.skipif(PROMTOOL is None, reason="promtool (Debian: prometheus) is not installed")
 EVERYWHERE = {"instance", "job"}
 """Labels that Prometheus adds."""
-ILL = model(snapshot(line={"state": "down"}), is_relay_up=False)
+ILL = model(snapshot(line={"state": "down"}, axis={"terms": TERMS}), is_relay_up=False)
 
 
 def expressions() -> list[str]:
@@ -165,6 +165,12 @@ LATENCY = {
     "budget_overruns": 5,
     "is_over_budget": True,
 }
+
+
+def with_terms(**changes: Any) -> dict[str, Any]:
+    return model(snapshot(axis={"terms": {**TERMS, **changes}}))
+
+
 CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
     (model(is_relay_up=False), {}, "PitchGatewayRelayDown"),
     (model(age_s=6.0), {}, "PitchGatewaySnapshotStale"),
@@ -184,6 +190,13 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
         {"axis": "x", "state": "off"},
         "PitchGatewayAxisNotCorrected",
     ),
+    (with_terms(thermal={**TERMS["thermal"], "is_silent": True}), {"axis": "x"}, "PitchGatewaySensorSilent"),
+    (
+        with_terms(cross={**TERMS["cross"], "state": "faded"}),
+        {"axis": "x", "state": "faded", "term": "cross"},
+        "PitchGatewayOtherAxisUnknown",
+    ),
+    (with_terms(is_too_large=True), {"axis": "x"}, "PitchGatewayTermsTooLarge"),
     (model(snapshot(axis={"latency": LATENCY})), {"axis": "x"}, "PitchGatewayOverBudget"),
     (model(supervisor={"mqtt": {"problem": "refused"}}), {"component": "mqtt"}, "PitchGatewayMqttDown"),
     (
@@ -253,6 +266,7 @@ def test_each_alert_comes_when_it_should_and_no_other(tmp_path: Path) -> None:
     xyz = {"line": "xyz"}
     tests = [
         alerts_test(model(), {exchanges: 10_000, crc: 9, timeouts: 9}, {}),
+        alerts_test(with_terms(cross={**TERMS["cross"], "state": "held"}), {}, {}),
         alerts_test(model(), {exchanges: 10_000, crc: 11}, {"PitchGatewayCheckSumErrors": xyz}),
         alerts_test(model(), {exchanges: 10_000, timeouts: 11}, {"PitchGatewayTimeouts": xyz}),
         *(alerts_test(newest, {}, {name: labels}) for newest, labels, name in CASES),

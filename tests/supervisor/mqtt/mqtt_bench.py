@@ -59,6 +59,17 @@ def axis(correction: float | None = 0.012, **table: Any) -> dict[str, Any]:
     }
 
 
+def terms() -> dict[str, Any]:
+    """Return what a warm axis says that is out of square with y, as the relay's snapshot has it."""
+    thermal = {"state": "held", "celsius": 30.5, "age_s": 71.0, "difference": 9.5, "correction": -0.0575}
+    return {
+        "correction": -0.0175,
+        "is_too_large": False,
+        "thermal": {**thermal, "is_silent": True},
+        "cross": {"state": "following", "axes": ["y"], "correction": 0.04},
+    }
+
+
 def model(
     axes: dict[str, Any] | None = None, *, up: bool = True, age_s: float | None = 0.1
 ) -> dict[str, Any]:

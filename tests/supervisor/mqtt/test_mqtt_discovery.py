@@ -9,17 +9,18 @@ import jsonschema
 import pytest
 
 from gateway.compensation.units import Units
-from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES
+from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.mqtt.discovery import TABLE, UNITS, discovery_messages
 from gateway.supervisor.mqtt.messages import Payload, moving_message, moving_topics, retained_messages
 from gateway.supervisor.mqtt.settings import Settings
 from tests.mosquitto import broker_in, payload_of, watching
-from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, data_of, model, publishing, settings
+from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, data_of, model, publishing, settings, terms
 
 SCHEMA = json.loads((Path(__file__).parent / "homeassistant_device.schema.json").read_text())
 DEVICES = "homeassistant/device/pitch-gateway_mill-1"
 # Home Assistant listens to topics of this form only (its documentation, "Discovery topic").
 TOPIC = re.compile(r"homeassistant/device/(?:[a-zA-Z0-9_-]+/)?[a-zA-Z0-9_-]+/config")
+WARM = {"x": axis() | {"terms": terms()}}
 THREE = {"x": axis(), "y": axis() | {"units": "inch"}, "c": axis() | {"units": "degree"}}
 
 
@@ -57,13 +58,16 @@ def test_a_misspelt_key_would_be_found(tmp_path: Path) -> None:
         jsonschema.validate(payload, SCHEMA)
 
 
-def test_every_topic_and_every_value_that_is_named_is_published(tmp_path: Path) -> None:
-    now = model(THREE)
+@pytest.mark.parametrize(("axes", "least"), [(THREE, 30), (WARM, 15)])
+def test_every_topic_and_every_value_that_is_named_is_published(
+    tmp_path: Path, axes: dict[str, Any], least: int
+) -> None:
+    now = model(axes)
     published: dict[str, Any] = dict(retained_messages(given(tmp_path), now))
     for topic, place in moving_topics(given(tmp_path).topics, now).items():
         published[topic] = moving_message(now, place)
     named = 0
-    for payload in found(tmp_path).values():
+    for payload in discovery_messages(given(tmp_path), now).values():
         assert payload["availability"][0] == {"topic": f"{ROOT}/availability"}
         for entity in payload["cmps"].values():
             here = published[entity["state_topic"]]
@@ -76,7 +80,41 @@ def test_every_topic_and_every_value_that_is_named_is_published(tmp_path: Path) 
                 named += 1
             if "options" in entity:
                 assert value in entity["options"]
-    assert named > 30
+    assert named > least
+
+
+def test_what_is_added_to_a_table_is_a_message_of_its_own_of_the_same_device(tmp_path: Path) -> None:
+    told = discovery_messages(given(tmp_path), model(WARM))
+    assert sorted(told) == [f"{DEVICES}/{one}/config" for one in ("axis_x", "gateway", "terms_x")]
+    of_terms, of_axis = told[f"{DEVICES}/terms_x/config"], told[f"{DEVICES}/axis_x/config"]
+    jsonschema.validate(json.loads(json.dumps(of_terms)), SCHEMA)
+    assert {**of_terms, "cmps": None} == {**of_axis, "cmps": None}
+    assert of_axis == discovery_messages(given(tmp_path), model())[f"{DEVICES}/axis_x/config"]
+    ids = [one["unique_id"] for payload in told.values() for one in payload["cmps"].values()]
+    assert len(ids) == len(set(ids)) == 3 + 10 + 5
+    temperature = of_terms["cmps"]["temperature"]
+    assert (temperature["unit_of_measurement"], temperature["device_class"]) == ("°C", "temperature")
+    added = of_terms["cmps"]["thermal_added"]
+    assert (added["unit_of_measurement"], added["device_class"]) == ("mm", "distance")
+
+
+@pytest.mark.parametrize(
+    ("left", "entities"),
+    [
+        ("thermal", {"temperature", "thermal_added", "thermal_state"}),
+        ("cross", {"cross_added", "cross_state"}),
+    ],
+)
+def test_only_the_term_that_is_there_is_described(tmp_path: Path, left: str, entities: set[str]) -> None:
+    only = {key: value for key, value in terms().items() if key not in {"thermal", "cross"} or key == left}
+    told = discovery_messages(given(tmp_path), model({"x": axis() | {"terms": only}}))
+    assert set(told[f"{DEVICES}/terms_x/config"]["cmps"]) == entities
+
+
+@pytest.mark.parametrize("without", [{}, {"terms": None}])
+def test_an_axis_without_terms_has_no_such_message(tmp_path: Path, without: dict[str, Any]) -> None:
+    told = discovery_messages(given(tmp_path), model({"x": axis() | without}))
+    assert sorted(told) == [f"{DEVICES}/axis_x/config", f"{DEVICES}/gateway/config"]
 
 
 def test_units_of_each_kind_of_axis(tmp_path: Path) -> None:
@@ -93,7 +131,7 @@ def test_units_of_each_kind_of_axis(tmp_path: Path) -> None:
 def test_the_choices_are_those_that_the_status_can_show() -> None:
     """DESIGN's words: as docs/mqtt.md lists them."""
     document = (Path(__file__).parents[3] / "docs" / "mqtt.md").read_text()
-    for words in (COMPENSATION_STATES, DIRECTION_STATES, TABLE):
+    for words in (COMPENSATION_STATES, DIRECTION_STATES, TABLE, TERM_STATES):
         assert ", ".join(f"`{word}`" for word in words) in document
 
 
@@ -124,3 +162,19 @@ async def test_descriptions_are_retained_and_go_with_their_axis(tmp_path: Path) 
     retained = {m.topic.value: data_of(payload_of(m)) for m in watcher.heard if m.retain}
     assert retained == json.loads(json.dumps(discovery_messages(told, model(THREE))))
     assert [payload_of(message) for message in gone] == [b"", b""]
+
+
+async def test_what_is_added_goes_from_the_broker_when_an_axis_has_it_no_more(tmp_path: Path) -> None:
+    topic = f"{DEVICES}/terms_x/config"
+    with broker_in(tmp_path) as broker:
+        told = settings(broker.port, tmp_path, discovery="homeassistant")
+        async with publishing(told, tmp_path) as site:
+            site.feeds.publish(model(WARM))
+            await site.until_said("mqtt-connected")
+            async with watching(broker.port) as watcher:
+                there = await watcher.until(topic)
+                moving = await watcher.until(f"{ROOT}/axis/x")
+                site.feeds.publish(model())  # as after a restart with another configuration
+                await watcher.until(topic, lambda payload: not payload)
+    assert data_of(payload_of(there))["cmps"]["temperature"]["p"] == "sensor"
+    assert data_of(payload_of(moving))["terms"] == terms()
