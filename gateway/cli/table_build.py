@@ -10,6 +10,7 @@ from gateway.cli.evaluation_output import results_json, results_text
 from gateway.cli.table_options import AsJson, AxisLetter
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
+from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.recipe import Recipe, build_from
@@ -72,6 +73,7 @@ def build(
     recipe = Recipe(home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel)
     with shared.problems():
         survey = shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs))
+        check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
         built = build_from(survey, recipe)
         table = built.table.in_units(to_units or built.table.units)
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)

@@ -20,6 +20,7 @@ from gateway.config.axis_model import AxisSection
 from gateway.config.tables import context_of, write_options_of
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.build import HomeReference, build_table
+from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats.context import ReadingsContext
@@ -239,6 +240,16 @@ def survey_of(path: Path, axis: AxisPlan) -> Survey:
         raise FileError(str(error)) from None
     except ValueError as error:
         raise FileError(f"{path}: {error}") from None
+
+
+def survey_before(path: Path, axis: AxisPlan) -> Survey:
+    """Read the readings that a report calls those before. Raises FileError: a table was in use already."""
+    survey = survey_of(path, axis)
+    try:
+        check_uncorrected(str(path), survey.facts, "give with --before what was measured without a table")
+    except ReadingsError as error:
+        raise FileError(str(error)) from None
+    return survey
 
 
 def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:

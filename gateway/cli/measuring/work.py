@@ -97,7 +97,7 @@ class _Work:
         self._axis = place.recipe.plan
         self._units = self._axis.settings.units
         self._earlier: Earlier | None = None
-        self._before = None if wish.before is None else outcome.survey_of(wish.before, self._axis)
+        self._before = None if wish.before is None else outcome.survey_before(wish.before, self._axis)
 
     def run(self, instrument: Instrument, manners: Manners, lines: Lines) -> int:
         plan, done = self._plan()

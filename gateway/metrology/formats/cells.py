@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compensation.units import Units
+from gateway.metrology.circumstances import STATED
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.text import Line, SourceText, shown
@@ -70,9 +71,7 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
     lines, problems = [], []
     for line in source.lines:
         if line.text.startswith("#"):
-            key, _, fact = line.text.lstrip("# ").partition(":")
-            if fact.strip():
-                facts[key.strip()] = fact.strip()
+            _state(source, line, separator, facts)
         elif line.text and line.number > heading.number:
             cells = tuple(cell.strip() for cell in line.text.split(separator))
             if len(cells) == len(names):
@@ -82,6 +81,25 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
     if problems:
         raise TabFileError(*problems[:MAX_PROBLEMS])
     return Sheet(heading, names, tuple(lines), facts)
+
+
+def _state(source: SourceText, line: Line, separator: str, facts: dict[str, str]) -> None:
+    """Keep the fact that a comment states; a spreadsheet ends it with empty cells.
+
+    Raises:
+        TabFileError: a fact that decides something is stated in two ways.
+    """
+    key, _, fact = (part.strip() for part in line.text.rstrip(separator).lstrip("# ").partition(":"))
+    key = key.lower() if key.lower() in STATED else key
+    if not fact:
+        return
+    if key in STATED and facts.get(key, fact) != fact:
+        raise source.error(
+            f"{key} {shown(fact)}, which is {shown(facts[key])} in a line before",
+            "readings of one axis, all with the same table or all without, in one file",
+            line=line.number,
+        )
+    facts[key] = fact
 
 
 def _wrong_count(source: SourceText, line: Line, found: int, wanted: int, separator: str) -> Problem:
