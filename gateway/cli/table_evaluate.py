@@ -88,7 +88,8 @@ def evaluate(
         _print_json(before.source, results, notes, is_predicted=loaded is not None)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
-    results_text(*results, ("before", "after" if loaded is None else "predicted"))
+    words = ("measured" if results[1] is None else "before", "after" if loaded is None else "predicted")
+    results_text(*results, words)
     if report is not None:
         typer.echo(f"report: {report}")
 
