@@ -67,7 +67,7 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     unit = survey.units.value
     outliers = find_outliers(survey)
     readings, emptied = without_outliers(survey, outliers) if recipe.drop_outliers else (survey.readings, ())
-    done = "left out" if recipe.drop_outliers else "kept; --drop-outliers leaves it out"
+    done = "left out" if recipe.drop_outliers else "kept; table build --drop-outliers leaves it out"
     notes = [*survey.remarks, *(f"outlier, {done}: {each.describe(unit)}" for each in outliers)]
     notes.extend(
         f"{target:.9g}: left out in both directions, for the outlier was the only reading of one"
@@ -134,7 +134,7 @@ def _uncovered(measured: CorrectionTable, table: CorrectionTable) -> list[str]:
     unit = table.units.value
     return [
         f"measured from {low:.9g} to {high:.9g} {unit}, but no multiple of the step lies there: the table "
-        "does not cover it; --travel LO HI lays the grid over the whole axis"
+        "does not cover it: lay the grid further with --travel LO HI, or take a step that divides both ends"
         for low, high in ((measured.first, table.first), (table.last, measured.last))
         if high > low
     ] + [
