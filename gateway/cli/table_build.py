@@ -11,11 +11,12 @@ from gateway.cli.table_options import AsJson, AxisLetter
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.circumstances import check_uncorrected
+from gateway.metrology.doubts import doubts_of
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
-from gateway.tabfile import LoadedTable, WriteOptions, Written, axis_of_name
+from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -78,7 +79,12 @@ def build(
         table = built.table.in_units(to_units or built.table.units)
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)
         options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
-        result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
+        try:
+            result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
+        except TabFileError:
+            doubts = doubts_of(survey.readings, survey.units)  # perhaps they say why
+            print_lines((f"note: {doubt}" for doubt in doubts), err=True)
+            raise
         notes = [*built.notes, *_one_curve(table, again, target.name)]
         shared.write_file(out, result.text, force=force)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))

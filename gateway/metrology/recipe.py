@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.build import (
     HomeCase,
@@ -10,6 +11,7 @@ from gateway.metrology.build import (
     referenced,
     with_estimated_ends,
 )
+from gateway.metrology.doubts import doubts_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.outliers import Outlier, find_outliers, without_outliers
 from gateway.metrology.readings import APPROACHES, Survey, mean_corrections
@@ -73,7 +75,13 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
         f"{target:.9g}: left out in both directions, for the outlier was the only reading of one"
         for target in emptied
     )
-    table = build_table(readings, survey.units, estimate_ends=recipe.estimate_ends, one_way=recipe.one_way)
+    try:
+        table = build_table(
+            readings, survey.units, estimate_ends=recipe.estimate_ends, one_way=recipe.one_way
+        )
+    except (ReadingsError, TableError) as error:
+        raise type(error)(f"{survey.source}: {error}" if survey.source else str(error)) from None
+    notes.extend(doubts_of(readings, survey.units))
     if recipe.estimate_ends and not recipe.one_way:
         notes.extend(_estimated(Survey(readings, survey.units)))
     change = None

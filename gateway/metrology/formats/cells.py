@@ -34,6 +34,7 @@ SMALL_UNITS: Final = {
 }
 """Units of deviations only, with what one is in units of the positions."""
 MAX_PROBLEMS: Final = 20
+NO_COMMA: Final = f"{DECIMAL_ALLOWED}: replace the commas, or set the program so that saves it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ class Sheet:
 def heading_of(source: SourceText) -> tuple[Line, str] | None:
     """Return the first line that is no comment, and its separator; None where no separator is in it."""
     for line in source.lines:
-        if line.text and not line.text.startswith("#"):
+        if line.text.strip('"\t;,') and not _is_comment(line):
             separator = next((each for each in SEPARATORS if each in line.text), None)
             return None if separator is None else (line, separator)
     return None
@@ -59,6 +60,9 @@ def heading_of(source: SourceText) -> tuple[Line, str] | None:
 def sheet_of(source: SourceText, allowed: str) -> Sheet:
     """Split a text into cells.
 
+    What a spreadsheet adds is taken away: quotation marks around a cell, empty cells behind the last name,
+    rows of empty cells.
+
     Raises:
         TabFileError: no heading, lines of another number of cells; a decimal comma is named as such.
     """
@@ -66,21 +70,43 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
     if found is None:
         raise source.error("no heading with a separator in it", allowed, line=source.lines[0].number)
     heading, separator = found
-    names = tuple(cell.strip() for cell in heading.text.split(separator))
+    names = _cells(heading, separator)
+    while names and not names[-1]:
+        names = names[:-1]
     facts: dict[str, str] = {}
     lines, problems = [], []
     for line in source.lines:
-        if line.text.startswith("#"):
+        if _is_comment(line):
             _state(source, line, separator, facts)
-        elif line.text and line.number > heading.number:
-            cells = tuple(cell.strip() for cell in line.text.split(separator))
-            if len(cells) == len(names):
-                lines.append((line.number, cells))
+        elif line.number > heading.number and any(cells := _cells(line, separator)):
+            if len(cells) >= len(names) and not any(cells[len(names) :]):
+                lines.append((line.number, cells[: len(names)]))
             else:
                 problems.append(_wrong_count(source, line, len(cells), len(names), separator))
+    if len(problems) > MAX_PROBLEMS:
+        more = f"the same in {len(problems) - MAX_PROBLEMS + 1} more lines"
+        problems = [*problems[: MAX_PROBLEMS - 1], source.problem(more, "")]
     if problems:
-        raise TabFileError(*problems[:MAX_PROBLEMS])
+        raise TabFileError(*problems)
     return Sheet(heading, names, tuple(lines), facts)
+
+
+def _is_comment(line: Line) -> bool:
+    return line.text.lstrip('"').startswith("#")
+
+
+def _cells(line: Line, separator: str) -> tuple[str, ...]:
+    return tuple(_unquoted(cell.strip()) for cell in line.text.split(separator))
+
+
+def _unquoted(cell: str) -> str:
+    """Take off the quotation marks that some programs put round every cell.
+
+    >>> _unquoted('"50.001"'), _unquoted('5"')
+    ('50.001', '5"')
+    """
+    inside = cell[1:-1]
+    return inside.strip() if cell == f'"{inside}"' and '"' not in inside else cell
 
 
 def _state(source: SourceText, line: Line, separator: str, facts: dict[str, str]) -> None:
@@ -89,7 +115,9 @@ def _state(source: SourceText, line: Line, separator: str, facts: dict[str, str]
     Raises:
         TabFileError: a fact that decides something is stated in two ways.
     """
-    key, _, fact = (part.strip() for part in line.text.rstrip(separator).lstrip("# ").partition(":"))
+    key, _, fact = (
+        part.strip() for part in line.text.rstrip(separator).strip('"').lstrip("# ").partition(":")
+    )
     key = key.lower() if key.lower() in STATED else key
     if not fact:
         return
@@ -119,8 +147,9 @@ def decimal(source: SourceText, line: int, text: str, what: str) -> float:
     """
     number = to_decimal(text)
     if number is None:
-        comma = " with a decimal comma" if _WITH_COMMA.fullmatch(text) else ""
-        raise source.error(f"{what} {shown(text)}{comma}", DECIMAL_ALLOWED, line=line)
+        if _WITH_COMMA.fullmatch(text):
+            raise source.error(f"{what} {shown(text)} with a decimal comma", NO_COMMA, line=line)
+        raise source.error(f"{what} {shown(text)}", DECIMAL_ALLOWED, line=line)
     return number
 
 
