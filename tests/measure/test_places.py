@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.measuring.errors import FileError
-from gateway.cli.measuring.outcome import check_places, outcome_of, survey_before, write_table
+from gateway.cli.measuring.outcome import check_places, outcome_of, survey_before, write_report, write_table
 from gateway.compensation.direction import Direction
 from gateway.metrology.readings import Reading, Survey
 from tests.measure.test_new_tables import READINGS, configured
@@ -58,3 +58,18 @@ def test_before_is_what_was_measured_without_a_table(tmp_path: Path) -> None:
         survey_before(path, axis)
     path.write_text(f"# compensation: off\n{READINGS_FILE}")
     assert len(survey_before(path, axis).readings) == 2
+
+
+def test_a_report_shows_the_table_that_was_in_use_and_not_the_next_one(tmp_path: Path) -> None:
+    _, axis = configured(tmp_path, "")
+    assert axis.table is not None
+    found = outcome_of(READINGS, axis, is_active=True)
+    assert found.active == axis.table
+    report = tmp_path / "x.html"
+    write_report(found, report, "x", None, force=False)
+    # 0.01 mm at 100 are in the table; the readings there, 20 and 25 µm off, make it -10 and -15 µm
+    assert "The largest correction is 10.0 µm" in report.read_text().replace("\u202f", " ").replace(
+        "\xa0", " "
+    )
+    assert found.table.backward[-1] == pytest.approx(-0.015)
+    assert outcome_of(READINGS, axis, is_active=False).active is None

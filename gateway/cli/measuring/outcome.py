@@ -55,6 +55,8 @@ class Outcome:
     change: Change | None = None
     """None: no table was in use before."""
     notes: tuple[str, ...] = field(default=())
+    active: CorrectionTable | None = None
+    """The table in use while it was measured, with the backlash beside it; None where none was."""
 
 
 def outcome_of(survey: Survey, axis: AxisPlan, *, is_active: bool) -> Outcome:
@@ -78,7 +80,8 @@ def outcome_of(survey: Survey, axis: AxisPlan, *, is_active: bool) -> Outcome:
     except (ReadingsError, TableError) as error:
         raise MeasureError(str(error)) from None
     change = None if active is None else largest_change(active, done.table, axis)
-    return Outcome(survey, evaluation, done.table, is_active, change, (*done.notes, *notes))
+    used = active if is_active else None
+    return Outcome(survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used)
 
 
 def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -> Change:
@@ -278,7 +281,8 @@ def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None,
     story = AxisStory(
         axis=axis,
         units=survey.units,
-        table=outcome.table,
+        # beside readings with a table stands that table, not the better one that was made of them
+        table=outcome.active if outcome.is_refined else outcome.table,
         before=before if outcome.is_refined else survey,
         after=survey if outcome.is_refined else None,
         facts=survey.facts,
