@@ -1,14 +1,17 @@
 """``pitch-gateway enable CONFIG [AXIS]...``."""
 
+import typer
+
 from gateway.cli.arguments import Config
-from gateway.cli.commanding import AsJson, Axes, command
+from gateway.cli.commanding import AsJson, Axes, ask_or_exit, command
 
 
 def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> None:
     """Switch the compensation of axes on, in the gateway that runs CONFIG.
 
     Nothing moves by itself: the correction comes into force with the next different target, or is blended in
-    over the next stretch of a stream. Axes of one group change together.
+    over the next stretch of a stream. Axes of one group change together. An axis in shadow mode stays in it,
+    and is named: only its configuration ends that.
 
     Exit code 1 when no gateway runs or an axis cannot be switched on.
 
@@ -17,7 +20,7 @@ def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> Non
 
         pitch-gateway enable gateway.toml x y
     """
-    from gateway.ipc.messages import Enable
+    from gateway.ipc.messages import Enable, GetStatus, Status
 
     command(
         config,
@@ -26,3 +29,12 @@ def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> Non
         "nothing to change: the compensation was on already",
         as_json=as_json,
     )
+    reply = ask_or_exit(config, GetStatus())
+    assert isinstance(reply, Status), "a question for the status is answered by it"
+    for name, axis in reply.status["axes"].items():
+        if axis["compensation"] == "shadow" and (not axes or name in axes):
+            typer.echo(
+                f"{config}: axis {name} is in shadow mode: corrections are shown, positions pass unchanged; "
+                'for corrected ones set compensation = "on" and restart the gateway',
+                err=True,
+            )

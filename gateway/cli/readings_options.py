@@ -44,6 +44,7 @@ def with_readings(
         BadParameter: ``runs`` is no way of making them.
         Exit: code 1, the files are no readings of this axis; each problem is a line on stderr.
     """
+    from gateway.metrology.circumstances import check_same_axis, check_uncorrected
     from gateway.metrology.formats import (
         ReadingsContext,
         Runs,
@@ -64,6 +65,8 @@ def with_readings(
     )
     try:
         before = merged([read_survey(file, context) for file in files]).in_units(story.units)
+        check_same_axis(before.source, before.axis, "the table", story.axis)
+        check_uncorrected(before.source, before.facts, "draw the table without them, or give those before it")
         after = predicted_residue(before, table)
     except TabFileError as error:
         print_lines((f"error: {problem}" for problem in error.problems), err=True)

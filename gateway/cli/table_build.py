@@ -10,11 +10,13 @@ from gateway.cli.evaluation_output import results_json, results_text
 from gateway.cli.table_options import AsJson, AxisLetter
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
+from gateway.metrology.circumstances import check_uncorrected
+from gateway.metrology.doubts import doubts_of
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
-from gateway.tabfile import LoadedTable, WriteOptions, Written, axis_of_name
+from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -72,11 +74,17 @@ def build(
     recipe = Recipe(home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel)
     with shared.problems():
         survey = shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs))
+        check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
         built = build_from(survey, recipe)
         table = built.table.in_units(to_units or built.table.units)
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)
         options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
-        result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
+        try:
+            result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
+        except TabFileError:
+            doubts = doubts_of(survey.readings, survey.units)  # perhaps they say why
+            print_lines((f"note: {doubt}" for doubt in doubts), err=True)
+            raise
         notes = [*built.notes, *_one_curve(table, again, target.name)]
         shared.write_file(out, result.text, force=force)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))

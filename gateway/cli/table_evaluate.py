@@ -2,7 +2,7 @@
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -11,6 +11,7 @@ from gateway.cli.evaluation_output import results_json, results_text
 from gateway.cli.table_options import AsJson, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
+from gateway.metrology.circumstances import check_same_axis, check_uncorrected, was_corrected
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.evaluation import evaluate as iso_230_2
 from gateway.metrology.formats import ReadingsContext
@@ -20,6 +21,8 @@ from gateway.metrology.residue import predicted_residue
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
 from gateway.tabfile import LoadedTable
+
+NO_PREDICTION: Final = "what another table would leave cannot be told from it; evaluate it without a table"
 
 
 @takes_file_options
@@ -66,8 +69,12 @@ def evaluate(
         before = shared.read_all(readings, context)
         loaded = None
         second = shared.read_all(after, context).in_units(before.units) if after else None
+        if second is not None:
+            check_same_axis(before.source, before.axis, second.source, second.axis)
         if table is not None:
             loaded = inspect(table, told.context())
+            check_same_axis(before.source, before.axis, table.name, loaded.source.axis)
+            check_uncorrected(before.source, before.facts, NO_PREDICTION)
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
         notes = _all_notes((before, second), results, is_predicted=loaded is not None)
@@ -77,7 +84,8 @@ def evaluate(
         _print_json(before.source, results, notes, is_predicted=loaded is not None)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
-    results_text(*results, ("before", "after" if loaded is None else "predicted"))
+    words = ("measured" if results[1] is None else "before", "after" if loaded is None else "predicted")
+    results_text(*results, words)
     if report is not None:
         typer.echo(f"report: {report}")
 
@@ -119,6 +127,13 @@ def _notes(before: Survey, after: Survey | None) -> tuple[str, ...]:
         notes.extend(survey.remarks)
         unit = survey.units.value
         notes.extend(f"{survey.source}: outlier: {each.describe(unit)}" for each in find_outliers(survey))
+    if after is not None and after.readings == before.readings:
+        notes.append(f"{after.source}: the same readings as {before.source}: nothing was measured in between")
+    elif after is not None and was_corrected(before.facts) and was_corrected(after.facts) is False:
+        notes.append(
+            f"{before.source} was measured with a table and {after.source} without: exchange them, --after "
+            "is what was measured last"
+        )
     return tuple(notes)
 
 

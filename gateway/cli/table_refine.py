@@ -12,6 +12,7 @@ from gateway.cli.table_options import AsJson, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
 from gateway.cli.table_writing import is_modulo, turns_lost
+from gateway.metrology.circumstances import check_corrected, check_same_axis
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
@@ -69,6 +70,8 @@ def refine(
         loaded = inspect(file, told.context())
         target = shared.dialect_to_write(to) if to is not None else dialect_named(loaded.format)
         survey = shared.read_all(readings, ReadingsContext(readings_format, told.units, told.axis, runs))
+        check_same_axis(survey.source, survey.axis, file.name, loaded.source.axis)
+        check_corrected(survey.source, survey.facts, file.name, loaded.sha256)
         old = loaded.table.in_units(survey.units)
         refined = refine_table(
             old,

@@ -13,6 +13,7 @@ from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
 
 _MIN_TARGETS = 2
+_LISTED = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,10 +130,14 @@ def _complete(
 ) -> list[float]:
     missing = [f"{target:.9g}" for target, value in zip(targets, values, strict=True) if value is None]
     if missing:
+        where = ", ".join(missing[:_LISTED]) + (
+            f" and {len(missing) - _LISTED} more" * (len(missing) > _LISTED)
+        )
+        where = "at all" if len(missing) == len(targets) > _LISTED else f"at {where}"
         raise ReadingsError(
-            f"no {direction.name.lower()} reading at {', '.join(missing)}: measure every target in both "
-            "directions (only the first and the last can be estimated, from a neighbour that has both), or "
-            "build a table of one direction"
+            f"no {direction.name.lower()} reading {where}: measure every target in both directions (only the "
+            "first and the last can be estimated, from a neighbour that has both), or make one curve of what "
+            "was measured for both directions (--one-way)"
         )
     return [value for value in values if value is not None]
 

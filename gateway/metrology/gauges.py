@@ -56,6 +56,10 @@ DEFAULTS: Final[Mapping[GaugeKind, GaugeDefaults]] = {
 _MITUTOYO: Final = re.compile(r"(\d\d)A([+-])(\d{1,8}\.\d{0,6})")
 _MITUTOYO_ERROR: Final = re.compile(r"9\d\d?")
 _SYLVAC: Final = re.compile(r"([+ -])(\d{1,8}\.\d{1,6})([<=>]?)")
+_REMEDY: Final = (
+    "the sign in front, a decimal point, no unit; set its output so, choose the other --gauge-kind, or type "
+    "the readings (without --gauge)"
+)
 _SYLVAC_ERROR: Final = re.compile(r"ERR ?\d+")
 
 
@@ -85,7 +89,7 @@ def _mitutoyo(text: str) -> float:
         return float(found[2] + found[3])
     if _MITUTOYO_ERROR.fullmatch(text):
         raise GaugeError(f"the interface says {text!r}: no reading from the gauge; is it on and plugged in?")
-    raise _unreadable(GaugeKind.MITUTOYO, text.encode(), "it must be as in 01A+0012.345")
+    raise _unreadable(GaugeKind.MITUTOYO, text.encode(), f"it must be as in 01A+0012.345, {_REMEDY}")
 
 
 def _sylvac(text: str) -> float:
@@ -94,7 +98,7 @@ def _sylvac(text: str) -> float:
         return float((found[1].strip() or "+") + found[2])
     if _SYLVAC_ERROR.fullmatch(text):
         raise GaugeError(f"the gauge says {text!r}: look at its display")
-    raise _unreadable(GaugeKind.SYLVAC, text.encode(), "it must be as in +12.345")
+    raise _unreadable(GaugeKind.SYLVAC, text.encode(), f"it must be as in +12.345, {_REMEDY}")
 
 
 def _unreadable(kind: GaugeKind, line: bytes, why: str) -> GaugeError:

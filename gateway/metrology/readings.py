@@ -9,6 +9,7 @@ from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
+from gateway.metrology.circumstances import check_together, is_same_axis
 from gateway.metrology.errors import ReadingsError
 
 NEAR: Final = 0.01
@@ -99,22 +100,24 @@ def merged(surveys: Sequence[Survey]) -> Survey:
     """Return several surveys of one axis as one: the runs of each are counted on from those before.
 
     Raises:
-        ReadingsError: no survey, other units, another axis, or one target that is written in two ways.
+        ReadingsError: no survey, other units, another axis, with a table and without, or one target that is
+            written in two ways.
     """
     if not surveys:
         raise ReadingsError("no readings: name at least one file")
     first, *others = surveys
     readings = list(first.readings)
     for other in others:
-        for what, one, two in (
-            ("units", first.units.value, other.units.value),
-            ("axis", first.axis, other.axis),
+        for what, one, two, is_same in (
+            ("units", first.units.value, other.units.value, first.units is other.units),
+            ("axis", first.axis, other.axis, is_same_axis(first.axis, other.axis)),
         ):
-            if one != two and one is not None and two is not None:
+            if not is_same:
                 raise ReadingsError(
                     f"{first.source} is of {what} {one}, {other.source} of {what} {two}: "
                     "only readings of one axis in one unit go together"
                 )
+        check_together(first.source, first.facts, other.source, other.facts)
         _check_targets(readings, other)
         runs = max((reading.run for reading in readings), default=0)
         readings.extend(replace(reading, run=reading.run + runs) for reading in other.readings)

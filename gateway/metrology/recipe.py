@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.build import (
     HomeCase,
@@ -10,6 +11,7 @@ from gateway.metrology.build import (
     referenced,
     with_estimated_ends,
 )
+from gateway.metrology.doubts import doubts_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.outliers import Outlier, find_outliers, without_outliers
 from gateway.metrology.readings import APPROACHES, Survey, mean_corrections
@@ -67,13 +69,19 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     unit = survey.units.value
     outliers = find_outliers(survey)
     readings, emptied = without_outliers(survey, outliers) if recipe.drop_outliers else (survey.readings, ())
-    done = "left out" if recipe.drop_outliers else "kept; --drop-outliers leaves it out"
+    done = "left out" if recipe.drop_outliers else "kept; table build --drop-outliers leaves it out"
     notes = [*survey.remarks, *(f"outlier, {done}: {each.describe(unit)}" for each in outliers)]
     notes.extend(
         f"{target:.9g}: left out in both directions, for the outlier was the only reading of one"
         for target in emptied
     )
-    table = build_table(readings, survey.units, estimate_ends=recipe.estimate_ends, one_way=recipe.one_way)
+    try:
+        table = build_table(
+            readings, survey.units, estimate_ends=recipe.estimate_ends, one_way=recipe.one_way
+        )
+    except (ReadingsError, TableError) as error:
+        raise type(error)(f"{survey.source}: {error}" if survey.source else str(error)) from None
+    notes.extend(doubts_of(readings, survey.units))
     if recipe.estimate_ends and not recipe.one_way:
         notes.extend(_estimated(Survey(readings, survey.units)))
     change = None
@@ -134,7 +142,7 @@ def _uncovered(measured: CorrectionTable, table: CorrectionTable) -> list[str]:
     unit = table.units.value
     return [
         f"measured from {low:.9g} to {high:.9g} {unit}, but no multiple of the step lies there: the table "
-        "does not cover it; --travel LO HI lays the grid over the whole axis"
+        "does not cover it: lay the grid further with --travel LO HI, or take a step that divides both ends"
         for low, high in ((measured.first, table.first), (table.last, measured.last))
         if high > low
     ] + [

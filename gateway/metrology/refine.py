@@ -4,16 +4,21 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from statistics import pstdev
 from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.metrology.build import HomeReference, build_table, referenced
+from gateway.metrology.circumstances import was_corrected
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import APPROACHES, Survey
+from gateway.metrology.residue import predicted_residue
 from gateway.metrology.smooth import Change
 
+MOSTLY_GONE: Final = 1 / 3
+"""Of the scatter of all deviations: a table that would leave less than this was hardly in use."""
 SAME_PLACE: Final = 1e-9
 """Of the longest position: what two places in different units may differ by and be one."""
 
@@ -81,9 +86,21 @@ def refine_table(
     unit = survey.units.value
     notes = [*survey.remarks, *_unmeasured(old, rest)]
     notes.extend(f"outlier, kept: {each.describe(unit)}" for each in find_outliers(survey))
+    if was_corrected(survey.facts) is None and _looks_uncorrected(old, survey):
+        notes.append(
+            "these readings look as if they were taken WITHOUT the table: it would take away most of what "
+            "they show. Then the new table corrects twice: make it with table build instead"
+        )
     if home is None:
         notes.append("no home reference: what was read at home went into the table like any other reading")
     return Refined(new, _change(old, new), tuple(notes))
+
+
+def _looks_uncorrected(old: CorrectionTable, survey: Survey) -> bool:
+    """Whether the readings look like the error that the old table was made of; an offset is none."""
+    shown = [each.deviation for each in survey.readings]
+    left = [each.deviation for each in predicted_residue(survey, old).readings]
+    return pstdev(left) < pstdev(shown) * MOSTLY_GONE
 
 
 def _union(points: Sequence[float], targets: Sequence[float]) -> list[float]:

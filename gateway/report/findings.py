@@ -50,6 +50,11 @@ class Findings:
         return other_stretch(self.before, self.after) if self.before and self.after else ""
 
     @property
+    def before_word(self) -> str:
+        """What the first readings are: before something only where there are others after it."""
+        return "measured" if self.after is None else "before"
+
+    @property
     def after_word(self) -> str:
         """What the readings after are: nobody may take a prediction for a measurement."""
         return "predicted" if self.story.is_predicted else "measured"

@@ -51,8 +51,8 @@ With them, after ISO 230-2: the <b>accuracy A</b> is the distance from the lowes
 mean + 2s of all targets; the <b>repeatability R</b> is the largest of 4s, and for both directions of
 2s forward + 2s backward + the size of the reversal; the <b>systematic deviation E</b> is the range of the
 means; <b>M</b> is the range of the mean of both directions; the <b>reversal B</b> is the largest difference
-of the mean forward and the mean backward, B̄ its mean with its sign. The readings are the ones that were
-given; none is left out unless a note says so. """
+of the mean forward and the mean backward, B̄ its mean with its sign, negative where the nut stays behind.
+The readings are the ones that were given; none is left out unless a note says so. """
 _PREDICTED: Final = (
     " Where a result is marked as predicted nobody measured it: it is computed from the readings before and "
     "the table. The means of readings that the table itself was made of vanish by that alone: what is left "

@@ -119,7 +119,7 @@ def _head(head: "SubFigure", found: Findings, height: float) -> None:
     head.text(LEFT, 1 - (at + 0.03) / height, _facts_line(found), fontsize=7.5, color=QUIET, va="center")
     results = [
         (word, each)
-        for word, each in (("before", found.before), (f"after, {found.after_word}", found.after))
+        for word, each in ((found.before_word, found.before), (f"after, {found.after_word}", found.after))
         if each is not None
     ]
     if results:

@@ -34,7 +34,7 @@ def _columns(found: Findings) -> list[tuple[str, Evaluation]]:
     word = "after"
     if found.story.is_predicted:
         word = 'after, <span class="predicted">predicted</span>'
-    both = (("before", found.before), (word, found.after))
+    both = ((found.before_word, found.before), (word, found.after))
     return [(name, each) for name, each in both if each is not None]
 
 
@@ -62,7 +62,7 @@ def readings_lines(found: Findings) -> str:
     """Say how the results were measured, a line for each set of readings."""
     lines = [
         f"<b>{word.capitalize()}</b>: {escape(about_readings(each))}."
-        for word, each in (("before", found.before), (f"after ({found.after_word})", found.after))
+        for word, each in ((found.before_word, found.before), (f"after ({found.after_word})", found.after))
         if each is not None
     ]
     return f'<p class="quiet">{"<br>".join(lines)}</p>\n' if lines else ""

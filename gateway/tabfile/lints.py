@@ -100,7 +100,8 @@ def _swapped(subject: _Subject) -> Iterator[Lint]:
         yield _warning(
             "L2",
             f"forward - backward is {mean:.6g} {subject.unit} on average: lost motion makes it positive, so "
-            "the columns are probably swapped; swap them, or check the direction of the measurement",
+            "the columns are probably swapped; swap them, or check the direction and the sign of the "
+            "measurement",
         )
 
 

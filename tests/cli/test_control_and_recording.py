@@ -145,6 +145,20 @@ def test_a_gateway_that_runs_is_commanded(config: Path) -> None:
     assert not (config.parent / "state" / "relay.sock").exists()
 
 
+def test_an_axis_in_shadow_mode_is_named_when_it_is_enabled(config: Path) -> None:
+    config.write_text(
+        config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "shadow"')
+    )
+    with running("run", config):
+        typed("disable", str(config), "x")
+        on = typed("enable", str(config), "x", "--json")
+        assert json.loads(on.stdout) == {"changed": ["x"], "problems": []}
+        assert (
+            f"{config}: axis x is in shadow mode: corrections are shown, positions pass unchanged"
+            in on.stderr
+        )
+
+
 @pytest.mark.parametrize("command", ["enable {}", "disable {} x", "reference {} x --yes"])
 def test_without_a_gateway_the_socket_and_the_remedy_are_said(config: Path, command: str) -> None:
     result = typed(*command.format(config).split())

@@ -110,3 +110,15 @@ def test_a_disk_that_is_full_is_said_and_keeps_what_was_read(tmp_path: Path) -> 
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert path.read_text() == TEXT
+
+
+def test_a_heading_that_does_not_fit_on_the_disk_leaves_nothing_in_the_way(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20, hard))
+    try:
+        with pytest.raises(FileError, match=r"r\.csv: File too large"):
+            ReadingsFile(path, Units.MM).create(facts_of(PLAN, "x", "off", Units.MM))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not path.exists()

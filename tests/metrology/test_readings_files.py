@@ -349,3 +349,36 @@ def test_a_survey_in_inches_is_the_same_in_mm() -> None:
     survey = read(TB058_MANUAL).in_units(Units.MM)
     assert survey.readings[1].target == pytest.approx(-50.8)
     assert survey.readings[1].deviation == pytest.approx(-0.00254)
+
+
+PLAIN = "target_mm,direction,run,measured_mm\n0,forward,1,0.001\n50,forward,1,50.002\n50,backward,1,50.022\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeff" + PLAIN.replace(",", ";").replace("\n", "\r\n"),
+        "\n".join(f"{line},," if line else "" for line in PLAIN.split("\n")) + ",,,,,\n,,,,,\n",
+        "# axis: x,,,,\n" + PLAIN + ",,,\r\n",
+        "\n".join(",".join(f'"{cell}"' for cell in line.split(",")) for line in PLAIN.splitlines()) + "\n",
+        '"# axis: x"\n' + PLAIN,
+    ],
+)
+def test_what_a_spreadsheet_adds_changes_nothing(text: str) -> None:
+    survey = parse_survey(text.encode(), "r.csv")
+    assert survey.readings == parse_survey(PLAIN.encode(), "r.csv").readings
+    assert survey.axis == ("x" if "axis" in text else None)
+
+
+def test_a_cell_under_no_name_is_refused() -> None:
+    text = PLAIN.replace("measured_mm", "measured_mm,,").replace("50.022", "50.022,,7")
+    with pytest.raises(TabFileError, match=r"r\.csv:4: 6 cells"):
+        parse_survey(text.encode(), "r.csv")
+
+
+def test_many_wrong_lines_are_counted() -> None:
+    rows = "".join(f"{n},forward,1,{n},5\n" for n in range(30))
+    with pytest.raises(TabFileError) as raised:
+        parse_survey(f"target_mm,direction,run,measured_mm\n{rows}".encode(), "r.csv")
+    assert len(raised.value.problems) == 20
+    assert "the same in 11 more lines" in str(raised.value.problems[-1])

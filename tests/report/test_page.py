@@ -204,3 +204,10 @@ def test_every_name_is_given_once_and_every_reference_has_its_name() -> None:
     named = re.findall(r"url\(#([^)]*)\)", two.source) + re.findall(r'href="#([^"]*)"', two.source)
     assert len(named) > 100
     assert set(named) <= set(ids)
+
+
+def test_readings_that_nothing_follows_are_measured_not_before() -> None:
+    alone = Page(report(story(table=None, after=None)))
+    assert alone.tables[0][0] == ["quantity", "measured"]
+    assert "Measured: 2 targets" in alone.text
+    assert "B̄ its mean with its sign, negative where the nut stays behind" in alone.text

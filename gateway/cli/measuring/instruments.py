@@ -14,6 +14,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Final, Protocol
 
+from gateway.cli.measuring.columns import Columns
 from gateway.cli.measuring.errors import BadReadingError, InstrumentError, StoppedError
 from gateway.metrology.gauges import GaugeError, GaugeKind, GaugeLines, reading_of
 from gateway.transport.channel import Channel
@@ -175,10 +176,8 @@ class GrowingCsv:
     def __init__(self, path: Path, column: str, delimiter: str = ",") -> None:
         self.title = str(path)
         self._path = path
-        self._column = column
-        self._delimiter = delimiter
+        self._columns = Columns(str(path), column, delimiter)
         self._at = 0
-        self._index = 0
 
     async def open(self) -> None:
         """Find the end of the file: what stands there already is of nobody's stop."""
@@ -188,9 +187,11 @@ class GrowingCsv:
             raise InstrumentError(f"{self._path}: {error.strerror or error}") from None
         whole, _, part = data.rpartition(b"\n")
         if part:
-            raise InstrumentError(f"{self._path}: its last row {part[:SHOWN]!r} has no end yet")
+            raise InstrumentError(
+                f"{self._path}: its last row {part[:SHOWN]!r} has no end yet: let the instrument finish it"
+            )
         self._at = len(data)
-        self._index = self._column_of(whole.partition(b"\n")[0])
+        self._columns.settle(whole)
 
     def arm(self) -> None:
         """See :class:`Instrument`."""
@@ -210,10 +211,10 @@ class GrowingCsv:
         self._at += sum(len(row) + 1 for row in rows)
         if len(rows) > 1:
             raise BadReadingError(f"{self._path}: {len(rows)} rows at once for one stop")
-        fields = rows[0].decode("utf-8", "replace").rstrip("\r").split(self._delimiter)
-        if len(fields) <= self._index:
-            raise BadReadingError(f"{self._path}: {rows[0][:SHOWN]!r} has no column {self._index + 1}")
-        return number_of(fields[self._index])
+        try:
+            return number_of(self._columns.reading(rows[0]))
+        except BadReadingError as error:
+            raise BadReadingError(f"{self._path}: {error}") from None
 
     def close(self) -> None:
         """See :class:`Instrument`."""
@@ -233,21 +234,6 @@ class GrowingCsv:
             raise InstrumentError(f"{self._path}: its rows are other ones than before: it was written anew")
         *rows, begun = data.split(b"\n")
         return rows, begun
-
-    def _column_of(self, header: bytes) -> int:
-        if self._column.isdigit():
-            if int(self._column) < 1:
-                raise InstrumentError("--column 0: columns count from 1")
-            return int(self._column) - 1
-        names = [
-            name.strip().strip('"') for name in header.decode("utf-8-sig", "replace").split(self._delimiter)
-        ]
-        if names.count(self._column) != 1:
-            raise InstrumentError(
-                f"{self._path}: --column {self._column}: its first row has {', '.join(names) or 'nothing'}; "
-                "give one of these names, or a number from 1"
-            )
-        return names.index(self._column)
 
 
 class SerialGauge:

@@ -50,7 +50,7 @@ CsvFile = Annotated[
     Path | None, Option("--csv", help="Take readings from this file, to which rows are appended.")
 ]
 Column = Annotated[str, Option("--column", help="With --csv: the column, by its name or number from 1.")]
-Delimiter = Annotated[str, Option("--delimiter", help="With --csv: between columns.")]
+Delimiter = Annotated[str, Option("--delimiter", help="With --csv: between columns; tab is one too.")]
 Gauge = Annotated[
     str | None, Option("--gauge", help="Take readings from a gauge on this serial port.", metavar="PORT")
 ]

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, Final
 
 import typer
@@ -19,13 +20,15 @@ from gateway.compensation.units import Units
 from gateway.config.axis_model import AxisSection
 from gateway.config.tables import context_of, write_options_of
 from gateway.exchange.plan import AxisPlan
-from gateway.metrology.build import HomeReference, build_table
+from gateway.metrology.build import HomeReference
+from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats.context import ReadingsContext
-from gateway.metrology.formats.load import read_survey
+from gateway.metrology.formats.load import is_readings, read_survey
 from gateway.metrology.readings import Survey
-from gateway.metrology.refine import refine_table
+from gateway.metrology.recipe import Built, Recipe, build_from
+from gateway.metrology.refine import Refined, refine_table
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 
 FALLBACK_FORMATS: Final = ("csv", "centroid-3")
@@ -52,6 +55,8 @@ class Outcome:
     change: Change | None = None
     """None: no table was in use before."""
     notes: tuple[str, ...] = field(default=())
+    active: CorrectionTable | None = None
+    """The table in use while it was measured, with the backlash beside it; None where none was."""
 
 
 def outcome_of(survey: Survey, axis: AxisPlan, *, is_active: bool) -> Outcome:
@@ -60,7 +65,7 @@ def outcome_of(survey: Survey, axis: AxisPlan, *, is_active: bool) -> Outcome:
     Raises:
         MeasureError: they make no table.
     """
-    notes = list(survey.remarks)
+    notes: list[str] = []
     active = axis.table
     if active is not None and axis.settings.backlash is not None:
         active = with_backlash(active, axis.settings.backlash)
@@ -69,15 +74,14 @@ def outcome_of(survey: Survey, axis: AxisPlan, *, is_active: bool) -> Outcome:
         evaluation = evaluate(survey)
         if is_active:
             assert active is not None
-            done = refine_table(active, survey, home=_home(axis, survey))
-            table = done.table
-            notes += done.notes
+            done: Refined | Built = refine_table(active, survey, home=_home(axis, survey))
         else:
-            table = build_table(survey.readings, survey.units, home=_home(axis, survey))
+            done = build_from(survey, Recipe(home=_home(axis, survey)))
     except (ReadingsError, TableError) as error:
         raise MeasureError(str(error)) from None
-    change = None if active is None else largest_change(active, table, axis)
-    return Outcome(survey, evaluation, table, is_active, change, tuple(notes))
+    change = None if active is None else largest_change(active, done.table, axis)
+    used = active if is_active else None
+    return Outcome(survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used)
 
 
 def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -> Change:
@@ -154,8 +158,16 @@ def check_places(out: Path | None, report: Path | None, *, force: bool) -> None:
     """Check before the work that its results can be written where they are wanted. Raises FileError."""
     if out is not None and out.exists() and not force:
         raise FileError(f"{out}: a file of this name; give a new name, or --force")
-    if out is not None and not out.parent.is_dir():
-        raise FileError(f"{out}: there is no folder {out.parent}: make it first")
+    if out is not None:
+        _check_no_readings(out)
+        if not out.parent.is_dir():
+            raise FileError(f"{out}: there is no folder {out.parent}: make it first")
+        try:
+            TemporaryFile(dir=out.parent).close()
+        except OSError as error:
+            raise FileError(
+                f"{out}: nothing can be written to folder {out.parent} ({error.strerror}): give another place"
+            ) from None
     if report is not None:
         from gateway.report.errors import ReportError
         from gateway.report.writing import check_place
@@ -164,6 +176,12 @@ def check_places(out: Path | None, report: Path | None, *, force: bool) -> None:
             check_place(report, force=force)
         except ReportError as error:
             raise FileError(str(error)) from None
+
+
+def _check_no_readings(out: Path) -> None:
+    """Readings cannot be had again: no table takes their place, ``--force`` or not. Raises FileError."""
+    if is_readings(out):
+        raise FileError(f"{out}: a file of readings; give another name for --out")
 
 
 def check_writable(
@@ -198,11 +216,13 @@ def write_table(
         written = dialect_named(format_name).write(outcome.table, write_options_of(section, axis.name))
         again = parse_table(written.text.encode(), str(out), written.context).table
         change = largest_change(outcome.table, again.in_units(outcome.table.units), axis)
+        _check_no_readings(out)
         write(out, written.text, force=force)
     except (TabFileError, TableError) as error:
+        command = "table refine" if outcome.is_refined else "table build"
         raise FileError(
-            f"{error}; the readings are kept: build the table of them with another --out-format "
-            "(pitch-gateway table build)"
+            f"{error}; the readings are kept: pitch-gateway {command} makes the table of them, in another "
+            "place or format"
         ) from None
     factor, unit = SMALL[outcome.table.units]
     return [
@@ -241,6 +261,16 @@ def survey_of(path: Path, axis: AxisPlan) -> Survey:
         raise FileError(f"{path}: {error}") from None
 
 
+def survey_before(path: Path, axis: AxisPlan) -> Survey:
+    """Read the readings that a report calls those before. Raises FileError: a table was in use already."""
+    survey = survey_of(path, axis)
+    try:
+        check_uncorrected(str(path), survey.facts, "give with --before what was measured without a table")
+    except ReadingsError as error:
+        raise FileError(str(error)) from None
+    return survey
+
+
 def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:
     """Write the report; ``before`` are readings of an earlier run, without a table. Raises FileError."""
     from gateway.report.errors import ReportError
@@ -251,7 +281,8 @@ def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None,
     story = AxisStory(
         axis=axis,
         units=survey.units,
-        table=outcome.table,
+        # beside readings with a table stands that table, not the better one that was made of them
+        table=outcome.active if outcome.is_refined else outcome.table,
         before=before if outcome.is_refined else survey,
         after=survey if outcome.is_refined else None,
         facts=survey.facts,

@@ -73,9 +73,13 @@ class ReadingsFile:
             ) from None
         except OSError as error:
             raise FileError(f"{self.path}: {error.strerror or error}") from None
-        self._put(
-            "".join(f"# {name}: {fact}\n" for name, fact in facts.items()) + header_of(self._units) + "\n"
-        )
+        head = "".join(f"# {name}: {fact}\n" for name, fact in facts.items())
+        try:
+            self._put(head + header_of(self._units) + "\n")
+        except FileError:  # half a heading is in the way of the next try
+            self.close()
+            self.path.unlink(missing_ok=True)
+            raise
 
     def go_on(self) -> None:
         """Append to the file that is there. Raises FileError."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from signal import SIGINT
 from typing import Any, Final
 
 import typer
@@ -97,7 +98,7 @@ class _Work:
         self._axis = place.recipe.plan
         self._units = self._axis.settings.units
         self._earlier: Earlier | None = None
-        self._before = None if wish.before is None else outcome.survey_of(wish.before, self._axis)
+        self._before = None if wish.before is None else outcome.survey_before(wish.before, self._axis)
 
     def run(self, instrument: Instrument, manners: Manners, lines: Lines) -> int:
         plan, done = self._plan()
@@ -168,7 +169,13 @@ class _Work:
             return
         if not sys.stdin.isatty():
             raise AxisError("nobody can be asked whether it may move: run it on a terminal, or give --yes")
-        if not typer.confirm("Is the way free, and may it move?", err=True):
+        try:
+            may_move = typer.confirm("Is the way free, and may it move?", err=True)
+        except typer.Abort as error:  # Ctrl-C, or the end of the input
+            typer.echo(f"\n{self._wish.config}: nothing was moved", err=True)
+            is_signal = isinstance(error.__context__, KeyboardInterrupt)
+            raise typer.Exit(STOPPED_BY_SIGNAL + SIGINT if is_signal else 1) from None
+        if not may_move:
             raise AxisError("nothing was moved")
 
     def _showing(self, instrument: Instrument) -> Showing:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compensation.units import Units
+from gateway.metrology.circumstances import STATED
 from gateway.tabfile.csv_text import split_cells
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
@@ -34,6 +35,7 @@ SMALL_UNITS: Final = {
 }
 """Units of deviations only, with what one is in units of the positions."""
 MAX_PROBLEMS: Final = 20
+NO_COMMA: Final = f"{DECIMAL_ALLOWED}: replace the commas, or set the program so that saves it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ class Sheet:
 def heading_of(source: SourceText) -> tuple[Line, str] | None:
     """Return the first line that is no comment, and its separator; None where no separator is in it."""
     for line in source.lines:
-        if line.text and not line.text.startswith("#"):
+        if line.text.strip('"\t;,') and not _is_comment(line):
             separator = next((each for each in SEPARATORS if each in line.text), None)
             return None if separator is None else (line, separator)
     return None
@@ -58,6 +60,9 @@ def heading_of(source: SourceText) -> tuple[Line, str] | None:
 
 def sheet_of(source: SourceText, allowed: str) -> Sheet:
     """Split a text into cells.
+
+    What a spreadsheet adds is taken away: quotation marks around a cell, empty cells behind the last name,
+    rows of empty cells.
 
     Raises:
         TabFileError: no heading, lines of another number of cells; a decimal comma is named as such.
@@ -67,22 +72,49 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
         raise source.error("no heading with a separator in it", allowed, line=source.lines[0].number)
     heading, separator = found
     names = split_cells(heading.text, separator)
+    while names and not names[-1]:
+        names = names[:-1]
     facts: dict[str, str] = {}
     lines, problems = [], []
     for line in source.lines:
-        if line.text.startswith("#"):
-            key, _, fact = line.text.lstrip("# ").partition(":")
-            if fact.strip():
-                facts[key.strip()] = fact.strip()
-        elif line.text and line.number > heading.number:
-            cells = split_cells(line.text, separator)
-            if len(cells) == len(names):
-                lines.append((line.number, cells))
+        if _is_comment(line):
+            _state(source, line, separator, facts)
+        elif line.number > heading.number and any(cells := split_cells(line.text, separator)):
+            if len(cells) >= len(names) and not any(cells[len(names) :]):
+                lines.append((line.number, cells[: len(names)]))
             else:
                 problems.append(_wrong_count(source, line, len(cells), len(names), separator))
+    if len(problems) > MAX_PROBLEMS:
+        more = f"the same in {len(problems) - MAX_PROBLEMS + 1} more lines"
+        problems = [*problems[: MAX_PROBLEMS - 1], source.problem(more, "")]
     if problems:
-        raise TabFileError(*problems[:MAX_PROBLEMS])
+        raise TabFileError(*problems)
     return Sheet(heading, names, tuple(lines), facts)
+
+
+def _is_comment(line: Line) -> bool:
+    return line.text.lstrip('"').startswith("#")
+
+
+def _state(source: SourceText, line: Line, separator: str, facts: dict[str, str]) -> None:
+    """Keep the fact that a comment states; a spreadsheet ends it with empty cells.
+
+    Raises:
+        TabFileError: a fact that decides something is stated in two ways.
+    """
+    key, _, fact = (
+        part.strip() for part in line.text.rstrip(separator).strip('"').lstrip("# ").partition(":")
+    )
+    key = key.lower() if key.lower() in STATED else key
+    if not fact:
+        return
+    if key in STATED and facts.get(key, fact) != fact:
+        raise source.error(
+            f"{key} {shown(fact)}, which is {shown(facts[key])} in a line before",
+            "readings of one axis, all with the same table or all without, in one file",
+            line=line.number,
+        )
+    facts[key] = fact
 
 
 def _wrong_count(source: SourceText, line: Line, found: int, wanted: int, separator: str) -> Problem:
@@ -102,8 +134,9 @@ def decimal(source: SourceText, line: int, text: str, what: str) -> float:
     """
     number = to_decimal(text)
     if number is None:
-        comma = " with a decimal comma" if _WITH_COMMA.fullmatch(text) else ""
-        raise source.error(f"{what} {shown(text)}{comma}", DECIMAL_ALLOWED, line=line)
+        if _WITH_COMMA.fullmatch(text):
+            raise source.error(f"{what} {shown(text)} with a decimal comma", NO_COMMA, line=line)
+        raise source.error(f"{what} {shown(text)}", DECIMAL_ALLOWED, line=line)
     return number
 
 

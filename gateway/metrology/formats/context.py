@@ -49,7 +49,11 @@ def settled_units(
         )
     if context.units is not None and context.units is not stated:
         found = f"positions in {stated.value}, told units {context.units.value}"
-        raise source.error(found, "one of both", line=line)
+        raise source.error(
+            found,
+            f"--units {stated.value} (or none), or a heading that says {context.units.value}",
+            line=line,
+        )
     return stated
 
 
@@ -60,5 +64,8 @@ def settled_axis(source: SourceText, context: ReadingsContext, stated: str | Non
         TabFileError: file and context name different axes.
     """
     if context.axis and stated and len(stated) == 1 and stated.casefold() != context.axis.casefold():
-        raise source.error(f"readings of axis {stated}, told axis {context.axis}", "one of both")
+        raise source.error(
+            f"readings of axis {stated}, told axis {context.axis}",
+            f"the readings of axis {context.axis}, or --axis {stated}",
+        )
     return context.axis or stated or None

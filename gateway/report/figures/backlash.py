@@ -36,7 +36,7 @@ def backlash_panel(found: Findings) -> Panel | None:
     def draw(axes: "Axes") -> None:
         dress(axes, found, "lost motion")
         if measured:
-            curve(axes, *_shown(measured, found), "before", label="before", **_BEFORE)
+            curve(axes, *_shown(measured, found), "before", label=found.before_word, **_BEFORE)
         if table is not None:
             lost = [show(f - b) for f, b in zip(table.forward, table.backward, strict=True)]
             curve(axes, table.positions, lost, "table", label="table", **BOTH_STYLE)

@@ -1,0 +1,75 @@
+"""Where ``measure`` writes: checked before anything moves, and never over readings."""
+
+from pathlib import Path
+
+import pytest
+
+from gateway.cli.measuring.errors import FileError
+from gateway.cli.measuring.outcome import check_places, outcome_of, survey_before, write_report, write_table
+from gateway.compensation.direction import Direction
+from gateway.metrology.readings import Reading, Survey
+from tests.measure.test_new_tables import READINGS, configured
+
+READINGS_FILE = "target_mm,direction,run,measured_mm\n0,forward,1,0\n100,forward,1,100.02\n"
+
+
+def test_a_table_never_takes_the_place_of_readings(tmp_path: Path) -> None:
+    out = tmp_path / "x.readings.csv"
+    out.write_text(READINGS_FILE)
+    with pytest.raises(FileError, match="a file of readings; give another name for --out"):
+        check_places(out, None, force=True)
+    loaded, axis = configured(tmp_path, "")
+    found = outcome_of(READINGS, axis, is_active=False)
+    section = loaded.sections.axes["x"]
+    with pytest.raises(FileError, match="a file of readings"):
+        write_table(found, out, "csv", axis, section, force=True)
+    assert out.read_text() == READINGS_FILE
+
+
+def test_a_folder_that_takes_no_file_is_named_before_anything_moves() -> None:
+    # the files of the kernel: nobody may make one there, root neither
+    with pytest.raises(FileError, match="nothing can be written to folder /proc"):
+        check_places(Path("/proc/x.csv"), None, force=False)
+
+
+def test_a_first_table_says_its_home_and_names_outliers(tmp_path: Path) -> None:
+    _, axis = configured(tmp_path, "")
+    slip = [
+        Reading(target, way, target + (0.2 if (target, run) == (50.0, 3) else 0.0), run)
+        for run in range(1, 6)
+        for way in (Direction.FORWARD, Direction.BACKWARD)
+        for target in (0.0, 50.0, 100.0)
+    ]
+    survey = Survey(tuple(slip), READINGS.units, "x", remarks=("a remark",))
+    notes = outcome_of(survey, axis, is_active=False).notes
+    assert notes[0] == "a remark"
+    assert [note for note in notes if note.startswith("outlier, kept; table build --drop-outliers")]
+    assert [note for note in notes if note.startswith("no home reference")]
+    # each is said once, also where a table is refined
+    notes = outcome_of(survey, axis, is_active=True).notes
+    assert notes.count("a remark") == 1
+
+
+def test_before_is_what_was_measured_without_a_table(tmp_path: Path) -> None:
+    _, axis = configured(tmp_path, "")
+    path = tmp_path / "before.csv"
+    path.write_text(f"# compensation: active {'0' * 64}\n{READINGS_FILE}")
+    with pytest.raises(FileError, match="--before what was measured without a table"):
+        survey_before(path, axis)
+    path.write_text(f"# compensation: off\n{READINGS_FILE}")
+    assert len(survey_before(path, axis).readings) == 2
+
+
+def test_a_report_shows_the_table_that_was_in_use_and_not_the_next_one(tmp_path: Path) -> None:
+    _, axis = configured(tmp_path, "")
+    assert axis.table is not None
+    found = outcome_of(READINGS, axis, is_active=True)
+    assert found.active == axis.table
+    report = tmp_path / "x.html"
+    write_report(found, report, "x", None, force=False)
+    # 0.01 mm at 100 are in the table; the readings there, 20 and 25 µm off, make it -10 and -15 µm
+    assert "The largest correction is 10.0 µm" in report.read_text().replace("\u202f", " ").replace(
+        "\xa0", " "
+    )
+    assert found.table.backward[-1] == pytest.approx(-0.015)
+    assert outcome_of(READINGS, axis, is_active=False).active is None
