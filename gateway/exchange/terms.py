@@ -29,6 +29,8 @@ LOOK_NS: Final = 500 * NS_PER_MS
 """At the slowest, the temperature is followed so often: at 2 K/min and 1 m of steel a step is 0.2 µm."""
 ROUNDING: Final = 1e-9
 """Share of a limit by which decimal fractions may exceed it."""
+FITS_AGAIN_NS: Final = 60 * NS_PER_S
+"""So long a line has to fit before it is told again that it does not: a sensor trembles about the limit."""
 FLOAT_STEP: Final = 2.0**-23
 """Share of a float32 between two neighbours, at most."""
 _SAID: Final = {
@@ -115,7 +117,8 @@ class Terms:
         self._said: dict[str, TermState] = {}
         self._began_ns: int | None = None
         self._was_missed = False
-        self._was_too_large = False
+        self._told_too_large_ns: int | None = None
+        """When it was last seen to be too large, since it was told."""
 
     # --- what is heard ---------------------------------------------------------------------------------
 
@@ -261,11 +264,14 @@ class Terms:
                 # Another axis may be known and lost again before it ever counted: then it is waited for.
                 if event is not None and event is not _SAID.get(said):
                     found.append(Event(event, name, self._detail(kind, state), (("term", kind),)))
-        if self.is_too_large is not self._was_too_large:
-            self._was_too_large = self.is_too_large
-            if self.is_too_large:
+        told_ns = self._told_too_large_ns
+        if self.is_too_large:
+            self._told_too_large_ns = now_ns
+            if told_ns is None:
                 detail = "with the table it would come to more than max_correction; it does not follow"
                 found.append(Event(EventKind.TERM_TOO_LARGE, name, detail))
+        elif told_ns is not None and now_ns - told_ns > FITS_AGAIN_NS:
+            self._told_too_large_ns = None
         return found
 
     def _is_missed(self, now_ns: int) -> bool:

@@ -1,10 +1,13 @@
 """Terms where something beside them is unusual: fine registers, restarts in between, another zero."""
 
 from dataclasses import replace
+from random import Random
 
 import pytest
 
 from gateway.compensation.settings import ThermalSettings
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
 from gateway.exchange.control import set_temperature
 from gateway.exchange.plan import Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
@@ -12,7 +15,7 @@ from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, rea
 from tests.exchange.record_bench import RecordBench
 from tests.exchange.staged_bench import HOME_PDU, ZERO_PDU, StagedBench, staged_plan
 from tests.exchange.test_cross_terms import Y_COMMAND, go_y, told, x_plan, y_plan
-from tests.exchange.test_thermal_terms import STEEL, warm, warm_plan
+from tests.exchange.test_thermal_terms import STEEL, events, warm, warm_plan
 
 X_COMMAND = PositionField(0x0906, RegisterType.INT32, WordOrder.LOW_FIRST)
 X_ACTUAL = PositionField(0x0920, RegisterType.INT32, WordOrder.LOW_FIRST)
@@ -45,6 +48,29 @@ def test_a_field_whose_step_is_a_part_of_a_count_is_corrected_to_its_step() -> N
     assert bench.memory.get(place) == 99_988  # 115 µm less: 11.5 steps, to the even one
     bench.memory.put(reported, 99_988)
     assert reported.unpack(bench.ask(read(reported))[2:]) == 100_000
+
+
+# --- limits ---------------------------------------------------------------------------------------------
+
+
+def test_a_sensor_that_trembles_about_the_limit_is_told_of_once_until_it_has_fitted_for_a_minute() -> None:
+    ramp = make_table([0, 1000], [0.0, 0.1], [0.0, 0.1], Units.MM)
+    bench = Bench(warm_plan(table=ramp, max_correction=0.2))  # 100 µm are left, 8.696 K
+    noise = Random(1)
+    counts = iter(range(100_000, 200_000))
+
+    def tremble(celsius: float, moves: int) -> int:
+        for _ in range(moves):  # of 2 s
+            warm(bench, celsius + noise.uniform(-0.1, 0.1))
+            bench.wait(1000.0)
+            bench.move(next(counts))
+        return len(events(bench, "term-too-large"))
+
+    assert tremble(28.7, 300) == 1
+    assert tremble(28.0, 8) == 1  # 16 s, and 20 more on the way back
+    assert tremble(28.7, 100) == 1
+    assert tremble(28.0, 90) == 1
+    assert tremble(28.7, 100) == 2
 
 
 # --- restarts -------------------------------------------------------------------------------------------
