@@ -3,6 +3,9 @@
 import asyncio
 import os
 import signal
+from asyncio.subprocess import Process
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -52,6 +55,19 @@ async def _until_going_to(typed: Typed, target: float) -> None:
         pass
 
 
+@asynccontextmanager
+async def _in_a_move(machine: Machine, low: float) -> AsyncIterator[tuple[Typed, Process]]:
+    """A measuring run through a gateway, with the axis beyond ``low`` on its way to 100 mm."""
+    with Gauge(machine) as gauge:
+        async with (
+            gateway(machine) as process,
+            measuring(machine, *WIDE, "--gauge", gauge.path, "--readings", "r.csv") as typed,
+        ):
+            await _until_going_to(typed, 100.0)
+            await _on_the_way(machine, low, 90.0)
+            yield typed, process
+
+
 def _rows(machine: Machine) -> list[str]:
     return [row for row in (machine.folder / "r.csv").read_text().splitlines() if row[0] not in "#t"]
 
@@ -62,16 +78,10 @@ async def test_a_signal_in_the_middle_of_a_move_holds_the_axis(
 ) -> None:
     async with Machine(tmp_path, speed_up=0.5) as machine:
         machine.configure('compensation = "off"\n')
-        with Gauge(machine) as gauge:
-            async with (
-                gateway(machine),
-                measuring(machine, *WIDE, "--gauge", gauge.path, "--readings", "r.csv") as typed,
-            ):
-                await _until_going_to(typed, 100.0)
-                await _on_the_way(machine, 30.0, 90.0)
-                typed.process.send_signal(number)
-                standing = await typed.until("standing")
-                assert await typed.end() == code
+        async with _in_a_move(machine, 30.0) as (typed, _):
+            typed.process.send_signal(number)
+            standing = await typed.until("standing")
+            assert await typed.end() == code
         machine.mechanics.advance(machine.clock())
         *before, held = machine.commanded()
         assert before == [-1.0, 0.0, 100.0]
@@ -85,16 +95,10 @@ async def test_a_signal_in_the_middle_of_a_move_holds_the_axis(
 
 async def test_a_drive_with_a_stop_of_its_own_gets_it(tmp_path: Path) -> None:
     async with Machine(tmp_path, speed_up=0.5, axis=LEADSHINE, make="leadshine-pr") as machine:
-        with Gauge(machine) as gauge:
-            async with (
-                gateway(machine),
-                measuring(machine, *WIDE, "--gauge", gauge.path, "--readings", "r.csv") as typed,
-            ):
-                await _until_going_to(typed, 100.0)
-                await _on_the_way(machine, 30.0, 90.0)
-                typed.press_ctrl_c()
-                standing = await typed.until("standing")
-                assert await typed.end() == 130
+        async with _in_a_move(machine, 30.0) as (typed, _):
+            typed.press_ctrl_c()
+            standing = await typed.until("standing")
+            assert await typed.end() == 130
         moves = machine.drive.ledger.moves_of(1)
         assert moves[:3] == [
             (MoveKind.ABSOLUTE, -10_000),
@@ -128,16 +132,10 @@ async def test_an_instrument_that_is_gone_ends_the_run_and_the_axis_stands(tmp_p
 async def test_a_gateway_that_is_gone_in_the_middle_of_a_move_is_said_loudly(tmp_path: Path) -> None:
     async with Machine(tmp_path, speed_up=0.5) as machine:
         machine.configure('compensation = "off"\n')
-        with Gauge(machine) as gauge:
-            async with (
-                gateway(machine) as process,
-                measuring(machine, *WIDE, "--gauge", gauge.path, "--readings", "r.csv") as typed,
-            ):
-                await _until_going_to(typed, 100.0)
-                await _on_the_way(machine, 5.0, 90.0)
-                os.kill(process.pid, signal.SIGTERM)
-                await typed.until("stop-failed")
-                assert await typed.end() == 1
+        async with _in_a_move(machine, 5.0) as (typed, process):
+            os.kill(process.pid, signal.SIGTERM)
+            await typed.until("stop-failed")
+            assert await typed.end() == 1
         assert "THE AXIS MAY STILL BE MOVING: press the emergency stop" in typed.stderr
         assert machine.commanded() == [-1.0, 0.0, 100.0]
         assert _rows(machine) == ["0.0,forward,1,0.0"]
@@ -147,15 +145,9 @@ async def test_a_drive_that_answers_no_more_is_not_commanded_again(tmp_path: Pat
     """The move goes on in the drive: nobody can stop it over this wire, and it is said."""
     async with Machine(tmp_path, speed_up=0.5) as machine:
         machine.configure('compensation = "off"\n')
-        with Gauge(machine) as gauge:
-            async with (
-                gateway(machine),
-                measuring(machine, *WIDE, "--gauge", gauge.path, "--readings", "r.csv") as typed,
-            ):
-                await _until_going_to(typed, 100.0)
-                await _on_the_way(machine, 5.0, 90.0)
-                await machine.lose_drive()
-                assert await typed.end() == 1
+        async with _in_a_move(machine, 5.0) as (typed, _):
+            await machine.lose_drive()
+            assert await typed.end() == 1
         assert "THE AXIS MAY STILL BE MOVING" in typed.stderr
         assert machine.commanded() == [-1.0, 0.0, 100.0]
 

@@ -55,7 +55,7 @@ class Wanted:
         }
         return read_held(
             {
-                key: path_of((*TLS_KEY, key), file, self.folder)
+                key: path_of((*TLS_KEY, key), file, self.folder).absolute()
                 for key, file in named.items()
                 if file is not None
             }

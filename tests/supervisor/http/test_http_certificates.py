@@ -3,11 +3,13 @@
 from datetime import datetime, timedelta
 from pathlib import Path
 
+import pytest
 import yaml
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.catalogue.tls_events import CERTIFICATE_ENDS_SOON
+from gateway.supervisor.http.wanted import wanted_by
 from gateway.transport.certificate_times import SOON
 from gateway.transport.certificates import now_utc
 from tests.certificates import Shop
@@ -57,6 +59,14 @@ async def test_the_end_of_the_pages_certificate_is_told_before_and_when_it_comes
             "give one that is good; if this is, set the clock",
         )
         assert len(visitor.events("certificate-ends-soon")) == 1
+
+
+def test_files_are_named_from_the_root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    two_days(tmp_path / "certificates")
+    monkeypatch.chdir(tmp_path)
+    wanted = wanted_by(section(1, Path("certificates")), Path())
+    assert wanted is not None
+    assert [held.file for held in wanted.held()] == [str(tmp_path / "certificates" / "page.crt")]
 
 
 async def test_serving_anew_does_not_tell_of_the_same_certificate_again(tmp_path: Path) -> None:
