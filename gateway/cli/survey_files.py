@@ -144,8 +144,9 @@ def written(
     context = replace(result.context, format=target.name)
     again = parse_table(result.text.encode(), f"the {target.name} file", context)
     if again.errors:
+        # no line: nothing is written, so there is no file to look into
         raise TabFileError(
-            *(Problem(again.file, lint.message, "", lint.line, lint.code) for lint in again.errors)
+            *(Problem("the new table", lint.message, "", code=lint.code) for lint in again.errors)
         )
     same = again.table.in_units(table.units)
     difference = max(

@@ -1,5 +1,6 @@
 """``pitch-gateway table build``: readings of a laser, a scale or a dial gauge into a table."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -85,6 +86,8 @@ def build(
             doubts = doubts_of(survey.readings, survey.units)  # perhaps they say why
             print_lines((f"note: {doubt}" for doubt in doubts), err=True)
             raise
+        # in which order both lists stand is known here, for they come from the readings
+        again = replace(again, lints=tuple(lint for lint in again.lints if lint.code != "L3"))
         notes = [*built.notes, *_one_curve(table, again, target.name)]
         shared.write_file(out, result.text, force=force)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))

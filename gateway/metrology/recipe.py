@@ -66,6 +66,10 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
         raise ReadingsError("a step and a tolerance: an even grid or the fewest points, not both")
     if recipe.travel is not None and recipe.step is None:
         raise ReadingsError("a travel without a step: only an even grid is laid over the travel")
+    if recipe.travel is not None and not recipe.travel[0] < recipe.travel[1]:
+        raise ReadingsError(
+            f"a travel from {recipe.travel[0]:g} to {recipe.travel[1]:g}: the lower end first, then the upper"
+        )
     unit = survey.units.value
     outliers = find_outliers(survey)
     readings, emptied = without_outliers(survey, outliers) if recipe.drop_outliers else (survey.readings, ())

@@ -49,7 +49,10 @@ def numbers(source: SourceText, csv: CsvText, rows: Sequence[CsvRow]) -> list[tu
                 allowed = (
                     f"{DECIMAL_ALLOWED}, without zeros before it" if value is not None else DECIMAL_ALLOWED
                 )
-                problems.append(source.problem(shown(cell), allowed, line=row.number))
+                what = shown(cell)
+                if not any(row.cells):
+                    what, allowed = "a row of empty cells", "a point in every row: take this one out"
+                problems.append(source.problem(what, allowed, line=row.number))
                 break
             values.append(value)
         found.append(tuple(values))

@@ -119,7 +119,14 @@ def _parse_header(source: SourceText, csv: CsvText) -> _Header:
     for index, cell in enumerate(first.cells):
         match = _COLUMN.fullmatch(cell)
         if match is None:
-            raise source.error(f"a column {shown(cell)}", f"{EXAMPLE}; nothing else", line=first.number)
+            remedy = ""
+            if not cell:
+                remedy = ": take the empty columns out"
+            elif cell.startswith('"'):
+                remedy = ": save it without quotation marks"
+            raise source.error(
+                f"a column {shown(cell)}", f"{EXAMPLE}; nothing else{remedy}", line=first.number
+            )
         name = match[1].lower()
         place = name.split("_")[0]
         place = "correction" if place == "error" else place

@@ -221,3 +221,27 @@ def test_a_format_of_one_curve_wants_one_that_is_zero_at_home(rtl: Path, tmp_pat
     good(*command, "--one-way")
     # Means of both directions in µm: 1 2.5 4 3 0 -3.5; negated and less the one at home: 0 -1.5 -3 -2 1 4.5.
     assert out.read_text().split() == ["5", "1000000", "-15", "-30", "-20", "10", "45"]
+
+
+def test_what_a_first_table_is_warned_of_can_be_true_of_readings(tmp_path: Path, manual: Path) -> None:
+    # TB058's own readings have a reversal that grows along the axis, as a list in the wrong order would show
+    built = good("build", manual, tmp_path / "cnc10z.tab", "--home", "switch-negative")
+    assert "L3" not in [lint["code"] for lint in built["lints"]]
+    assert "L3" in run("lint", tmp_path / "cnc10z.tab", "--file-start", "-2.5").output
+
+
+def test_a_table_that_cannot_be_used_names_no_line_of_a_file_that_is_not_there(tmp_path: Path) -> None:
+    rows = [
+        f"{target},{way},1,{target * 0.03 + lost}"
+        for way, lost in (("forward", 0), ("backward", 20))
+        for target in range(0, 1001, 200)
+    ]
+    wide = tmp_path / "um.csv"
+    wide.write_text("\n".join(["target_mm,direction,run,deviation_mm", *rows, ""]))
+    result = run("build", wide, tmp_path / "x.csv", "--to", "csv")
+    assert result.exit_code == 1
+    first, *others = result.stderr.splitlines()
+    assert first == "note: the deviations differ by 50 mm in all: are the numbers in the unit that is said?"
+    assert all(line.startswith("error: the new table: L") for line in others)
+    assert [line for line in others if "max_correction" in line]
+    assert not (tmp_path / "x.csv").exists()

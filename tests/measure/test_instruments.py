@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import os
+import signal
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -272,6 +273,11 @@ async def test_a_person_who_says_no_moves_nothing_and_q_ends_it(tmp_path: Path) 
                     await Terminal(typed, pty).sees("may it move? [y/N]:")
                     os.write(pty.master_fd, b"n\n")
                     assert await typed.end() == 1
+                async with measuring(machine, *asked, stdin=slave) as typed:
+                    await Terminal(typed, pty).sees("may it move? [y/N]:")
+                    typed.process.send_signal(signal.SIGINT)
+                    assert await typed.end() == 130
+                    assert "nothing was moved" in typed.stderr
                 assert machine.commanded() == []
                 async with measuring(machine, *FEW, stdin=slave) as typed:
                     await Terminal(typed, pty).sees("reading (q stops): ")

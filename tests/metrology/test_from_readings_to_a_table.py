@@ -297,3 +297,5 @@ def test_a_grid_over_the_travel_holds_what_was_not_measured() -> None:
     assert any("no reading from 18 to 20 mm" in note for note in built.notes)
     with pytest.raises(ReadingsError, match="a travel without a step"):
         build_from(Survey(tuple(readings), Units.MM), Recipe(travel=(0.0, 25.0)))
+    with pytest.raises(ReadingsError, match="a travel from 25 to 0: the lower end first"):
+        build_from(Survey(tuple(readings), Units.MM), Recipe(step=10.0, travel=(25.0, 0.0)))

@@ -234,6 +234,13 @@ class _Work:
                 notes.append(f"{wish.report}: the report")
         except MeasureError as error:
             raise MeasureError(f"{error} (the readings are in {path})") from None
+        except KeyboardInterrupt:
+            typer.echo(
+                f"{wish.config}: Ctrl-C before all results were made; no reading is missing in {path}: "
+                f"--resume {path} makes the results of them",
+                err=True,
+            )
+            return STOPPED_BY_SIGNAL + SIGINT
         if wish.as_json:
             AsJson(self._units.value).happened(
                 "result", {**outcome.json_of(found), "readings_file": str(path)}
