@@ -11,14 +11,11 @@ from typing import TYPE_CHECKING, Final
 
 from gateway.compensation.blend import shape
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, with_line
-from gateway.compensation.curve import Curve
 from gateway.compensation.errors import SettingsError
-from gateway.compensation.moves import Accepted
-from gateway.compensation.table import make_table
 from gateway.compensation.thermal import TermState, Thermal
-from gateway.counts import Counts
+from gateway.exchange.cross_term import CrossTerm
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.plan import AxisPlan, CrossPlan
+from gateway.exchange.plan import AxisPlan
 from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -42,65 +39,13 @@ _SAID: Final = {
 _SILENT: Final = frozenset({TermState.HELD, TermState.FADING, TermState.FADED})
 
 
-class _Cross:
-    """One table over the position of another axis."""
-
-    __slots__ = ("_correction", "_plan", "partner", "seen")
-
-    def __init__(self, plan: CrossPlan, axis: AxisPlan) -> None:
-        units = axis.settings.units
-        table = make_table(plan.positions, plan.corrections, plan.corrections, units)
-        self._correction = Curve(table, modulo=plan.modulo).forward
-        self._plan = plan
-        self.partner: AxisExchange | None = None
-        self.seen: Accepted | None = None
-
-    @property
-    def axis(self) -> str:
-        """Name of the other axis."""
-        return self._plan.axis
-
-    @property
-    def known_partner(self) -> "AxisExchange | None":
-        """The other axis, where it is there, its registers mean what they did, and it knows where it is."""
-        partner = self.partner
-        is_known = partner is not None and partner.is_referenced and not partner.is_ended
-        return partner if is_known else None
-
-    @property
-    def target(self) -> Accepted | None:
-        """The last accepted target of the other axis, where it says where that axis is."""
-        partner = self.known_partner
-        return None if partner is None else partner.compensation.accepted
-
-    def place(self, now_ns: int) -> Counts | None:
-        """Return where the other axis is, in nominal counts; None where nobody knows.
-
-        After a stop or a jog it has no target: then a reading of its actual position has to do.
-        """
-        target, partner = self.target, self.known_partner
-        if target is not None:
-            return target.nominal_counts
-        if partner is None or partner.actual is None:
-            return None
-        age_ns = now_ns - partner.actual.seen_ns
-        is_fresh = age_ns <= self._plan.fresh_s * NS_PER_S
-        return partner.nominal_of(partner.actual.counts) if is_fresh else None
-
-    def correction(self, nominal_counts: Counts) -> float:
-        """Return what a place of the other axis adds, in units."""
-        assert self.partner is not None
-        position = self.partner.compensation.machine_position(nominal_counts)
-        return self._correction(position * self._plan.scale)
-
-
 class Terms:
     """The terms of one axis. Time is monotonic, in ns."""
 
     def __init__(self, plan: AxisPlan) -> None:
         settings = plan.settings
         self.thermal = None if plan.thermal is None else Thermal(plan.thermal)
-        self.crosses = tuple(_Cross(each, plan) for each in plan.cross)
+        self.crosses = tuple(CrossTerm(each, plan) for each in plan.cross)
         self._fresh_ns = int(min((each.fresh_s for each in plan.cross), default=0.0) * NS_PER_S)
         self.offset = self.tilt = 0.0
         """The line that is asked for: at machine position 0 in units, and its slope."""

@@ -1,0 +1,65 @@
+"""What the place of another axis adds to an axis: straightness, sag, squareness."""
+
+from typing import TYPE_CHECKING
+
+from gateway.compensation.curve import Curve
+from gateway.compensation.moves import Accepted
+from gateway.compensation.table import make_table
+from gateway.counts import Counts
+from gateway.exchange.plan import AxisPlan, CrossPlan
+from gateway.times import NS_PER_S
+
+if TYPE_CHECKING:
+    from gateway.exchange.axis import AxisExchange
+
+
+class CrossTerm:
+    """One table over the position of another axis."""
+
+    __slots__ = ("_correction", "_plan", "partner", "seen")
+
+    def __init__(self, plan: CrossPlan, axis: AxisPlan) -> None:
+        units = axis.settings.units
+        table = make_table(plan.positions, plan.corrections, plan.corrections, units)
+        self._correction = Curve(table, modulo=plan.modulo).forward
+        self._plan = plan
+        self.partner: AxisExchange | None = None
+        self.seen: Accepted | None = None
+
+    @property
+    def axis(self) -> str:
+        """Name of the other axis."""
+        return self._plan.axis
+
+    @property
+    def known_partner(self) -> "AxisExchange | None":
+        """The other axis, where it is there, its registers mean what they did, and it knows where it is."""
+        partner = self.partner
+        is_known = partner is not None and partner.is_referenced and not partner.is_ended
+        return partner if is_known else None
+
+    @property
+    def target(self) -> Accepted | None:
+        """The last accepted target of the other axis, where it says where that axis is."""
+        partner = self.known_partner
+        return None if partner is None else partner.compensation.accepted
+
+    def place(self, now_ns: int) -> Counts | None:
+        """Return where the other axis is, in nominal counts; None where nobody knows.
+
+        After a stop or a jog it has no target: then a reading of its actual position has to do.
+        """
+        target, partner = self.target, self.known_partner
+        if target is not None:
+            return target.nominal_counts
+        if partner is None or partner.actual is None:
+            return None
+        age_ns = now_ns - partner.actual.seen_ns
+        is_fresh = age_ns <= self._plan.fresh_s * NS_PER_S
+        return partner.nominal_of(partner.actual.counts) if is_fresh else None
+
+    def correction(self, nominal_counts: Counts) -> float:
+        """Return what a place of the other axis adds, in units."""
+        assert self.partner is not None
+        position = self.partner.compensation.machine_position(nominal_counts)
+        return self._correction(position * self._plan.scale)
