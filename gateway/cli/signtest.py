@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 UNCERTAINTY_MM = 0.002
 """What a dial gauge with 1 µm marks or a laser in a workshop can be trusted with."""
-COUNTS = 2
+STEPS = 2
 NUMBERS = "--at, --forward-reading and --backward-reading"
 MISSING = f"numbers for a sign test come together: {NUMBERS}"
 
@@ -83,7 +83,7 @@ def signtest(
 def _usual_uncertainty(plan: "AxisPlan") -> float:
     """Return what a reading is taken to be uncertain by, in units of the axis."""
     settings = plan.settings
-    return max(settings.units.from_mm(UNCERTAINTY_MM), COUNTS / abs(settings.counts_per_unit))
+    return max(settings.units.from_mm(UNCERTAINTY_MM), STEPS * settings.step)
 
 
 def _axis(config: Path, name: str) -> "AxisPlan":

@@ -8,8 +8,8 @@ from typing import Final
 from gateway.compensation.units import Units
 
 DEFAULT_HYSTERESIS_MM: Final = 0.001
-DEFAULT_HYSTERESIS_COUNTS: Final = 2
-"""Hysteresis is the larger of 2 counts and 1 µm (the semantics of Fagor's REVEHYST, P99)."""
+DEFAULT_HYSTERESIS_STEPS: Final = 2
+"""Hysteresis is the larger of 2 counts, or steps, and 1 µm (the semantics of Fagor's REVEHYST, P99)."""
 DEFAULT_MAX_CORRECTION_MM: Final = 0.5
 DEFAULT_MAX_SLOPE: Final = 0.01
 DEFAULT_FRESH_MS: Final = 20.0
@@ -148,6 +148,22 @@ class AxisSettings:
     fresh_ms: float = DEFAULT_FRESH_MS
     home_approach: int = 0
     """+1 forward, -1 backward, 0 unknown: the branch in force after homing."""
+    step_counts: float = 1.0
+    """Counts from one position to the next that every register of the axis can tell, at most 1.
+
+    Less than 1 where a count is coarse, as with a ``float32`` in millimetres.
+    """
+
+    @property
+    def step(self) -> float:
+        """The length of ``step_counts``."""
+        return self.step_counts / abs(self.counts_per_unit)
+
+    @property
+    def largest_counts(self) -> float:
+        """Size of the largest command within the travel or the turn; 0 where neither is known."""
+        low, high = self.travel or (0.0, self.modulo)
+        return max(abs(self.zero_counts + self.counts_per_unit * end) for end in (low, high))
 
     @property
     def corrected_bounds(self) -> tuple[float, float]:
@@ -155,10 +171,10 @@ class AxisSettings:
         if self.travel is None:
             return -inf, inf
         low, high = self.travel
-        slack = self.travel_margin + 0.5 / abs(self.counts_per_unit)  # half a count is rounding
+        slack = self.travel_margin + 0.5 * self.step  # rounding
         return low - slack, high + slack
 
 
-def default_hysteresis(units: Units, counts_per_unit: float) -> float:
-    """Return the larger of 2 counts and 1 µm, in ``units``."""
-    return max(DEFAULT_HYSTERESIS_COUNTS / abs(counts_per_unit), units.from_mm(DEFAULT_HYSTERESIS_MM))
+def default_hysteresis(units: Units, step: float) -> float:
+    """Return the larger of 2 steps of the registers and 1 µm, all in ``units``."""
+    return max(DEFAULT_HYSTERESIS_STEPS * step, units.from_mm(DEFAULT_HYSTERESIS_MM))

@@ -91,13 +91,14 @@ def _check_that_it_repeats(
 def _check_outside(findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable) -> None:
     ends = [abs(curve[i]) for _, curve in _branches(table) for i in (0, -1)]
     largest = max(ends)
-    count = 1.0 / abs(settings.counts_per_unit)
     unit = settings.units.value
-    if settings.outside.kind is OutsideKind.ZERO and largest > count * (1 + ROUNDING):
+    step = "count" if settings.step_counts == 1.0 else "step of the registers"
+    if settings.outside.kind is OutsideKind.ZERO and largest > settings.step * (1 + ROUNDING):
         findings.refuse(
             (*path, "outside"),
             f'outside = "zero" where the table ends with a correction of {largest:.6g} {unit}',
-            f'allowed: ends within one count ({count:.6g} {unit}) of 0; use "hold" or {{ fade = LENGTH }}',
+            f"allowed: ends within one {step} ({settings.step:.6g} {unit}) of 0; "
+            'use "hold" or { fade = LENGTH }',
         )
     length = settings.outside.fade_length
     if settings.outside.kind is OutsideKind.FADE and largest / length > settings.max_slope * (1 + ROUNDING):

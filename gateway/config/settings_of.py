@@ -1,5 +1,6 @@
 """The numbers of an axis, with the defaults that depend on its units and scale filled in."""
 
+from dataclasses import replace
 from typing import Final
 
 from gateway.compensation.settings import (
@@ -13,8 +14,8 @@ from gateway.compensation.settings import (
 from gateway.config.axis_model import AxisSection
 from gateway.config.terms_model import ThermalSpec
 
-FLOAT_STEP_COUNTS: Final = 1e-6
-"""Next to nothing: 1 µm is what counts then."""
+SOME_COUNTS: Final = 1e4
+"""Where an axis without travel ends as far as the steps of a ``float32`` are concerned: 10 m in mm."""
 
 
 def settings_of(axis: AxisSection) -> AxisSettings:
@@ -23,10 +24,7 @@ def settings_of(axis: AxisSection) -> AxisSettings:
     max_correction = axis.max_correction
     if max_correction is None:
         max_correction = units.from_mm(DEFAULT_MAX_CORRECTION_MM)
-    hysteresis = axis.hysteresis
-    if hysteresis is None:
-        hysteresis = default_hysteresis(units, axis.counts_per_unit / _step_counts(axis))
-    return AxisSettings(
+    settings = AxisSettings(
         units=units,
         counts_per_unit=axis.counts_per_unit,
         zero_counts=axis.zero_counts,
@@ -34,7 +32,6 @@ def settings_of(axis: AxisSection) -> AxisSettings:
         travel=axis.travel,
         travel_margin=max_correction if axis.travel_margin is None else axis.travel_margin,
         setpoints=axis.setpoints,
-        hysteresis=hysteresis,
         reversal=axis.reversal,
         reload_distance=units.from_mm(DEFAULT_RELOAD_DISTANCE_MM)
         if axis.reload is None
@@ -49,18 +46,22 @@ def settings_of(axis: AxisSection) -> AxisSettings:
         fresh_ms=axis.fresh_ms,
         home_approach=axis.home_approach.sign,
     )
+    settings = replace(settings, step_counts=_step_counts(axis, settings))
+    if axis.hysteresis is not None:
+        return replace(settings, hysteresis=axis.hysteresis)
+    return replace(settings, hysteresis=default_hysteresis(units, settings.step))
 
 
-def _step_counts(axis: AxisSection) -> float:
+def _step_counts(axis: AxisSection, settings: AxisSettings) -> float:
     """Return the counts in one step of the registers that tell positions: 1, or a part of one.
 
-    Where a count is a whole millimetre, as with ``float32``, two of them are no hysteresis.
+    Where a count is a whole millimetre, as with ``float32``, one of them is no precision.
     """
     if axis.registers is None:
         return 1.0
+    largest_counts = settings.largest_counts or SOME_COUNTS
     places = (*axis.registers.command, *axis.registers.actual)
-    steps = (FLOAT_STEP_COUNTS if each.type.is_float else each.scale for each in places)
-    return min(1.0, max(steps, default=1.0))
+    return min(1.0, max((each.field().step_counts(largest_counts) for each in places), default=1.0))
 
 
 def thermal_of(thermal: ThermalSpec) -> ThermalSettings:

@@ -136,7 +136,7 @@ def _letter(name: str) -> str | None:
 
 def context_of(axis: AxisSection, name: str) -> FileContext:
     """Return what the configuration knows about a table file that the file does not say itself."""
-    options = axis.table_options
+    options, settings = axis.table_options, settings_of(axis)
     return FileContext(
         axis=_letter(name),
         units=axis.units,
@@ -151,7 +151,7 @@ def context_of(axis: AxisSection, name: str) -> FileContext:
         fagor_sense=options.fagor_sense,
         isg_sense=options.isg_sense,
         error_sense=options.error_sense,
-        counts_per_unit=axis.counts_per_unit,
-        max_correction=settings_of(axis).max_correction,
+        counts_per_unit=axis.counts_per_unit / settings.step_counts,  # what the drive can tell
+        max_correction=settings.max_correction,
         max_slope=axis.max_slope,
     )

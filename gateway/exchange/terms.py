@@ -16,7 +16,6 @@ from gateway.compensation.thermal import TermState, Thermal
 from gateway.exchange.cross_term import CrossTerm
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan
-from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
@@ -28,8 +27,6 @@ ROUNDING: Final = 1e-9
 """Share of a limit by which decimal fractions may exceed it."""
 FITS_AGAIN_NS: Final = 60 * NS_PER_S
 """So long a line has to fit before it is told again that it does not: a sensor trembles about the limit."""
-FLOAT_STEP: Final = 2.0**-23
-"""Share of a float32 between two neighbours, at most."""
 _SAID: Final = {
     TermState.FOLLOWING: EventKind.TERM_FOLLOWS,
     TermState.HELD: EventKind.TERM_HELD,
@@ -52,7 +49,8 @@ class Terms:
         self.is_too_large = False
         """The line that ought to be would, with the table, come to more than ``max_correction``."""
         self._ends = settings.travel or (0.0, 0.0)
-        self._least = 0.5 * min(_step_of(field, plan) for field in plan.command)
+        finest_counts = min(field.step_counts(settings.largest_counts) for field in plan.command)
+        self._least = 0.5 * finest_counts / abs(settings.counts_per_unit)
         """What no command field can tell, in units."""
         self._due_ns = 0
         self._cross = self._held_cross = 0.0
@@ -287,17 +285,6 @@ class Terms:
             difference = self.thermal.difference
             return f"{_OF_SENSOR[state]}; {difference:+.3g} K count"
         return f"{_OF_PARTNER[state]}: {', '.join(cross.axis for cross in self.crosses)}"
-
-
-def _step_of(field: PositionField, plan: AxisPlan) -> float:
-    """Return the largest distance within the travel between two positions that a field can tell, in units."""
-    settings = plan.settings
-    step = field.scale
-    if field.type.is_float:
-        ends = settings.travel or (0.0, 0.0)
-        largest = max(abs(settings.zero_counts + settings.counts_per_unit * end) for end in ends)
-        step = FLOAT_STEP * largest
-    return step / abs(settings.counts_per_unit)
 
 
 _OF_SENSOR: Final = {

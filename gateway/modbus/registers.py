@@ -34,6 +34,10 @@ class WordOrder(Enum):
     LOW_FIRST = "low-first"
 
 
+FLOAT_STEP: Final = 2.0**-23
+"""Share of a float32 between two neighbours, at most."""
+
+
 class RegisterType(Enum):
     """What a field holds. Signed integers are two's complement, ``float32`` is IEEE 754 single precision."""
 
@@ -114,6 +118,14 @@ class PositionField:
     def codec(self) -> Codec:
         """What packs and unpacks its raw values."""
         return self._codec
+
+    def step_counts(self, largest_counts: float) -> float:
+        """Return the counts from one position to the next that it can tell, up to ``largest_counts``.
+
+        >>> PositionField(0, RegisterType.FLOAT32).step_counts(2.0**23)
+        1.0
+        """
+        return FLOAT_STEP * largest_counts if self.type.is_float else abs(self.scale)
 
     @property
     def words(self) -> int:

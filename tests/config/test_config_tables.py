@@ -204,6 +204,27 @@ def test_zero_outside_needs_ends_within_a_count_of_zero(tmp_path: Path) -> None:
     assert loaded(tmp_path, text, {"cnc10x.tab": flat}).warnings == ()
 
 
+def test_where_a_count_is_a_millimetre_zero_outside_needs_ends_within_a_step_of_the_registers(
+    tmp_path: Path,
+) -> None:
+    in_mm = (
+        ("counts_per_unit = 1000.0", "counts_per_unit = 1.0"),
+        ('address = 0x0606, type = "int32"', 'address = 0x0606, type = "int32", scale = 0.01'),
+        ('address = 0x0520, type = "int32"', 'address = 0x0520, type = "float32"'),
+    )
+    text = edited(("max_speed = 200.0", 'outside = "zero"'), *in_mm)
+    # A hundredth of a count is coarser than a float32 in the travel; half a count at the end would be a step.
+    problem = only(refused(tmp_path, text), "axis.x.outside")
+    assert "correction of 0.02 mm" in problem.found
+    assert "one step of the registers (0.01 mm)" in problem.remedy
+    flat = TWO_WAYS.replace("+0.0100", "+0.0010").replace("-0.0200", "-0.0100").replace("-0.0120", "+0.0000")
+    result = loaded(tmp_path, text, {"cnc10x.tab": flat})
+    assert result.warnings == ()  # L7 neither: it is of less than a step, not of less than a millimetre
+    [axis] = [axis for line in result.plan.lines for axis in line.axes]
+    low, high = axis.settings.travel or (0.0, 0.0)
+    assert axis.settings.corrected_bounds == pytest.approx((low - 0.505, high + 0.505), abs=1e-12)
+
+
 def test_a_fade_steeper_than_the_slope_allowed_is_refused(tmp_path: Path) -> None:
     # 0.02 mm at the end, max_slope 0.01: at least 2 mm.
     problem = only(

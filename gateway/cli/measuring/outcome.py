@@ -242,7 +242,7 @@ def _as_configured(
         read = parse_table(written.text.encode(), str(out), context_of(section, axis.name)).table
         units = axis.settings.units
         change = largest_change(table.in_units(units), read.in_units(units), axis)
-        if abs(change.amount) <= abs(0.5 / axis.settings.counts_per_unit):
+        if abs(change.amount) <= 0.5 * axis.settings.step:
             return []
         why = "it would be read as another table"
     except (TabFileError, TableError, ValueError) as error:

@@ -142,7 +142,7 @@ class Run:
     def _slack(self) -> float:
         """By how much the position of an axis that stands may change."""
         settings = self._link.plan.settings
-        return max(settings.hysteresis, 2.0 / abs(settings.counts_per_unit))
+        return max(settings.hysteresis, 2.0 * settings.step)
 
     async def _move(self, stop: Stop) -> None:
         self._showing.going(stop)
