@@ -5,6 +5,7 @@ Grammar::
     file    := comment* row+
     comment := "#" text                 above the first row only; blank lines may stand between comments
     row     := cell (separator cell)*   separator: comma, semicolon or tab, the same in all rows
+    cell    := text, or text in double quotes without a separator or another quote in it
 
 A comment ``# key: value`` is provenance. Three keys mean something: ``axis``, a letter, and the two sums of
 :mod:`gateway.tabfile.sums`.
@@ -42,6 +43,20 @@ class CsvText:
     body: tuple[Line, ...]
 
 
+def split_cells(text: str, separator: str) -> tuple[str, ...]:
+    """Split a line into cells, without the blanks and the quotes around them.
+
+    >>> split_cells('"a" ; 1;"b', ";")
+    ('a', '1', '"b')
+    """
+    return tuple(_unquoted(cell.strip()) for cell in text.split(separator))
+
+
+def _unquoted(cell: str) -> str:
+    inner = cell[1:-1]
+    return inner.strip() if cell == f'"{inner}"' and '"' not in inner else cell
+
+
 def first_row(source: SourceText) -> Line | None:
     """Return the first line that is neither blank nor a comment."""
     return next((line for line in source.lines if line.text and not line.text.startswith("#")), None)
@@ -64,9 +79,7 @@ def parse_csv(source: SourceText, separators: str, what: str) -> CsvText:
         raise source.error(shown(first.text), f"{what}, with {names} between its cells", line=first.number)
     body = source.lines[start:]
     _check_lines(source, body)
-    rows = tuple(
-        CsvRow(line.number, tuple(cell.strip() for cell in line.text.split(found[0]))) for line in body
-    )
+    rows = tuple(CsvRow(line.number, split_cells(line.text, found[0])) for line in body)
     return CsvText(found[0], rows, facts, body)
 
 

@@ -78,6 +78,17 @@ def test_columns_in_another_order_with_semicolons_and_deviations_in_um() -> None
     ]
 
 
+def test_quotes_of_a_spreadsheet_around_whole_cells_change_nothing() -> None:
+    quoted = (
+        ISO.replace("forward", '"forward"').replace("backward", '"backward"').replace("50.003", '"50.003"')
+    )
+    quoted = quoted.replace(
+        "target_mm,direction,run,measured_mm", '"target_mm","direction","run","measured_mm"'
+    )
+    assert read(quoted).readings == read(ISO).readings
+    assert "direction '\"forward'" in refused(ISO.replace("forward", '"forward', 1))
+
+
 def test_tenths_are_ten_thousandths_of_an_inch() -> None:
     text = "target_inch,direction,run,deviation_tenth\n1,forward,1,5\n2,forward,1,-2\n"
     survey = read(text)

@@ -85,6 +85,16 @@ def test_line_ends_marks_and_blanks_change_nothing(end: str) -> None:
     assert parse(text).table == parse(OURS).table
 
 
+def test_quotes_of_a_spreadsheet_around_whole_cells_change_nothing() -> None:
+    quoted = "\n".join(
+        ",".join(f'"{cell}"' for cell in line.split(",")) if line else "" for line in SMALL.split("\n")
+    )
+    assert parse(quoted).table == parse(SMALL).table
+    assert parse(SMALL.replace("0.002", ' " 0.002" ')).table == parse(SMALL).table
+    for half in ('"0.002', '0.002"', '"0.0"02"', '"'):
+        assert f"table.csv:3: {half!r}" in str(refused(SMALL.replace("0.002", half)))
+
+
 def test_axis_of_the_comment_is_checked() -> None:
     assert parse(OURS, axis="x").source.axis == "X"
     error = refused(OURS, axis="y")
@@ -231,4 +241,3 @@ def test_what_a_spreadsheet_adds_is_named_with_what_to_do() -> None:
     plain = "position_mm;forward_mm;backward_mm\n0;0;0\n10;0.01;0.02\n"
     assert "take the empty columns out" in str(refused(plain.replace("\n", ";;\n")))
     assert "take this one out" in str(refused(plain + ";;\n"))
-    assert "without quotation marks" in str(refused(plain.replace("position_mm", '"position_mm"')))

@@ -7,6 +7,7 @@ from typing import Final
 
 from gateway.compensation.units import Units
 from gateway.metrology.circumstances import STATED
+from gateway.tabfile.csv_text import split_cells
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.text import Line, SourceText, shown
@@ -70,7 +71,7 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
     if found is None:
         raise source.error("no heading with a separator in it", allowed, line=source.lines[0].number)
     heading, separator = found
-    names = _cells(heading, separator)
+    names = split_cells(heading.text, separator)
     while names and not names[-1]:
         names = names[:-1]
     facts: dict[str, str] = {}
@@ -78,7 +79,7 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
     for line in source.lines:
         if _is_comment(line):
             _state(source, line, separator, facts)
-        elif line.number > heading.number and any(cells := _cells(line, separator)):
+        elif line.number > heading.number and any(cells := split_cells(line.text, separator)):
             if len(cells) >= len(names) and not any(cells[len(names) :]):
                 lines.append((line.number, cells[: len(names)]))
             else:
@@ -93,20 +94,6 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
 
 def _is_comment(line: Line) -> bool:
     return line.text.lstrip('"').startswith("#")
-
-
-def _cells(line: Line, separator: str) -> tuple[str, ...]:
-    return tuple(_unquoted(cell.strip()) for cell in line.text.split(separator))
-
-
-def _unquoted(cell: str) -> str:
-    """Take off the quotation marks that some programs put round every cell.
-
-    >>> _unquoted('"50.001"'), _unquoted('5"')
-    ('50.001', '5"')
-    """
-    inside = cell[1:-1]
-    return inside.strip() if cell == f'"{inside}"' and '"' not in inside else cell
 
 
 def _state(source: SourceText, line: Line, separator: str, facts: dict[str, str]) -> None:
