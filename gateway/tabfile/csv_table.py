@@ -119,11 +119,7 @@ def _parse_header(source: SourceText, csv: CsvText) -> _Header:
     for index, cell in enumerate(first.cells):
         match = _COLUMN.fullmatch(cell)
         if match is None:
-            remedy = ""
-            if not cell:
-                remedy = ": take the empty columns out"
-            elif cell.startswith('"'):
-                remedy = ": save it without quotation marks"
+            remedy = "" if cell else ": take the empty columns out"
             raise source.error(
                 f"a column {shown(cell)}", f"{EXAMPLE}; nothing else{remedy}", line=first.number
             )

@@ -82,6 +82,8 @@ async def test_a_row_that_came_while_the_axis_moved_is_not_taken(tmp_path: Path)
         csv = ("--csv", str(laser), "--json", "--readings", "r.csv")
         async with gateway(machine), measuring(machine, *FEW, *csv) as typed:
             await typed.until("standing", append_too_early)
+            (why,) = [event["error"] for event in typed.events if event["event"] == "stopping"]
+            assert "1 rows came before the axis stood at its target" in why
             assert await typed.end() == 1
     assert "1 rows came before the axis stood at its target" in typed.stderr
     assert machine.commanded() == [-1.0, 0.0]

@@ -230,4 +230,3 @@ def test_what_a_spreadsheet_adds_is_named_with_what_to_do() -> None:
     plain = "position_mm;forward_mm;backward_mm\n0;0;0\n10;0.01;0.02\n"
     assert "take the empty columns out" in str(refused(plain.replace("\n", ";;\n")))
     assert "take this one out" in str(refused(plain + ";;\n"))
-    assert "without quotation marks" in str(refused(plain.replace("position_mm", '"position_mm"')))

@@ -171,6 +171,7 @@ class Session:
             with suppress(Exception):
                 self._showing.end()
                 self._showing.say(f"stopping: {error}")
+                self._showing.happened("stopping", {"error": str(error)})
             await self._leave_standing(run, error)
             raise
         self._showing.end()
