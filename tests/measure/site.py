@@ -158,7 +158,8 @@ async def gateway(machine: Machine) -> AsyncIterator[asyncio.subprocess.Process]
                     ready.add(json.loads(line)["event"])
         draining = asyncio.create_task(process.stderr.read())
         yield process
-        process.terminate()
+        with contextlib.suppress(ProcessLookupError):  # a test has ended it
+            process.terminate()
         await asyncio.wait_for(process.wait(), SECONDS)
         await draining
     finally:

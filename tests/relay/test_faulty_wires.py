@@ -79,7 +79,7 @@ async def test_no_damage_makes_a_reply_answer_another_request(tools: "Tools", se
     drive = NumberingDrive()
     bad = Faults(seed=seed, drop=0.01, garble=0.01, split=0.3)
     link = RtuDriveLink(0, RtuReplyDecoder())
-    data = await run(tools, (link, tools.raw_end(drive), NO_FAULTS, bad), NO_FAULTS, 40.0)
+    data = await run(tools, (link, tools.raw_end(drive), NO_FAULTS, bad), NO_FAULTS, 150.0)
     replies = MbapDecoder().feed(data)
     assert [number for number, _, _ in replies] == list(range(REQUESTS))
     silent = [number for number, _, pdu in replies if pdu == NO_RESPONSE]
