@@ -53,7 +53,6 @@ class RawEnd:
         self.data = b""
         self.opens = 0
         self.closes = 0
-        self.last_ns = 0
         self.script = script
         self._changed = asyncio.Event()
 
@@ -64,7 +63,6 @@ class RawEnd:
 
     def received(self, data: bytes, now_ns: int) -> None:
         self.data += data
-        self.last_ns = now_ns
         self._changed.set()
         answer = None if self.script is None else self.script(data)
         if answer:
