@@ -21,11 +21,12 @@ test-programs: # a broker and a browser
 test: setup test-programs check ## everything: checks, unit, property and end-to-end tests
 	$(PYTEST)
 
+# Not those of the package: they build one of the sources, and the compiled modules lie among these here.
 test-compiled: setup test-programs ## the same tests with the hot path compiled; needs a C compiler
 	rm -rf build/compiled
 	$(BIN)/python tools/compiled.py build/compiled
 	cp -r bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
-	cd build/compiled && $(CURDIR)/$(PYTEST) tests
+	cd build/compiled && $(CURDIR)/$(PYTEST) tests --ignore tests/package
 
 deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
 	@tools/deb.sh
