@@ -62,14 +62,7 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
         ReadingsError: readings or a recipe that make no table.
         TableError: corrections that no table may hold (a slope of 1).
     """
-    if recipe.step is not None and recipe.tolerance is not None:
-        raise ReadingsError("a step and a tolerance: an even grid or the fewest points, not both")
-    if recipe.travel is not None and recipe.step is None:
-        raise ReadingsError("a travel without a step: only an even grid is laid over the travel")
-    if recipe.travel is not None and not recipe.travel[0] < recipe.travel[1]:
-        raise ReadingsError(
-            f"a travel from {recipe.travel[0]:g} to {recipe.travel[1]:g}: the lower end first, then the upper"
-        )
+    _check(recipe)
     unit = survey.units.value
     outliers = find_outliers(survey)
     readings, emptied = without_outliers(survey, outliers) if recipe.drop_outliers else (survey.readings, ())
@@ -113,6 +106,18 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
         way = home.direction.name.lower()
         notes.append(f"home: the {way} correction at {home.position:.9g} is 0")
     return Built(table, outliers, home, change, loss, tuple(notes))
+
+
+def _check(recipe: Recipe) -> None:
+    """Refuse a recipe that contradicts itself."""
+    if recipe.step is not None and recipe.tolerance is not None:
+        raise ReadingsError("a step and a tolerance: an even grid or the fewest points, not both")
+    if recipe.travel is not None and recipe.step is None:
+        raise ReadingsError("a travel without a step: only an even grid is laid over the travel")
+    if recipe.travel is not None and not recipe.travel[0] < recipe.travel[1]:
+        raise ReadingsError(
+            f"a travel from {recipe.travel[0]:g} to {recipe.travel[1]:g}: the lower end first, then the upper"
+        )
 
 
 def _with_points(

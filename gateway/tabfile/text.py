@@ -61,8 +61,8 @@ class SourceText:
         return TabFileError(Problem(self.name, found, allowed, line, code, tuple(readings)))
 
 
-def decode(data: bytes, name: str) -> SourceText:
-    """Turn the bytes of a file into lines.
+def decode(data: bytes, name: str, what: str = "a table") -> SourceText:
+    """Turn the bytes of a file of ``what`` into lines.
 
     A byte order mark, CRLF, CR or LF, blank lines around the text and a trailing Ctrl-Z are tolerated; what
     is not UTF-8 is read as Latin-1 (comments of old editors).
@@ -71,7 +71,7 @@ def decode(data: bytes, name: str) -> SourceText:
         TabFileError: the file is empty, binary, UTF-16, longer than 16 MiB or 500 000 lines, or goes on after
             its Ctrl-Z.
     """
-    allowed = "the plain text of a table"
+    allowed = f"the plain text of {what}"
     if len(data) > MAX_BYTES:
         raise TabFileError(Problem(name, f"{len(data)} bytes", f"at most {MAX_BYTES} bytes"))
     if data.startswith(_UTF16_MARKS):
@@ -81,7 +81,7 @@ def decode(data: bytes, name: str) -> SourceText:
     if line_ends > MAX_LINES:
         raise TabFileError(Problem(name, f"{line_ends} lines", f"at most {MAX_LINES} lines"))
     lines = _lines(text)
-    _check_control(lines, name)
+    _check_control(lines, name, allowed)
     if rest and rest[0].strip("\x00\x1a \t\r\n"):
         line = lines[-1].number if lines else 1
         raise TabFileError(Problem(name, "text after an end-of-file mark (Ctrl-Z)", "nothing after it", line))
@@ -106,12 +106,12 @@ def _lines(text: str) -> list[Line]:
     return [Line(number, part.strip(" \t")) for number, part in enumerate(_LINE_END.split(text), start=1)]
 
 
-def _check_control(lines: Iterable[Line], name: str) -> None:
+def _check_control(lines: Iterable[Line], name: str, allowed: str) -> None:
     for line in lines:
         control = _CONTROL.search(line.text)
         if control:
             found = f"control character 0x{ord(control.group()):02X}: the file is binary"
-            raise TabFileError(Problem(name, found, "the plain text of a table", line.number))
+            raise TabFileError(Problem(name, found, allowed, line.number))
 
 
 def listed(names: Iterable[str], between: str = ", ") -> str:

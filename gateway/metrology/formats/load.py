@@ -1,7 +1,7 @@
 """The formats of readings that can be read. A new one is one file and one entry in :data:`FORMATS`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -51,21 +51,8 @@ def parse_survey(data: bytes, name: str, context: ReadingsContext | None = None)
         TabFileError: see there.
     """
     context = context or ReadingsContext()
-    source = _decoded(data, name)
+    source = decode(data, name, "readings")
     return _choose(source, context.format).read(source, context)
-
-
-def _decoded(data: bytes, name: str) -> SourceText:
-    try:
-        return decode(data, name)
-    except TabFileError as error:
-        # The bytes of all text files are judged in one place; what belongs into this one is said here.
-        raise TabFileError(
-            *(
-                replace(each, allowed=each.allowed.replace("of a table", "of readings"))
-                for each in error.problems
-            )
-        ) from None
 
 
 def is_readings(path: Path) -> bool:
