@@ -56,9 +56,12 @@ CONNECTION_CLOSED: Final = EventEntry(
 CONNECTION_MALFORMED: Final = EventEntry(
     "connection-malformed",
     Severity.WARNING,
-    "somebody sent bytes that are not Modbus/TCP, which were dropped; told once a minute for each host",
-    "a scanner, a web browser, or a controller that speaks RTU over TCP",
-    "find out what runs at that address, and see that `allow` names the controllers only",
+    "somebody sent a header whose length cannot be: it was answered with exception 3 where it can be "
+    "answered, and its connection was closed; told once a minute for each host",
+    "a scanner, a web browser, a controller that speaks RTU over TCP, or one that writes more than 123 "
+    "registers at once",
+    "find out what runs at that address, and see that `allow` names the controllers only; let a controller "
+    "write at most 123 registers at once",
 )
 WAITING_TURNED_AWAY: Final = EventEntry(
     "waiting-turned-away",

@@ -92,9 +92,20 @@ class LineExchange:
     # --- from controllers ------------------------------------------------------------------------------
 
     def request(
-        self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
+        self,
+        port: ControllerPort,
+        transaction_id: int,
+        unit_id: int,
+        pdu: bytes,
+        now_ns: int,
+        *,
+        why_given_up: str = "",
     ) -> None:
-        """Take a whole request; it goes out in this very call when the line is free."""
+        """Take a whole request; it goes out in this very call when the line is free.
+
+        ``why_given_up``: its controller gave up on it before it could be sent. Then it goes out only if it is
+        a stop; anything else never reaches the drive (W5, M3).
+        """
         if not pdu:
             self.counters.malformed += 1
             return
@@ -112,7 +123,9 @@ class LineExchange:
             self._gaps.motion_came(now_ns)
         exchange = Exchange(port, transaction_id, unit_id, pdu, arrived_ns)
         is_free = self._current is None and self.rest.until_ns is None
-        if is_free and is_motion and self.is_up:
+        if why_given_up and not (self.is_up and self._units.stops_of(unit_id, pdu)):
+            self._ends.withdrawn(exchange, why_given_up)
+        elif is_free and is_motion and self.is_up:
             self._start_request(exchange, now_ns)
         else:
             self._judge(exchange, now_ns, is_free=is_free)

@@ -55,6 +55,8 @@ class Request(_Input, frozen=True, tag="request", omit_defaults=True):
     """Host of the controller; empty on a serial port."""
     role: str = ""
     """In the certificate of the controller; empty without TLS."""
+    given_up: str = ""
+    """Why its controller waits for it no more; empty while it does."""
 
 
 class Gone(_Input, frozen=True, tag="gone"):

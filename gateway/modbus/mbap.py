@@ -6,7 +6,7 @@ from struct import error as struct_error
 from typing import Final
 
 from gateway.modbus.errors import FrameError
-from gateway.modbus.pdu import MAX_PDU
+from gateway.modbus.pdu import MAX_PDU, ExceptionCode, exception_pdu
 
 HEADER: Final = Struct(">HHHB")
 """Transaction id, protocol id (0), length of what follows it, unit id."""
@@ -15,6 +15,10 @@ COUNTED_FROM: Final = 6
 """The length field counts from here: unit id and PDU."""
 SHORTEST_LENGTH: Final = 2
 LONGEST_LENGTH: Final = 1 + MAX_PDU
+LARGEST_SENT: Final = 260
+"""Lengths that published clients and servers really send, beyond what the standard allows: an FC16 of 124
+registers has 255, a reply of 126 registers too. Up to here it is a frame that is too long, beyond it none."""
+FUNCTION_AT: Final = 7
 
 _unpack_header = HEADER.unpack_from
 _pack_header = HEADER.pack
@@ -47,7 +51,7 @@ class MbapCounters:
     skipped_frames: int = 0
     """Whole frames of another protocol id."""
     bad_headers: int = 0
-    """Headers with an impossible length; everything received with them was dropped."""
+    """Headers with an impossible length; everything from there on was dropped."""
     dropped_bytes: int = 0
     """All bytes that belong to no frame passed on."""
 
@@ -56,15 +60,20 @@ class MbapDecoder:
     """Bytes of one connection in, frames out; for requests and replies alike. Never raises.
 
     TCP loses nothing, so a header with an impossible length means that the other side does not speak
-    Modbus/TCP, or lost its count. There is nothing to find the next frame by: what has arrived is dropped and
-    counted in ``counters.bad_headers``, and decoding begins anew with the next data. Closing the connection
-    is up to the caller.
+    Modbus/TCP, or lost its count. There is nothing to find the next frame by: what stands behind it may be
+    the data of a frame, and would be obeyed. So it ends the decoding for good: ``broken_by`` is the head of
+    that frame, and whatever comes is dropped and counted. Closing the connection is up to the caller.
+
+    ``longest_length``: what the length field may say at most; frames up to it come out whole.
     """
 
-    __slots__ = ("_buffer", "counters")
+    __slots__ = ("_buffer", "_longest", "broken_by", "counters")
 
-    def __init__(self, counters: MbapCounters | None = None) -> None:
+    def __init__(self, counters: MbapCounters | None = None, *, longest_length: int = LONGEST_LENGTH) -> None:
         self._buffer = b""
+        self._longest = longest_length
+        self.broken_by = b""
+        """Header and, where there can be one, function code of the frame that cannot be; empty: none."""
         self.counters = MbapCounters() if counters is None else counters
 
     def feed(self, data: bytes) -> list[Adu]:
@@ -72,9 +81,9 @@ class MbapDecoder:
         if self._buffer:
             data = self._buffer + data
         size = len(data)
-        if size > HEADER_SIZE:
+        if size > HEADER_SIZE and not self.broken_by:
             transaction_id, protocol_id, length, unit_id = _unpack_header(data)
-            if length == size - COUNTED_FROM and protocol_id == 0 and length <= LONGEST_LENGTH:
+            if length == size - COUNTED_FROM and protocol_id == 0 and length <= self._longest:
                 self._buffer = b""
                 return [(transaction_id, unit_id, data[HEADER_SIZE:])]
         return self._split(data)
@@ -84,21 +93,17 @@ class MbapDecoder:
         """Whether everything that came was whole."""
         return not self._buffer
 
-    def reset(self) -> None:
-        """Forget the beginning of a frame: the connection is a new one, or its sender has given up."""
-        self.counters.dropped_bytes += len(self._buffer)
-        self._buffer = b""
-
     def _split(self, data: bytes) -> list[Adu]:
         frames: list[Adu] = []
         start = 0
         size = len(data)
-        while size - start >= COUNTED_FROM:
+        while size - start >= COUNTED_FROM and not self.broken_by:
             length = data[start + 4] << 8 | data[start + 5]
-            if not SHORTEST_LENGTH <= length <= LONGEST_LENGTH:
+            if not SHORTEST_LENGTH <= length <= self._longest:
+                if SHORTEST_LENGTH <= length <= LARGEST_SENT and size - start <= FUNCTION_AT:
+                    break  # its function code comes yet: it can be answered
+                self.broken_by = data[start : start + FUNCTION_AT + 1]
                 self.counters.bad_headers += 1
-                self.counters.dropped_bytes += size - start
-                start = size
                 break
             end = start + COUNTED_FROM + length
             if end > size:
@@ -110,5 +115,24 @@ class MbapDecoder:
                 self.counters.skipped_frames += 1
                 self.counters.dropped_bytes += end - start
             start = end
+        if self.broken_by:
+            self.counters.dropped_bytes += size - start
+            start = size
         self._buffer = data[start:]
         return frames
+
+
+def too_long(head: bytes) -> Adu | None:
+    r"""Return the exception that answers a frame whose length cannot be (``broken_by``); None: none does.
+
+    Exception 3, as servers answer it that read such a frame: where the length is one that clients send.
+
+    >>> too_long(bytes.fromhex("00 02 00 00 00 FF 01 10"))
+    (2, 1, b'\x90\x03')
+    """
+    if len(head) <= FUNCTION_AT:
+        return None
+    transaction_id, protocol_id, length, unit_id = _unpack_header(head)
+    if protocol_id or not SHORTEST_LENGTH <= length <= LARGEST_SENT:
+        return None
+    return transaction_id, unit_id, exception_pdu(head[FUNCTION_AT], ExceptionCode.ILLEGAL_DATA_VALUE)

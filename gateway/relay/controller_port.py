@@ -6,11 +6,13 @@ of the loop between the last byte of a request and the write towards the drive.
 
 import time
 from collections.abc import Callable
+from typing import Final
 
 from gateway.exchange.gate import UNSEEN, Gate
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import Stamps, writer_name
-from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
+from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap, too_long
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
 from gateway.relay.timed import TimedExchange
@@ -18,6 +20,9 @@ from gateway.times import NS_PER_MS
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import host_of
 from gateway.transport.timer import Timer
+
+TOO_SLOW: Final = "it came in pieces for longer than its controller's timeout_ms"
+SENT_ANOTHER: Final = "its controller sent another request"
 
 
 class MbapControllerPort:
@@ -53,23 +58,35 @@ class MbapControllerPort:
         self.writer = writer_name(self.plan.name, self.peer)
 
     def received(self, data: bytes, now_ns: int) -> None:
-        """See ``Receiver``. Garbage costs what came with it; the next good frame is answered.
+        """See ``Receiver``.
 
-        A frame that began longer ago than the controller's patience is never finished: it is dropped.
+        A request that began longer ago than the controller's patience is not sent, and ends the connection;
+        so does a header whose length cannot be: nobody waits for what follows either of them.
         """
-        if now_ns - self._received_ns > self._patience_ns:
-            self._decoder.reset()
-        self._received_ns = now_ns
-        bad_headers = self._decoder.counters.bad_headers
+        if self._channel is None:
+            return
+        began_ns = self.unfinished_ns or now_ns
         requests = self._decoder.feed(data)
+        why_given_up = TOO_SLOW if requests and now_ns - began_ns > self._patience_ns else ""
         for transaction_id, unit_id, pdu in requests:
-            self._exchange.request(self, transaction_id, unit_id, pdu, now_ns)
+            self._exchange.request(self, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
         if requests:
             self.asked_ns = now_ns
             self.unfinished_ns = 0
         self.unfinished_ns = 0 if self._decoder.is_between_frames else self.unfinished_ns or now_ns
-        if self._decoder.counters.bad_headers != bad_headers and self._channel is not None:
-            self._on_malformed(self._channel.peer)
+        if self._decoder.broken_by:
+            self._refuse(self._decoder.broken_by)
+        if self._decoder.broken_by or why_given_up:
+            self._channel.close()
+            self._channel = None
+
+    def _refuse(self, head: bytes) -> None:
+        """Answer a request whose length cannot be, where it can be answered."""
+        answer = too_long(head)
+        if answer is not None:
+            self.send_reply(*answer)
+        assert self._channel is not None
+        self._on_malformed(self._channel.peer)
 
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -157,7 +174,12 @@ class RtuControllerPort:
         self._pass_on(requests, now_ns)
 
     def _pass_on(self, requests: list[tuple[int, bytes]], now_ns: int) -> None:
-        for unit_id, pdu in requests:
-            self._exchange.request(self, 0, unit_id, pdu, now_ns)
+        last = len(requests) - 1
+        for number, (unit_id, pdu) in enumerate(requests):
+            # Who sends another request waits for this one no more; a broadcast is never waited for.
+            is_given_up = number != last and unit_id != BROADCAST_UNIT_ID
+            self._exchange.request(
+                self, 0, unit_id, pdu, now_ns, why_given_up=SENT_ANOTHER if is_given_up else ""
+            )
         if requests:
             self.asked_ns = now_ns

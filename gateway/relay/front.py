@@ -30,7 +30,7 @@ from gateway.transport.framing import frame_silence_ns, request_decoder
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpListener
 
-GARBAGE: Final = "it sent something that is not Modbus/TCP; that was dropped"
+GARBAGE: Final = "it sent a header whose length cannot be; its connection was closed"
 HALF_FRAME_GRACE_NS: Final = 2 * NS_PER_S
 """A request that is not whole for so long after its controller has given up on it ends the connection."""
 

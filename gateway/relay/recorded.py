@@ -84,7 +84,14 @@ class RecordedExchange(TimedExchange):
         self._last_number = 0
 
     def request(
-        self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
+        self,
+        port: ControllerPort,
+        transaction_id: int,
+        unit_id: int,
+        pdu: bytes,
+        now_ns: int,
+        *,
+        why_given_up: str = "",
     ) -> None:
         """See ``TimedExchange``."""
         recorded = self._port(port)
@@ -100,9 +107,10 @@ class RecordedExchange(TimedExchange):
                 pdu.hex(),
                 port.peer,
                 plan.certified,
+                why_given_up,
             )
         )
-        super().request(recorded, transaction_id, unit_id, pdu, now_ns)
+        super().request(recorded, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``TimedExchange``."""

@@ -103,7 +103,14 @@ class _Line(Unmeasured):
         match entry:
             case traffic.Request():
                 pdu = bytes.fromhex(entry.pdu)
-                exchange.request(self._port(entry), entry.transaction, entry.unit, pdu, entry.t)
+                exchange.request(
+                    self._port(entry),
+                    entry.transaction,
+                    entry.unit,
+                    pdu,
+                    entry.t,
+                    why_given_up=entry.given_up,
+                )
             case traffic.Reply():
                 exchange.reply(entry.unit, bytes.fromhex(entry.pdu), entry.t)
             case traffic.Stray():

@@ -28,10 +28,17 @@ class TimedExchange:
         return self._exchange.is_idle
 
     def request(
-        self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
+        self,
+        port: ControllerPort,
+        transaction_id: int,
+        unit_id: int,
+        pdu: bytes,
+        now_ns: int,
+        *,
+        why_given_up: str = "",
     ) -> None:
-        """Take a whole request of a controller."""
-        self._exchange.request(port, transaction_id, unit_id, pdu, now_ns)
+        """Take a whole request of a controller; see ``LineExchange``."""
+        self._exchange.request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
         self._settle()
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:

@@ -157,8 +157,9 @@ def lying_lengths(ground: Ground) -> str:
             with contextlib.suppress(ConnectionResetError):
                 while piece := connection.recv(300):
                     answer += piece
-            assert answer == b""
-    return f"{len(LIES)} of {len(LIES)} dropped"
+            # Exception 3 where it may be a client that writes too many registers.
+            assert answer == (bytes.fromhex("0001 0000 0003 01 83 03") if " 00ff " in lie else b"")
+    return f"{len(LIES)} of {len(LIES)} dropped, 1 of them answered with exception 3"
 
 
 def scan(ground: Ground) -> str:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.modbus.errors import FrameError
-from gateway.modbus.mbap import MbapDecoder, encode_mbap
+from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, encode_mbap, too_long
 
 READ = bytes.fromhex("03 32 00 00 02")
 ADU = bytes.fromhex("00 07 00 00 00 06 01 03 32 00 00 02")
@@ -49,13 +49,18 @@ def test_another_protocol_is_skipped_frame_by_frame() -> None:
 
 
 @pytest.mark.parametrize("length", [0, 1, 255, 256, 0xFFFF])
-def test_an_impossible_length_drops_what_was_received_and_begins_anew(length: int) -> None:
+def test_after_an_impossible_length_nothing_is_a_frame_any_more(length: int) -> None:
     decoder = MbapDecoder()
     header = bytes((0, 7, 0, 0)) + length.to_bytes(2, "big")
     assert decoder.feed(ADU + header + bytes(300) + ADU) == [(7, 1, READ)]
+    assert decoder.broken_by == header + bytes(2)
     assert decoder.counters.bad_headers == 1
     assert decoder.counters.dropped_bytes == 306 + len(ADU)
-    assert decoder.feed(ADU) == [(7, 1, READ)]
+    assert decoder.feed(ADU) == []
+    assert decoder.feed(ADU[:3]) == []
+    assert decoder.is_between_frames
+    assert decoder.counters.bad_headers == 1
+    assert decoder.counters.dropped_bytes == 306 + 2 * len(ADU) + 3
 
 
 def test_an_impossible_length_that_fits_the_data_is_refused_too() -> None:
@@ -64,16 +69,47 @@ def test_an_impossible_length_that_fits_the_data_is_refused_too() -> None:
     assert decoder.counters.bad_headers == 1
 
 
+# FC16 of 124 registers, as clients send it that are asked to: 1 + 6 + 248 = 255 bytes behind the length.
+TOO_LONG = bytes.fromhex("00 02 00 00 00 FF 01 10 03 E8 00 7C F8")
+
+
+def test_a_frame_that_is_too_long_is_judged_when_its_function_code_is_there() -> None:
+    decoder = MbapDecoder()
+    for byte in TOO_LONG[:7]:
+        assert decoder.feed(bytes((byte,))) == []
+        assert decoder.broken_by == b""
+    assert decoder.feed(TOO_LONG[7:8]) == []
+    assert decoder.broken_by == TOO_LONG[:8]
+    assert decoder.counters.dropped_bytes == 8
+
+
+@pytest.mark.parametrize(
+    ("head", "answer"),
+    [
+        ("00 02 00 00 00 FF 01 10", (2, 1, b"\x90\x03")),
+        ("AB CD 00 00 01 04 11 17", (0xABCD, 0x11, b"\x97\x03")),  # 260, the longest that is answered
+        ("AB CD 00 00 01 05 11 17", None),
+        ("AB CD 00 00 00 01 11 17", None),  # no room for a function code
+        ("AB CD 00 00 00 00 11 17", None),
+        ("AB CD 00 01 00 FF 11 17", None),  # of another protocol
+        ("AB CD 00 00 FF FF", None),
+    ],
+)
+def test_only_what_a_client_sends_is_answered(head: str, answer: tuple[int, int, bytes] | None) -> None:
+    assert too_long(bytes.fromhex(head)) == answer
+
+
+def test_replies_may_be_longer_than_the_standard_allows() -> None:
+    decoder = MbapDecoder(longest_length=LARGEST_SENT)
+    reply = bytes.fromhex("00 07 00 00 00 FF 01 03 FC") + bytes(252)
+    assert decoder.feed(reply + ADU) == [(7, 1, reply[7:]), (7, 1, READ)]
+    assert decoder.feed(reply) == [(7, 1, reply[7:])]
+    assert decoder.counters.bad_headers == 0
+
+
 @pytest.mark.parametrize("size", [1, 253])
 def test_the_shortest_and_the_longest_pdu_pass(size: int) -> None:
     assert MbapDecoder().feed(encode_mbap(0xFFFF, 255, bytes(size))) == [(0xFFFF, 255, bytes(size))]
-
-
-def test_resetting_forgets_the_beginning_of_a_frame() -> None:
-    decoder = MbapDecoder()
-    decoder.feed(ADU[:9])
-    decoder.reset()
-    assert decoder.feed(ADU) == [(7, 1, READ)]
 
 
 @pytest.mark.parametrize(

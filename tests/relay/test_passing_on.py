@@ -133,21 +133,33 @@ async def test_noise_before_a_reply_is_dropped(bench: "Bench", controller: str, 
         bytes.fromhex("0001 0000 0000"),
         bytes.fromhex("0001 0000 0001 01"),
         bytes.fromhex("0001 0000 FFFF 01 03 0000 0001"),
-        bytes.fromhex("0001 0007 0006 01 03 0000 0001"),
     ],
-    ids=["http", "length 0", "length 1", "length 65535", "another protocol"],
+    ids=["http", "length 0", "length 1", "length 65535"],
 )
-async def test_garbage_on_a_tcp_connection_costs_no_good_frame(
+async def test_garbage_ends_its_connection_and_no_other(
     bench: "Bench", tools: "Tools", garbage: bytes
 ) -> None:
     near, far, relay = await bench.raw_pair(
         "tcp", "tcp", lambda data: reply_to("tcp", data, bytes([3, 2, 0, 1]))
     )
+    other = await bench.connect(relay.address("line", "cnc"))
     near.write(garbage)
-    await tools.eventually(lambda: tools.first_controller(relay)["dropped_bytes"] == len(garbage))
+    await near.until(lambda end: end.closes == 1)
+    assert tools.first_controller(relay)["dropped_bytes"] == len(garbage)
+    other.write(framed("tcp", bytes.fromhex("03 0010 0001")))
+    await other.receives(framed("tcp", bytes([3, 2, 0, 1])))
+    assert pdu_of("tcp", far.data) == bytes.fromhex("03 0010 0001")
+
+
+async def test_a_frame_of_another_protocol_costs_no_good_frame(bench: "Bench", tools: "Tools") -> None:
+    near, far, relay = await bench.raw_pair(
+        "tcp", "tcp", lambda data: reply_to("tcp", data, bytes([3, 2, 0, 1]))
+    )
+    near.write(bytes.fromhex("0001 0007 0006 01 03 0000 0001"))
     near.write(framed("tcp", bytes.fromhex("03 0010 0001")))
     await near.receives(framed("tcp", bytes([3, 2, 0, 1])))
     assert pdu_of("tcp", far.data) == bytes.fromhex("03 0010 0001")
+    assert tools.first_controller(relay)["dropped_bytes"] == 12
 
 
 async def test_a_host_that_sends_garbage_on_every_connection_is_told_of_once(
@@ -160,7 +172,7 @@ async def test_a_host_that_sends_garbage_on_every_connection_is_told_of_once(
         end.write(b"GET / HTTP/1.1\r\n\r\n")
     await tools.eventually(lambda: tools.first_controller(relay)["dropped_bytes"] == 18 * len(ends))
     told = [dict(note.fields)["detail"] for note in bench.notes if note.event == "connection-malformed"]
-    assert told == ["127.0.0.1: it sent something that is not Modbus/TCP; that was dropped"]
+    assert told == ["127.0.0.1: it sent a header whose length cannot be; its connection was closed"]
 
 
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])

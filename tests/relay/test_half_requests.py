@@ -1,0 +1,228 @@
+"""Requests in pieces and with lengths that cannot be: no byte of their data becomes a request (W5)."""
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gateway.exchange.events import Event
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.exchange.ports import Unmeasured
+from gateway.modbus.mbap import MbapCounters, encode_mbap
+from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
+from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
+from gateway.relay.timed import TimedExchange
+from tests.exchange.staged_bench import RUN_PDU, RUN_RELATIVE_PDU, STOP_PDU, staged_plan
+
+if TYPE_CHECKING:
+    from tests.relay.conftest import Bench, Tools
+
+MS = 1_000_000
+START_NS = 10_000 * MS
+TIMEOUT_MS = 1000.0
+# A block of ten registers to 0x2000. Its data is a whole frame, with a header of its own, which writes 90 000
+# counts to the position at 100 (0x64).
+INNER = encode_mbap(0, 1, bytes.fromhex("10 0064 0002 04 0001 5F90"))
+WHOLE = encode_mbap(5, 1, bytes.fromhex("10 2000 000A 14") + INNER + bytes(20 - len(INNER)))
+CUT = len(WHOLE) - 20
+READ = encode_mbap(6, 1, bytes.fromhex("03 2000 0001"))
+
+
+class Wires(Unmeasured):
+    """The way to the drives and the connection of the controller; both keep what is written."""
+
+    is_serial = False
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self.replies = b""
+        self.is_closed = False
+        self.peer = "192.168.0.7:4711"
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        self.sent.append(pdu)
+
+    def abandon(self) -> None:
+        pass
+
+    def write(self, data: bytes) -> None:
+        self.replies += data
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+class Connection:
+    """A controller's connection to a line, with the time in the hands of the test."""
+
+    def __init__(self, *axes: AxisPlan) -> None:
+        self.wires = Wires()
+        self.events: list[Event] = []
+        self.malformed: list[str] = []
+        self.line = LineExchange(axes, LineTiming(), self.wires, self.events.append)
+        self.timed = TimedExchange(self.line)
+        self.timed.link_up(START_NS)
+        self.plan = plan = ControllerPlan("cnc", timeout_ms=TIMEOUT_MS)
+        self.port = MbapControllerPort(plan, self.timed, MbapCounters(), self.malformed.append)
+        self.port.opened(self.wires, START_NS)
+
+    def arrives(self, data: bytes, after_ms: float) -> None:
+        self.port.received(data, START_NS + int(after_ms * MS))
+
+    def withdrawn(self) -> list[str]:
+        return [event.detail for event in self.events if event.kind.name == "WITHDRAWN"]
+
+
+@pytest.fixture
+async def connection() -> Connection:
+    return Connection()
+
+
+async def test_the_late_tail_of_a_request_is_no_request(connection: Connection) -> None:
+    connection.arrives(WHOLE[:CUT], 0)
+    connection.arrives(WHOLE[CUT:], TIMEOUT_MS + 150)
+    assert connection.wires.sent == []
+    assert connection.withdrawn() == [
+        "a request of cnc was not sent: it came in pieces for longer than its controller's timeout_ms"
+    ]
+    assert connection.wires.is_closed
+    assert connection.wires.replies == b""
+
+
+async def test_bytes_that_drip_in_do_not_make_a_request_younger(connection: Connection) -> None:
+    for number, byte in enumerate(WHOLE):
+        connection.arrives(bytes((byte,)), number * TIMEOUT_MS / 20)  # 33 bytes take 1.6 s
+    assert connection.wires.sent == []
+    assert len(connection.withdrawn()) == 1
+    assert connection.wires.is_closed
+
+
+async def test_a_request_in_pieces_within_the_patience_is_sent(connection: Connection) -> None:
+    connection.arrives(WHOLE[:CUT], 0)
+    connection.arrives(WHOLE[CUT:], TIMEOUT_MS)
+    assert connection.wires.sent == [WHOLE[7:]]
+    assert not connection.wires.is_closed
+
+
+async def test_each_request_has_an_age_of_its_own(connection: Connection) -> None:
+    connection.arrives(READ[:5], 0)
+    connection.arrives(READ[5:] + WHOLE[:CUT], TIMEOUT_MS - 1)
+    connection.timed.reply(1, bytes.fromhex("03 02 0000"), START_NS + 1000 * MS)
+    connection.arrives(WHOLE[CUT:], 2 * TIMEOUT_MS - 2)
+    assert connection.wires.sent == [READ[7:], WHOLE[7:]]
+
+
+async def test_what_stands_behind_a_late_tail_is_not_sent_either(connection: Connection) -> None:
+    connection.arrives(WHOLE[:CUT], 0)
+    connection.arrives(WHOLE[CUT:] + READ + READ[:4], TIMEOUT_MS + 150)
+    connection.arrives(READ[4:], TIMEOUT_MS + 151)
+    assert connection.wires.sent == []
+    assert len(connection.withdrawn()) == 2
+
+
+@pytest.mark.parametrize("is_split", [False, True])
+async def test_the_data_of_a_request_that_is_too_long_is_no_request(
+    connection: Connection, *, is_split: bool
+) -> None:
+    # FC16 of 124 registers from 1000 on; its first eight data bytes read as: write 1234 to register 1500.
+    head = bytes.fromhex("0002 0000 00FF 01 10 03E8 007C F8")
+    data = bytes.fromhex("0007 0000 0006 01 06 05DC 04D2") + bytes(236)
+    if is_split:
+        connection.arrives(head, 0)
+        connection.arrives(data, 1)
+    else:
+        connection.arrives(head + data, 0)
+    connection.arrives(READ, 2)
+    assert connection.wires.sent == []
+    assert connection.wires.replies == encode_mbap(2, 1, bytes((0x90, 3)))
+    assert connection.wires.is_closed
+    assert connection.malformed == ["192.168.0.7:4711"]
+
+
+@pytest.mark.parametrize("length", ["0000", "0001", "0105", "FFFF"])
+async def test_a_length_that_nobody_sends_is_not_answered_and_ends_the_connection(
+    connection: Connection, length: str
+) -> None:
+    connection.arrives(bytes.fromhex(f"0002 0000 {length} 01 10 03E8"), 0)
+    connection.arrives(READ, 1)
+    assert connection.wires.sent == []
+    assert connection.wires.replies == b""
+    assert connection.wires.is_closed
+
+
+async def test_over_real_sockets_a_request_that_is_too_long_is_answered_and_the_connection_ends(
+    bench: "Bench", tools: "Tools"
+) -> None:
+    near, far, _ = await bench.raw_pair("tcp", "tcp")
+    near.write(bytes.fromhex("0002 0000 00FF 01 10 03E8 007C F8"))
+    await near.receives(encode_mbap(2, 1, bytes((0x90, 3))))
+    await near.until(lambda end: end.closes == 1)
+    assert far.data == b""
+
+
+async def test_m3_a_stop_in_two_halves_goes_out_however_late_its_tail_is() -> None:
+    connection = Connection(staged_plan())
+    del connection.wires.sent[:]
+    stop = encode_mbap(7, 1, STOP_PDU)
+    connection.arrives(stop[:9], 0)
+    connection.arrives(stop[9:], TIMEOUT_MS + 150)
+    assert connection.wires.sent == [STOP_PDU]
+    assert connection.withdrawn() == []
+    assert connection.wires.is_closed
+
+
+async def test_m3_a_target_in_two_halves_that_is_too_late_blocks_its_trigger() -> None:
+    connection = Connection(staged_plan())
+    target = encode_mbap(7, 1, bytes.fromhex("10 0606 0002 04 5F90 0001"))
+    connection.arrives(target[:9], 0)
+    connection.arrives(target[9:], TIMEOUT_MS + 150)
+    again = MbapControllerPort(connection.plan, connection.timed, MbapCounters(), connection.malformed.append)
+    wires = Wires()
+    again.opened(wires, START_NS)
+    again.received(encode_mbap(8, 1, RUN_PDU), START_NS + 1200 * MS)
+    assert connection.wires.sent == []
+    assert wires.replies == encode_mbap(8, 1, bytes((0x86, 4)))  # lost: exception 4 (M3)
+
+
+def serial_port(connection: Connection) -> RtuControllerPort:
+    """A controller on a wire of the same line."""
+    plan = ControllerPlan("cnc", timeout_ms=TIMEOUT_MS, serial=True)
+    port = RtuControllerPort(plan, connection.timed, RtuRequestDecoder(), 0)
+    port.opened(connection.wires, START_NS)
+    return port
+
+
+async def test_w5_of_several_requests_in_one_read_of_a_wire_only_the_last_is_waited_for() -> None:
+    connection = Connection()
+    port = serial_port(connection)
+    other = bytes.fromhex("06 2000 0001")
+    port.received(encode_rtu(1, RUN_RELATIVE_PDU) + encode_rtu(1, RUN_RELATIVE_PDU), START_NS)
+    assert connection.wires.sent == [RUN_RELATIVE_PDU]  # it was there twice
+    connection.timed.reply(1, RUN_RELATIVE_PDU, START_NS)
+    assert connection.wires.replies == encode_rtu(1, RUN_RELATIVE_PDU)
+    connection.wires.is_serial = True
+    port.received(encode_rtu(1, other) + encode_rtu(0, other) + encode_rtu(2, READ[7:]), START_NS)
+    assert connection.wires.sent == [RUN_RELATIVE_PDU, other]  # the broadcast: nobody waits for it anyway
+    assert connection.line.deadline_ns is not None  # the turnaround
+    connection.line.tick(connection.line.deadline_ns)
+    assert connection.wires.sent == [RUN_RELATIVE_PDU, other, READ[7:]]
+    assert (
+        connection.withdrawn()
+        == [
+            "a request of cnc was not sent: its controller sent another request",
+        ]
+        * 2
+    )
+    port.closed("", START_NS)
+
+
+async def test_w5_a_stop_among_several_requests_in_one_read_goes_out() -> None:
+    connection = Connection(staged_plan())
+    del connection.wires.sent[:]
+    port = serial_port(connection)
+    read = bytes.fromhex("03 2000 0001")
+    port.received(encode_rtu(1, STOP_PDU) + encode_rtu(1, read), START_NS)
+    assert connection.wires.sent == [STOP_PDU]
+    connection.timed.reply(1, STOP_PDU, START_NS)
+    assert connection.wires.sent == [STOP_PDU, read]
+    port.closed("", START_NS)
