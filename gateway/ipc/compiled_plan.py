@@ -34,7 +34,18 @@ from gateway.ipc.state_folder import (
     table_path,
     write_whole,
 )
-from gateway.ipc.state_version import FORMAT, VERSION, Writer, refuse_newer, upgraded, writer_of
+from gateway.ipc.state_version import (
+    FORMAT,
+    UNSEALED,
+    VERSION,
+    DamagedError,
+    Writer,
+    refuse_newer,
+    sealed,
+    unsealed,
+    upgraded,
+    writer_of,
+)
 
 OTHERS_KEPT: Final = 4
 """Tables of no axis that stay in the state folder all the same."""
@@ -48,9 +59,9 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gateway_version: str
     sources: dict[str, str]
     configuration: str
-    sha256: str
-    """Of the plan and the configuration; a wrong source shows by itself."""
     plan: bytes
+    sha256: str = ""
+    """Of the plan and the configuration, where no seal of the whole file tells (see ``state_version``)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,14 +106,13 @@ def write_plan(
     tables = {axis.name: compiled(axis.table) for axis in axes if axis.table is not None}
     digest_by_id = {id(axis.table): digest_of(tables[axis.name]) for axis in axes}
     content = _encode(to_plain(plan, lambda value: digest_by_id.get(id(value))))
-    digest = _digest(content, configuration)
-    file = _File(FORMAT, VERSION, gateway.__version__, dict(sources), configuration, digest, content)
+    file = _File(FORMAT, VERSION, gateway.__version__, dict(sources), configuration, content)
     make_folder(state)
     make_folder(state / TABLES_NAME)
     with _alone_in(state / TABLES_NAME):
         for data in tables.values():
             _write_if_new(table_path(state, digest_of(data)), data)
-        _write_if_new(state / PLAN_NAME, msgspec.msgpack.encode(file))
+        _write_if_new(state / PLAN_NAME, sealed(msgspec.msgpack.encode(file)))
         _remove_others(state, {digest_of(data) for data in tables.values()})
     return tables
 
@@ -140,7 +150,7 @@ def last_plan(state: Path) -> CompiledPlan | None:
 
 def _compiled_plan(state: Path, file: _File, remedy: str) -> CompiledPlan:
     path = state / PLAN_NAME
-    if _digest(file.plan, file.configuration) != file.sha256:
+    if file.version <= UNSEALED and _digest(file.plan, file.configuration) != file.sha256:
         raise StateError(f"{path} is damaged: its digest is another; {remedy}")
     reader = PlainReader(GatewayPlan, lambda digest: _read_table(state, str(digest), remedy))
     try:
@@ -202,12 +212,12 @@ def _read_file(path: Path, remedy: str) -> _File:
     except FileRefusedError as error:
         raise StateError(f"{path}: {error.found}; {remedy}") from None
     try:
-        found = msgspec.msgpack.decode(content, type=Writer)
-        if found.format != FORMAT:
-            raise StateError(f"{path} is no compiled configuration; {remedy}")
-        refuse_newer(path.parent, found)
-        return msgspec.msgpack.decode(content, type=_File)
-    except msgspec.MsgspecError as error:
+        body = unsealed(content)
+        refuse_newer(path.parent, msgspec.msgpack.decode(body, type=Writer))
+        return msgspec.msgpack.decode(body, type=_File)
+    except DamagedError as error:
+        raise StateError(f"{path} {error}; {remedy}") from None
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise StateError(f"{path} is damaged: {error}; {remedy}") from None
 
 

@@ -5,6 +5,7 @@ records of the axes. Whoever changes the layout of one of them raises it. What a
 over, what a newer one wrote is never touched.
 """
 
+import hashlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +17,10 @@ from gateway.files import FileRefusedError
 from gateway.ipc.state_folder import PLAN_NAME, StateError, read_state
 
 FORMAT: Final = "pitch-gateway plan"
-VERSION: Final = 4
+VERSION: Final = 5
+UNSEALED: Final = 4
+"""The last version without a seal."""
+SEAL_BYTES: Final = 32
 
 
 def _as_it_is(plan: Any) -> Any:
@@ -24,7 +28,7 @@ def _as_it_is(plan: Any) -> Any:
     return plan
 
 
-UPGRADES: Final[Mapping[int, Callable[[Any], Any]]] = {2: _as_it_is, 3: _as_it_is}
+UPGRADES: Final[Mapping[int, Callable[[Any], Any]]] = {2: _as_it_is, 3: _as_it_is, 4: _as_it_is}
 """By version: the plain data of a plan to what the next version would have written."""
 
 
@@ -36,13 +40,42 @@ class Writer(msgspec.Struct):
     gateway_version: str = ""
 
 
+class DamagedError(Exception):
+    """A file of the state that is not what was written; the text says how that is known."""
+
+
+def sealed(content: bytes) -> bytes:
+    """Return the content of a file with its SHA-256 behind it."""
+    return content + hashlib.sha256(content).digest()
+
+
+def unsealed(content: bytes) -> bytes:
+    """Return what a plan's file holds, once it is known to be what was written.
+
+    Raises:
+        DamagedError: it is not, or it is no plan.
+    """
+    body, seal = content[:-SEAL_BYTES], content[-SEAL_BYTES:]
+    is_sealed = hashlib.sha256(body).digest() == seal
+    try:
+        writer = msgspec.msgpack.decode(body if is_sealed else content, type=Writer)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise DamagedError(f"is damaged: {error}") from None
+    if writer.format != FORMAT:
+        raise DamagedError("is no compiled configuration")
+    if is_sealed:
+        return body
+    if writer.version > UNSEALED:
+        raise DamagedError("is damaged: its digest is another")
+    return content
+
+
 def writer_of(state: Path) -> Writer | None:
     """Return what wrote a state folder; None where there is nothing, or nothing that can be understood."""
     try:
-        found = msgspec.msgpack.decode(read_state(state / PLAN_NAME), type=Writer)
-    except (FileRefusedError, msgspec.MsgspecError):
+        return msgspec.msgpack.decode(unsealed(read_state(state / PLAN_NAME)), type=Writer)
+    except (FileRefusedError, DamagedError):
         return None
-    return found if found.format == FORMAT else None
 
 
 def refuse_newer(state: Path, writer: Writer | None) -> None:

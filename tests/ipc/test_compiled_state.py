@@ -1,9 +1,10 @@
 """The compiled plan and its tables: everything survives, and nothing old or damaged is ever run."""
 
-import hashlib
 import os
 import struct
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import msgspec
@@ -19,9 +20,17 @@ from gateway.config.compile import compile_into_state
 from gateway.config.load import Loaded, load
 from gateway.drives import library
 from gateway.drives.profile import Transport
-from gateway.ipc.compiled_plan import OTHERS_KEPT, find_table, in_force, read_plan, shape_of
+from gateway.ipc.compiled_plan import OTHERS_KEPT, find_table, in_force, last_plan, read_plan, shape_of
 from gateway.ipc.compiled_table import HEADER_BYTES, WrongTableError, checked, compiled, digest_of, mapped
 from gateway.ipc.state_folder import PLAN_NAME, StateError, state_folder, table_path
+from gateway.ipc.state_version import (
+    DamagedError,
+    newer_release,
+    refuse_newer,
+    sealed,
+    unsealed,
+    writer_of,
+)
 
 ROOT = Path(__file__).parents[2]
 CONFIG = """
@@ -163,28 +172,61 @@ def test_the_plan_of_another_release_is_refused(config: Path, monkeypatch: pytes
         read_plan(state_folder(config), config)
 
 
-def test_a_damaged_plan_is_refused_wherever_a_byte_is_wrong(config: Path) -> None:
+def damaged(good: bytes) -> Iterator[bytes]:
+    """A file with each of its bytes changed, the file cut behind it, and the byte doubled."""
+    for n, byte in enumerate(good):
+        yield from (good[:n] + bytes((byte ^ bit,)) + good[n + 1 :] for bit in (1, 0x20, 0x80))
+        yield good[:n]
+        yield good[: n + 1] + good[n:]
+
+
+def test_a_plan_is_known_to_be_damaged_wherever_a_byte_is_wrong(config: Path) -> None:
     compile_into_state(load(config))
-    path = state_folder(config) / PLAN_NAME
+    good = (state_folder(config) / PLAN_NAME).read_bytes()
+    for content in damaged(good):
+        with pytest.raises(DamagedError):
+            unsealed(content)
+
+
+def test_a_damaged_plan_is_refused_and_made_anew(config: Path) -> None:
+    loaded = load(config)
+    compile_into_state(loaded)
+    state = state_folder(config)
+    path = state / PLAN_NAME
     good = path.read_bytes()
-    for place in range(0, len(good), 7):
-        path.write_bytes(good[:place] + bytes((good[place] ^ 0x55,)) + good[place + 1 :])
+    for content in islice(damaged(good), 0, None, 101):  # of five for each byte: all kinds, all over the file
+        path.write_bytes(content)
         with pytest.raises(StateError, match="check --compile"):
-            read_plan(state_folder(config), config)
+            read_plan(state, config)
+        assert last_plan(state) is None
+        assert newer_release(state) == ""
+        refuse_newer(state, writer_of(state))  # which `check --compile` asks first
+    compile_into_state(loaded)
+    assert path.read_bytes() == good
+
+
+def test_a_table_is_known_to_be_damaged_wherever_a_byte_is_wrong_and_made_anew(config: Path) -> None:
+    loaded = load(config)
+    good = compile_into_state(loaded)["x"]
+    for content in damaged(good):
+        with pytest.raises(WrongTableError):
+            checked(content)
+    path = table_path(state_folder(config), digest_of(good))
     path.write_bytes(good[:-1])
     with pytest.raises(StateError, match="check --compile"):
         read_plan(state_folder(config), config)
+    compile_into_state(loaded)
+    assert path.read_bytes() == good
 
 
 def test_a_plan_with_what_this_release_does_not_know_is_refused(config: Path) -> None:
     compile_into_state(load(config))
     path = state_folder(config) / PLAN_NAME
-    file = msgspec.msgpack.decode(path.read_bytes())
+    file = msgspec.msgpack.decode(unsealed(path.read_bytes()))
     plan = msgspec.msgpack.decode(file["plan"])
     plan["of"]["lines"][0]["of"]["colour"] = "red"
     file["plan"] = msgspec.msgpack.encode(plan)
-    file["sha256"] = hashlib.sha256(file["plan"] + file["configuration"].encode()).hexdigest()
-    path.write_bytes(msgspec.msgpack.encode(file))
+    path.write_bytes(sealed(msgspec.msgpack.encode(file)))
     with pytest.raises(StateError, match=r"is not understood: .*colour"):
         read_plan(state_folder(config), config)
 
