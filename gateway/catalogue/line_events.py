@@ -28,6 +28,14 @@ SERIAL_LATENCY: Final = EventEntry(
     "put the udev rule of the detail in place: see "
     "[latency settings](#what-a-serial-port-adds-latency-settings)",
 )
+WRONG_UNIT: Final = EventEntry(
+    "wrong-unit",
+    Severity.WARNING,
+    "a Modbus/TCP drive answered with another unit id than was asked: with one drive on the line the reply "
+    "counts by its transaction id, with several it is no answer; told once for each two unit ids",
+    "a drive or converter that answers with 0, 1 or 255 whatever it is asked, or two drives with one address",
+    "where the one drive of the line answers so, set `answers_as`; else look at the unit ids of the drives",
+)
 LINE_RESTS: Final = EventEntry(
     "line-rests",
     Severity.WARNING,

@@ -20,6 +20,8 @@ COUNTERS: Final = {
     "late_targets": "late targets",
     "crc_errors": "CRC errors",
     "malformed": "malformed",
+    "oversized": "too long replies",
+    "wrong_units": "wrong unit ids",
     "unknown_modes": "unknown modes",
     "unmapped_reads": "unmapped reads",
 }

@@ -20,6 +20,7 @@ from gateway.config.values import (
     Name,
     PositiveLength,
     Travel,
+    UnitId,
 )
 from gateway.drives.registers import RegisterMap
 from gateway.drives.strict import ByName, ListOf, StrictModel
@@ -108,7 +109,7 @@ class AxisSection(StrictModel):
     """One axis."""
 
     line: str = Field(description="name of the [line.NAME] that its drive is on")
-    unit_id: Annotated[int, Field(ge=0, le=255)] = Field(description="Modbus unit id of its drive")
+    unit_id: UnitId = Field(description="Modbus unit id of its drive")
     drive: str | None = Field(default=None, description="a drive profile")
     registers: RegisterMap | None = Field(default=None, description="the registers of its drive")
     units: ByName[Units] = Field(description="unit of every length of this axis")

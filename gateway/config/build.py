@@ -62,6 +62,8 @@ def line_plan(
             quiet_ms=line.quiet_ms,
             monitor_max_wait_ms=line.monitor_max_wait_ms,
         ),
+        other_units=line.other_units,
+        answers_as=line.answers_as,
         groups=tuple(group.axes for group in sections.groups.values() if set(group.axes) <= set(axes)),
     )
 

@@ -1,7 +1,7 @@
 """What the lines of a configuration may not do to each other: share a port, a device, an address, a name."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Final
@@ -25,8 +25,10 @@ class Use:
     place: TcpEndpoint | SerialEndpoint
 
 
-def check_lines(findings: Findings, lines: Mapping[str, LineSection]) -> None:
-    """Check all lines, each for itself and against the others."""
+def check_lines(
+    findings: Findings, lines: Mapping[str, LineSection], unit_ids: Mapping[str, Collection[int]]
+) -> None:
+    """Check all lines, each for itself and against the others; ``unit_ids``: of the axes of each line."""
     drives = [Use(drives_key(name, line), line.drives.endpoint) for name, line in lines.items()]
     listeners = [
         Use(
@@ -39,6 +41,7 @@ def check_lines(findings: Findings, lines: Mapping[str, LineSection]) -> None:
     for name, line in lines.items():
         _check_names(findings, name, line)
         _check_drain(findings, name, line)
+        _check_units(findings, name, line, set(unit_ids.get(name, ())))
         _check_open_listeners(findings, name, line)
     ports = [use for use in (*drives, *listeners) if isinstance(use.place, SerialEndpoint)]
     _check_devices(findings, sorted(ports, key=lambda use: findings.document.lines.of(use.key) or 0))
@@ -76,6 +79,26 @@ def _check_drain(findings: Findings, name: str, line: LineSection) -> None:
             ("line", name, "drain_ms"),
             "drain_ms on Modbus TCP drives",
             "leave it out: their late replies are known by the transaction id",
+        )
+
+
+def _check_units(findings: Findings, name: str, line: LineSection, axis_ids: set[int]) -> None:
+    """Unit ids without an axis matter on Modbus/TCP only: on a wire each drive knows its own."""
+    if line.drives.tcp is None:
+        for key in ("other_units", "answers_as"):
+            if getattr(line, key) not in ((), None):
+                findings.refuse(("line", name, key), f"{key} without Modbus TCP drives", "leave it out")
+        return
+    for i, unit_id in enumerate(line.other_units):
+        if unit_id in axis_ids:
+            findings.refuse(
+                ("line", name, "other_units", i), f"{unit_id} is the unit_id of an axis", "leave it out"
+            )
+    if line.answers_as is not None and len(axis_ids.union(line.other_units)) > 1:
+        findings.refuse(
+            ("line", name, "answers_as"),
+            "answers_as on a line with several unit ids",
+            "leave it out: there another unit id is another drive",
         )
 
 

@@ -17,6 +17,7 @@ from gateway.config.values import (
     Network,
     RtuOverTcp,
     Tcp,
+    UnitId,
 )
 from gateway.drives.strict import ByName, ListOf, StrictModel
 from gateway.exchange.plan import LineTiming, Role
@@ -195,6 +196,13 @@ class LineSection(StrictModel):
     quiet_ms: MillisecondsOrZero = Field(
         default=_TIMING.quiet_ms,
         description="milliseconds without a motion exchange after which a monitor's exchange may start",
+    )
+    other_units: ListOf[UnitId] = Field(
+        default=(), description="unit ids of further devices behind a Modbus/TCP connection to the drives"
+    )
+    answers_as: UnitId | None = Field(
+        default=None,
+        description="the unit id that the one Modbus/TCP drive answers with, where it is not its own",
     )
     monitor_max_wait_ms: Milliseconds = Field(
         default=_TIMING.monitor_max_wait_ms,

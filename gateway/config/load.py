@@ -171,12 +171,20 @@ def problems_of_draft(path: Path, tables: Mapping[str, Any]) -> tuple[Problem, .
     return in_file_order(findings.problems, str(path))
 
 
+def _unit_ids(sections: Sections) -> dict[str, set[int]]:
+    """Return the unit ids of the axes of each line."""
+    found: dict[str, set[int]] = {}
+    for axis in sections.axes.values():
+        found.setdefault(axis.line, set()).add(axis.unit_id)
+    return found
+
+
 def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedProfile]]:
     sections = read_sections(findings)
     drives = fit_drives(findings, sections, findings.document.path.parent)
     check_ways(findings)
     check_tls_keys(findings)
-    check_lines(findings, sections.lines)
+    check_lines(findings, sections.lines, _unit_ids(sections))
     check_http(findings, sections.http, sections.lines)
     check_axes(findings, sections)
     check_references(findings, sections)

@@ -156,6 +156,7 @@ def read_network(raw: object) -> IPv4Network | IPv6Network:
 
 
 Name = Annotated[str, BeforeValidator(read_name)]
+UnitId = Annotated[int, Field(ge=0, le=255)]
 FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
 Tcp = Annotated[TcpEndpoint, BeforeValidator(read_tcp)]
 RtuOverTcp = Annotated[TcpEndpoint, BeforeValidator(read_rtu_over_tcp)]

@@ -26,5 +26,7 @@ class LineCounters:
     """Frames whose meaning the register map does not know: they passed untouched."""
     unmapped_reads: int = 0
     """Reads of positions that are not mapped: they pass as they are."""
+    oversized: int = 0
+    """Replies that are longer than a frame may be."""
     malformed: int = 0
     """Requests without a function code."""

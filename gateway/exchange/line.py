@@ -35,7 +35,7 @@ from gateway.exchange.remembering import note_leaving
 from gateway.exchange.rest import Rest
 from gateway.exchange.silence import SilentUnits
 from gateway.exchange.writers import Writers
-from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, is_exception
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, MAX_PDU, ExceptionCode, is_exception
 from gateway.times import NS_PER_MS
 
 
@@ -189,6 +189,9 @@ class LineExchange:
         if exchange is None or unit_id != exchange.wire_unit_id or not pdu:
             self.stray(now_ns)
             return
+        if len(pdu) > MAX_PDU:
+            self._end_unanswered(exchange, now_ns)
+            return
         if unit_id in self._silent.ids:
             self._silent.answered(unit_id)
         way = exchange.way
@@ -210,6 +213,15 @@ class LineExchange:
             self._news.look(axes)
         if self._waiting.total:
             self._next(now_ns)
+
+    def _end_unanswered(self, exchange: Exchange, now_ns: int) -> None:
+        """End an exchange whose reply is longer than a frame may be: it cannot be passed on."""
+        self._current = None
+        self.counters.oversized += 1
+        self._ends.lost(exchange, now_ns)
+        self._gaps.ended(exchange, now_ns)
+        self._ends.fail(exchange, NO_RESPONSE)
+        self._next(now_ns)
 
     def _take_reply(self, exchange: Exchange, pdu: bytes, now_ns: int) -> tuple[AxisExchange, ...]:
         """Take a reply the long way; return the axes of which something may have been learned."""

@@ -47,6 +47,7 @@ def line_status(line: LineExchange) -> dict[str, object]:
         "restaged": counters.restaged,
         "unknown_modes": counters.unknown_modes,
         "unmapped_reads": counters.unmapped_reads,
+        "oversized": counters.oversized,
     }
 
 

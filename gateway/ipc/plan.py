@@ -64,6 +64,10 @@ class LinePlan:
     timing: LineTiming
     groups: tuple[tuple[str, ...], ...] = ()
     """Names of axes that are corrected together or not at all."""
+    other_units: tuple[int, ...] = ()
+    """Unit ids of further devices on it, which have no axis."""
+    answers_as: int | None = None
+    """The unit id in the replies of its one Modbus/TCP drive, where that is not the one that was asked."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ The version in ``plan.msgpack`` stands for everything in the folder: the plan, t
 records of the axes. Whoever changes the layout of one of them raises it. What an older release wrote is taken
 over, what a newer one wrote is never touched.
 
-A disk that fails or a power cut may change any byte of any file here, so each says by itself whether it is what
-was written: the plan by the digest behind it, a table by its name, a record by its CRC.
+A disk that fails or a power cut may change any byte of any file here, so each says by itself whether it is
+what was written: the plan by the digest behind it, a table by its name, a record by its CRC.
 """
 
 import hashlib

@@ -5,10 +5,12 @@ belongs to the one request that is outstanding, and whatever comes when none is 
 bytes. Modbus/TCP: the gateway numbers its own requests; a reply with another number is late and is dropped.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 from gateway.exchange.ports import DriveLink
-from gateway.modbus.mbap import MbapDecoder, encode_mbap
+from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
 from gateway.relay.timed import TimedExchange
@@ -151,15 +153,41 @@ class RtuDriveLink:
         return self._exchange
 
 
+@dataclass(frozen=True, slots=True)
+class UnitIds:
+    """Which unit id the replies of a Modbus/TCP line carry.
+
+    Where several drives stand behind one connection, another unit id is another drive. Where there is one,
+    the transaction id is enough: published servers answer with 0 or 1 whatever they were asked.
+    """
+
+    are_many: bool = False
+    answers_as: int | None = None
+    """What the one drive is known to answer with."""
+
+
 class MbapDriveLink:
-    """Modbus/TCP to the drives, with transaction ids of its own. ``gap_ns``: silence before each request."""
+    """Modbus/TCP to the drives, with transaction ids of its own.
+
+    ``gap_ns``: silence before each request. ``on_wrong_unit`` gets the unit id that was asked and the one
+    that answered, once for each two.
+    """
 
     is_serial = False
 
-    def __init__(self, gap_ns: int) -> None:
+    def __init__(
+        self,
+        gap_ns: int,
+        unit_ids: UnitIds = UnitIds(),
+        on_wrong_unit: Callable[[int, int], None] = lambda _asked, _answered: None,
+    ) -> None:
         self._gap_ns = gap_ns
+        self._unit_ids = unit_ids
+        self._on_wrong_unit = on_wrong_unit
+        self._told: set[tuple[int, int]] = set()
+        self._wrong_units = 0
         self._sender = PacedSender(gap_ns)
-        self._decoder = MbapDecoder()
+        self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
         self._channel: Channel | None = None
         self._exchange: TimedExchange | None = None
         self._last_id = 0
@@ -199,7 +227,7 @@ class MbapDriveLink:
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
         self._channel = channel
-        self._decoder = MbapDecoder()
+        self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
         self._awaited_id = None
         self._unanswered.clear()
         self._sender.opened(channel, now_ns - self._gap_ns)
@@ -208,15 +236,17 @@ class MbapDriveLink:
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``. A connection that does not speak Modbus/TCP is closed, and opened anew."""
         self._sender.heard(now_ns)
-        for transaction_id, _, pdu in self._decoder.feed(data):
-            if transaction_id == self._awaited_id:
-                self._awaited_id = None
-                self._to_exchange().reply(self._awaited_unit_id, pdu, now_ns)
-            else:
+        for transaction_id, unit_id, pdu in self._decoder.feed(data):
+            if transaction_id != self._awaited_id:
                 self._unanswered.pop(transaction_id, None)
                 self._late += 1
                 self._to_exchange().stray(now_ns)
-        if self._decoder.counters.bad_headers and self._channel is not None:
+            elif unit_id == self._awaited_unit_id or self._is_answer_all_the_same(unit_id):
+                self._awaited_id = None
+                self._to_exchange().reply(self._awaited_unit_id, pdu, now_ns)
+            else:
+                self._to_exchange().stray(now_ns)
+        if self._decoder.broken_by and self._channel is not None:
             self._malformed += 1
             self._channel.close()
             self._channel = None
@@ -230,7 +260,12 @@ class MbapDriveLink:
 
     def counters(self) -> dict[str, int]:
         """See ``Link``."""
-        return {"late_replies": self._late, "malformed": self._malformed, "crc_errors": 0}
+        return {
+            "late_replies": self._late,
+            "malformed": self._malformed,
+            "crc_errors": 0,
+            "wrong_units": self._wrong_units,
+        }
 
     async def drained(self) -> None:
         """See ``Link``."""
@@ -239,6 +274,17 @@ class MbapDriveLink:
     def close(self) -> None:
         """See ``Link``."""
         self._sender.close()
+
+    def _is_answer_all_the_same(self, unit_id: int) -> bool:
+        """Whether a reply with the right number counts although another unit id stands in it."""
+        if unit_id == self._unit_ids.answers_as:
+            return True
+        self._wrong_units += 1
+        pair = self._awaited_unit_id, unit_id
+        if pair not in self._told:
+            self._told.add(pair)
+            self._on_wrong_unit(*pair)
+        return not self._unit_ids.are_many
 
     def _new_id(self) -> int:
         candidate = (self._last_id + 1) % TRANSACTION_IDS

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from gateway.catalogue.line_events import DRIVES_NOT_REACHED, LINE_RESTS, SERIAL_LATENCY
+from gateway.catalogue.line_events import DRIVES_NOT_REACHED, LINE_RESTS, SERIAL_LATENCY, WRONG_UNIT
 from gateway.compensation.settings import Gain
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.control import Limits, TableChange, limits_of
@@ -20,7 +20,7 @@ from gateway.ipc.plan import LinePlan
 from gateway.relay.activity import Activity
 from gateway.relay.axis_record import AxisRecord, record_path
 from gateway.relay.computed import computed
-from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink
+from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink, UnitIds
 from gateway.relay.front import Front, make_front
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
@@ -48,7 +48,7 @@ class Line:
     ) -> None:
         self.plan = plan
         self._journal = journal
-        self._link = _make_link(plan)
+        self._link = _make_link(plan, self._wrong_unit)
         link = self._link if recorder is None else RecordedLink(self._link, plan.name, recorder)
         self._exchange = LineExchange(
             plan.axes,
@@ -286,6 +286,10 @@ class Line:
         except TransportError as error:
             problems.append(f"{key}: {error.detail}")
 
+    def _wrong_unit(self, asked: int, answered: int) -> None:
+        detail = f"asked for unit id {asked}, the drive answered as unit id {answered}"
+        self._journal.note(WRONG_UNIT, line=self.plan.name, detail=detail)
+
     def _drives_failed(self, why: str) -> None:
         self._journal.note(DRIVES_NOT_REACHED, line=self.plan.name, detail=why)
 
@@ -309,10 +313,11 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def _make_link(plan: LinePlan) -> Link:
+def _make_link(plan: LinePlan, on_wrong_unit: Callable[[int, int], None]) -> Link:
     gap_ns = int(plan.timing.gap_ms * NS_PER_MS)
     if isinstance(plan.drives, TcpEndpoint) and not plan.drives.rtu:
-        return MbapDriveLink(gap_ns)
+        known = {axis.unit_id for axis in plan.axes}.union(plan.other_units)
+        return MbapDriveLink(gap_ns, UnitIds(len(known) > 1, plan.answers_as), on_wrong_unit)
     wire_gap_ns = frame_silence_ns(plan.drives) if isinstance(plan.drives, SerialEndpoint) else 0
     return RtuDriveLink(gap_ns, reply_decoder(plan.drives), wire_gap_ns)
 

@@ -56,6 +56,8 @@ LINE_FIELDS: Final = (
     "crc_errors",
     "dropped_bytes",
     "malformed",
+    "oversized",
+    "wrong_units",
 )
 CONTROLLER_FIELDS: Final = ("crc_errors", "dropped_bytes", "malformed", "refused_connections")
 UNFINISHED: Final = "an exchange was not finished: whether the drive took it is not known"

@@ -34,6 +34,20 @@ LINE: Final[Texts] = {
             "Longer than the pauses inside one cycle of the motion controller, shorter than its cycle"
         ),
     ),
+    "other_units": Said(
+        meaning=(
+            "unit ids of further devices behind the same Modbus/TCP connection, as 7 and 8 of a converter. "
+            "They pass as they are. On a line of one axis they say that another unit id is another device"
+        ),
+        default="none",
+    ),
+    "answers_as": Said(
+        meaning=(
+            "the unit id in the replies of a Modbus/TCP drive that answers with 0, 1 or 255 whatever it is "
+            "asked. It is not told of any more (event `wrong-unit`)"
+        ),
+        default="its own",
+    ),
     "monitor_max_wait_ms": Said(
         meaning=(
             "a request of a `monitor` that has waited for as long goes at the next gap, though it does "

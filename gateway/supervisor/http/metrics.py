@@ -38,6 +38,8 @@ LINE_COUNTERS: Final = {
     "unmapped_reads": "Reads of positions that are not mapped.",
     "crc_errors": "Frames from the drives with a wrong check sum.",
     "malformed": "Bytes from the drives that are no frame.",
+    "oversized": "Replies that are longer than a frame may be; their requests were answered as without one.",
+    "wrong_units": "Replies with another unit id than was asked.",
     "budget_overruns": "Exchanges that took the gateway longer than the budget.",
 }
 """By the key of a line in the status model."""
