@@ -29,6 +29,14 @@ DRIVE_SILENT: Final = EventEntry(
     "`response_timeout_ms` shorter than the drive needs",
     "look at the drive and its wires; `timeouts` of the line in `status` tells how often it happens",
 )
+UNKNOWN_UNIT: Final = EventEntry(
+    "unknown-unit",
+    Severity.WARNING,
+    "a controller talks to a unit id of a Modbus/TCP line that has no axis: what it says passes as it is, "
+    "but for writes that a drive which does not look at unit ids would take for its own (0x0A); told once",
+    "another device behind the same connection, or a wrong `unit_id` in the configuration or the controller",
+    "name the device in `other_units`, or mend the `unit_id`",
+)
 DRIVE_ANSWERS: Final = EventEntry(
     "drive-answers",
     Severity.INFO,

@@ -26,6 +26,28 @@ LINE_DOWN: Final = TroubleEntry(
     "power, cable, adapter, or the address in the configuration",
     "check the power of the drives, the cable and the adapter",
 )
+WRONG_UNIT_ID: Final = TroubleEntry(
+    "wrong-unit-id",
+    Severity.WARNING,
+    "controllers talk to a unit id that has no axis, while an axis of the line hears nothing: what they move "
+    "is not corrected",
+    "another unit id in the controller or the drive than in the configuration",
+    "set `unit_id` of the axis to what the controller talks to, or name the other device in `other_units`",
+)
+UNKNOWN_UNIT: Final = TroubleEntry(
+    "unknown-unit",
+    Severity.WARNING,
+    "controllers talk to a unit id of a Modbus/TCP line that has no axis and is not named",
+    "another device behind the same connection, or a wrong unit id",
+    "name the device in `other_units`, or mend the `unit_id`",
+)
+ANSWERS_AS: Final = TroubleEntry(
+    "answers-as-another",
+    Severity.WARNING,
+    "a Modbus/TCP drive answers with another unit id than it is asked for",
+    "a drive that answers so whatever it is asked, or two drives with one address",
+    "where the one drive of the line answers so, set `answers_as`; else look at the unit ids of the drives",
+)
 BLOCKED: Final = TroubleEntry(
     "blocked",
     Severity.ERROR,

@@ -2,18 +2,28 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped, Writers
 from gateway.config.check_tls import tls_files
 from gateway.config.crosses import Crosses
 from gateway.config.drive_files import NamedProfile
-from gateway.config.line_model import ControllerSection
+from gateway.config.line_model import ControllerSection, LineSection
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of, thermal_of
 from gateway.config.tables import AxisTable
+from gateway.drives import library
+from gateway.drives.motion import Action
 from gateway.drives.registers import OnException, RegisterMap
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, default_late
+from gateway.exchange.plan import (
+    AxisPlan,
+    ControllerPlan,
+    LineTiming,
+    OtherUnits,
+    StopWord,
+    default_late,
+)
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
 
 
@@ -62,9 +72,29 @@ def line_plan(
             quiet_ms=line.quiet_ms,
             monitor_max_wait_ms=line.monitor_max_wait_ms,
         ),
-        other_units=line.other_units,
+        other_units=_other_units(line, {axis.unit_id for axis in axes.values()}),
         answers_as=line.answers_as,
         groups=tuple(group.axes for group in sections.groups.values() if set(group.axes) <= set(axes)),
+    )
+
+
+def _other_units(line: LineSection, axis_ids: set[int]) -> OtherUnits:
+    """Return what is known of unit ids without an axis; stops matter where one stands alone on Modbus/TCP."""
+    is_alone = line.drives.tcp is not None and len(axis_ids) == 1
+    return OtherUnits(frozenset(line.other_units), known_stops() if is_alone else frozenset())
+
+
+@cache
+def known_stops() -> frozenset[StopWord]:
+    """Return what stops the drives of all shipped profiles."""
+    triggers = (
+        trigger for name in library.names() for trigger in library.shipped(name).registers.motion().triggers
+    )
+    return frozenset(
+        StopWord(trigger.address, trigger.mask, value, trigger.is_coil)
+        for trigger in triggers
+        for value, deed in trigger.deeds.items()
+        if deed.action is Action.STOP
     )
 
 

@@ -83,18 +83,15 @@ def _check_drain(findings: Findings, name: str, line: LineSection) -> None:
 
 
 def _check_units(findings: Findings, name: str, line: LineSection, axis_ids: set[int]) -> None:
-    """Unit ids without an axis matter on Modbus/TCP only: on a wire each drive knows its own."""
-    if line.drives.tcp is None:
-        for key in ("other_units", "answers_as"):
-            if getattr(line, key) not in ((), None):
-                findings.refuse(("line", name, key), f"{key} without Modbus TCP drives", "leave it out")
-        return
+    """Unit ids without an axis are others than those of axes; on a wire each drive answers with its own."""
     for i, unit_id in enumerate(line.other_units):
         if unit_id in axis_ids:
             findings.refuse(
                 ("line", name, "other_units", i), f"{unit_id} is the unit_id of an axis", "leave it out"
             )
-    if line.answers_as is not None and len(axis_ids.union(line.other_units)) > 1:
+    if line.answers_as is not None and line.drives.tcp is None:
+        findings.refuse(("line", name, "answers_as"), "answers_as without Modbus TCP drives", "leave it out")
+    elif line.answers_as is not None and len(axis_ids.union(line.other_units)) > 1:
         findings.refuse(
             ("line", name, "answers_as"),
             "answers_as on a line with several unit ids",

@@ -198,7 +198,7 @@ class LineSection(StrictModel):
         description="milliseconds without a motion exchange after which a monitor's exchange may start",
     )
     other_units: ListOf[UnitId] = Field(
-        default=(), description="unit ids of further devices behind a Modbus/TCP connection to the drives"
+        default=(), description="unit ids of further devices on the line, which have no axis"
     )
     answers_as: UnitId | None = Field(
         default=None,

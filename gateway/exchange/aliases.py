@@ -1,52 +1,135 @@
 """Unit ids that may reach an axis under another name than its own.
 
 A broadcast reaches every drive of a serial line. A Modbus/TCP drive may answer to 0 and 255 beside the unit
-id that it was given (Messaging on TCP/IP implementation guide V1.0b, p. 23). Neither may carry a position
-around the correction.
+id that it was given (Messaging on TCP/IP implementation guide V1.0b, p. 23), and many do not look at it at
+all. None of these may carry a position around the correction.
+
+So on a Modbus/TCP line with one axis unit id a request to another one is taken as reaching that axis, unless
+the configuration names the device (``other_units``). Several axis unit ids mean a converter, which looks at
+them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection
 from typing import Final
 
+from gateway.drives.motion import Action
 from gateway.exchange.access import Access
 from gateway.exchange.meaning import meanings
+from gateway.exchange.plan import OtherUnits, StopWord
 from gateway.exchange.unit import UnitMap
-from gateway.modbus.pdu import BROADCAST_UNIT_ID
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, FunctionCode
 
 ANY_TCP_DRIVE: Final = frozenset({BROADCAST_UNIT_ID, 0xFF})
+_HARMLESS: Final = frozenset({Action.STOP, Action.IGNORE, Action.UNKNOWN})
 
 
-def why_not_passed(
-    units: Iterable[UnitMap], unit_id: int, pdu: bytes, access: Access, *, is_serial: bool
-) -> str:
-    """Return why a request to a unit id without axes must not pass; empty when it may."""
-    if is_serial:
-        if unit_id == BROADCAST_UNIT_ID and _writes_position(units, access):
-            return "a broadcast cannot carry a position that each axis corrects differently"
-    elif unit_id in ANY_TCP_DRIVE and (
-        _writes_position(units, access) or _reads_position(units, access) or _acts(units, pdu, access)
-    ):
-        return f"unit id {unit_id} is not mapped, and may reach an axis that is corrected"
-    return ""
+class Aliases:
+    """The unit ids of one line that have no axis: which are known, and what may pass to them."""
+
+    def __init__(self, units: Collection[UnitMap], other: OtherUnits, *, is_serial: bool) -> None:
+        self._units = units
+        self._other = other
+        self._is_serial = is_serial
+        self._is_alone = len(units) == 1
+        self.requests: dict[int, int] = {}
+        """Requests to unit ids of which nobody knows anything, by unit id."""
+
+    @property
+    def requests_by_name(self) -> dict[str, int]:
+        """The same as the status has it."""
+        return {str(unit_id): count for unit_id, count in self.requests.items()}
+
+    @property
+    def known(self) -> frozenset[int]:
+        """Unit ids that have an axis, that the configuration names, or that reach every drive."""
+        axes = {axis.plan.unit_id for unit in self._units for axis in unit.axes}
+        return (
+            self._other.unit_ids
+            | axes
+            | (frozenset({BROADCAST_UNIT_ID}) if self._is_serial else ANY_TCP_DRIVE)
+        )
+
+    def is_unknown(self, unit_id: int) -> bool:
+        """Whether a unit id without an axis is one of which nobody knows anything, on Modbus/TCP."""
+        return (
+            not self._is_serial
+            and bool(self._units)
+            and unit_id not in ANY_TCP_DRIVE
+            and unit_id not in self._other.unit_ids
+        )
+
+    def note(self, unit_id: int) -> bool:
+        """Count a request to a unit id of which nobody knows anything; return whether it is the first one."""
+        count = self.requests[unit_id] = self.requests.get(unit_id, 0) + 1
+        return count == 1
+
+    def why_not_passed(self, unit_id: int, pdu: bytes, access: Access) -> str:
+        """Return why a request to a unit id without axes must not pass; empty when it may."""
+        if self._is_serial:
+            if unit_id == BROADCAST_UNIT_ID and self._writes_position(access):
+                return "a broadcast cannot carry a position that each axis corrects differently"
+        elif unit_id in ANY_TCP_DRIVE:
+            if self._writes_position(access) or self._reads_position(access) or self._acts(pdu, access):
+                return f"unit id {unit_id} is not mapped, and may reach an axis that is corrected"
+        elif self._is_alone and self.is_unknown(unit_id):
+            is_stop = self._is_stop(pdu, access)
+            if not is_stop and (self._writes_position(access) or self._acts(pdu, access)):
+                return (
+                    f"unit id {unit_id} has no axis, and a drive that does not look at unit ids would take "
+                    f"this for its own, uncorrected; other_units = [{unit_id}] names another device"
+                )
+        return ""
+
+    def _writes_position(self, access: Access) -> bool:
+        return any(
+            not hit.place.axis.passes_unchanged
+            for unit in self._units
+            for hit in unit.written(access.write_address, access.write_quantity).fields
+        )
+
+    def _reads_position(self, access: Access) -> bool:
+        return any(
+            not hit.place.axis.passes_unchanged
+            for unit in self._units
+            for hit in unit.read(access.read_address, access.read_quantity).fields
+        )
+
+    def _acts(self, pdu: bytes, access: Access) -> bool:
+        """Whether a request sets a mode or makes the drive of a corrected axis act. Stops may pass."""
+        found = [
+            meaning
+            for unit in self._units
+            if unit.has_rules
+            for meaning in meanings(unit, pdu, access, may_have_risen=True)
+        ]
+        return any(not meaning.axis.passes_unchanged and not meaning.is_stop for meaning in found)
+
+    def _is_stop(self, pdu: bytes, access: Access) -> bool:
+        """Whether a request is the stop of some drive that is known, and nothing else to the axes here."""
+        word = _only_word(pdu)
+        is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL
+        if word is None or not any(_is_that_stop(stop, word, is_coil=is_coil) for stop in self._other.stops):
+            return False
+        found = [
+            meaning
+            for unit in self._units
+            if unit.has_rules
+            for meaning in meanings(unit, pdu, access, may_have_risen=True)
+        ]
+        return all(meaning.action in _HARMLESS and not meaning.commands for meaning in found)
 
 
-def _writes_position(units: Iterable[UnitMap], access: Access) -> bool:
-    return any(
-        not hit.place.axis.passes_unchanged
-        for unit in units
-        for hit in unit.written(access.write_address, access.write_quantity).fields
-    )
+def _only_word(pdu: bytes) -> tuple[int, int] | None:
+    """Return address and content of the one register or coil that a request writes; None: not just one."""
+    if len(pdu) == 5 and pdu[0] in (FunctionCode.WRITE_SINGLE_REGISTER, FunctionCode.WRITE_SINGLE_COIL):
+        content = int.from_bytes(pdu[3:5], "big")
+        is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL
+        return int.from_bytes(pdu[1:3], "big"), int(content == 0xFF00) if is_coil else content
+    if len(pdu) == 8 and pdu[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS and pdu[3:6] == b"\0\1\2":
+        return int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[6:8], "big")
+    return None
 
 
-def _acts(units: Iterable[UnitMap], pdu: bytes, access: Access) -> bool:
-    """Whether a request sets a mode or makes the drive of an axis that is corrected act. Stops may pass."""
-    found = [m for unit in units if unit.has_rules for m in meanings(unit, pdu, access, may_have_risen=True)]
-    return any(not m.axis.passes_unchanged and not m.is_stop for m in found)
-
-
-def _reads_position(units: Iterable[UnitMap], access: Access) -> bool:
-    return any(
-        not hit.place.axis.passes_unchanged
-        for unit in units
-        for hit in unit.read(access.read_address, access.read_quantity).fields
-    )
+def _is_that_stop(stop: StopWord, word: tuple[int, int], *, is_coil: bool) -> bool:
+    address, content = word
+    return (stop.address, stop.is_coil) == (address, is_coil) and content & stop.mask == stop.value

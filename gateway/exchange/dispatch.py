@@ -6,11 +6,12 @@ from typing import Final
 from gateway.drives.motion import Action
 from gateway.exchange.access import ACCESS, HEAD_BYTES, Access
 from gateway.exchange.added_frames import AddedFrame
-from gateway.exchange.aliases import why_not_passed
+from gateway.exchange.aliases import Aliases
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.known import NOTHING_KNOWN, Known
 from gateway.exchange.life import Exchange
 from gateway.exchange.meaning import NO_ACCESS, Meaning, meanings
+from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
 from gateway.exchange.preliminaries import next_frame
 from gateway.exchange.preparing import prepare
 from gateway.exchange.refusal import RefusedRequestError
@@ -36,13 +37,20 @@ class Units:
     """The mapped unit ids of one line."""
 
     def __init__(
-        self, axes: Sequence[AxisExchange], *, is_serial: bool, remembered_ways: int = REMEMBERED_WAYS
+        self,
+        axes: Sequence[AxisExchange],
+        *,
+        is_serial: bool,
+        remembered_ways: int = REMEMBERED_WAYS,
+        other_units: OtherUnits = NO_OTHER_UNITS,
     ) -> None:
         unit_ids = dict.fromkeys(axis.plan.unit_id for axis in axes)
         self._units = {
             unit_id: UnitMap(axis for axis in axes if axis.plan.unit_id == unit_id) for unit_id in unit_ids
         }
-        self._is_serial = is_serial
+        self.aliases = Aliases(tuple(self._units.values()), other_units, is_serial=is_serial)
+        self.heard: set[int] = set()
+        """Unit ids that controllers have talked to."""
         self._reached: dict[int, tuple[UnitMap, ...]] = {
             unit_id: (unit,) for unit_id, unit in self._units.items()
         }
@@ -59,6 +67,10 @@ class Units:
         self._ways: dict[int, dict[bytes, Way | None]] = {}
         self._remembered_ways = self._ways_left = remembered_ways
 
+    def __contains__(self, unit_id: int) -> bool:
+        """Whether a unit id has an axis."""
+        return unit_id in self._units
+
     def get(self, unit_id: int) -> UnitMap | None:
         """Return a unit id's register map; None where it has none."""
         return self._units.get(unit_id)
@@ -72,11 +84,13 @@ class Units:
         return self._find_way(unit_id, pdu, head)
 
     def _find_way(self, unit_id: int, pdu: bytes, head: bytes) -> Way | None:
+        self.heard.add(unit_id)
         if (
             not head
             or len(pdu) < SHORTEST_REQUEST
             or unit_id == BROADCAST_UNIT_ID
             or not self._remembered_ways
+            or (unit_id not in self._units and self.aliases.is_unknown(unit_id))
         ):
             return None
         if not self._ways_left:
@@ -142,8 +156,7 @@ class Units:
     def _check_unmapped(self, unit_id: int, pdu: bytes, access: Access) -> None:
         if self.have_rules and self.stops_of(unit_id, pdu):
             return  # never refused
-        units = self._units.values()
-        reason = why_not_passed(units, unit_id, pdu, access, is_serial=self._is_serial)
+        reason = self.aliases.why_not_passed(unit_id, pdu, access)
         if reason:
             raise RefusedRequestError(ExceptionCode.GATEWAY_PATH_UNAVAILABLE, "", reason)
 

@@ -29,6 +29,7 @@ class EventKind(Enum):
     BUDGET_OVERRUN = "budget-overrun"
     BUDGET_KEPT = "budget-kept"
     LATE_REPLY = "late-reply"
+    UNKNOWN_UNIT = "unknown-unit"
     REQUEST_REFUSED = "request-refused"
     SECOND_WRITER = "second-writer"
     TERM_FOLLOWS = "term-follows"

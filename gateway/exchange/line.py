@@ -10,6 +10,7 @@ States of the line:
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 from gateway.exchange import control
 from gateway.exchange.added_frames import reads_at_start
@@ -28,7 +29,7 @@ from gateway.exchange.losses import note_learned
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
 from gateway.exchange.news import AxisNews
-from gateway.exchange.plan import AxisPlan, LineTiming, Role
+from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.remembering import note_leaving
@@ -51,12 +52,15 @@ class LineExchange:
         groups: Iterable[Iterable[str]] = (),
         *,
         remembered_ways: int = REMEMBERED_WAYS,
+        other_units: OtherUnits = NO_OTHER_UNITS,
         what_ran: Callable[[int, int], str] = lambda _since_ns, _until_ns: "",
     ) -> None:
         self.axes = [AxisExchange(plan) for plan in axes]
         join(self.axes, groups)
         self.counters = LineCounters()
-        self._units = Units(self.axes, is_serial=link.is_serial, remembered_ways=remembered_ways)
+        self._units = Units(
+            self.axes, is_serial=link.is_serial, remembered_ways=remembered_ways, other_units=other_units
+        )
         self._link = link
         self._on_event = on_event
         self._news = AxisNews(self.axes, on_event)
@@ -83,6 +87,17 @@ class LineExchange:
         if self._current is not None:
             return self._current.deadline_ns
         return self._monitor_due_ns if self.rest.until_ns is None else self.rest.until_ns
+
+    @property
+    def unit_ids(self) -> dict[str, Any]:
+        """Unit ids that controllers have talked to, and the requests to those that nobody knows."""
+        aliases = self._units.aliases
+        strangers = sorted(self._units.heard.difference(aliases.known))
+        return {
+            "heard": sorted(self._units.heard),
+            "strangers": strangers,
+            "requests": aliases.requests_by_name,
+        }
 
     @property
     def is_idle(self) -> bool:
@@ -362,6 +377,8 @@ class LineExchange:
                 if exchange.draft is not None:
                     way.left(exchange)
                 return
+        if exchange.unit_id not in self._units and self._units.aliases.is_unknown(exchange.unit_id):
+            self._note_unknown_unit(exchange.unit_id)
         if not self._writers.may_move(exchange, now_ns):
             self._ends.refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
             return
@@ -381,6 +398,13 @@ class LineExchange:
         self.counters.unknown_modes += sum(map(note_leaving, exchange.rewritings))
         self._send(exchange, pdu, exchange.unit_id, now_ns)
         self._writers.moved(exchange, now_ns)
+
+    def _note_unknown_unit(self, unit_id: int) -> None:
+        """Count a request to a unit id of which nobody knows anything, and tell of the first one."""
+        if self._units.aliases.note(unit_id):
+            mapped = ", ".join(f"{axis.plan.name} (unit id {axis.plan.unit_id})" for axis in self.axes)
+            detail = f"a controller talks to unit id {unit_id}, which has no axis; there are {mapped}"
+            self._on_event(Event(EventKind.UNKNOWN_UNIT, None, detail))
 
     def _send(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
         exchange.wire_unit_id = unit_id

@@ -175,6 +175,29 @@ def without_live_values(plan: AxisPlan) -> AxisPlan:
 
 
 @dataclass(frozen=True, slots=True)
+class StopWord:
+    """What stops some drive: a register, or a coil, that is written with a certain content."""
+
+    address: int
+    mask: int
+    value: int
+    is_coil: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OtherUnits:
+    """What is known of the unit ids of a Modbus/TCP line that have no axis."""
+
+    unit_ids: frozenset[int] = frozenset()
+    """Those of other devices: they pass as they are."""
+    stops: frozenset[StopWord] = frozenset()
+    """What stops the drives that are known: it passes to any of them."""
+
+
+NO_OTHER_UNITS: Final = OtherUnits()
+
+
+@dataclass(frozen=True, slots=True)
 class LineTiming:
     """Times of one bus, in milliseconds."""
 

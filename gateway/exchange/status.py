@@ -48,6 +48,7 @@ def line_status(line: LineExchange) -> dict[str, object]:
         "unknown_modes": counters.unknown_modes,
         "unmapped_reads": counters.unmapped_reads,
         "oversized": counters.oversized,
+        "unit_ids": {"axes": {axis.plan.name: axis.plan.unit_id for axis in line.axes}, **line.unit_ids},
     }
 
 

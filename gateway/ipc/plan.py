@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from ipaddress import IPv4Network, IPv6Network
 
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Role
+from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, ControllerPlan, LineTiming, OtherUnits, Role
 from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
@@ -64,8 +64,8 @@ class LinePlan:
     timing: LineTiming
     groups: tuple[tuple[str, ...], ...] = ()
     """Names of axes that are corrected together or not at all."""
-    other_units: tuple[int, ...] = ()
-    """Unit ids of further devices on it, which have no axis."""
+    other_units: OtherUnits = NO_OTHER_UNITS
+    """Of a Modbus/TCP line: what is known of unit ids that have no axis."""
     answers_as: int | None = None
     """The unit id in the replies of its one Modbus/TCP drive, where that is not the one that was asked."""
 

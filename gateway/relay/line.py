@@ -56,6 +56,7 @@ class Line:
             link,
             lambda event: journal.exchange_event(plan.name, event),
             groups=plan.groups,
+            other_units=plan.other_units,
             what_ran=activity.between,
         )
         self._latency = LatencyStatus(self._exchange.meter)
@@ -316,7 +317,7 @@ def _now() -> str:
 def _make_link(plan: LinePlan, on_wrong_unit: Callable[[int, int], None]) -> Link:
     gap_ns = int(plan.timing.gap_ms * NS_PER_MS)
     if isinstance(plan.drives, TcpEndpoint) and not plan.drives.rtu:
-        known = {axis.unit_id for axis in plan.axes}.union(plan.other_units)
+        known = {axis.unit_id for axis in plan.axes}.union(plan.other_units.unit_ids)
         return MbapDriveLink(gap_ns, UnitIds(len(known) > 1, plan.answers_as), on_wrong_unit)
     wire_gap_ns = frame_silence_ns(plan.drives) if isinstance(plan.drives, SerialEndpoint) else 0
     return RtuDriveLink(gap_ns, reply_decoder(plan.drives), wire_gap_ns)

@@ -81,7 +81,12 @@ class _Line(Unmeasured):
         self._controllers = {link.plan.name: link for link in plan.controllers}
         self._ports: dict[int, _Port] = {}
         self._exchange = LineExchange(
-            plan.axes, plan.timing, self, lambda event: on_event(plan.name, event), plan.groups
+            plan.axes,
+            plan.timing,
+            self,
+            lambda event: on_event(plan.name, event),
+            plan.groups,
+            other_units=plan.other_units,
         )
 
     @property

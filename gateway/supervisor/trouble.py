@@ -55,10 +55,32 @@ def _of_relay(gateway: Mapping[str, Any]) -> Iterator[Trouble]:
 
 def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     if line["state"] == "up":
+        yield from _of_unit_ids(f"line {name}", line)
         return
     failure = line["drives"]["failure"]
     what = f"the drives at {line['drives']['address']} cannot be reached{f': {failure}' if failure else ''}"
     yield _found(kinds.LINE_DOWN, f"line {name}", what)
+
+
+_NOT_TOLD: Final[Mapping[str, Any]] = {"axes": {}, "heard": [], "strangers": [], "requests": {}}
+"""By a relay of an older release, which runs on until somebody restarts it."""
+
+
+def _of_unit_ids(where: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
+    """Say whom controllers talk to that is no axis, and which axis they do not talk to."""
+    unit_ids = line.get("unit_ids", _NOT_TOLD)
+    strangers = ", ".join(map(str, unit_ids["strangers"]))
+    unheard = {name: of for name, of in unit_ids["axes"].items() if of not in unit_ids["heard"]}
+    if strangers and unheard:
+        axes = ", ".join(f"axis {name} (unit_id {of})" for name, of in unheard.items())
+        what = f"controllers talk to unit id {strangers}, which has no axis; {axes} hears nothing"
+        yield _found(kinds.WRONG_UNIT_ID, where, what)
+    elif unit_ids["requests"]:
+        heard = ", ".join(f"{of} ({count} requests)" for of, count in unit_ids["requests"].items())
+        yield _found(kinds.UNKNOWN_UNIT, where, f"controllers talk to unit id {heard}, which has no axis")
+    if line.get("wrong_units"):
+        what = f"{line['wrong_units']} replies had another unit id than was asked"
+        yield _found(kinds.ANSWERS_AS, where, what)
 
 
 _OF_COMPENSATION: Final = {entry.kind: entry for entry in kinds.OF_COMPENSATION}

@@ -220,3 +220,41 @@ def test_every_trouble_says_what_to_do() -> None:
     assert len(found["troubles"]) == 7
     assert all(trouble["remedy"] and trouble["what"] for trouble in found["troubles"])
     assert all(begins_with_a_word(trouble["remedy"]) for trouble in found["troubles"])
+
+
+def with_unit_ids(heard: list[int], strangers: list[int], requests: dict[str, int]) -> dict[str, Any]:
+    snapshot = deepcopy(SNAPSHOT)
+    axes = {"x": 1, "y": 2}
+    snapshot["lines"]["xyz"]["unit_ids"] = {
+        "axes": axes,
+        "heard": heard,
+        "strangers": strangers,
+        "requests": requests,
+    }
+    return snapshot
+
+
+def test_a_unit_id_without_an_axis_beside_an_axis_that_hears_nothing_names_both() -> None:
+    found = model(with_unit_ids([1, 17], [17], {"17": 5}))
+    assert kinds(found) == [("warning", "wrong-unit-id", "line xyz")]
+    assert found["troubles"][0]["what"] == (
+        "controllers talk to unit id 17, which has no axis; axis y (unit_id 2) hears nothing"
+    )
+
+
+def test_a_unit_id_without_an_axis_is_a_trouble_until_it_is_named() -> None:
+    found = model(with_unit_ids([1, 2, 17], [17], {"17": 5}))
+    assert kinds(found) == [("warning", "unknown-unit", "line xyz")]
+    assert found["troubles"][0]["what"] == ("controllers talk to unit id 17 (5 requests), which has no axis")
+    assert kinds(model(with_unit_ids([1, 2, 17], [], {}))) == []
+    assert kinds(model(with_unit_ids([1, 2, 17], [17], {}))) == []  # another device on a wire
+
+
+def test_an_axis_that_nobody_has_talked_to_yet_is_no_trouble() -> None:
+    assert kinds(model(with_unit_ids([1], [], {}))) == []
+
+
+def test_a_drive_that_answers_as_another_is_a_trouble() -> None:
+    snapshot = deepcopy(SNAPSHOT)
+    snapshot["lines"]["xyz"]["wrong_units"] = 3
+    assert kinds(model(snapshot)) == [("warning", "answers-as-another", "line xyz")]

@@ -36,8 +36,9 @@ LINE: Final[Texts] = {
     ),
     "other_units": Said(
         meaning=(
-            "unit ids of further devices behind the same Modbus/TCP connection, as 7 and 8 of a converter. "
-            "They pass as they are. On a line of one axis they say that another unit id is another device"
+            "unit ids of further devices on the line: what is for them passes as it is, and is no trouble. "
+            "On Modbus/TCP with one axis a write to a unit id that is not named is refused with 0x0A where "
+            "it would reach a position, trigger, mode or limit of the axis: many drives do not look at it"
         ),
         default="none",
     ),
