@@ -1,4 +1,4 @@
-"""Pins what is installed into deploy/requirements.txt (make lock): the newest packages that pyproject.toml allows.
+"""Pins what is installed into deploy/requirements.txt (make lock): the newest that pyproject.toml allows.
 
 What builds the wheel of a checkout, compiled or not, goes into deploy/build-requirements.txt. Both files hold
 for every Python and every Linux that the packages have wheels for. Each package is named with its hashes, and
