@@ -5,6 +5,8 @@ for every Python and every Linux that the packages have wheels for. Each package
 without the place that it comes from.
 """
 
+import itertools
+import re
 import subprocess
 import sys
 import tomllib
@@ -29,6 +31,12 @@ COMPILE = (
     *("--generate-hashes", "--annotation-style", "line", "--custom-compile-command", "make lock"),
 )
 
+HAS_WHEELS = ("uv", "pip", "compile", "--quiet", "--no-config", "--no-deps", "--only-binary", ":all:")
+"""Fails where a package would have to be built on the machine that it is installed on."""
+MACHINES = ("x86_64", "aarch64")
+OLDEST = "manylinux_2_28"
+"""The oldest C library that all packages have wheels for; Debian 12 has 2.36."""
+
 
 def main() -> None:
     """Write both files."""
@@ -40,6 +48,9 @@ def main() -> None:
     ).stdout
     requirements = "\n".join([*pyproject["build-system"]["requires"], needs])
     run(*COMPILE, *python, "--output-file", BUILD, "--constraint", RUN, "-", given=requirements)
+    claimed = re.findall(r"Python :: (3\.\d+)", " ".join(pyproject["project"]["classifiers"]))
+    for version, machine, file in itertools.product(claimed, MACHINES, (RUN, BUILD)):
+        run(*HAS_WHEELS, "--python-version", version, "--python-platform", f"{machine}-{OLDEST}", file)
 
 
 def run(*module: str, given: str = "") -> None:
