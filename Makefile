@@ -4,7 +4,7 @@ BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs fmt clean
+.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs lock audit fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -63,6 +63,10 @@ pictures: setup test-programs ## take the pictures of the page and of reports th
 
 docs: setup ## write what the documents have from the code: keys, events, errors, drives
 	@$(BIN)/python -m tools.docs
+
+lock: ## pin the packages that are installed, with hashes, into deploy/requirements.txt: the newest that pyproject.toml allows
+	@test -x build/lock/bin/uv || python3 -m venv build/lock && build/lock/bin/python -m pip install --quiet uv
+	build/lock/bin/python tools/lock.py
 
 fmt: setup ## the only target that edits code
 	$(BIN)/ruff format .

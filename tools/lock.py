@@ -1,0 +1,52 @@
+"""Pins what is installed into deploy/requirements.txt (make lock): the newest packages that pyproject.toml allows.
+
+What builds the wheel of a checkout, compiled or not, goes into deploy/build-requirements.txt. Both files hold
+for every Python and every Linux that the packages have wheels for. Each package is named with its hashes, and
+without the place that it comes from.
+"""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+RUN = "deploy/requirements.txt"
+BUILD = "deploy/build-requirements.txt"
+# --no-config: what this machine says about indexes has no place in the files.
+COMPILE = (
+    *(
+        "uv",
+        "pip",
+        "compile",
+        "--quiet",
+        "--no-config",
+        "--universal",
+        "--fork-strategy",
+        "fewest",
+        "--upgrade",
+    ),
+    *("--generate-hashes", "--annotation-style", "line", "--custom-compile-command", "make lock"),
+)
+
+
+def main() -> None:
+    """Write both files."""
+    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    python = ("--python-version", pyproject["project"]["requires-python"].removeprefix(">="))
+    run(*COMPILE, *python, "--output-file", RUN, "--extra", "uvloop", "pyproject.toml")
+    needs = subprocess.run(
+        [sys.executable, "tools/compiled.py", "--needs"], capture_output=True, text=True, check=True, cwd=ROOT
+    ).stdout
+    requirements = "\n".join([*pyproject["build-system"]["requires"], needs])
+    run(*COMPILE, *python, "--output-file", BUILD, "--constraint", RUN, "-", given=requirements)
+
+
+def run(*module: str, given: str = "") -> None:
+    """Run a module of Python, which reads what it is given."""
+    command = [sys.executable, "-m", *module]
+    subprocess.run(command, input=given, text=True, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+
+
+if __name__ == "__main__":
+    main()
