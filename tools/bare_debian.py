@@ -1,16 +1,18 @@
-"""A bare Debian in a folder, to build packages and to install them in. Needs root, mmdebstrap and, once, a network."""
+"""A bare Debian in a folder, to build packages and to install them in.
+
+Needs root, mmdebstrap and, once, a network.
+"""
 
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-BUILD = ROOT / "build" / "debian"
-"""What is kept for the next time: an archive of each bare Debian, and wheels."""
+KEPT = ROOT / "build" / "kept"
+"""What was fetched and is kept for the next time: an archive of each bare Debian, and wheels."""
 INSTALLED = ("python3", "python3-venv", "systemd", "udev")
 """What the package needs, so that nothing but the package itself comes and goes where it is installed."""
 BUILDING = ("python3-venv", "python3-dev", "build-essential", "debhelper", "fakeroot")
@@ -68,7 +70,7 @@ SUITES = (BOOKWORM, TRIXIE)
 """Those that there is a package for."""
 
 
-class Failed(Exception):
+class FailedError(Exception):
     """A program did not do what it was started for; the text is what it said."""
 
 
@@ -79,7 +81,8 @@ def why_not() -> str:
     missing = [name for name in ("mmdebstrap", "unshare") if shutil.which(name) is None]
     if missing:
         return f"missing: {', '.join(missing)} (Debian: apt-get install mmdebstrap util-linux)"
-    tried = subprocess.run(["unshare", "--mount", "--pid", "--fork", "sh", "-c", TRIED], check=False)
+    command = ["unshare", "--mount", "--pid", "--fork", "sh", "-c", TRIED]
+    tried = subprocess.run(command, check=False)
     return "" if tried.returncode == 0 else "this root may not mount or make devices, as in most containers"
 
 
@@ -87,7 +90,7 @@ def run(command: list[str], **environment: str) -> str:
     """Run a program to its end; returns what it said on either stream.
 
     Raises:
-        Failed: it ended with another code than 0.
+        FailedError: it ended with another code than 0.
     """
     done = subprocess.run(
         command,
@@ -99,7 +102,7 @@ def run(command: list[str], **environment: str) -> str:
         env={**os.environ, **environment},
     )
     if done.returncode:
-        raise Failed(f"{' '.join(command)}: exit code {done.returncode}\n{done.stdout}")
+        raise FailedError(f"{' '.join(command)}: exit code {done.returncode}\n{done.stdout}")
     return done.stdout
 
 
@@ -107,13 +110,13 @@ def seed(suite: Suite, packages: tuple[str, ...]) -> Path:
     """Return the archive of a bare Debian with some packages; it is made once and kept.
 
     Raises:
-        Failed: it could not be made.
+        FailedError: it could not be made.
     """
     purpose = {INSTALLED: "installed", BUILDING: "building"}[packages]
-    archive = BUILD / f"{suite.name}-{purpose}.tar"
+    archive = KEPT / f"{suite.name}-{purpose}.tar"
     if not archive.exists():
-        BUILD.mkdir(parents=True, exist_ok=True)
-        part = BUILD / f"{os.getpid()}.tar"
+        KEPT.mkdir(parents=True, exist_ok=True)
+        part = KEPT / f"{os.getpid()}.tar"
         include = f"--include={','.join(packages)}"
         try:
             run(["mmdebstrap", "--quiet", "--variant=minbase", include, suite.name, str(part)])
@@ -139,7 +142,7 @@ class BareDebian:
         """Run a line of shell in it, as root; returns what it said on either stream.
 
         Raises:
-            Failed: it ended with another code than expected.
+            FailedError: it ended with another code than expected.
         """
         enter = ["unshare", "--mount", "--pid", "--fork", "--kill-child", "sh", "-c", ENTER, str(self.folder)]
         environment = ["/usr/bin/env", "-i", f"PATH={PATH}", "LC_ALL=C.UTF-8", "HOME=/root"]
@@ -152,7 +155,7 @@ class BareDebian:
             check=False,
         )
         if done.returncode != expected:
-            raise Failed(f"in {self.suite}: {command}: exit code {done.returncode}\n{done.stdout}")
+            raise FailedError(f"in {self.suite}: {command}: exit code {done.returncode}\n{done.stdout}")
         return done.stdout
 
     def copy_in(self, source: Path, name: str) -> None:
