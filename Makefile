@@ -1,5 +1,6 @@
 # Each target sets up what it needs on a fresh machine. `make` alone lists them.
 BIN := .venv/bin
+TOOLS := build/tools
 # Three at a time, because most of the long ones wait for programs that they started.
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
@@ -64,9 +65,15 @@ pictures: setup test-programs ## take the pictures of the page and of reports th
 docs: setup ## write what the documents have from the code: keys, events, errors, drives
 	@$(BIN)/python -m tools.docs
 
-lock: ## pin the packages that are installed, with hashes, into deploy/requirements.txt: the newest that pyproject.toml allows
-	@test -x build/lock/bin/uv || python3 -m venv build/lock && build/lock/bin/python -m pip install --quiet uv
-	build/lock/bin/python tools/lock.py
+lock: $(TOOLS)/bin/uv ## pin what is installed into deploy/requirements.txt: the newest that pyproject.toml allows
+	$(TOOLS)/bin/python tools/lock.py
+
+audit: $(TOOLS)/bin/pip-audit ## ask whether a hole is known in what is pinned, and say so where nobody can be asked
+	@$(TOOLS)/bin/python tools/audit.py
+
+$(TOOLS)/bin/%: | setup
+	$(BIN)/python -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check $*
 
 fmt: setup ## the only target that edits code
 	$(BIN)/ruff format .

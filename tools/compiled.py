@@ -3,8 +3,8 @@
 Copies the package ``gateway`` into FOLDER and compiles it there: a compiled module stands beside its source
 and is imported instead of it. The checkout itself is never touched, so that what is edited is what runs.
 ``--only-c`` stops at the generated C: enough to see that the sources can be compiled. ``--needs`` prints the
-packages that the compiling needs, as pyproject.toml declares them; ``--missing`` what this machine lacks for it,
-and nothing where it has all: a C compiler and the headers of Python (Debian: gcc, python3-dev).
+packages that the compiling needs, as pyproject.toml declares them; ``--missing`` what this machine lacks for
+it, nothing where it has all: a C compiler and the headers of Python (Debian: gcc, python3-dev).
 """
 
 import argparse

@@ -50,7 +50,9 @@ def main() -> None:
 def run(*module: str, given: str = "") -> None:
     """Run a module of Python, which reads what it is given."""
     command = [sys.executable, "-m", *module]
-    subprocess.run(command, input=given, text=True, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+    done = subprocess.run(command, input=given, text=True, check=False, cwd=ROOT, stdout=subprocess.DEVNULL)
+    if done.returncode:
+        sys.exit("not every file could be written anew; what is said above is the reason")
 
 
 if __name__ == "__main__":
