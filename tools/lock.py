@@ -1,8 +1,9 @@
 """Pins what is installed into deploy/requirements.txt (make lock): the newest that pyproject.toml allows.
 
-What builds the wheel of a checkout, compiled or not, goes into deploy/build-requirements.txt. Both files hold
-for every Python and every Linux that the packages have wheels for. Each package is named with its hashes, and
-without the place that it comes from.
+What builds the wheel of a checkout, compiled or not, goes into deploy/build-requirements.txt, and what a
+release takes beside it into tools/release-requirements.txt. The files hold for every Python and every Linux
+that the packages have wheels for. Each package is named with its hashes, and without the place that it comes
+from.
 """
 
 import itertools
@@ -15,6 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 RUN = "deploy/requirements.txt"
 BUILD = "deploy/build-requirements.txt"
+RELEASE = "tools/release-requirements.txt"
 # --no-config: what this machine says about indexes has no place in the files.
 COMPILE = (
     *(
@@ -39,7 +41,7 @@ OLDEST = "manylinux_2_28"
 
 
 def main() -> None:
-    """Write both files."""
+    """Write the files."""
     pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
     python = ("--python-version", pyproject["project"]["requires-python"].removeprefix(">="))
     run(*COMPILE, *python, "--output-file", RUN, "--extra", "uvloop", "pyproject.toml")
@@ -48,6 +50,9 @@ def main() -> None:
     ).stdout
     requirements = "\n".join([*pyproject["build-system"]["requires"], needs])
     run(*COMPILE, *python, "--output-file", BUILD, "--constraint", RUN, "-", given=requirements)
+    tools = "\n".join(pyproject["project"]["optional-dependencies"]["release"])
+    constraints = ("--constraint", RUN, "--constraint", BUILD)
+    run(*COMPILE, *python, "--output-file", RELEASE, *constraints, "-", given=tools)
     claimed = re.findall(r"Python :: (3\.\d+)", " ".join(pyproject["project"]["classifiers"]))
     for version, machine, file in itertools.product(claimed, MACHINES, (RUN, BUILD)):
         run(*HAS_WHEELS, "--python-version", version, "--python-platform", f"{machine}-{OLDEST}", file)
