@@ -4,8 +4,12 @@ TOOLS := build/tools
 # Three at a time, because most of the long ones wait for programs that they started.
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
+# Hundreds of interpreters start in a run: without compiled modules each would compile the program again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs lock audit fmt clean
+# Every target is one of a name, none is a file.
+.PHONY: $(shell sed -n 's/^\([a-z-]*\):.*/\1/p' $(firstword $(MAKEFILE_LIST)))
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -19,6 +23,9 @@ demo: setup ## see a worn machine become accurate
 test-programs: # a broker and a browser
 	@tools/test_programs.sh
 
+quick: check ## the checks, and the tests that need no other program, no browser and no root (tests/needs.py)
+	$(PYTEST) -m quick
+
 test: setup test-programs check ## everything: checks, unit, property and end-to-end tests
 	$(PYTEST)
 
@@ -27,7 +34,7 @@ test-compiled: setup test-programs ## the same tests with the hot path compiled;
 	rm -rf build/compiled
 	$(BIN)/python tools/compiled.py build/compiled
 	cp -r bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
-	cd build/compiled && $(CURDIR)/$(PYTEST) tests --ignore tests/package
+	cd build/compiled && "$(CURDIR)"/$(PYTEST) tests --ignore tests/package
 
 deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
 	@tools/deb.sh
@@ -45,7 +52,8 @@ check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest --quiet --doctest-modules gateway
 
-soak: setup ## the ledger: 2 000 000 random requests through the gateway, each write accounted for
+soak: setup ## what tests repeat, in full (tests/soak.py), and the ledger of 2 000 000 requests, each write accounted for
+	SOAK=1 $(PYTEST) $$(grep -rl --include=*.py "^from tests.soak " tests)
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
 
 bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes; writes bench/results.md
