@@ -25,7 +25,7 @@ test: setup test-programs check ## everything: checks, unit, property and end-to
 test-compiled: setup test-programs ## the same tests with the hot path compiled; needs a C compiler
 	rm -rf build/compiled
 	$(BIN)/python tools/compiled.py build/compiled
-	cp -r bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
+	cp -r .github .gitignore bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
 	cd build/compiled && $(CURDIR)/$(PYTEST) tests --ignore tests/package
 
 deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
