@@ -4,8 +4,11 @@ BIN := $(VENV)/bin
 # Three at a time, because most of the long ones wait for programs that they started.
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
+# Hundreds of interpreters start in a run: without compiled modules each would compile the program again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs test-pythons demo test test-compiled test-package deb man check lint-workflows soak bench bench-quick attacks pictures docs fmt clean
+.PHONY: help setup test-programs demo quick quick-tests test test-pythons test-compiled test-package deb man check lint-workflows soak bench bench-quick attacks pictures docs fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -13,14 +16,19 @@ help: ## this list
 setup: ## a virtual environment with the package and its tools
 	@VENV="$(VENV)" tools/bootstrap.sh
 
-test-pythons: setup ## the tests of quick on every Python that is claimed and found; PYTHONS="PATH ..." names more
-	$(BIN)/python tools/pythons.py
-
 demo: setup ## see a worn machine become accurate
 	@$(BIN)/pitch-gateway demo
 
 test-programs: # a broker and a browser
 	@tools/test_programs.sh
+
+quick: check quick-tests ## the checks, and the tests that need no other program, no browser and no root (tests/needs.py)
+
+quick-tests: setup # of quick the tests alone
+	$(PYTEST) -m quick
+
+test-pythons: setup ## the tests of quick on every Python that is claimed and found; PYTHONS="PATH ..." names more
+	$(BIN)/python tools/pythons.py
 
 test: setup test-programs check ## everything: checks, unit, property and end-to-end tests
 	$(PYTEST)
@@ -30,7 +38,7 @@ test-compiled: setup test-programs ## the same tests with the hot path compiled;
 	rm -rf build/compiled
 	$(BIN)/python tools/compiled.py build/compiled
 	cp -r .github .gitignore CITATION.cff bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
-	cd build/compiled && $(CURDIR)/$(PYTEST) tests --ignore tests/package
+	cd build/compiled && "$(CURDIR)"/$(PYTEST) tests --ignore tests/package
 
 deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
 	@tools/deb.sh
