@@ -4,7 +4,7 @@ BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs fmt clean
+.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak fuzz bench bench-quick attacks pictures docs fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -46,6 +46,13 @@ check: setup ## formatting, lint, types, layers, doctests
 
 soak: setup ## the ledger: 2 000 000 random requests through the gateway, each write accounted for
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
+
+# An extra of its own: atheris exists for x86-64 Linux and Python 3.11 to 3.14 only.
+fuzz: setup ## inputs that nobody thought of; TARGET=… one target, SECONDS=… for each (60)
+	@$(BIN)/python -c 'import atheris' 2>/dev/null \
+		|| $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]' \
+		|| { echo "make fuzz needs atheris, which pip could not install here (see above): take Python 3.11 to 3.14 on x86-64 Linux with glibc" >&2; exit 1; }
+	@$(BIN)/python -m tests.fuzz $(TARGET) --seconds $(or $(SECONDS),60)
 
 bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes; writes bench/results.md
 	$(BIN)/python -m bench.hot_path
