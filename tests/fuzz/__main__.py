@@ -1,9 +1,9 @@
-"""``python -m tests.fuzz [TARGET …] --seconds 60 [--keep]``: fuzzes targets one after the other (make fuzz).
+"""``python -m tests.fuzz [TARGET …] --seconds 60``: fuzzes targets one after the other (make fuzz).
 
 What a target has found so far stays in ``build/fuzz/TARGET/corpus``, and the next run goes on from there. An
-input that breaks a rule goes to ``tests/fuzz/crashes/TARGET``, where the tests run it from then on.
-``--keep`` takes what reaches more of the code than the seeds do into ``tests/fuzz/corpus/TARGET``, as few and
-as small inputs as do.
+input that breaks a rule goes to ``tests/fuzz/crashes/TARGET``, where the tests run it from then on. With
+``--keep`` nothing is fuzzed: what was found and reaches code that the seeds do not goes to
+``tests/fuzz/corpus/TARGET``, as few and as small inputs as do.
 """
 
 import argparse
@@ -27,6 +27,7 @@ PROGRESS: Final = re.compile(
 )
 STATISTIC: Final = re.compile(r"stat::(?P<name>\w+):\s+(?P<value>\d+)")
 RAISED: Final = "=== Uncaught Python exception: ==="
+MERGED: Final = "MERGE-OUTER: successful"
 BROKEN: Final = ("crash-", "timeout-", "oom-")
 """How libFuzzer calls the inputs that it gives up at."""
 SAY_EVERY_S: Final = 10.0
@@ -153,8 +154,11 @@ def keep(name: str) -> int:
     found = [str(folder) for folder in (CORPUS / name, place / "corpus") if folder.is_dir()]
     # Without counters: an input that only goes round a loop more often reaches nothing new.
     options = ["-merge=1", "-use_counters=0", str(merged), *found]
-    with (place / "merge.log").open("w") as log:
-        subprocess.run(command(name, *options), cwd=ROOT, stdout=log, stderr=log, check=True)
+    log = place / "merge.log"
+    with log.open("w") as written:
+        subprocess.run(command(name, *options), cwd=ROOT, stdout=written, stderr=written, check=False)
+    if MERGED not in log.read_text(errors="replace"):
+        raise SystemExit(f"{name}: nothing was taken over: {log.relative_to(ROOT)} says why")
     new = [path for path in merged.iterdir() if not (seeds / path.name).exists()]
     shutil.rmtree(CORPUS / name, ignore_errors=True)
     if new:
@@ -201,16 +205,22 @@ def main() -> int:
     )
     parser.add_argument("targets", nargs="*", metavar="TARGET", help=f"of {', '.join(TARGETS)}; default: all")
     parser.add_argument("--seconds", type=int, default=60, help="for each target")
-    parser.add_argument("--keep", action="store_true", help="take what is new into tests/fuzz/corpus")
+    parser.add_argument(
+        "--keep", action="store_true", help="do not fuzz; take what was found into tests/fuzz/corpus"
+    )
     options = parser.parse_args()
     names = chosen(options.targets)
+    if options.keep:
+        for name in names:
+            if not (BUILD / name / "corpus").is_dir():
+                continue
+            print(f"{name}: {keep(name)} inputs in {(CORPUS / name).relative_to(ROOT)}", flush=True)
+        return 0
     outcomes: list[Outcome] = []
     try:
         for number, name in enumerate(names, start=1):
             print(f"{name} ({number} of {len(names)}), {options.seconds} s", flush=True)
             outcomes.append(fuzz(name, options.seconds))
-            if options.keep:
-                print(f"{name}: {keep(name)} inputs in tests/fuzz/corpus/{name}", flush=True)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
     print(table(outcomes))

@@ -60,7 +60,9 @@ def messages(data: bytes) -> None:
             assert isfinite(celsius)
             assert abs(celsius) <= LARGEST
         return
-    asyncio.run(_command(kind, command.replace("/", ""), answers_to, payload))
+    # no broker takes anything else, and the filter has one level
+    command = "".join(sign for sign in command if sign not in "/+#\0")
+    asyncio.run(_command(kind, command, answers_to, payload))
 
 
 async def _command(kind: int, command: str, answers_to: str, payload: bytes) -> None:
