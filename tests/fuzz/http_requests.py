@@ -11,6 +11,7 @@ import re
 import shutil
 import socket
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -47,6 +48,7 @@ STATUS: Final = re.compile(rb"HTTP/1\.1 (\d{3}) [^\r\n]*\r\n")
 ROUNDS: Final = 400
 """Of the loop, or ms where a thread is waited for: an answer that takes longer never comes."""
 AN_HOUR_S: Final = 3600.0
+HEARTBEAT_S: Final = 0.02
 
 
 class Site:
@@ -68,7 +70,8 @@ class Site:
         self.tokens = Tokens((TokenSection(name="people", file="people.token"),), folder, self._unusable)
         self.sessions = Sessions()
         access = Access(self.tokens, self.sessions, Refusals(self.say), COOKIE, lambda: self.now_s)
-        self.tcp, self.local = Door(TCP), Door(LOCAL)
+        # Somebody who reads events, says something behind that and goes is noticed with the next word to him.
+        self.tcp, self.local = (Door(replace(limits, heartbeat_s=HEARTBEAT_S)) for limits in (TCP, LOCAL))
         over_tcp = Rules(READS | {"POST"}, "127.0.0.1", ASKING_PATHS)
         self.tcp.serve(Guard(served.application(self.tcp, ASKING_PATHS, access), over_tcp, access))
         self.local.serve(
@@ -219,6 +222,7 @@ def seeds() -> Iterator[bytes]:
             kind
             + b"GET / HTTP/1.1\r\nHost: a.example\r\nTransfer-Encoding: chunked\r\n\r\n3\r\nabc\r\n0\r\n\r\n"
         )
+        yield kind + b"GET /events?status HTTP/1.1\r\nHost: localhost\r\n\r\n3\r\nabc\r\n0\r\n\r\n"
         yield kind + b"GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n" * 3
         yield kind + b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"
 
