@@ -125,11 +125,14 @@ class Controller(Unmeasured):
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
         self.framed(unit_id, pdu, transaction_id)  # raises where that cannot be framed
-        request = next((each for each in self.waits_for if each[:2] == (transaction_id, unit_id)), None)
-        assert request is not None, f"unit {unit_id} answers {pdu.hex(' ')}, and nobody asked"
-        self.waits_for.remove(request)
+        asked = [each for each in self.waits_for if each[:2] == (transaction_id, unit_id)]
+        assert asked, f"unit {unit_id} answers {pdu.hex(' ')}, and nobody asked"
+        # Some may have been given up without an answer; who uses an id twice cannot tell which.
+        function = pdu[0] & ~EXCEPTION_BIT
+        fitting = [each for each in asked if each[2][0] & ~EXCEPTION_BIT == function]
+        self.waits_for.remove((fitting or asked)[0])
         if unit_id == FREE_UNIT:
-            own = pdu[0] == request[2][0] | EXCEPTION_BIT and len(pdu) == 2
+            own = fitting and len(pdu) == 2 and pdu[0] & EXCEPTION_BIT
             assert own or pdu == self.drive_said(), "a reply that is not mapped was changed"
         self.replies.append(pdu)
 
