@@ -65,6 +65,13 @@ soak: setup ## what tests repeat, in full (tests/soak.py), and the ledger of 2 0
 	SOAK=1 $(PYTEST) $$(grep -rl --include=*.py "^from tests.soak " tests)
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
 
+# An extra of its own: atheris exists for x86-64 Linux and Python 3.11 to 3.14 only.
+fuzz: setup ## inputs that nobody thought of; TARGET=… one target, SECONDS=… for each (60)
+	@$(BIN)/python -c 'import atheris' 2>/dev/null \
+		|| $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]' \
+		|| { echo "make fuzz needs atheris, which pip could not install here (see above): take Python 3.11 to 3.14 on x86-64 Linux with glibc" >&2; exit 1; }
+	@$(BIN)/python -m tests.fuzz $(TARGET) --seconds $(or $(SECONDS),60)
+
 bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes; writes bench/results.md
 	$(BIN)/python -m bench.hot_path
 	$(BIN)/python -m bench.run
