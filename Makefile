@@ -4,7 +4,7 @@ BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs fmt clean
+.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs site fmt clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -63,6 +63,9 @@ pictures: setup test-programs ## take the pictures of the page and of reports th
 
 docs: setup ## write what the documents have from the code: keys, events, errors, drives
 	@$(BIN)/python -m tools.docs
+
+site: setup ## the documents as a site, into build/site: open index.html there
+	@$(BIN)/python -m tools.make_site
 
 fmt: setup ## the only target that edits code
 	$(BIN)/ruff format .

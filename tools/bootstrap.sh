@@ -32,5 +32,5 @@ fi
 
 echo "setting up .venv with $("$python" --version) ..." >&2
 [ -x .venv/bin/python ] || "$python" -m venv .venv
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,uvloop]'
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,docs,uvloop]'
 touch "$stamp"
