@@ -96,11 +96,10 @@ def test_addresses_elsewhere_are_whole_and_encrypted(site: Path) -> None:
 
 def small(folder: Path, page: str) -> Path:
     """Return a repository with one page."""
-    for name in ("tools", "gateway"):
-        (folder / name).mkdir()
-    shutil.copy(ROOT / "gateway" / "__init__.py", folder / "gateway")
-    shutil.copy(ROOT / "tools" / "make_site.py", folder / "tools")
-    shutil.copytree(ROOT / "tools" / "site", folder / "tools" / "site")
+    needed = ("gateway/__init__.py", "gateway/supervisor/page/icon.svg", "tools/make_site.py")
+    for path in (*needed, "tools/site/conf.py", "tools/site/static/site.css"):
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / path, folder / path)
     (folder / "docs").mkdir()
     (folder / "docs" / "index.md").write_text("# Small\n\n## Tutorial\n\n- [One](one.md)\n", encoding="utf-8")
     (folder / "docs" / "one.md").write_text(page, encoding="utf-8")

@@ -24,11 +24,15 @@ exclude_patterns = [".*", "build", "dist"]
 nitpicky = True
 highlight_language = "none"
 """Of code that does not say what it is."""
+smartquotes = False
+"""Or ``--option`` in a sentence gets a dash."""
+myst_enable_extensions = ["tasklist"]
 myst_heading_anchors = 4
 """Headings that a link may point to, named as viewers of repositories name them."""
 
 html_theme = "furo"
 html_title = f"pitch-gateway {__version__}"
+html_favicon = "../../gateway/supervisor/page/icon.svg"
 html_show_copyright = False
 html_show_sphinx = False
 html_copy_source = False
