@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from tests.browser import started_browser
 from tests.docs.pages import DOCS, ROOT
 from tools.make_site import external_links
 
@@ -82,6 +83,24 @@ def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
         assert not re.search(r"@import|url\(\s*[\"']?(?:https?:)?//", sheet.read_text(encoding="utf-8")), (
             sheet
         )
+
+
+def test_a_browser_reads_and_searches_it_without_a_server_and_asks_nobody(site: Path) -> None:
+    asked: list[str] = []
+    with started_browser() as browser:
+        page = browser.new_page()
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto((site / "index.html").as_uri())
+        page.wait_for_url("**/docs/index.html")
+        page.get_by_role("link", name="The first corrected move").first.click()
+        page.wait_for_url("**/docs/tutorial.html")
+        page.goto(f"{(site / 'search.html').as_uri()}?q=backlash")
+        page.wait_for_selector("#search-results li a")
+        found = page.locator("#search-results li a").all_inner_texts()
+    assert len(found) > 10
+    assert "Configuration" in found
+    assert len(asked) > 20
+    assert [url for url in asked if not url.startswith((site.as_uri(), "data:"))] == []
 
 
 def test_addresses_elsewhere_are_whole_and_encrypted(site: Path) -> None:
