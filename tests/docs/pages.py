@@ -42,14 +42,13 @@ def blocks(page: str) -> list[Block]:
 def assert_promised(promised: list[str], said: str) -> None:
     """Assert that a program said what a page shows.
 
-    A line that is … stands for any number of lines, a line that ends so for any line that begins so.
+    A line that is … stands for any number of lines, … in a line for the rest of it or of a cell.
     """
     pattern = ""
     for promise in promised:
         if promise == OMITTED:
             pattern += r"(?:.*\n)*?"
-        elif promise.endswith(OMITTED):
-            pattern += re.escape(promise.removesuffix(OMITTED)) + r".*\n"
         else:
-            pattern += re.escape(promise) + r" *\n"
+            parts = re.split(rf"{OMITTED} *", promise)
+            pattern += ".*".join(map(re.escape, parts)) + r" *\n"
     assert re.fullmatch(pattern, said), f"promised:\n{chr(10).join(promised)}\n\nsaid:\n{said}"
