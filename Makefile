@@ -99,6 +99,9 @@ $(TOOLS)/bin/%: | setup
 	$(BIN)/python -m venv $(TOOLS)
 	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check $*
 
+site: setup ## the documents as a site, into build/site: open index.html there
+	@$(BIN)/python -m tools.make_site
+
 fmt: setup ## the only target that edits code
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .

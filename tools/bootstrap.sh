@@ -89,7 +89,7 @@ fi
 [ -w . ] || die "$(id -un) may not write into $PWD: make a clone of your own"
 if [ -e "$unfinished" ] || is_of_another; then rm -rf "$venv"; fi
 [ -x "$venv/bin/python" ] || make_environment
-said=$("$venv/bin/python" -m pip install --quiet --disable-pip-version-check --editable '.[dev,uvloop]' 2>&1) \
+said=$("$venv/bin/python" -m pip install --quiet --disable-pip-version-check --editable '.[dev,docs,uvloop]' 2>&1) \
     || die_because "$said"
 made_for "$venv/bin/python" > "$stamp"
 rm -f "$unfinished"
