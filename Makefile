@@ -7,6 +7,8 @@ PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscop
 
 # Hundreds of interpreters start in a run: without compiled modules each would compile the program again.
 unexport PYTHONDONTWRITEBYTECODE
+# Where the locale knows ASCII only, Python cannot read the path of a checkout that has more in it.
+export LC_ALL := C.UTF-8
 
 .DEFAULT_GOAL := help
 # Every target is one of a name, none is a file.
