@@ -5,6 +5,8 @@ import signal
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests import needs
+
 # How long an example takes says how busy the machine is; what is fast enough is the business of `bench/`.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
@@ -12,6 +14,11 @@ settings.load_profile("any machine")
 # A shell that starts us in the background, as some CI runners do, has us ignore SIGINT, and so would every
 # program that a test starts: Ctrl-C would then go unheard.  With Python's own handler here, they hear it.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(needs)
+
 
 FIRST = ("tests/package/", "tests/measure/", "tests/service/")
 """Minutes for each file: begun last, one worker would have them while the others have nothing to do."""
