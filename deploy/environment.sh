@@ -137,6 +137,16 @@ install_packages() {
     [ -n "$wheel" ] || build_wheel
     install_into "$folder" --no-index --no-deps "$(realpath "$wheel")"
     must "$folder/bin/python3" -m pip --disable-pip-version-check check
+    forget_where_the_wheel_lay
+}
+
+# pip notes the path of a wheel that it installs by its path: that of a temporary folder here.
+forget_where_the_wheel_lay() {
+    local info
+    for info in "$folder"/lib/python3.*/site-packages/pitch_gateway-*.dist-info; do
+        rm -f "$info/direct_url.json"
+        sed -i '/\/direct_url\.json,/d' "$info/RECORD"
+    done
 }
 
 # The packages bring commands of their own (uvicorn, typer, ...), each with the path of the folder in it. Nobody
