@@ -6,6 +6,8 @@ that the packages have wheels for. Each package is named with its hashes, and wi
 from.
 """
 
+import itertools
+import re
 import subprocess
 import sys
 import tomllib
@@ -16,35 +18,34 @@ RUN = "deploy/requirements.txt"
 BUILD = "deploy/build-requirements.txt"
 RELEASE = "tools/release-requirements.txt"
 # --no-config: what this machine says about indexes has no place in the files.
-COMPILE = (
-    *(
-        "uv",
-        "pip",
-        "compile",
-        "--quiet",
-        "--no-config",
-        "--universal",
-        "--fork-strategy",
-        "fewest",
-        "--upgrade",
-    ),
-    *("--generate-hashes", "--annotation-style", "line", "--custom-compile-command", "make lock"),
+UV = ("uv", "pip", "compile", "--quiet", "--no-config")
+LOCK = (
+    *(*UV, "--universal", "--fork-strategy", "fewest", "--upgrade", "--generate-hashes"),
+    *("--annotation-style", "line", "--custom-compile-command", "make lock", "--output-file"),
 )
+HAS_WHEELS = (*UV, "--no-deps", "--only-binary", ":all:")
+"""Fails where a package would have to be built on the machine that it is installed on."""
+MACHINES = ("x86_64", "aarch64")
+OLDEST = "manylinux_2_28"
+"""The oldest C library that all packages have wheels for; Debian 12 has 2.36."""
 
 
 def main() -> None:
     """Write the files."""
     pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    python = ("--python-version", pyproject["project"]["requires-python"].removeprefix(">="))
-    run(*COMPILE, *python, "--output-file", RUN, "--extra", "uvloop", "pyproject.toml")
+    project = pyproject["project"]
+    python = ("--python-version", project["requires-python"].removeprefix(">="))
+    run(*LOCK, RUN, *python, "--extra", "uvloop", "pyproject.toml")
     needs = subprocess.run(
         [sys.executable, "tools/compiled.py", "--needs"], capture_output=True, text=True, check=True, cwd=ROOT
-    ).stdout
-    requirements = "\n".join([*pyproject["build-system"]["requires"], needs])
-    run(*COMPILE, *python, "--output-file", BUILD, "--constraint", RUN, "-", given=requirements)
-    tools = "\n".join(pyproject["project"]["optional-dependencies"]["release"])
-    constraints = ("--constraint", RUN, "--constraint", BUILD)
-    run(*COMPILE, *python, "--output-file", RELEASE, *constraints, "-", given=tools)
+    ).stdout.splitlines()
+    build = [*pyproject["build-system"]["requires"], *needs]
+    run(*LOCK, BUILD, *python, "--constraint", RUN, "-", given="\n".join(build))
+    release = project["optional-dependencies"]["release"]
+    run(*LOCK, RELEASE, *python, "--constraint", RUN, "--constraint", BUILD, "-", given="\n".join(release))
+    claimed = re.findall(r"Python :: (3\.\d+)", " ".join(project["classifiers"]))
+    for version, machine, file in itertools.product(claimed, MACHINES, (RUN, BUILD)):
+        run(*HAS_WHEELS, "--python-version", version, "--python-platform", f"{machine}-{OLDEST}", file)
 
 
 def run(*module: str, given: str = "") -> None:
