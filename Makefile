@@ -44,14 +44,17 @@ test-compiled: setup test-programs ## the same tests with the hot path compiled;
 	cp -r .github .gitignore CITATION.cff bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
 	cd build/compiled && "$(CURDIR)"/$(PYTEST) tests --ignore tests/package
 
-deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
+release: setup ## what a release consists of, into dist/; RELEASE=--help: what can be left out, or made twice (docs/release.md)
+	@$(BIN)/python -m tools.release $(RELEASE)
+
+deb: ## the Debian package for this Debian, into dist/; COMPILED=0: without compiling
 	@tools/deb.sh
 
 man: setup ## the man pages, into build/man
 	$(BIN)/python tools/man_pages.py build/man
 
-test-package: setup test-programs ## of the tests those of the package and the installer, in a bare Debian; as root
-	$(BIN)/python -m pytest tests/package
+test-package: setup test-programs ## of the tests those of packages and installer, in a bare Debian 12 and 13, and releases made twice; as root
+	PACKAGE_TESTS=all $(BIN)/python -m pytest tests/package
 
 check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/ruff format --check .

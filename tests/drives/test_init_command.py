@@ -282,8 +282,8 @@ def test_ctrl_c_at_a_question_ends_it_with_nothing_written(tmp_path: Path) -> No
             assert more, said
             said += more
         # Between the question and the reading of its answer lies a moment in which CPython only takes note of
-        # Ctrl-C, and looks for it again after the answer: whoever presses it then presses it again. Too soon is
-        # too much: it would kill what is about to end.
+        # Ctrl-C, and looks for it again after the answer: whoever presses it then presses it again. Too soon
+        # is too much: it would kill what is about to end.
         for _ in range(6):
             process.send_signal(signal.SIGINT)
             with contextlib.suppress(subprocess.TimeoutExpired):
