@@ -42,7 +42,7 @@ ENTRIES 2
 OWN = ("etc/pitch-gateway", "var/lib/pitch-gateway")
 AS_USER = "setpriv --reuid pitch-gateway --regid pitch-gateway --init-groups --inh-caps=-all"
 
-pytestmark = pytest.mark.timeout(900)
+pytestmark = pytest.mark.timeout(2700)
 
 
 def ends_well(debian: BareDebian) -> None:
