@@ -29,8 +29,8 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ignored = shutil.ignore_patterns("__pycache__", "*.so")
     for name in ("gateway", "tables", "tests/tabfile"):
         shutil.copytree(ROOT / name, folder / name, ignore=ignored)
-    for name in ("pyproject.toml", "tests/conftest.py", "tests/table_commands.py"):
-        shutil.copy(ROOT / name, folder / name)
+    for path in (ROOT / "pyproject.toml", *(ROOT / "tests").glob("*.py")):
+        shutil.copy(path, folder / path.relative_to(ROOT))
     for block in PAGE:
         if block.file:
             (folder / block.file).write_text(block.text, encoding="utf-8")
