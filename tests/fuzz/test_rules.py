@@ -12,7 +12,7 @@ from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder
 from gateway.supervisor.http.access import Access
 from gateway.supervisor.mqtt.commander import Commander
 from tests.exchange.line_bench import write
-from tests.fuzz import configuration, exchange, http_requests, mbap, mqtt_messages, rtu
+from tests.fuzz import configuration, exchange, http_requests, line, mbap, mqtt_messages, rtu
 from tests.fuzz.script import said
 from tests.supervisor.http.doors import TOKEN
 
@@ -99,7 +99,7 @@ class Line(Instead):
         return found
 
 
-MOVE = exchange.asked(0, write(exchange.machines()[0][0].command[0], 1000))
+MOVE = exchange.asked(0, write(line.machines()[0][0].command[0], 1000))
 PAST = exchange.asked(2, READ[1:])
 """To the unit that has no axis: the third, after the two that do."""
 
@@ -111,7 +111,7 @@ def test_a_request_that_is_sent_twice_is_seen(monkeypatch: pytest.MonkeyPatch) -
             self.link.asked = None
             self.link.send_request(unit_id, pdu)
 
-    assert breaks(monkeypatch, exchange, Repeats, b"\x00" + MOVE, exchange.traffic).startswith("sent twice")
+    assert breaks(monkeypatch, line, Repeats, b"\x00" + MOVE, exchange.traffic).startswith("sent twice")
 
 
 def test_two_requests_on_the_wire_at_once_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,28 +120,28 @@ def test_two_requests_on_the_wire_at_once_are_seen(monkeypatch: pytest.MonkeyPat
             self._real.request(port, transaction_id, unit_id, pdu, now_ns)
             self.link.send_request(unit_id, pdu)
 
-    text = breaks(monkeypatch, exchange, Hurries, b"\x00" + MOVE, exchange.traffic)
+    text = breaks(monkeypatch, line, Hurries, b"\x00" + MOVE, exchange.traffic)
     assert text.startswith("a second frame while the first one waits")
 
 
 def test_a_changed_frame_that_is_not_mapped_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Link(exchange.Drives):
+    class Link(line.Drives):
         def send_request(self, unit_id: int, pdu: bytes) -> None:
             super().send_request(unit_id, pdu[:-1] + bytes((pdu[-1] ^ 1,)))
 
     exchange.traffic(b"\x00" + PAST)
-    monkeypatch.setattr(exchange, "Drives", Link)
+    monkeypatch.setattr(line, "Drives", Link)
     with pytest.raises(AssertionError, match="changed, and it is not mapped"):
         exchange.traffic(b"\x00" + PAST)
 
 
 def test_a_reply_that_is_given_twice_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Port(exchange.Controller):
+    class Port(line.Controller):
         def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
             super().send_reply(transaction_id, unit_id, pdu)
             super().send_reply(transaction_id, unit_id, pdu)
 
-    monkeypatch.setattr(exchange, "Controller", Port)
+    monkeypatch.setattr(line, "Controller", Port)
     with pytest.raises(AssertionError, match="and nobody asked"):
         exchange.traffic(b"\x00" + MOVE)
 
@@ -152,7 +152,7 @@ def test_a_line_that_never_goes_on_is_seen(monkeypatch: pytest.MonkeyPatch) -> N
             pass
 
     data = b"\x00" + bytes((exchange.CNC, 0)) + said(READ[1:])  # nobody answers it
-    text = breaks(monkeypatch, exchange, Sleeps, data, exchange.traffic)
+    text = breaks(monkeypatch, line, Sleeps, data, exchange.traffic)
     assert text.startswith("due again at once, for ever")
 
 
