@@ -98,8 +98,15 @@ must_not_be_packaged() {
         || die "$CURRENT is no link that install.sh made; move it away first"
 }
 
+# Newest first.
+claimed_pythons() {
+    grep -o 'Programming Language :: Python :: 3\.[0-9]*' "$here/pyproject.toml" | sed 's/.* //' | sort -rV
+}
+
 find_python() {
-    local candidate candidates=(/usr/bin/python3 /usr/bin/python3.1{4,3,2,1} python3)
+    local candidate candidates=(/usr/bin/python3)
+    for candidate in $(claimed_pythons); do candidates+=("/usr/bin/python$candidate"); done
+    candidates+=(python3)
     [ -z "$python" ] || candidates=("$python")
     for candidate in "${candidates[@]}"; do
         if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then

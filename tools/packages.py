@@ -1,6 +1,7 @@
 """The wheels that an installation takes, and the Debian package of each suite, built in a bare Debian."""
 
 import hashlib
+import os
 import platform
 import shutil
 import sys
@@ -24,14 +25,16 @@ def fetched(purpose: str, pinned: tuple[str, ...], *options: str) -> Path:
     """
     content = b"".join((ROOT / name).read_bytes() for name in pinned)
     folder = KEPT / f"wheels-{purpose}-{hashlib.sha256(content).hexdigest()[:12]}"
-    part = folder.with_suffix(".part")
+    part = folder.with_suffix(f".{os.getpid()}")
     if not folder.exists():
-        shutil.rmtree(part, ignore_errors=True)
         command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"]
         command += ["--require-hashes", "--only-binary", ":all:", "--dest", str(part), *options]
-        for name in pinned:
-            run([*command, "--requirement", str(ROOT / name)])
-        part.rename(folder)
+        try:
+            for name in pinned:
+                run([*command, "--requirement", str(ROOT / name)])
+            part.rename(folder)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
     return folder
 
 

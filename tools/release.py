@@ -335,6 +335,9 @@ def main() -> int:
             raise
         console.print("release: the disk is full; make room. dist/ is as it was")
         return 1
+    except KeyboardInterrupt:
+        console.print("release: interrupted; dist/ is as it was")
+        return 130
     print((DIST / "SHA256SUMS").read_text(), end="")
     console.print(f"in {DIST}, after {time.monotonic() - start:.0f} s; see docs/release.md")
     return 0

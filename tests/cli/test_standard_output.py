@@ -1,6 +1,7 @@
 """Standard output that cannot be written to, as a shell makes it."""
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-COMMAND = f"{sys.executable} -c 'from gateway.cli.main import main; main()'"
+COMMAND = f"{shlex.quote(sys.executable)} -c 'from gateway.cli.main import main; main()'"
 COMMANDS = (
     "table show tables/centroid-v3/cnc10z.tab",
     "table explain tables/centroid-v3/cnc10z.tab --at -1 --json",
