@@ -11,12 +11,11 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from tools import audit
+from tools import audit, lock
 
 ROOT = Path(__file__).parents[2]
 PYPROJECT = (ROOT / "pyproject.toml").read_text()
-RUN = ROOT / "deploy" / "requirements.txt"
-BUILD = ROOT / "deploy" / "build-requirements.txt"
+RUN, BUILD, RELEASE = ROOT / lock.RUN, ROOT / lock.BUILD, ROOT / lock.RELEASE
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 MACHINES = ("x86_64", "aarch64")
 
@@ -80,7 +79,7 @@ def pins(path: Path) -> dict[str, tuple[Requirement, list[str]]]:
     return found
 
 
-@pytest.mark.parametrize("path", [RUN, BUILD], ids=lambda path: path.name)
+@pytest.mark.parametrize("path", [RUN, BUILD, RELEASE], ids=lambda path: path.name)
 def test_each_package_is_pinned_with_hashes_and_without_an_address(path: Path) -> None:
     text = path.read_text()
     for word in (
@@ -106,9 +105,11 @@ def test_each_package_is_pinned_with_hashes_and_without_an_address(path: Path) -
 
 def wanted(path: Path) -> list[str]:
     parsed = tomllib.loads(PYPROJECT)
+    project: dict[str, Any] = parsed["project"]
     if path == RUN:
-        project: dict[str, Any] = parsed["project"]
         return [*project["dependencies"], *project["optional-dependencies"]["uvloop"]]
+    if path == RELEASE:
+        return list(project["optional-dependencies"]["release"])
     needs = subprocess.run(
         [sys.executable, ROOT / "tools" / "compiled.py", "--needs"],
         capture_output=True,
@@ -118,7 +119,7 @@ def wanted(path: Path) -> list[str]:
     return [*parsed["build-system"]["requires"], *needs.stdout.splitlines()]
 
 
-@pytest.mark.parametrize("path", [RUN, BUILD], ids=lambda path: path.name)
+@pytest.mark.parametrize("path", [RUN, BUILD, RELEASE], ids=lambda path: path.name)
 def test_what_is_declared_is_pinned_within_its_bounds_on_every_python(path: Path) -> None:
     packages = pins(path)
     for each in map(Requirement, wanted(path)):
@@ -136,10 +137,12 @@ def test_what_is_declared_is_pinned_within_its_bounds_on_every_python(path: Path
 
 
 def test_what_builds_and_what_runs_pin_the_same_versions() -> None:
-    build, run = pins(BUILD), pins(RUN)
-    both = build.keys() & run.keys()
-    assert {"msgspec", "fastcrc"} <= both
-    assert {name: build[name] for name in both} == {name: run[name] for name in both}
+    run, build, release = pins(RUN), pins(BUILD), pins(RELEASE)
+    assert {"msgspec", "fastcrc"} <= build.keys() & run.keys()
+    for one, other in ((run, build), (run, release), (build, release)):
+        for name in one.keys() & other.keys():
+            assert one[name][0].specifier == other[name][0].specifier, name
+            assert one[name][1] == other[name][1], name
 
 
 # As pip-audit writes its reports (--format json).
