@@ -51,6 +51,8 @@ STARTS: Final = frozenset(
     }
 )
 """Python's audit events of starting a program, https://docs.python.org/3/library/audit_events.html."""
+DISPENSABLE: Final = frozenset({"fc-list"})
+"""Whom a library asks, and does without where it is not there: matplotlib, for more fonts than its own."""
 
 
 MODULE: Final = rf"(?:{'|'.join(FOLLOWED)})(?:\.\w+)*"
@@ -93,7 +95,7 @@ class _Watch:
         sys.addaudithook(self._heard)
 
     def _heard(self, event: str, arguments: tuple[Any, ...]) -> None:
-        if self.is_quick and event in STARTS:
+        if self.is_quick and event in STARTS and not DISPENSABLE.intersection(map(str, arguments[:1])):
             started = (
                 f"a quick test started a program ({event} {arguments[:2]}): it needs {PROGRAM}; "
                 f"move it to a file that imports what starts it, or name that in NEEDS of tests/needs.py"
