@@ -59,6 +59,8 @@ die_because() {
             | *"name resolution"* | *"(from versions: none)"*)
             die "no index that has the packages could be reached: connect this machine, or let PIP_INDEX_URL name one" \
                 "that it reaches, or PIP_NO_INDEX=1 with PIP_FIND_LINKS a folder that has them" ;;
+        *"editable mode currently requires"*)
+            die "the pip in $venv is too old: $venv/bin/python -m pip install --upgrade pip, or remove $venv" ;;
         *)
             printf '%s\n' "$1" | tail -20 >&2
             die "$venv could not be made; what is said above is the reason" ;;

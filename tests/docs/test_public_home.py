@@ -66,6 +66,14 @@ def test_a_release_gives_each_job_the_rights_that_its_work_needs() -> None:
     }
 
 
+def test_what_the_workflows_make_is_a_target_of_the_makefile() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    named = re.compile(r"\bmake ([a-z-]+)$", re.MULTILINE)
+    made = {target for path in WORKFLOWS for target in named.findall(path.read_text())}
+    assert len(made) >= 4
+    assert made <= targets
+
+
 @pytest.mark.parametrize("form", FORMS, ids=lambda path: path.name)
 def test_a_form_for_issues_asks_for_what_it_needs_under_names_of_its_own(form: Path) -> None:
     document = yaml.safe_load(form.read_text())
