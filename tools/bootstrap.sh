@@ -5,6 +5,10 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+# One at a time: two that install into one folder spoil it.
+exec 9< pyproject.toml
+flock 9
+
 venv=${VENV:-.venv}
 stamp=$venv/.ready           # what it was made for, once it is whole
 unfinished=$venv/.unfinished # there until then, in one that is made anew
