@@ -104,7 +104,7 @@ claimed_pythons() {
 }
 
 find_python() {
-    local candidate candidates=(/usr/bin/python3)
+    local candidate candidates=(/usr/bin/python3) too_old=''
     for candidate in $(claimed_pythons); do candidates+=("/usr/bin/python$candidate"); done
     candidates+=(python3)
     [ -z "$python" ] || candidates=("$python")
@@ -117,7 +117,11 @@ find_python() {
                 || die "$python has no venv or pip (Debian: apt install python3-venv)"
             return
         fi
+        [ -n "$too_old" ] || too_old=$("$candidate" -c \
+            'import platform, sys; print(sys.executable, "is Python", platform.python_version())' 2>/dev/null) || true
     done
+    [ -z "$too_old" ] || die "needs Python 3.11 or newer, and $too_old: name a newer one with --python, or install" \
+        "on a newer system (Debian 12 has 3.11)"
     die "needs Python 3.11 or newer; ${python:-none} was found (Debian: apt install python3 python3-venv;" \
         "or name one with --python)"
 }

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-FILES = ("deploy/requirements.txt", "deploy/build-requirements.txt")
+FILES = ("deploy/requirements.txt", "deploy/build-requirements.txt", "tools/release-requirements.txt")
 KNOWN, UNREACHED = 1, 3
 
 

@@ -3,6 +3,7 @@
 Needs root, mmdebstrap and, once, a network.
 """
 
+import hashlib
 import os
 import shutil
 import subprocess
@@ -113,7 +114,8 @@ def seed(suite: Suite, packages: tuple[str, ...]) -> Path:
         FailedError: it could not be made.
     """
     purpose = {INSTALLED: "installed", BUILDING: "building"}[packages]
-    archive = KEPT / f"{suite.name}-{purpose}.tar"
+    asked = hashlib.sha256(" ".join(packages).encode()).hexdigest()[:8]
+    archive = KEPT / f"{suite.name}-{purpose}-{asked}.tar"
     if not archive.exists():
         KEPT.mkdir(parents=True, exist_ok=True)
         part = KEPT / f"{os.getpid()}.tar"

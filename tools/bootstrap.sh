@@ -73,6 +73,7 @@ die_because() {
 
 make_environment() {
     local python said package
+    [ ! -e "$venv" ] || die "$venv is there and is no environment that this made: name another folder, or remove it"
     python=$(find_python)
     if ! "$python" -c 'import ensurepip' 2>/dev/null; then
         package="python$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')-venv"

@@ -28,7 +28,12 @@ fi
 
 # 1.0.0+deb12u1, as Debian names its own updates: a package is for one Debian, for it brings wheels for its Python, and
 # that of the next Debian is newer. `~` would do the same, but hosts of files change it in names.
-system=$(. /etc/os-release && echo "$ID$VERSION_ID")
+system=$(. /etc/os-release && echo "$ID${VERSION_ID:-}")
+if [[ ! $system =~ [0-9]$ ]]; then
+    echo "/etc/os-release does not say which release of $system this is: build on a stable one, or let make release" \
+        "build for each" >&2
+    exit 1
+fi
 release=$(sed -n 's/^__version__ = "\(.*\)"$/\1/p' gateway/__init__.py)
 version=$release+${system/#debian/deb}u1
 tree=build/deb/pitch-gateway-$release

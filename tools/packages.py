@@ -23,7 +23,9 @@ def fetched(purpose: str, pinned: tuple[str, ...], *options: str) -> Path:
     Raises:
         FailedError: they could not be fetched.
     """
-    content = b"".join((ROOT / name).read_bytes() for name in pinned)
+    # Without options pip takes what fits the Python that runs this.
+    fitting = " ".join(options) or sys.version
+    content = fitting.encode() + b"".join((ROOT / name).read_bytes() for name in pinned)
     folder = KEPT / f"wheels-{purpose}-{hashlib.sha256(content).hexdigest()[:12]}"
     part = folder.with_suffix(f".{os.getpid()}")
     if not folder.exists():

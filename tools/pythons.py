@@ -74,9 +74,9 @@ def run(version: str, python: str) -> Result:
         f"VENV={folder.relative_to(ROOT)}",
         f"PYTHON={python}",
     ]
-    done = subprocess.run(
-        command, cwd=ROOT, env={**os.environ, "PYTEST_ADDOPTS": f"--junitxml={report}"}, check=False
-    )
+    # From the checkout on: pytest splits this at blanks, of which the path of the checkout may have some.
+    options = f"--junitxml={report.relative_to(ROOT)}"
+    done = subprocess.run(command, cwd=ROOT, env={**os.environ, "PYTEST_ADDOPTS": options}, check=False)
     seconds = time.monotonic() - begun
     if not report.exists():  # it did not come to a test; what was said is above
         return Result(0, 1, 0, seconds)

@@ -55,9 +55,19 @@ class Release:
 
 
 def git(*arguments: str) -> str:
-    """Return what git says about the checkout, "" where it refuses."""
+    """Return what git says about the checkout, "" where it refuses.
+
+    Raises:
+        RefusedError: it refuses because the checkout belongs to somebody else.
+    """
     command = ["git", "-C", str(ROOT), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=os.environ | {"LC_ALL": "C"}
+    )
+    if "dubious ownership" in done.stderr:
+        raise RefusedError(
+            f"{ROOT} belongs to another user, and git trusts only its owner's: clone it as this one"
+        )
     return done.stdout.rstrip("\n") if done.returncode == 0 else ""
 
 
@@ -189,6 +199,8 @@ def make(release: Release, work: Path, out: Path, *, has_compiled: bool, has_deb
                 str(ROOT),
                 "-c",
                 "tar.umask=0022",
+                "-c",
+                "core.autocrlf=false",
                 "archive",
                 "-o",
                 str(work / "tar"),

@@ -59,13 +59,9 @@ def completed(bom: dict[str, Any], version: str, pinned: dict[tuple[str, str], l
             sys.exit(f"{'=='.join(key)} is installed, but deploy/requirements.txt does not pin it")
         # Where pip took it from on this machine says nothing to others.
         others = [each for each in component.get("externalReferences", []) if each["type"] != "distribution"]
-        files = {
-            "type": "distribution",
-            "url": f"https://pypi.org/project/{key[0]}/{key[1]}/",
-            "comment": "each file of this version that deploy/requirements.txt lets in",
-            "hashes": [{"alg": "SHA-256", "content": each} for each in pinned[key]],
-        }
-        component["externalReferences"] = [*others, files]
+        component["externalReferences"] = others
+        # Of each file of this version that deploy/requirements.txt lets in.
+        component["hashes"] = [{"alg": "SHA-256", "content": each} for each in pinned[key]]
     return bom
 
 

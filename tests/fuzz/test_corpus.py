@@ -1,6 +1,5 @@
 """No input that was ever worth keeping breaks a rule; no fuzzer is needed to see that."""
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -8,15 +7,6 @@ import pytest
 from tests.fuzz.targets import CORPUS, CRASHES, TARGETS, inputs
 
 LARGEST_CORPUS = 1_000_000
-
-
-def run_files(name: str, paths: Iterable[Path]) -> None:
-    for path in paths:
-        try:
-            TARGETS[name].run(path.read_bytes())
-        except BaseException as error:
-            error.add_note(f"the input is {path}")
-            raise
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -28,14 +18,13 @@ def test_the_seeds_of_a_target_break_no_rule(name: str) -> None:
         TARGETS[name].run(seed)
 
 
-@pytest.mark.parametrize("name", TARGETS)
-def test_what_the_fuzzer_found_breaks_no_rule(name: str) -> None:
-    run_files(name, inputs(CORPUS, name))
-
-
-@pytest.mark.parametrize("name", TARGETS)
-def test_what_once_broke_a_rule_does_so_no_more(name: str) -> None:
-    run_files(name, inputs(CRASHES, name))
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [(name, path) for folder in (CRASHES, CORPUS) for name in TARGETS for path in inputs(folder, name)],
+    ids=lambda value: value.name[:12] if isinstance(value, Path) else value,
+)
+def test_what_the_fuzzer_found_breaks_no_rule(name: str, path: Path) -> None:
+    TARGETS[name].run(path.read_bytes())
 
 
 @pytest.mark.parametrize("name", TARGETS)

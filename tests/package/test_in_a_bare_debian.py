@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway import __version__
 from tools.bare_debian import ROOT, BareDebian
 
 CONFIG = """
@@ -99,6 +100,7 @@ def test_the_package_comes_works_and_goes(debian: BareDebian, package: Path) -> 
     ):
         assert (debian.folder / path).is_file(), path
     ends_well(debian)
+    assert debian.does("pitch-gateway --version") == f"pitch-gateway {__version__} (compiled)\n"
     configure(debian)
 
     debian.does("apt-get remove -y pitch-gateway")
