@@ -83,8 +83,7 @@ must() {
 reason() {
     case $1 in
         *'No space left on device'*)
-            echo "the disk is full: the new environment needs some 300 MB in $(dirname "$folder") and 200 MB in" \
-                "${TMPDIR:-/tmp} (or set TMPDIR to another folder)"
+            echo "the disk is full, in $(dirname "$folder") or in ${TMPDIR:-/tmp}: make room (df and df -i show where)"
             ;;
         *'DO NOT MATCH THE HASHES'*)
             echo "a package is not the one that deploy/requirements.txt or deploy/build-requirements.txt pins by its" \
@@ -108,6 +107,13 @@ install_into() {
     shift
     must "$environment/bin/python3" -m pip install --quiet --no-compile --disable-pip-version-check \
         --no-warn-script-location "${links[@]}" "$@"
+}
+
+must_have_space() {
+    local free
+    free=$(df -Pk "$1" | awk 'NR == 2 { print int($4 / 1000) }')
+    [ "$free" -ge "$2" ] || die "$1 has $free MB free, and $2 MB are needed while the environment is made: make" \
+        "room${3:-}"
 }
 
 must_have_new_pip() {
@@ -206,6 +212,8 @@ fi
 mkdir -p "$(dirname "$folder")"
 folder=$(cd "$(dirname "$folder")" && pwd)/$(basename "$folder")
 at=${at:-$folder}
+must_have_space "$(dirname "$folder")" 400
+must_have_space "${TMPDIR:-/tmp}" 200 ', or set TMPDIR to another folder'
 trap leave_nothing_half_made EXIT
 work=$(mktemp -d)
 "$interpreter" -c 'import venv, ensurepip' 2>/dev/null \

@@ -32,7 +32,6 @@ TEXT
 }
 
 readonly NAME=pitch-gateway
-readonly SPACE_KB=400000 # of the new release while it is made; the old one stays
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 command='' root='' wheel='' from=$here python='' kind='' is_enabled='' is_purge='' is_yes='' is_dry='' has_changed=''
 links=()
@@ -164,13 +163,6 @@ digest_of_checkout() {
     )
 }
 
-must_have_space() {
-    local free
-    free=$(df -Pk "$root/opt" | awk 'NR == 2 { print $4 }')
-    [ "$free" -ge $SPACE_KB ] || die "$root/opt has $((free / 1000)) MB free, and the new release needs" \
-        "$((SPACE_KB / 1000)) MB while it is made; nothing was changed"
-}
-
 # Makes the link stand for another release; at any moment it stands for one or the other.
 point() {
     local link=$1 release=$2
@@ -242,7 +234,6 @@ make_release() {
     local release=$1 wanted=$2
     folder="$root/opt/$release"
     mkdir -p "$root/opt"
-    must_have_space
     mkdir -p "$root$RELEASES"
     trap 'rm -rf "$folder"; say "install.sh: nothing was changed" >&2' EXIT # $folder is no local one for this
     environment --at "/opt/$release" "${links[@]}" "$folder" || exit 1

@@ -14,6 +14,7 @@ pytestmark = pytest.mark.timeout(900)
 INSTALL = "/src/deploy/install.sh"
 LACKING = f"there is no C compiler ({platform.machine()}-linux-gnu-gcc; Debian: apt install gcc python3-dev)"
 PURE = f"not compiled: {LACKING}; as Python it does the same, and adds more to an exchange over TCP\n"
+FROM_FOLDER = f"{INSTALL} --pure --find-links /wheels install"
 UNCHANGED = "install.sh: nothing was changed\n"
 
 
@@ -48,6 +49,15 @@ def test_without_a_compiler_the_installer_goes_on_as_python_and_says_so(poor: Ba
     assert "not compiled" not in again  # it was asked for
 
 
+def fails_on_a_disk(debian: BareDebian, folder: str, option: str) -> str:
+    """What the installer says where a folder is a disk of its own, and what it leaves there."""
+    return debian.does(
+        f"mount -n -t tmpfs -o {option} tmpfs {folder} && {FROM_FOLDER}; code=$?; "
+        f"find {folder} -mindepth 1 ! -name pitch-gateway.releases; exit $code",
+        expected=1,
+    )
+
+
 def test_what_cannot_be_installed_is_told_in_one_sentence_and_leaves_nothing(poor: BareDebian) -> None:
     before = what_is_there(poor)
 
@@ -61,34 +71,28 @@ def test_what_cannot_be_installed_is_told_in_one_sentence_and_leaves_nothing(poo
     assert said.count("\n") == 2
     assert what_is_there(poor) == before
 
-    # A full disk: where it goes, or where temporary files are.
-    install = f"{INSTALL} --pure --find-links /wheels install"
-    said = poor.does(
-        f"mount -t tmpfs -o size=60m tmpfs /opt && {install}; code=$?; ls /opt; exit $code", expected=1
-    )
-    assert said.startswith("install.sh: /opt has 6")
-    assert said.endswith("MB free, and the new release needs 400 MB while it is made; nothing was changed\n")
-    said = poor.does(
-        "mount -t tmpfs -o size=60m tmpfs /opt && "
-        "/src/deploy/environment.sh --pure --find-links /wheels /opt/new; code=$?; ls -A /opt; exit $code",
-        expected=1,
-    )
+    # A full disk: where it goes, where temporary files are, or without room for names.
+    for folder, size, needed, more in (
+        ("/opt", 60, 400, ""),
+        ("/tmp", 60, 200, ", or set TMPDIR to another folder"),
+    ):
+        said = fails_on_a_disk(poor, folder, f"size={size * 1000}k")
+        assert said.startswith(f"environment.sh: {folder}")
+        assert f" has {size} MB free, and {needed} MB are needed while the environment is made: " in said
+        assert f"make room{more}\n{UNCHANGED}" in said
+        assert said.count("\n") == 2
+    said = fails_on_a_disk(poor, "/opt", "nr_inodes=2000")
     assert said == (
-        "environment.sh: the disk is full: the new environment needs some 300 MB in /opt and 200 MB in /tmp "
-        "(or set TMPDIR to another folder)\n"
+        "environment.sh: the disk is full, in /opt/pitch-gateway.releases or in /tmp: make room "
+        f"(df and df -i show where)\n{UNCHANGED}"
     )
-    said = poor.does(
-        f"mount -t tmpfs -o size=8m tmpfs /tmp && {install}; code=$?; ls -A /tmp; exit $code", expected=1
-    )
-    assert said.startswith("environment.sh: the disk is full: ")
-    assert said.endswith(f"and 200 MB in /tmp (or set TMPDIR to another folder)\n{UNCHANGED}")
     assert what_is_there(poor) == before
 
     # A package that is another one than the one that was pinned.
     (wheel,) = (poor.folder / "wheels").glob("idna-*.whl")
     whole = wheel.read_bytes()
     wheel.write_bytes(whole + b"\n")
-    said = poor.does(install, expected=1)
+    said = poor.does(FROM_FOLDER, expected=1)
     assert said.startswith("environment.sh: a package is not the one that deploy/requirements.txt")
     assert f"idna=={wheel.name.split('-')[1]} from file:///wheels/{wheel.name}" in said
     assert said.endswith(UNCHANGED)
@@ -119,7 +123,7 @@ def test_a_pip_that_is_too_old_is_named(poor: BareDebian) -> None:
     own.unlink()
     poor.copy_in(old, f"usr/share/python-wheels/{old.name}")
     before = what_is_there(poor)
-    said = poor.does(f"{INSTALL} --pure --find-links /wheels install", expected=1)
+    said = poor.does(FROM_FOLDER, expected=1)
     assert said == (
         "environment.sh: /usr/bin/python3.11 brings pip 22.0.4, and 22.3 or newer is needed: update Python, "
         f"or name another one with --python\n{UNCHANGED}"
