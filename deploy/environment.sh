@@ -8,14 +8,17 @@ usage: environment.sh [options] FOLDER
 
 Makes a virtual environment with pitch-gateway and uvloop in FOLDER, which must not exist: bin/python3 and
 bin/pitch-gateway, and below share/ the systemd units, udev rules, man pages and completions of this release.
-The checkout that this script stands in is what is installed.
+The checkout that this script stands in is what is installed, with the packages of deploy/requirements.txt; each
+is checked by its hash. Its hot path is compiled where there is a C compiler and Python.h.
 
   --at PATH         where FOLDER will stand in the end; default: where it is made
   --python PYTHON   Python 3.11 or newer with venv; default: python3
-  --wheel FILE      install this wheel and not the checkout
-  --compiled        compile the hot path; needs a C compiler and the headers of Python
+  --wheel FILE      install this wheel and not the checkout; compiled or not, as it is
+  --compiled        compile the hot path, or fail
+  --pure            compile nothing
   --find-links DIR  take packages from this folder, and none from an index; may be given again
   --bare            without man pages and completions
+  --kind            only say which kind it would be: compiled, pure or wheel
   -h, --help        this text
 TEXT
 }
@@ -29,8 +32,9 @@ needs_value() {
     [ "$1" -ge 2 ] || die "$2 needs a value; see --help"
 }
 
+readonly PIP_NEEDED=22.3 # the one that came with Python 3.11; much older ones do not know the names of today's wheels
 source_folder=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-python=python3 at='' wheel='' folder='' is_compiled='' is_bare=''
+python=python3 at='' wheel='' folder='' kind='' is_bare='' is_question='' work='' is_whole=''
 links=()
 
 while [ $# -gt 0 ]; do
@@ -39,24 +43,116 @@ while [ $# -gt 0 ]; do
         --python) needs_value $# "$1"; python=$2; shift ;;
         --wheel) needs_value $# "$1"; wheel=$2; shift ;;
         --find-links) needs_value $# "$1"; links+=(--no-index --find-links "$2"); shift ;;
-        --compiled) is_compiled=1 ;;
+        --compiled | --pure)
+            [ -z "$kind" ] || [ "$kind" = "${1#--}" ] || die "--compiled or --pure, not both"
+            kind=${1#--}
+            ;;
         --bare) is_bare=1 ;;
+        --kind) is_question=1 ;;
         -h | --help) usage; exit 0 ;;
         -*) die "no such option: $1; see --help" ;;
         *) [ -z "$folder" ] || die "one folder only: $1 is one too many"; folder=$1 ;;
     esac
     shift
 done
-[ -n "$folder" ] || die "which folder? see --help"
-[ ! -e "$folder" ] || die "$folder exists; remove it or name another folder"
+[ -n "$folder$is_question" ] || die "which folder? see --help"
+[ -z "$folder" ] || [ ! -e "$folder" ] || die "$folder exists; remove it or name another folder"
 [ -z "$wheel" ] || [ -f "$wheel" ] || die "there is no wheel $wheel"
-[ -z "$wheel" ] || [ -z "$is_compiled" ] || die "--compiled builds from the checkout: leave --wheel out"
+[ -z "$wheel" ] || [ -z "$kind" ] || die "--$kind is for the checkout, and a wheel is what it is: leave --wheel out"
 
-# What is installed, with the name of the extra: a relay without uvloop is slower over TCP.
+# Says which kind is installed: the checkout compiled where it can be, or as it was asked for.
+find_kind() {
+    local lacking
+    [ -z "$wheel" ] || kind=wheel
+    case $kind in wheel | pure) return ;; esac
+    lacking=$("$interpreter" "$source_folder/tools/compiled.py" --missing) || die "tools/compiled.py does not run"
+    [ -z "$kind" ] || [ -z "$lacking" ] || die "--compiled: $lacking"
+    kind=compiled
+    if [ -n "$lacking" ]; then
+        kind=pure
+        echo "not compiled: $lacking; as Python it does the same, and adds more to an exchange over TCP" >&2
+    fi
+}
+
+# Runs a program that says nothing where it succeeds; where it fails, one sentence says why.
+must() {
+    local said
+    said=$("$@" 2>&1) || die "$(reason "$said")"
+}
+
+reason() {
+    case $1 in
+        *'No space left on device'*)
+            echo "the disk is full, in $(dirname "$folder") or in ${TMPDIR:-/tmp}: make room (df and df -i show where)"
+            ;;
+        *'DO NOT MATCH THE HASHES'*)
+            echo "a package is not the one that deploy/requirements.txt or deploy/build-requirements.txt pins by its" \
+                "hash; it may have been tampered with:$(grep -A 1 -E '^ +[^ ]+ from ' <<< "$1" | tr -s ' \n' ' ')"
+            ;;
+        *'could not be compiled'*)
+            sed -n '/could not be compiled/,$p' <<< "$1"
+            ;;
+        *'No matching distribution'*)
+            echo "not to be had: $(sed -n 's/^ERROR: No matching distribution found for \([^ ]*\).*/\1/p' <<< "$1")." \
+                "Is there a network? Without one: --find-links DIR, with all packages in DIR (docs/install.md)"
+            ;;
+        *)
+            grep -E '^(ERROR|error|Error)' <<< "$1" || tail -n 3 <<< "$1"
+            ;;
+    esac
+}
+
+install_into() {
+    local environment=$1
+    shift
+    must "$environment/bin/python3" -m pip install --quiet --no-compile --disable-pip-version-check \
+        --no-warn-script-location "${links[@]}" "$@"
+}
+
+must_have_space() {
+    local free
+    free=$(df -Pk "$1" | awk 'NR == 2 { print int($4 / 1000) }')
+    [ "$free" -ge "$2" ] || die "$1 has $free MB free, and $2 MB are needed while the environment is made: make" \
+        "room${3:-}"
+}
+
+must_have_new_pip() {
+    local version
+    version=$("$folder/bin/python3" -m pip --version | cut -d' ' -f2)
+    [ "$(printf '%s\n' $PIP_NEEDED "$version" | sort -V | head -n 1)" = $PIP_NEEDED ] \
+        || die "$interpreter brings pip $version, and $PIP_NEEDED or newer is needed: update Python, or name another" \
+            "one with --python"
+}
+
+# In an environment of its own: what builds the wheel is not what runs.
+build_wheel() {
+    must "$interpreter" -m venv "$work/build"
+    install_into "$work/build" --require-hashes -r "$source_folder/deploy/build-requirements.txt"
+    (
+        cd "$source_folder"
+        export PYTHONDONTWRITEBYTECODE=1 PITCH_GATEWAY_COMPILED=1
+        [ "$kind" = compiled ] || PITCH_GATEWAY_COMPILED=0
+        must "$work/build/bin/python3" -m hatchling build --target wheel --directory "$work/wheel"
+    ) || exit 1
+    wheel=$(echo "$work"/wheel/*.whl)
+}
+
+# A relay without uvloop is slower over TCP: it is among the requirements.
 install_packages() {
-    local what="${wheel:-$source_folder}"
-    PITCH_GATEWAY_COMPILED=${is_compiled:-0} "$folder/bin/python3" -m pip install --quiet --no-compile \
-        --disable-pip-version-check --no-warn-script-location "${links[@]}" "$(realpath "$what")[uvloop]"
+    install_into "$folder" --require-hashes -r "$source_folder/deploy/requirements.txt"
+    [ -n "$wheel" ] || build_wheel
+    install_into "$folder" --no-index --no-deps "$(realpath "$wheel")"
+    must "$folder/bin/python3" -m pip --disable-pip-version-check check
+    forget_where_the_wheel_lay
+}
+
+# pip notes the path of a wheel that it installs by its path: that of a temporary folder here.
+forget_where_the_wheel_lay() {
+    local info
+    for info in "$folder"/lib/python3.*/site-packages/pitch_gateway-*.dist-info; do
+        rm -f "$info/direct_url.json"
+        sed -i '/\/direct_url\.json,/d' "$info/RECORD"
+    done
 }
 
 # The packages bring commands of their own (uvicorn, typer, ...), each with the path of the folder in it. Nobody
@@ -98,16 +194,36 @@ share() {
     chmod -R u=rwX,go=rX "$to"
 }
 
+leave_nothing_half_made() {
+    [ -z "$work" ] || rm -rf "$work"
+    [ -n "$is_whole" ] || rm -rf "$folder"
+}
+
 umask 022
-interpreter=$("$python" -c 'import os, sys; print(os.path.realpath(sys.executable))') \
-    || die "$python does not run"
+# Old ones understand these words, too.
+interpreter=$("$python" -c 'import os, sys; print(os.path.realpath(sys.executable)); sys.exit(sys.version_info < (3, 11))') \
+    || die "needs Python 3.11 or newer; $python is $("$python" --version 2>&1 || echo 'none that runs') (Debian 12 has" \
+        "it: apt install python3 python3-venv; or name another one with --python)"
+find_kind
+if [ -n "$is_question" ]; then
+    echo "$kind"
+    exit
+fi
 mkdir -p "$(dirname "$folder")"
 folder=$(cd "$(dirname "$folder")" && pwd)/$(basename "$folder")
 at=${at:-$folder}
-"$interpreter" -m venv "$folder" || die "$interpreter cannot make a virtual environment (Debian: python3-venv)"
+must_have_space "$(dirname "$folder")" 400
+must_have_space "${TMPDIR:-/tmp}" 200 ', or set TMPDIR to another folder'
+trap leave_nothing_half_made EXIT
+work=$(mktemp -d)
+"$interpreter" -c 'import venv, ensurepip' 2>/dev/null \
+    || die "$interpreter cannot make a virtual environment (Debian: apt install python3-venv)"
+must "$interpreter" -m venv "$folder"
+must_have_new_pip
 sed -i '/^command = /d' "$folder/pyvenv.cfg"
 install_packages
 keep_one_command
 share
 find "$folder" -name __pycache__ -prune -exec rm -rf {} +
 compile_all
+is_whole=1

@@ -17,7 +17,9 @@ usage: install.sh [options] install | uninstall | rollback | status
 
   --wheel FILE        install this wheel and not the checkout
   --from DIR          install the checkout in DIR and not the one that this script stands in
-  --compiled          compile the hot path; needs a C compiler and the headers of Python (gcc, python3-dev)
+  --compiled          fail where the hot path cannot be compiled. By default it is compiled where there is a C compiler
+                      and Python.h (Debian: gcc, python3-dev), and installed as Python where not
+  --pure              compile nothing
   --find-links DIR    take packages from this folder, and none from an index: for machines without a network
   --python PYTHON     Python 3.11 or newer; default: Debian's python3, if it is new enough
   --enable            start the services with the machine from now on (not now: that is systemctl start)
@@ -30,9 +32,8 @@ TEXT
 }
 
 readonly NAME=pitch-gateway
-readonly SPACE_KB=400000 # of the new release while it is made; the old one stays
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-command='' root='' wheel='' from=$here python='' is_compiled='' is_enabled='' is_purge='' is_yes='' is_dry='' has_changed=''
+command='' root='' wheel='' from=$here python='' kind='' is_enabled='' is_purge='' is_yes='' is_dry='' has_changed=''
 links=()
 
 say() { echo "$*"; }
@@ -49,7 +50,10 @@ while [ $# -gt 0 ]; do
         --from) needs_value $# "$1"; from=$2; shift ;;
         --python) needs_value $# "$1"; python=$2; shift ;;
         --find-links) needs_value $# "$1"; links+=(--find-links "$2"); shift ;;
-        --compiled) is_compiled=1 ;;
+        --compiled | --pure)
+            [ -z "$kind" ] || [ "$kind" = "${1#--}" ] || die "--compiled or --pure, not both"
+            kind=${1#--}
+            ;;
         --enable) is_enabled=1 ;;
         --purge) is_purge=1 ;;
         --yes) is_yes=1 ;;
@@ -93,8 +97,15 @@ must_not_be_packaged() {
         || die "$CURRENT is no link that install.sh made; move it away first"
 }
 
+# Newest first.
+claimed_pythons() {
+    grep -o 'Programming Language :: Python :: 3\.[0-9]*' "$here/pyproject.toml" | sed 's/.* //' | sort -rV
+}
+
 find_python() {
-    local candidate candidates=(/usr/bin/python3 /usr/bin/python3.13 /usr/bin/python3.12 /usr/bin/python3.11 python3)
+    local candidate candidates=(/usr/bin/python3) too_old=''
+    for candidate in $(claimed_pythons); do candidates+=("/usr/bin/python$candidate"); done
+    candidates+=(python3)
     [ -z "$python" ] || candidates=("$python")
     for candidate in "${candidates[@]}"; do
         if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
@@ -105,7 +116,11 @@ find_python() {
                 || die "$python has no venv or pip (Debian: apt install python3-venv)"
             return
         fi
+        [ -n "$too_old" ] || too_old=$("$candidate" -c \
+            'import platform, sys; print(sys.executable, "is Python", platform.python_version())' 2>/dev/null) || true
     done
+    [ -z "$too_old" ] || die "needs Python 3.11 or newer, and $too_old: name a newer one with --python, or install" \
+        "on a newer system (Debian 12 has 3.11)"
     die "needs Python 3.11 or newer; ${python:-none} was found (Debian: apt install python3 python3-venv;" \
         "or name one with --python)"
 }
@@ -131,7 +146,8 @@ wanted_origin() {
     fi
     say "version $version"
     say "source $source"
-    say "compiled ${is_compiled:-0}"
+    say "packages $(sha256sum < "$from/deploy/requirements.txt" | cut -d' ' -f1)"
+    say "kind $kind"
     say "python $(real_python) $("$python" -c 'import platform; print(platform.python_version())')"
 }
 
@@ -145,13 +161,6 @@ digest_of_checkout() {
         find "${parts[@]}" -type f ! -path '*/__pycache__/*' ! -name '*.so' -print0 | LC_ALL=C sort -z \
             | xargs -0 sha256sum | sha256sum | cut -d' ' -f1
     )
-}
-
-must_have_space() {
-    local free
-    free=$(df -Pk "$root/opt" | awk 'NR == 2 { print $4 }')
-    [ "$free" -ge $SPACE_KB ] || die "$root/opt has $((free / 1000)) MB free, and the new release needs" \
-        "$((SPACE_KB / 1000)) MB while it is made; nothing was changed"
 }
 
 # Makes the link stand for another release; at any moment it stands for one or the other.
@@ -183,6 +192,7 @@ do_install() {
     [ -z "$wheel" ] || [ -f "$wheel" ] || die "--wheel: there is no file $wheel"
     find_python
     local wanted now before release
+    kind=$(environment --kind) || exit 1
     wanted=$(wanted_origin)
     now=$(origin $CURRENT)
     before=$(release_of $CURRENT)
@@ -214,18 +224,19 @@ do_install() {
     [ -e "$root$ETC/gateway.toml" ] || say "there is no $ETC/gateway.toml yet: cd $ETC && $NAME init"
 }
 
+environment() {
+    case $kind in compiled | pure) set -- "--$kind" "$@" ;; esac
+    "$from/deploy/environment.sh" --python "$python" ${wheel:+--wheel "$wheel"} "$@"
+}
+
 # Nothing leads to it before it is whole; what went wrong leaves no trace.
 make_release() {
     local release=$1 wanted=$2
     folder="$root/opt/$release"
     mkdir -p "$root/opt"
-    must_have_space
     mkdir -p "$root$RELEASES"
     trap 'rm -rf "$folder"; say "install.sh: nothing was changed" >&2' EXIT # $folder is no local one for this
-    "$from/deploy/environment.sh" --python "$python" --at "/opt/$release" "${links[@]}" \
-        ${is_compiled:+--compiled} ${wheel:+--wheel "$wheel"} "$folder" \
-        || die "the environment could not be made; what is said above is the reason. Without a network:" \
-            "--find-links DIR with all packages, and --wheel"
+    environment --at "/opt/$release" "${links[@]}" "$folder" || exit 1
     printf '%s\n' "$wanted" > "$folder/share/$NAME/origin"
     "$folder/bin/python3" "$folder/bin/$NAME" --version >/dev/null || die "the new release does not start"
     sync -f "$folder" # a machine is switched off as soon as this says that it is done

@@ -3,4 +3,4 @@
 Layers and their rules are in ``docs/architecture.md``; import-linter checks them.
 """
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"

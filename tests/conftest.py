@@ -1,9 +1,12 @@
 """What every test needs."""
 
+import gc
 import signal
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from tests import needs
 
 # How long an example takes says how busy the machine is; what is fast enough is the business of `bench/`.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -12,6 +15,33 @@ settings.load_profile("any machine")
 # A shell that starts us in the background, as some CI runners do, has us ignore SIGINT, and so would every
 # program that a test starts: Ctrl-C would then go unheard.  With Python's own handler here, they hear it.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(needs)
+
+
+def _take_out_of_collections() -> None:
+    """Spare the garbage collections of a test the thousands of tests that were collected.
+
+    Only what lately came is looked through first, which is where a test leaves its rings.
+    """
+    gc.collect(1)
+    gc.freeze()
+
+
+def pytest_collection_finish() -> None:
+    _take_out_of_collections()
+
+
+def pytest_runtest_logfinish() -> None:
+    if gc.get_freeze_count() == 0:  # a relay in this process puts all of it back at its end
+        _take_out_of_collections()
+
+
+def pytest_sessionfinish() -> None:
+    gc.unfreeze()
+
 
 FIRST = ("tests/package/", "tests/measure/", "tests/service/")
 """Minutes for each file: begun last, one worker would have them while the others have nothing to do."""

@@ -2,18 +2,28 @@
 
 Copies the package ``gateway`` into FOLDER and compiles it there: a compiled module stands beside its source
 and is imported instead of it. The checkout itself is never touched, so that what is edited is what runs.
-``--only-c`` stops at the generated C: enough to see that the sources can be compiled.
-
-Needs mypy, setuptools, a C compiler and the headers of Python (Debian: gcc, python3-dev).
+``--only-c`` stops at the generated C: enough to see that the sources can be compiled. ``--needs`` prints the
+packages that the compiling needs, as pyproject.toml declares them; ``--missing`` what this machine lacks for
+it, nothing where it has all: a C compiler and the headers of Python (Debian: gcc, python3-dev).
 """
 
 import argparse
+import ast
 import os
+import re
+import shlex
 import shutil
+import subprocess
 import sys
+import sysconfig
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parent.parent
+COMPILERS = ("mypy", "setuptools")
+"""What compiles; their versions are those of the development tools."""
 PATTERNS = (
     "compensation/*.py",
     "exchange/*.py",
@@ -46,11 +56,93 @@ def modules(package: Path) -> list[str]:
     return sorted(str(path.relative_to(package.parent)) for path in found - plain)
 
 
+def needs() -> list[str]:
+    """Return the requirements of pyproject.toml that the compiling takes.
+
+    mypy reads the types of whatever the compiled modules import, and what these import: without one of these
+    packages it finds errors where there are none.
+    """
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    declared = {}
+    for requirement in (*project["optional-dependencies"]["dev"], *project["dependencies"]):
+        name = re.match(r"[\w.-]+", requirement)
+        assert name is not None, requirement
+        declared[re.sub(r"[-_.]+", "_", name[0]).lower()] = requirement
+    wanted = {*COMPILERS, *imported_packages(modules(ROOT / "gateway"))}
+    unknown = sorted(wanted - set(declared))
+    if unknown:
+        raise SystemExit(
+            f"pyproject.toml: no dependency is called {', '.join(unknown)}, which {__file__} needs"
+        )
+    return [declared[name] for name in sorted(wanted)]
+
+
+def imported_packages(files: list[str]) -> set[str]:
+    """Return the packages of others that modules import, and the modules of ours that these import."""
+    found: set[str] = set()
+    seen: set[str] = set()
+    left = list(files)
+    while left:
+        file = left.pop()
+        if file in seen:
+            continue
+        seen.add(file)
+        for name in imports(ROOT / file):
+            first = name.partition(".")[0]
+            if first == "gateway":
+                left.extend(files_of(name))
+            elif first not in sys.stdlib_module_names:
+                found.add(first)
+    return found
+
+
+def imports(file: Path) -> Iterator[str]:
+    """Yield each name that a file imports, in full; what it takes from a module may be one itself."""
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def files_of(name: str) -> Iterator[str]:
+    """Yield the files, relative to the checkout, that an import of this name reads."""
+    parts = name.split(".")
+    for length in range(1, len(parts) + 1):
+        path = Path(*parts[:length])
+        for file in (path / "__init__.py", path.with_suffix(".py")):
+            if (ROOT / file).is_file():
+                yield str(file)
+
+
+def missing() -> str:
+    """Return what this machine lacks to compile for this Python, "" where it lacks nothing."""
+    compiler = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
+    if shutil.which(compiler[0]) is None:
+        return f"there is no C compiler ({compiler[0]}; Debian: apt install gcc python3-dev)"
+    folders = [sysconfig.get_path("include"), sysconfig.get_path("platinclude")]
+    if not any(Path(folder, "Python.h").is_file() for folder in folders):
+        return f"there is no {folders[0]}/Python.h (Debian: apt install python3-dev)"
+    tried = [*compiler, *(f"-I{folder}" for folder in folders), "-fsyntax-only", "-x", "c", "-"]
+    done = subprocess.run(tried, input="#include <Python.h>\n", capture_output=True, text=True, check=False)
+    return f"the C compiler cannot read Python.h: {first_error(done.stderr)}" if done.returncode else ""
+
+
+def first_error(output: str) -> str:
+    """Return the line of what mypy or a C compiler said that is the first to call itself an error."""
+    lines = [line.strip() for line in output.splitlines() if line.strip()]
+    errors = (line for line in lines if re.search(r"\b([Ff]atal error|[Ee]rror): |No space left", line))
+    return next(errors, lines[-1] if lines else "it said nothing")
+
+
 def compile_in(folder: Path, *, is_only_c: bool) -> None:
-    """Compile the copy of the package in a folder."""
+    """Compile a copy of the package in a folder, which must be empty."""
     from mypyc.build import mypycify
     from setuptools import setup
 
+    shutil.copytree(
+        ROOT / "gateway", folder / "gateway", ignore=shutil.ignore_patterns("__pycache__", "*.so")
+    )
     os.chdir(folder)
     # The caller's own settings for mypy have nothing to say here.
     options = ["--config-file=", "--ignore-missing-imports", "--explicit-package-bases"]
@@ -60,20 +152,35 @@ def compile_in(folder: Path, *, is_only_c: bool) -> None:
     if not is_only_c:
         arguments = ["--quiet", "build_ext", "--inplace", "--parallel", str(os.cpu_count() or 1)]
         setup(name="gateway-compiled", ext_modules=extensions, packages=[], script_args=arguments)
-    shutil.rmtree("build")
+    for made in ("build", ".mypy_cache"):
+        shutil.rmtree(made)
 
 
 def main() -> None:
     """Do what the command line says."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("folder", type=Path, help="where the compiled package goes; must not hold one")
+    parser.add_argument(
+        "folder", type=Path, nargs="?", help="where the compiled package goes; must not hold one"
+    )
     parser.add_argument("--only-c", action="store_true", help="stop at the generated C")
+    parser.add_argument("--needs", action="store_true", help="print the packages that the compiling needs")
+    parser.add_argument("--missing", action="store_true", help="print what this machine lacks for it")
     options = parser.parse_args()
-    target: Path = options.folder.resolve() / "gateway"
-    if target.exists():
-        sys.exit(f"{target} exists; remove it or name another folder")
-    shutil.copytree(ROOT / "gateway", target, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
-    compile_in(options.folder.resolve(), is_only_c=options.only_c)
+    if options.needs or options.missing:
+        print("\n".join(needs()) if options.needs else missing())
+        return
+    if options.folder is None:
+        parser.error("which folder?")
+    folder: Path = options.folder.resolve()
+    if (folder / "gateway").exists():
+        sys.exit(f"{folder / 'gateway'} exists; remove it or name another folder")
+    if not options.only_c and (lacking := missing()):
+        sys.exit(lacking)
+    folder.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=folder) as work:
+        compile_in(Path(work), is_only_c=options.only_c)
+        for made in Path(work).iterdir():
+            made.rename(folder / made.name)
 
 
 if __name__ == "__main__":

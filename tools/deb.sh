@@ -1,14 +1,19 @@
 #!/usr/bin/env bash
-# Builds the Debian package into dist/ (make deb). With COMPILED=1 the hot path in it is machine code.
+# Builds the Debian package for the Debian that runs it, into dist/ (make deb); COMPILED=0: without compiling.
+# `make release` runs it in a bare Debian of each release that there is a package for.
 #
 # debhelper makes the package, and deploy/environment.sh what is in it. dh-virtualenv, which would do both, has had no
 # release since Python 3.11 came out.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+umask 022
 
 PATH="$PATH:/usr/sbin:/sbin"
+needed=(build-essential debhelper fakeroot python3-venv)
+[ "${COMPILED:=1}" = 0 ] || needed+=(python3-dev)
+export COMPILED
 missing=()
-for package in debhelper dpkg-dev fakeroot python3-venv; do
+for package in "${needed[@]}"; do
     [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true)" = installed ] || missing+=("$package")
 done
 if [ "${#missing[@]}" != 0 ]; then
@@ -21,8 +26,17 @@ if [ "${#missing[@]}" != 0 ]; then
     DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
 
-version=$(sed -n 's/^__version__ = "\(.*\)"$/\1/p' gateway/__init__.py)
-tree=build/deb/pitch-gateway-$version
+# 1.0.0+deb12u1, as Debian names its own updates: a package is for one Debian, for it brings wheels for its Python, and
+# that of the next Debian is newer. `~` would do the same, but hosts of files change it in names.
+system=$(. /etc/os-release && echo "$ID${VERSION_ID:-}")
+if [[ ! $system =~ [0-9]$ ]]; then
+    echo "/etc/os-release does not say which release of $system this is: build on a stable one, or let make release" \
+        "build for each" >&2
+    exit 1
+fi
+release=$(sed -n 's/^__version__ = "\(.*\)"$/\1/p' gateway/__init__.py)
+version=$release+${system/#debian/deb}u1
+tree=build/deb/pitch-gateway-$release
 rm -rf build/deb
 mkdir -p "$tree" dist
 for part in gateway deploy docs systemd tools pyproject.toml README.md LICENSE; do
@@ -47,6 +61,5 @@ export SOURCE_DATE_EPOCH
     tail -40 build/deb/log >&2
     exit 1
 }
-rm -f dist/pitch-gateway_*.deb
 cp build/deb/pitch-gateway_*.deb dist/
-ls dist/pitch-gateway_*.deb
+(cd build/deb && ls pitch-gateway_*.deb) | sed 's,^,dist/,'

@@ -108,6 +108,15 @@ def drives() -> str:
     return "".join(f"{line}\n" for line in markdown_lines())
 
 
+def decisions() -> str:
+    """Return every decision, with its title."""
+    titles = {
+        path.name: path.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+        for path in sorted((DOCUMENTS / "decisions").glob("0*.md"))
+    }
+    return "".join(f"- [{title}]({name})\n" for name, title in titles.items())
+
+
 PARTS: Final = {
     "events": events,
     "troubles": troubles,
@@ -116,12 +125,13 @@ PARTS: Final = {
     "starts": starts,
     "exit codes": exit_codes,
     "drives": drives,
+    "decisions": decisions,
 }
 
 
 def documents() -> Mapping[Path, str]:
     """Return every document as it has to be."""
-    return {path: filled(path.read_text(encoding="utf-8"), part) for path in sorted(DOCUMENTS.glob("*.md"))}
+    return {path: filled(path.read_text(encoding="utf-8"), part) for path in sorted(DOCUMENTS.rglob("*.md"))}
 
 
 def main() -> int:

@@ -18,6 +18,7 @@ from gateway.simulator.wire import Lane
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.stopping import all_made, stop_serving
+from gateway.transport.tcp import is_no_address_here
 
 GATEWAY_TARGET_FAILED: Final = 0x0B
 """What a TCP device answers for a unit id that nobody has (Modbus application protocol V1.1b3, section 7)."""
@@ -260,11 +261,11 @@ class _MbapConnection(_Connection):
 
 def _why(error: OSError) -> str:
     """Why an address cannot be listened on, and what to do about it."""
+    if is_no_address_here(error):
+        return "not an address of this machine; give the drives one that is, such as 127.0.0.1"
     match error.errno:
         case errno.EADDRINUSE:
             return "the port is in use; stop what uses it or give the drives another one"
         case errno.EACCES:
             return "no permission; give the drives a port above 1023"
-        case errno.EADDRNOTAVAIL:
-            return "not an address of this machine; give the drives one that is, such as 127.0.0.1"
     return f"{error.strerror or error}; give the drives an address of this machine, such as 127.0.0.1"

@@ -365,6 +365,15 @@ def _tune(connection: socket.socket) -> None:
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, USER_TIMEOUT_MS)
 
 
+def is_no_address_here(error: OSError) -> bool:
+    """Whether listening failed because the machine does not have the address.
+
+    uvloop and asyncio up to Python 3.12 keep the system's number.  asyncio leaves such an address out from
+    Python 3.13 on, and where none is left its error has no number, which no other error here lacks.
+    """
+    return error.errno in (errno.EADDRNOTAVAIL, None)
+
+
 def _why_not_listening(endpoint: TcpEndpoint, error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
         return (
@@ -373,7 +382,7 @@ def _why_not_listening(endpoint: TcpEndpoint, error: OSError) -> str:
         )
     if is_permission(error):
         return "; ".join(no_port(endpoint))
-    if error.errno == errno.EADDRNOTAVAIL:
+    if is_no_address_here(error):
         return f"{endpoint} is no address of this machine; `ip address` lists those it has"
     if isinstance(error, socket.gaierror):
         return f"host name {endpoint.host!r} is not known ({error.strerror}); use an address of this machine"

@@ -16,7 +16,11 @@ def trees(*folders: str) -> list[ast.Module]:
     return [ast.parse(path.read_text()) for path in paths]
 
 
-def said(node: ast.expr | None, function: ast.AST | None, modules: Iterable[ast.AST]) -> Iterator[str]:
+Functions = dict[str, list[ast.FunctionDef]]
+"""Those of the modules that are looked at, by their names."""
+
+
+def said(node: ast.expr | None, function: ast.AST | None, functions: Functions) -> Iterator[str]:
     """Yield every sentence that an expression may be; a name is looked up in its function.
 
     What a call of a function of ours returns is followed; ``str(error)`` is the sentence of another raise.
@@ -24,54 +28,54 @@ def said(node: ast.expr | None, function: ast.AST | None, modules: Iterable[ast.
     if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value:
         yield node.value
     elif isinstance(node, ast.JoinedStr):
-        yield "".join(_part(part, function, modules) for part in node.values)
+        yield "".join(_part(part, function, functions) for part in node.values)
     elif isinstance(node, ast.Tuple):  # what was found, and what to do
-        yield from said(node.elts[0], function, modules)
+        yield from said(node.elts[0], function, functions)
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "join":
-        yield from said(node.args[0], function, modules)
+        yield from said(node.args[0], function, functions)
     elif isinstance(node, ast.Name) and function is not None:
         for inside in ast.walk(function):
             is_it = isinstance(inside, ast.Assign) and getattr(inside.targets[0], "id", "") == node.id
             if isinstance(inside, ast.Assign) and is_it and node.id not in _names(inside.value):
-                yield from said(inside.value, function, modules)
+                yield from said(inside.value, function, functions)
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id != "str":
-        for module in modules:
-            for inside in ast.walk(module):
-                if isinstance(inside, ast.FunctionDef) and inside.name == node.func.id:
-                    yield from returned(inside, modules)
+        for called in functions.get(node.func.id, []):
+            yield from returned(called, functions)
 
 
 def _names(node: ast.AST) -> set[str]:
     return {inside.id for inside in ast.walk(node) if isinstance(inside, ast.Name)}
 
 
-def _part(part: ast.expr, function: ast.AST | None, modules: Iterable[ast.AST]) -> str:
+def _part(part: ast.expr, function: ast.AST | None, functions: Functions) -> str:
     """Return a part of a sentence; … for what is filled in, but where it is always the same sentence."""
     if isinstance(part, ast.FormattedValue):
-        inside = sorted(set(said(part.value, function, modules)))
+        inside = sorted(set(said(part.value, function, functions)))
         return inside[0] if len(inside) == 1 else "…"
     return str(part.value) if isinstance(part, ast.Constant) else "…"
 
 
-def returned(function: ast.AST, modules: Iterable[ast.AST]) -> Iterator[str]:
+def returned(function: ast.AST, functions: Functions) -> Iterator[str]:
     """Yield the sentences that a function may return."""
     for inside in ast.walk(function):
         if isinstance(inside, ast.Return):
-            yield from said(inside.value, function, modules)
+            yield from said(inside.value, function, functions)
 
 
 def raised(modules: Iterable[ast.AST], classes: frozenset[str], argument: int) -> set[str]:
     """Return the sentences with which these classes are made; ``argument`` is the place of the sentence."""
-    modules = list(modules)
+    everything = [node for module in modules for node in ast.walk(module)]
+    functions: Functions = {}
+    for node in everything:
+        if isinstance(node, ast.FunctionDef):
+            functions.setdefault(node.name, []).append(node)
     found: set[str] = set()
-    for module in modules:
-        for function in (
-            node for node in ast.walk(module) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-        ):
+    for function in everything:
+        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             for call in (node for node in ast.walk(function) if isinstance(node, ast.Call)):
                 name = call.func.id if isinstance(call.func, ast.Name) else ""
                 if name in classes and len(call.args) > argument:
-                    found.update(said(call.args[argument], function, modules))
+                    found.update(said(call.args[argument], function, functions))
     return found
 
 

@@ -1,5 +1,6 @@
 """Every command that reads a file that a person names: missing, unreadable, no regular file, too large."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -10,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-NOBODY = 65534
+from tests.lesser import LATE, ROOT, SECONDS, Lesser, lesser
+
 COMMANDS = (
     "check {}",
     "run {}",
@@ -34,8 +35,6 @@ COMMANDS = (
     "table refine {} never.csv out.tab",
     "table evaluate {}",
 )
-SECONDS = 30.0
-"""A command that hangs on what it was given is ended by this, and its test fails."""
 
 
 @pytest.fixture
@@ -47,64 +46,55 @@ def folder() -> Iterator[Path]:
         yield path
 
 
-def refused(command: str, path: Path | str) -> str:
+@pytest.fixture(scope="module")
+def somebody() -> Iterator[Lesser]:
+    with lesser() as somebody:
+        yield somebody
+
+
+def refused(somebody: Lesser, command: str, path: Path | str) -> str:
     """Run a command as somebody whom the kernel refuses things; return its one line on stderr."""
-    code = "from gateway.cli.main import main; main()"
-    if os.geteuid() == 0:  # All imports first: the interpreter may be where only root may look.
-        needed = (
-            "gateway.config.load, gateway.relay.run, gateway.simulator.world, gateway.cli.recordings, "
-            "gateway.relay.readable, gateway.supervisor.tables, gateway.cli.processes"
-        )
-        lesser = f"os.setresuid({NOBODY}, {NOBODY}, 0)"
-        code = f"import os, {needed}; from gateway.cli.main import main; {lesser}; main()"
-    process = subprocess.run(
-        [sys.executable, "-c", code, *command.format(path).split()],
-        capture_output=True,
-        text=True,
-        timeout=SECONDS,
-        check=False,
-        cwd=ROOT,
-    )
-    assert process.returncode == 1, process.stderr
-    assert process.stdout == ""
-    assert process.stderr.count("\n") == 1
-    assert str(path) in process.stderr
-    return process.stderr
+    ended = somebody.run(command, path)
+    assert ended.returncode == 1, ended.stderr
+    assert ended.stdout == ""
+    assert ended.stderr.count("\n") == 1
+    assert str(path) in ended.stderr
+    return ended.stderr
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_file_that_is_not_there_is_bad_input(command: str, folder: Path) -> None:
-    assert "no such file; give the path of" in refused(command, folder / "none")
+def test_a_file_that_is_not_there_is_bad_input(somebody: Lesser, command: str, folder: Path) -> None:
+    assert "no such file; give the path of" in refused(somebody, command, folder / "none")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_file_without_permission_is_bad_input(command: str, folder: Path) -> None:
+def test_a_file_without_permission_is_bad_input(somebody: Lesser, command: str, folder: Path) -> None:
     path = folder / "secret"
     path.write_text("")
     path.chmod(0)
-    assert "may not be read; give this user read permission" in refused(command, path)
+    assert "may not be read; give this user read permission" in refused(somebody, command, path)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_fifo_is_not_waited_for(command: str, folder: Path) -> None:
+def test_a_fifo_is_not_waited_for(somebody: Lesser, command: str, folder: Path) -> None:
     path = folder / "fifo"
     os.mkfifo(path, 0o666)
-    assert "a FIFO, not a regular file; give the path of" in refused(command, path)
+    assert "a FIFO, not a regular file; give the path of" in refused(somebody, command, path)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_device_is_not_read(command: str) -> None:
-    assert "a device, not a regular file; give the path of" in refused(command, "/dev/zero")
+def test_a_device_is_not_read(somebody: Lesser, command: str) -> None:
+    assert "a device, not a regular file; give the path of" in refused(somebody, command, "/dev/zero")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_file_of_gigabytes_is_refused_with_the_limit(command: str, folder: Path) -> None:
+def test_a_file_of_gigabytes_is_refused_with_the_limit(somebody: Lesser, command: str, folder: Path) -> None:
     path = folder / "huge"
     path.write_bytes(b"")
     os.truncate(path, 8 * 1024**3)  # a hole: it takes no room
     limits = {"table": 16 * 1024**2, "replay": 64_000_000}
     limit = limits.get(command.split(maxsplit=1)[0], 4_000_000)
-    assert f"more than {limit} bytes" in refused(command, path)
+    assert f"more than {limit} bytes" in refused(somebody, command, path)
 
 
 @pytest.mark.parametrize("kind", ["fifo", "device", "large"])
@@ -134,3 +124,16 @@ def test_a_table_that_a_configuration_names_is_no_other_kind_of_file(kind: str, 
     assert process.returncode == 1
     assert said in process.stderr
     assert str(table) in process.stderr
+
+
+@pytest.mark.parametrize(
+    ("late", "event"),
+    [("import wave", "import of wave"), ("open(json.__file__)", f"open of {json.__file__}")],
+)
+def test_what_another_user_may_not_be_able_to_read_ends_a_command(late: str, event: str) -> None:
+    code = f"import json; from tests.lesser import become_lesser; become_lesser(); {late}"
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS, check=False, cwd=ROOT
+    )
+    assert process.returncode == LATE
+    assert process.stderr == (f"{event} by a user who may not be able to enter its folder: do it before\n")

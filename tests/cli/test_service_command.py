@@ -2,8 +2,6 @@
 
 import json
 import os
-import subprocess
-import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +12,7 @@ from typer.testing import CliRunner
 from gateway.cli.main import app
 from gateway.config.load import load
 from gateway.config.service_units import drop_ins
+from tests.lesser import lesser
 
 CONFIG = """
 [gateway]
@@ -212,11 +211,8 @@ def test_a_state_folder_that_the_units_keep_closed_is_said(tmp_path: Path) -> No
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can be another user")
 def test_init_in_a_folder_that_may_not_be_entered_says_so() -> None:
-    imports = "import os, gateway.cli.draft, gateway.config.values; from gateway.cli.main import main"
-    with tempfile.TemporaryDirectory() as folder:  # of nobody else's; pytest's own are all closed
-        program = f"{imports}; os.setuid(65533); main()"
-        command = [sys.executable, "-c", program, "init", f"{folder}/gateway.toml", "--no-ask"]
-        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    with tempfile.TemporaryDirectory() as folder, lesser() as somebody:  # pytest's own folders are all closed
+        ended = somebody.run("init {} --no-ask", f"{folder}/gateway.toml")
     assert ended.returncode == 1
     assert ended.stderr.startswith(f"{folder}/gateway.toml cannot be written ({folder} is not writable)")
 

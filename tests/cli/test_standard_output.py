@@ -1,6 +1,8 @@
 """Standard output that cannot be written to, as a shell makes it."""
 
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -8,15 +10,21 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-COMMAND = f"{sys.executable} -c 'from gateway.cli.main import main; main()'"
+COMMAND = f"{shlex.quote(sys.executable)} -c 'from gateway.cli.main import main; main()'"
 COMMANDS = (
     "table show tables/centroid-v3/cnc10z.tab",
     "table explain tables/centroid-v3/cnc10z.tab --at -1 --json",
-    "check deploy/gateway.example.toml",
+    "check {folder}/gateway.example.toml",
     "--version",
     "--help",
     "table convert --help",
 )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The examples, where a path is short enough for the sockets that belong to them."""
+    return shutil.copytree(ROOT / "deploy", tmp_path / "deploy")
 
 
 def shell(line: str) -> "subprocess.CompletedProcess[str]":
@@ -35,9 +43,9 @@ def shell(line: str) -> "subprocess.CompletedProcess[str]":
     ("redirection", "reason"), [(">/dev/full", "No space left on device"), (">&-", "Bad file descriptor")]
 )
 def test_output_that_cannot_be_written_is_one_line_and_code_1(
-    arguments: str, redirection: str, reason: str
+    arguments: str, redirection: str, reason: str, folder: Path
 ) -> None:
-    result = shell(f"{COMMAND} {arguments} {redirection}")
+    result = shell(f"{COMMAND} {arguments.format(folder=folder)} {redirection}")
     assert result.returncode == 1
     warnings, last = result.stderr.splitlines()[:-1], result.stderr.splitlines()[-1]
     assert last == f"standard output cannot be written to: {reason}"
@@ -45,11 +53,11 @@ def test_output_that_cannot_be_written_is_one_line_and_code_1(
 
 
 @pytest.mark.parametrize("arguments", COMMANDS)
-def test_a_pipe_that_was_closed_ends_without_words(arguments: str) -> None:
+def test_a_pipe_that_was_closed_ends_without_words(arguments: str, folder: Path) -> None:
     read_end, write_end = os.pipe()
     os.close(read_end)
     result = subprocess.run(
-        ["bash", "-c", f"{COMMAND} {arguments}"],
+        ["bash", "-c", f"{COMMAND} {arguments.format(folder=folder)}"],
         stdout=write_end,
         stderr=subprocess.PIPE,
         text=True,

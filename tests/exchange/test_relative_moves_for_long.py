@@ -1,4 +1,4 @@
-"""100 000 random relative moves, with stops, jogs, homing and power cycles in between (M5)."""
+"""100 000 random relative moves, with stops, jogs, homing and power cycles in between (M5): `make soak`."""
 
 import random
 from dataclasses import dataclass
@@ -20,8 +20,9 @@ from tests.exchange.staged_bench import (
     StagedBench,
     staged_plan,
 )
+from tests.soak import repeated
 
-MOVES = 33_400
+MOVES = repeated(33_400)
 """On each of the three bases."""
 KNOTS = [0.0, 25.0, 50.0, 75.0, 100.0]
 FORWARD = [0.010, 0.060, -0.020, 0.015, 0.080]
@@ -93,7 +94,7 @@ class Walk:
 
 
 @pytest.mark.parametrize("base", BASES, ids=lambda base: base.value)
-def test_m5_nothing_adds_up_over_a_hundred_thousand_relative_moves(base: Action) -> None:
+def test_m5_nothing_adds_up_over_thousands_of_relative_moves(base: Action) -> None:
     table = make_table(KNOTS, FORWARD, BACKWARD, Units.MM)
     triggers = (TriggerPlan(TRIGGER, deeds={**DEEDS, 2: Deed(base)}),)
     motion = MotionPlan(is_staged=True, triggers=triggers)

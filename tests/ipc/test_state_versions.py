@@ -165,7 +165,10 @@ def test_without_a_newer_release_an_unknown_key_is_only_that(config: Path) -> No
     ("release", "is_newer"),
     [("0.0.9", False), ("0.1.0", False), ("0.1.1", True), ("0.10.0", True), ("?", False)],
 )
-def test_releases_are_compared_as_numbers(config: Path, release: str, is_newer: bool) -> None:
+def test_releases_are_compared_as_numbers(
+    config: Path, monkeypatch: pytest.MonkeyPatch, release: str, is_newer: bool
+) -> None:
+    monkeypatch.setattr(gateway, "__version__", "0.1.0")
     mark(config.parent / "state", gateway_version=release)
     assert newer_release(config.parent / "state") == (release if is_newer else "")
 

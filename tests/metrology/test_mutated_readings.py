@@ -13,8 +13,9 @@ from gateway.metrology.formats import parse_survey
 from gateway.metrology.readings import Reading, Survey
 from gateway.tabfile import TabFileError
 from tests.metrology.samples import RTL, TB058_MANUAL
+from tests.soak import repeated
 
-MUTANTS = 10_000
+MUTANTS = repeated(10_000)
 CSV = "# axis: x\ntarget_mm,direction,run,measured_mm\n" + "".join(
     f"{x},{way},{run},{x + 0.001 * run + (0.01 if way == 'backward' else 0):.4f}\n"
     for run in (1, 2)

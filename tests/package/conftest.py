@@ -1,39 +1,74 @@
-"""What the tests of the packages share; each part is made once."""
+"""What the tests of the packages share; each part is made once.
+
+Without more words Debian 12 is tried. ``PACKAGE_TESTS=all`` tries every Debian that there is a package for,
+and makes twice what takes minutes to make; ``PACKAGE_TESTS=0`` leaves out all that needs a bare Debian.
+``PACKAGES`` names a folder with packages that are tried as they are.
+"""
 
 import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.package import bare_debian
-from tests.package.bare_debian import BUILD, ROOT, WHEELS, BareDebian, make_seed, make_wheels, run
+from tools import bare_debian
+from tools.bare_debian import BOOKWORM, ROOT, SUITES, BareDebian, Suite
+from tools.packages import build_package, wheels
+
+ASKED = os.environ.get("PACKAGE_TESTS", "")
+SYSTEMS = ROOT / "build" / "systems"
+EPOCH = 1_795_305_600
+"""2026-11-22 00:00 UTC: the same package, whenever a test builds it."""
 
 
-@pytest.fixture(scope="session")
-def wheel() -> Path:
-    return make_wheels()
-
-
-@pytest.fixture(scope="session")
-def package(wheel: Path) -> Path:
-    """The package, as ``make deb`` builds it, but without the network; or the one that PACKAGE names."""
+@pytest.fixture(scope="session", params=SUITES, ids=[suite.name for suite in SUITES])
+def suite(request: pytest.FixtureRequest) -> Suite:
+    """A release of Debian."""
+    wanted: Suite = request.param
+    if ASKED == "0":
+        pytest.skip("PACKAGE_TESTS=0 leaves it out, because it takes minutes")
+    if wanted != BOOKWORM and ASKED != "all":
+        pytest.skip(f"{wanted} is tried with PACKAGE_TESTS=all (make test-package), because it takes minutes")
     if why := bare_debian.why_not():
         pytest.skip(why)
-    if named := os.environ.get("PACKAGE"):
-        return Path(named)
-    run([str(ROOT / "tools" / "deb.sh")], FIND_LINKS=str(WHEELS), WHEEL=str(wheel))
-    (found,) = (ROOT / "dist").glob("pitch-gateway_*.deb")
+    return wanted
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Our own, for every machine."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
+    subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+    (found,) = folder.glob("*.whl")
     return found
 
 
+@pytest.fixture(scope="session")
+def package(suite: Suite, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The package of a suite, as ``make release`` builds it; or the one in the folder that PACKAGES names."""
+    if named := os.environ.get("PACKAGES"):
+        (found,) = Path(named).glob(f"pitch-gateway_*+deb{suite.number}u*.deb")
+        return found
+    folder = tmp_path_factory.mktemp("package")
+    return build_package(ROOT, suite, SYSTEMS / f"{os.getpid()}-builds", EPOCH, folder)
+
+
 @pytest.fixture
-def debian(request: pytest.FixtureRequest) -> Iterator[BareDebian]:
-    if why := bare_debian.why_not():
-        pytest.skip(why)
-    make_seed()
-    folder = BUILD / "roots" / request.node.name
+def debian(suite: Suite, request: pytest.FixtureRequest) -> Iterator[BareDebian]:
+    """A bare system of that suite, which knows no index of packages."""
+    folder = SYSTEMS / request.node.name
     shutil.rmtree(folder, ignore_errors=True)
-    yield BareDebian(folder)
-    shutil.rmtree(folder, ignore_errors=True)
+    yield BareDebian(folder, suite)
+    shutil.rmtree(folder)
+
+
+@pytest.fixture
+def given_wheels(debian: BareDebian, wheel: Path) -> Path:
+    """The folder in the bare system with all that an installation takes, our own wheel among it."""
+    debian.copy_in(wheels(debian.suite), "wheels")
+    debian.copy_in(wheel, f"wheels/{wheel.name}")
+    return Path("/wheels", wheel.name)

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.package.bare_debian import ROOT, WHEELS, BareDebian
+from gateway import __version__
+from tools.bare_debian import ROOT, BareDebian
 
 CONFIG = """
 [gateway]
@@ -42,7 +43,7 @@ ENTRIES 2
 OWN = ("etc/pitch-gateway", "var/lib/pitch-gateway")
 AS_USER = "setpriv --reuid pitch-gateway --regid pitch-gateway --init-groups --inh-caps=-all"
 
-pytestmark = pytest.mark.timeout(900)
+pytestmark = pytest.mark.timeout(2700)
 
 
 def ends_well(debian: BareDebian) -> None:
@@ -99,6 +100,7 @@ def test_the_package_comes_works_and_goes(debian: BareDebian, package: Path) -> 
     ):
         assert (debian.folder / path).is_file(), path
     ends_well(debian)
+    assert debian.does("pitch-gateway --version") == f"pitch-gateway {__version__} (compiled)\n"
     configure(debian)
 
     debian.does("apt-get remove -y pitch-gateway")
@@ -115,13 +117,12 @@ def test_the_package_comes_works_and_goes(debian: BareDebian, package: Path) -> 
     assert {"etc/pitch-gateway/gateway.toml", "etc/pitch-gateway/tables/x.tab"} <= left
 
 
-def test_the_installer_comes_again_goes_back_and_goes(debian: BareDebian, wheel: Path) -> None:
+def test_the_installer_comes_again_goes_back_and_goes(debian: BareDebian, given_wheels: Path) -> None:
     before = dict(debian.tree())
     for part in ("gateway", "deploy", "tools", "systemd", "pyproject.toml", "README.md", "LICENSE"):
         if (ROOT / part).exists():
             debian.copy_in(ROOT / part, f"src/{part}")
-    debian.copy_in(WHEELS, "wheels")
-    install = f"/src/deploy/install.sh --find-links /wheels --wheel /wheels/{wheel.name}"
+    install = f"/src/deploy/install.sh --find-links /wheels --wheel {given_wheels}"
     said = debian.does(f"umask 077 && {install} install")  # as root has it on hardened machines
     assert "installed: pitch-gateway" in said
     ends_well(debian)
@@ -186,7 +187,7 @@ def test_each_way_of_installing_refuses_the_other(debian: BareDebian, package: P
     assert "apt remove pitch-gateway first" in said
 
 
-def test_the_steps_of_the_image_work(debian: BareDebian, wheel: Path) -> None:
+def test_the_steps_of_the_image_work(debian: BareDebian, given_wheels: Path) -> None:
     """Without a container engine: each RUN of the Dockerfile but apt's, in this Debian."""
     text = (ROOT / "deploy" / "Dockerfile").read_text().replace("\\\n", " ")
     runs = [line.removeprefix("RUN ") for line in text.splitlines() if line.startswith("RUN ")]
@@ -199,7 +200,6 @@ def test_the_steps_of_the_image_work(debian: BareDebian, wheel: Path) -> None:
             debian.copy_in(
                 ROOT / source, inside.lstrip("/") + (Path(source).name if inside.endswith("/") else "")
             )
-    debian.copy_in(WHEELS, "wheels")
     shutil.rmtree(
         debian.folder / "opt" / "pitch-gateway"
     )  # made by the copy of what belongs to the last stage
@@ -207,8 +207,9 @@ def test_the_steps_of_the_image_work(debian: BareDebian, wheel: Path) -> None:
     for step in steps:
         if step.startswith(("apt-get", "rm ")):
             continue  # what is installed here is installed already
-        options = f"--find-links /wheels --wheel /wheels/{wheel.name} "
-        debian.does(step.replace("environment.sh ", f"environment.sh {options}"))
+        # The wheel is what it is; there is no compiler here.
+        options = f"--find-links /wheels --wheel {given_wheels}"
+        debian.does(step.replace("environment.sh --bare --compiled", f"environment.sh --bare {options}"))
     debian.copy_in(ROOT / "deploy/container/healthcheck.py", "opt/pitch-gateway/share/healthcheck.py")
     debian.write("etc/pitch-gateway/gateway.toml", CONFIG)
     debian.write("etc/pitch-gateway/tables/x.tab", TABLE)

@@ -28,8 +28,10 @@ class Echoing:
 async def test_the_own_request_is_taken_out_and_is_no_acknowledgement(bench: "Bench", tools: "Tools") -> None:
     drive, where = await bench.drive("rtu", Echoing())
     assert isinstance(where, SerialEndpoint)
-    link, _ = bench.controller_link("tcp")
-    relay = await bench.relay(replace(where, echo=True), (link,))
+    link, _ = bench.controller_link("tcp", timeout_ms=4000.0)
+    # Time for an echo to come back on a machine that is busy, also after a broadcast, which has no reply.
+    timing = replace(tools.timing, response_timeout_ms=2000.0, turnaround_ms=500.0)
+    relay = await bench.relay(replace(where, echo=True), (link,), timing=timing)
     await tools.until_up(relay)
     controller = await bench.connect(relay.address("line", "cnc"))
     for number in range(3):

@@ -13,6 +13,7 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, ErrorSense, WriteOptions, dialect_named, parse_table
 from gateway.tabfile.resampling import resample
+from tests.soak import repeated
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +125,7 @@ def on_grid_for(table: CorrectionTable, name: str, step: float) -> tuple[Correct
 
 @pytest.mark.parametrize(("one", "other"), PAIRS)
 def test_a_table_goes_from_one_dialect_into_the_other_and_back(one: str, other: str) -> None:
-    @settings(max_examples=10)
+    @settings(max_examples=repeated(30))
     @given(tables((one, other)))
     def check(table: CorrectionTable) -> None:
         assume(table.max_correction() > 0)

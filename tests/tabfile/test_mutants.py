@@ -1,4 +1,4 @@
-"""10 000 damaged copies of a file of each dialect: an error, an equal table, or nothing in silence."""
+"""Damaged copies of a file of each dialect, 10 000 in `make soak`: an error, or no other table in silence."""
 
 from collections import Counter
 from dataclasses import replace
@@ -6,10 +6,11 @@ from dataclasses import replace
 import pytest
 
 from gateway.tabfile import DIALECTS, parse_table
+from tests.soak import repeated
 from tests.tabfile.mutants import Judge, Meaning, Mutant, Sample, meaning_of, mutants
 from tests.tabfile.samples import SAMPLES
 
-COUNT = 10_000
+COUNT = repeated(10_000)
 
 
 def names(sample: Sample) -> str:

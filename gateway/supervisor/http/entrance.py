@@ -2,7 +2,7 @@
 
 import json
 
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
 from gateway.supervisor.http.access import Access, Visitor, peer_of
@@ -34,6 +34,8 @@ class Entrance:
             asked = json.loads(await request.body())
         except (ValueError, RecursionError):
             asked = None
+        except ClientDisconnect:
+            return problem(400, "the connection was closed before the body was whole")
         if not isinstance(asked, dict) or asked.keys() != {"token"} or not isinstance(asked["token"], str):
             return problem(400, 'send {"token": "…"}, and nothing else')
         found = self._access.try_token(asked["token"].strip(), peer_of(request.scope))

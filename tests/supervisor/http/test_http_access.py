@@ -114,6 +114,17 @@ async def test_a_session_is_opened_for_a_token_and_closed(tmp_path: Path) -> Non
         assert (await visitor.ask("/status", shown)).status == 401
 
 
+async def test_a_login_that_is_broken_off_is_no_mistake_of_ours(tmp_path: Path) -> None:
+    async with asking(tmp_path) as visitor:
+        line = await visitor.connect()
+        head = "POST /login HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+        await line.say(f"{head}Content-Length: 61\r\n\r\n{{")
+        line.close()
+        await until(lambda: visitor.served.connections() == 0)
+        assert (await visitor.log_in()).status == 200
+        assert visitor.events("http-failed") == []
+
+
 async def test_two_logins_are_two_sessions(tmp_path: Path) -> None:
     async with asking(tmp_path) as visitor:
         one, other = await visitor.cookie(), await visitor.cookie()

@@ -1,18 +1,23 @@
-"""A bare Debian 12 in a folder, to install packages in. Needs root, mmdebstrap and, once, a network."""
+"""A bare Debian in a folder, to build packages and to install them in.
 
+Needs root, mmdebstrap and, once, a network.
+"""
+
+import hashlib
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-BUILD = ROOT / "build" / "package-tests"
-SEED = BUILD / "bookworm.tar"
-WHEELS = BUILD / "wheels"
-INCLUDED = "python3,python3-venv,systemd,udev"
-"""What the package needs, so that nothing but the package itself comes and goes in a test."""
+ROOT = Path(__file__).resolve().parents[1]
+KEPT = ROOT / "build" / "kept"
+"""What was fetched and is kept for the next time: an archive of each bare Debian, and wheels."""
+INSTALLED = ("python3", "python3-venv", "systemd", "udev")
+"""What the package needs, so that nothing but the package itself comes and goes where it is installed."""
+BUILDING = ("python3-venv", "python3-dev", "build-essential", "debhelper", "fakeroot")
+"""What building it needs."""
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 ENTER = """
 set -e
@@ -25,6 +30,7 @@ mkdir "$0/dev/pts" "$0/dev/shm"
 mount -t devpts -o newinstance,ptmxmode=666 devpts "$0/dev/pts"
 ln -s pts/ptmx "$0/dev/ptmx"
 ln -s /proc/self/fd "$0/dev/fd"
+umask 022
 exec chroot "$0" "$@"
 """
 """What a program needs of /proc and /dev, in namespaces that end with it."""
@@ -45,67 +51,101 @@ LEFT_FILES = {"etc/passwd-", "etc/group-", "etc/shadow-", "etc/gshadow-", "etc/.
 """What every package leaves: the records of dpkg, and copies of the lists of users."""
 
 
+@dataclass(frozen=True)
+class Suite:
+    """A release of Debian, with the Python and the C library that it brings."""
+
+    name: str
+    number: int
+    python: str
+    glibc_minor: int
+
+    def __str__(self) -> str:
+        """Name it as people do."""
+        return f"Debian {self.number}"
+
+
+BOOKWORM = Suite("bookworm", 12, "3.11", 36)
+TRIXIE = Suite("trixie", 13, "3.13", 41)
+SUITES = (BOOKWORM, TRIXIE)
+"""Those that there is a package for."""
+
+
+class FailedError(Exception):
+    """A program did not do what it was started for; the text is what it said."""
+
+
 def why_not() -> str:
     """Return why there can be no bare Debian here, "" where there can."""
-    if os.environ.get("PACKAGE_TESTS", "") == "0":
-        return "PACKAGE_TESTS=0 leaves it out, because it takes minutes"
     if os.geteuid() != 0:
         return "only root can make a bare Debian and enter it"
-    missing = [name for name in ("mmdebstrap", "unshare", "dpkg-deb") if shutil.which(name) is None]
+    missing = [name for name in ("mmdebstrap", "unshare") if shutil.which(name) is None]
     if missing:
-        return f"missing: {', '.join(missing)} (Debian: apt-get install mmdebstrap)"
-    tried = subprocess.run(["unshare", "--mount", "--pid", "--fork", "sh", "-c", TRIED], check=False)
+        return f"missing: {', '.join(missing)} (Debian: apt-get install mmdebstrap util-linux)"
+    command = ["unshare", "--mount", "--pid", "--fork", "sh", "-c", TRIED]
+    tried = subprocess.run(command, check=False)
     return "" if tried.returncode == 0 else "this root may not mount or make devices, as in most containers"
 
 
-def make_seed() -> None:
-    """Make the archive that every test unpacks; kept for the next run."""
-    BUILD.mkdir(parents=True, exist_ok=True)
-    if not SEED.exists():
-        part = BUILD / "part.tar"
-        run(["mmdebstrap", "--quiet", "--variant=minbase", f"--include={INCLUDED}", "bookworm", str(part)])
-        part.rename(SEED)
-
-
-def make_wheels() -> Path:
-    """Fetch everything that an installation needs, and later needs no network; returns our own wheel."""
-    for old in WHEELS.glob("pitch_gateway-*.whl"):
-        old.unlink()
-    run([sys.executable, "-m", "pip", "wheel", "--quiet", "--wheel-dir", str(WHEELS), f"{ROOT}[uvloop]"])
-    (wheel,) = WHEELS.glob("pitch_gateway-*.whl")
-    return wheel
-
-
 def run(command: list[str], **environment: str) -> str:
-    """Run a program to its end; returns what it said.
+    """Run a program to its end; returns what it said on either stream.
 
     Raises:
-        AssertionError: it failed; with what it said.
+        FailedError: it ended with another code than 0.
     """
     done = subprocess.run(
         command,
+        stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         check=False,
         env={**os.environ, **environment},
     )
-    assert done.returncode == 0, f"{command}: {done.returncode}\n{done.stdout}"
+    if done.returncode:
+        raise FailedError(f"{' '.join(command)}: exit code {done.returncode}\n{done.stdout}")
     return done.stdout
+
+
+def seed(suite: Suite, packages: tuple[str, ...]) -> Path:
+    """Return the archive of a bare Debian with some packages; it is made once and kept.
+
+    Raises:
+        FailedError: it could not be made.
+    """
+    purpose = {INSTALLED: "installed", BUILDING: "building"}[packages]
+    asked = hashlib.sha256(" ".join(packages).encode()).hexdigest()[:8]
+    archive = KEPT / f"{suite.name}-{purpose}-{asked}.tar"
+    if not archive.exists():
+        KEPT.mkdir(parents=True, exist_ok=True)
+        part = KEPT / f"{os.getpid()}.tar"
+        include = f"--include={','.join(packages)}"
+        try:
+            run(["mmdebstrap", "--quiet", "--variant=minbase", include, suite.name, str(part)])
+            part.rename(archive)
+        finally:
+            part.unlink(missing_ok=True)
+    return archive
 
 
 class BareDebian:
     """One unpacked system."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, suite: Suite, packages: tuple[str, ...] = INSTALLED) -> None:
         self.folder = folder
+        self.suite = suite
+        archive = seed(suite, packages)
         folder.mkdir(parents=True)
-        run(["tar", "--extract", "--file", str(SEED), "--directory", str(folder), "--exclude=./dev/*"])
+        run(["tar", "--extract", "--file", str(archive), "--directory", str(folder), "--exclude=./dev/*"])
         (folder / "dev").mkdir(exist_ok=True)
         (folder / "opt" / "of-others").mkdir(parents=True)  # dpkg takes a folder away that is empty then
 
     def does(self, command: str, expected: int = 0) -> str:
-        """Run a line of shell in it, as root; returns what it said on either stream."""
+        """Run a line of shell in it, as root; returns what it said on either stream.
+
+        Raises:
+            FailedError: it ended with another code than expected.
+        """
         enter = ["unshare", "--mount", "--pid", "--fork", "--kill-child", "sh", "-c", ENTER, str(self.folder)]
         environment = ["/usr/bin/env", "-i", f"PATH={PATH}", "LC_ALL=C.UTF-8", "HOME=/root"]
         done = subprocess.run(
@@ -116,7 +156,8 @@ class BareDebian:
             text=True,
             check=False,
         )
-        assert done.returncode == expected, f"{command}: {done.returncode}\n{done.stdout}"
+        if done.returncode != expected:
+            raise FailedError(f"in {self.suite}: {command}: exit code {done.returncode}\n{done.stdout}")
         return done.stdout
 
     def copy_in(self, source: Path, name: str) -> None:

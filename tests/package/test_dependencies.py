@@ -1,0 +1,184 @@
+"""What the project stands on: bounds that have a reason, pins that hold what pyproject.toml asks for."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from tools import audit, lock
+
+ROOT = Path(__file__).parents[2]
+PYPROJECT = (ROOT / "pyproject.toml").read_text()
+RUN, BUILD, RELEASE = ROOT / lock.RUN, ROOT / lock.BUILD, ROOT / lock.RELEASE
+PYTHONS = ("3.11", "3.12", "3.13", "3.14")
+MACHINES = ("x86_64", "aarch64")
+
+
+def declared(text: str) -> list[str]:
+    """Every requirement of a pyproject.toml."""
+    parsed = tomllib.loads(text)
+    extras = parsed["project"].get("optional-dependencies", {}).values()
+    build = parsed.get("build-system", {}).get("requires", [])
+    return [*build, *parsed["project"]["dependencies"], *(each for extra in extras for each in extra)]
+
+
+def caps_without_reason(text: str) -> list[str]:
+    """The requirements that keep newer versions out, and have no comment in their line or the one above."""
+    lines = text.splitlines()
+    found = []
+    for requirement in declared(text):
+        operators = {each.operator for each in Requirement(requirement).specifier}
+        if operators <= {">=", ">", "!="}:
+            continue
+        at = next(number for number, line in enumerate(lines) if f'"{requirement}"' in line)
+        if "#" not in lines[at] and not lines[at - 1].lstrip().startswith("#"):
+            found.append(requirement)
+    return found
+
+
+def test_every_upper_bound_has_its_reason_beside_it() -> None:
+    assert caps_without_reason(PYPROJECT) == []
+
+
+@pytest.mark.parametrize(
+    ("lines", "found"),
+    [
+        ('"a>=1",', []),
+        ('"a>=1,<2",', ["a>=1,<2"]),
+        ('# a 2 renames b\n"a>=1,<2",', []),
+        ('"a>=1,<2", # a 2 renames b', []),
+        ('"a==1.5",', ["a==1.5"]),
+        ('"a~=1.5",', ["a~=1.5"]),
+        ('# a 2 renames b\n"a>=1,<2",\n"c<3",', ["c<3"]),
+    ],
+)
+def test_a_bound_without_a_reason_is_found(lines: str, found: list[str]) -> None:
+    assert caps_without_reason(f"[project]\ndependencies = [\n{lines}\n]\n") == found
+
+
+def test_no_wheel_of_cryptography_with_the_hole_of_its_openssl_is_let_in() -> None:
+    (cryptography,) = (each for each in map(Requirement, declared(PYPROJECT)) if each.name == "cryptography")
+    assert not cryptography.specifier.contains("48.0.0")  # GHSA-537c-gmf6-5ccf: mended in 48.0.1
+    assert cryptography.specifier.contains("48.0.1")
+
+
+def pins(path: Path) -> dict[str, tuple[Requirement, list[str]]]:
+    """Each pinned package with its hashes."""
+    text = re.sub(r"^ *#.*\n", "", path.read_text(), flags=re.MULTILINE).replace("\\\n", " ")
+    found: dict[str, tuple[Requirement, list[str]]] = {}
+    for line in filter(str.strip, text.splitlines()):
+        words, *hashes = re.split(r" +--hash=", line.strip())
+        requirement = Requirement(words)
+        found[canonicalize_name(requirement.name)] = (requirement, [each.strip() for each in hashes])
+    return found
+
+
+@pytest.mark.parametrize("path", [RUN, BUILD, RELEASE], ids=lambda path: path.name)
+def test_each_package_is_pinned_with_hashes_and_without_an_address(path: Path) -> None:
+    text = path.read_text()
+    for word in (
+        "://",
+        "--index",
+        "--extra-index",
+        "--find-links",
+        "--trusted",
+        " @ ",
+        "-e ",
+        "/home",
+        "/tmp",
+    ):
+        assert word not in text, word
+    packages = pins(path)
+    assert len(packages) >= 10
+    for name, (requirement, hashes) in packages.items():
+        assert [each.operator for each in requirement.specifier] == ["=="], name
+        assert "*" not in str(requirement.specifier), name
+        assert hashes, name
+        assert all(re.fullmatch(r"sha256:[0-9a-f]{64}", each) for each in hashes), name
+
+
+def wanted(path: Path) -> list[str]:
+    parsed = tomllib.loads(PYPROJECT)
+    project: dict[str, Any] = parsed["project"]
+    if path == RUN:
+        return [*project["dependencies"], *project["optional-dependencies"]["uvloop"]]
+    if path == RELEASE:
+        return list(project["optional-dependencies"]["release"])
+    needs = subprocess.run(
+        [sys.executable, ROOT / "tools" / "compiled.py", "--needs"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return [*parsed["build-system"]["requires"], *needs.stdout.splitlines()]
+
+
+@pytest.mark.parametrize("path", [RUN, BUILD, RELEASE], ids=lambda path: path.name)
+def test_what_is_declared_is_pinned_within_its_bounds_on_every_python(path: Path) -> None:
+    packages = pins(path)
+    for each in map(Requirement, wanted(path)):
+        pin, _ = packages[canonicalize_name(each.name)]
+        (version,) = (specifier.version for specifier in pin.specifier)
+        assert each.specifier.contains(version), f"{each}: {version} is pinned; make lock"
+        for python in PYTHONS:
+            for machine in MACHINES:
+                place = {
+                    "python_version": python,
+                    "python_full_version": f"{python}.0",
+                    "platform_machine": machine,
+                }
+                assert pin.marker is None or pin.marker.evaluate(place), (pin, place)
+
+
+def test_what_builds_and_what_runs_pin_the_same_versions() -> None:
+    run, build, release = pins(RUN), pins(BUILD), pins(RELEASE)
+    assert {"msgspec", "fastcrc"} <= build.keys() & run.keys()
+    for one, other in ((run, build), (run, release), (build, release)):
+        for name in one.keys() & other.keys():
+            assert one[name][0].specifier == other[name][0].specifier, name
+            assert one[name][1] == other[name][1], name
+
+
+# As pip-audit writes its reports (--format json).
+FINE = {"name": "msgspec", "version": "0.22.0", "vulns": []}
+UNASKED = {
+    "name": "idna",
+    "skip_reason": "Dependency not found on PyPI and could not be audited: idna (3.20)",
+}
+HOLE = {
+    "name": "cryptography",
+    "version": "48.0.0",
+    "vulns": [{"id": "GHSA-537c-gmf6-5ccf", "fix_versions": ["48.0.1"], "aliases": [], "description": "x"}],
+}
+
+
+def test_an_audit_names_each_hole_and_says_where_nobody_could_be_asked() -> None:
+    assert audit.judge({"dependencies": [FINE]}) == (0, ["no hole is known in 1 packages"])
+    code, said = audit.judge({"dependencies": [FINE, HOLE]})
+    assert code == 1
+    assert said[0] == "cryptography 48.0.0: GHSA-537c-gmf6-5ccf, mended in 48.0.1"
+    code, said = audit.judge({"dependencies": [FINE, UNASKED]})
+    assert code == 3
+    assert "on 1 of 2 packages" in said[0]
+    code, said = audit.judge({"dependencies": [UNASKED, HOLE]})
+    assert code == 1  # a hole that is known weighs more than one that is not
+
+
+def test_an_audit_that_cannot_ask_says_so_in_one_line(tmp_path: Path) -> None:
+    # An interpreter without pip-audit asks as little as one without a network.
+    done = subprocess.run(
+        [sys.executable, ROOT / "tools" / "audit.py"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert (done.returncode, done.stderr) == (3, "")
+    assert done.stdout.startswith("not audited: ")
+    assert done.stdout.count("\n") == 1
