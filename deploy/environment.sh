@@ -81,6 +81,7 @@ must() {
 }
 
 reason() {
+    local what
     case $1 in
         *'No space left on device'*)
             echo "the disk is full, in $(dirname "$folder") or in ${TMPDIR:-/tmp}: make room (df and df -i show where)"
@@ -93,11 +94,17 @@ reason() {
             sed -n '/could not be compiled/,$p' <<< "$1"
             ;;
         *'No matching distribution'*)
-            echo "not to be had: $(sed -n 's/^ERROR: No matching distribution found for \([^ ]*\).*/\1/p' <<< "$1")." \
-                "Is there a network? Without one: --find-links DIR, with all packages in DIR (docs/install.md)"
+            what=$(sed -n 's/^ERROR: No matching distribution found for \([^ ]*\).*/\1/p' <<< "$1")
+            if [ "${#links[@]}" = 0 ]; then
+                echo "$what cannot be fetched. Is there a network? Without one: --find-links DIR, with all packages" \
+                    "in DIR (docs/install.md)"
+            else
+                echo "$what for this Python and machine is not in the folder of --find-links; docs/install.md says" \
+                    "how to fill it"
+            fi
             ;;
         *)
-            grep -E '^(ERROR|error|Error)' <<< "$1" || tail -n 3 <<< "$1"
+            grep -m 1 -E '^(ERROR|error|Error)' <<< "$1" || tail -n 3 <<< "$1"
             ;;
     esac
 }
@@ -126,6 +133,7 @@ must_have_new_pip() {
 
 # In an environment of its own: what builds the wheel is not what runs.
 build_wheel() {
+    [ "$kind" = pure ] || echo "compiling, which takes a minute or more ..." >&2
     must "$interpreter" -m venv "$work/build"
     install_into "$work/build" --require-hashes -r "$source_folder/deploy/build-requirements.txt"
     (

@@ -55,7 +55,9 @@ def wheels(suite: Suite) -> Path:
     return fetched(suite.name, (RUN, BUILD), *options)
 
 
-def build_package(sources: Path, suite: Suite, work: Path, epoch: int, out: Path) -> Path:
+def build_package(
+    sources: Path, suite: Suite, work: Path, epoch: int, out: Path, *, is_compiled: bool = True
+) -> Path:
     """Build the package of a suite from sources, in a bare Debian in ``work``; returns the file in ``out``.
 
     ``epoch`` is the newest time in s since 1970 that a file of the package has.
@@ -68,7 +70,8 @@ def build_package(sources: Path, suite: Suite, work: Path, epoch: int, out: Path
         for part in PARTS:
             debian.copy_in(sources / part, f"src/{part}")
         debian.copy_in(wheels(suite), "wheels")
-        debian.does(f"cd /src && SOURCE_DATE_EPOCH={epoch} FIND_LINKS=/wheels tools/deb.sh")
+        settings = f"SOURCE_DATE_EPOCH={epoch} FIND_LINKS=/wheels COMPILED={is_compiled:d}"
+        debian.does(f"cd /src && {settings} tools/deb.sh")
         (built,) = (work / "src" / "dist").glob("*.deb")
         out.mkdir(parents=True, exist_ok=True)
         return Path(shutil.copyfile(built, out / built.name))

@@ -33,6 +33,7 @@ from tools.packages import BUILD, RUN, build_package, fetched, wheels
 
 DIST = ROOT / "dist"
 TOOLS = "tools/release-requirements.txt"
+FETCHED = (RUN, BUILD, TOOLS)
 SPACE_MB = 800
 SPACE_WITH_DEBS_MB = 5000
 """Needed beside the checkout, rounded up: packages, archives of two systems, and one of them unpacked."""
@@ -149,7 +150,7 @@ def fetch(*, has_debs: bool) -> None:
         RefusedError: something is not to be had.
     """
     try:
-        fetched("release", (RUN, BUILD, TOOLS))
+        fetched("release", FETCHED)
         for suite in SUITES if has_debs else ():
             wheels(suite)
             for packages in (BUILDING, INSTALLED):
@@ -166,13 +167,13 @@ def install(environment: Path, *options: str) -> None:
     """Install into an environment what was fetched, or a wheel of ours."""
     python = str(environment / "bin" / "python")
     pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "--python", python)
-    run([*pip, "install", "--no-index", *options])
+    run([*pip, "install", "--no-index", "--no-compile", *options])
 
 
 def new_environment(environment: Path, *pinned: str) -> None:
     """Make an environment with nothing in it but the packages of files of pinned versions."""
     run([sys.executable, "-m", "venv", "--without-pip", str(environment)])
-    links = ("--find-links", str(fetched("release", (RUN, BUILD, TOOLS))))
+    links = ("--find-links", str(fetched("release", FETCHED)))
     install(
         environment,
         *links,

@@ -1,8 +1,8 @@
 """What the tests of the packages share; each part is made once.
 
-Without more words Debian 12 is tried. ``PACKAGE_TESTS=all`` tries every Debian that there is a package for,
-and makes twice what takes minutes to make; ``PACKAGE_TESTS=0`` leaves out all that needs a bare Debian.
-``PACKAGES`` names a folder with packages that are tried as they are.
+Without more words Debian 12 is tried, and its package as Python. ``PACKAGE_TESTS=all`` tries every Debian
+that there is a package for, with compiled packages, and makes twice what takes minutes; ``PACKAGE_TESTS=0``
+leaves out all that needs a bare Debian. ``PACKAGES`` names a folder with packages that are tried as they are.
 """
 
 import os
@@ -22,6 +22,8 @@ ASKED = os.environ.get("PACKAGE_TESTS", "")
 SYSTEMS = ROOT / "build" / "systems"
 EPOCH = 1_795_305_600
 """2026-11-22 00:00 UTC: the same package, whenever a test builds it."""
+IS_COMPILED = ASKED == "all" or "PACKAGES" in os.environ
+"""Whether the package that is tried has machine code in it: compiling takes minutes, too."""
 
 
 @pytest.fixture(scope="session", params=SUITES, ids=[suite.name for suite in SUITES])
@@ -49,12 +51,13 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def package(suite: Suite, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The package of a suite, as ``make release`` builds it; or the one in the folder that PACKAGES names."""
+    """The package of a suite, built as ``make release`` does; or that in the folder that PACKAGES names."""
     if named := os.environ.get("PACKAGES"):
         (found,) = Path(named).glob(f"pitch-gateway_*+deb{suite.number}u*.deb")
         return found
     folder = tmp_path_factory.mktemp("package")
-    return build_package(ROOT, suite, SYSTEMS / f"{os.getpid()}-builds", EPOCH, folder)
+    work = SYSTEMS / f"{os.getpid()}-builds"
+    return build_package(ROOT, suite, work, EPOCH, folder, is_compiled=IS_COMPILED)
 
 
 @pytest.fixture

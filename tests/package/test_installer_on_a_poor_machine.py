@@ -63,10 +63,10 @@ def test_what_cannot_be_installed_is_told_in_one_sentence_and_leaves_nothing(poo
 
     # No network.
     said = poor.does(f"unshare --net {INSTALL} --pure install", expected=1)
-    assert said.startswith("environment.sh: not to be had: aiomqtt==")
+    assert said.startswith("environment.sh: aiomqtt==")
     assert said.endswith(
-        ". Is there a network? Without one: --find-links DIR, with all packages in DIR (docs/install.md)\n"
-        + UNCHANGED
+        " cannot be fetched. Is there a network? Without one: --find-links DIR, with all packages in DIR "
+        f"(docs/install.md)\n{UNCHANGED}"
     )
     assert said.count("\n") == 2
     assert what_is_there(poor) == before
@@ -97,6 +97,11 @@ def test_what_cannot_be_installed_is_told_in_one_sentence_and_leaves_nothing(poo
     assert f"idna=={wheel.name.split('-')[1]} from file:///wheels/{wheel.name}" in said
     assert said.endswith(UNCHANGED)
     assert said.count("\n") == 2
+    wheel.unlink()
+    assert poor.does(FROM_FOLDER, expected=1) == (
+        f"environment.sh: idna=={wheel.name.split('-')[1]} for this Python and machine is not in the folder "
+        f"of --find-links; docs/install.md says how to fill it\n{UNCHANGED}"
+    )
     wheel.write_bytes(whole)
     assert what_is_there(poor) == before
 
