@@ -18,7 +18,7 @@ def listening(address: str) -> str:
         (GOOD, TcpEndpoint("127.0.0.1", 8480)),
         (f"{GOOD}\n[http]\n", TcpEndpoint("127.0.0.1", 8480)),
         (listening(""), None),
-        (listening("localhost:80"), TcpEndpoint("localhost", 80)),
+        (listening("localhost:8080"), TcpEndpoint("localhost", 8080)),
         (listening("[::1]:8481"), TcpEndpoint("::1", 8481)),
     ],
 )

@@ -260,5 +260,5 @@ def test_a_key_that_the_service_manager_hands_over_is_looked_at_where_it_is(
 
 
 def test_a_listener_for_all_the_world_is_no_warning_behind_tls(tmp_path: Path, shop: Shop) -> None:
-    taken = loaded(tmp_path, TEXT.replace("127.0.0.1:1502", "0.0.0.0:802"))
+    taken = loaded(tmp_path, TEXT.replace("127.0.0.1:1502", "0.0.0.0:1802"))
     assert [each for each in taken.warnings if each.key.endswith(".tcp")] == []

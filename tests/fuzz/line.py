@@ -131,7 +131,7 @@ class Controller(Unmeasured):
     def begin_anew(self) -> None:
         """Forget the beginning of a frame, as a new connection does."""
         self._rtu.reset()
-        self._mbap.reset()
+        self._mbap = MbapDecoder()
 
 
 class Drives(Unmeasured):
