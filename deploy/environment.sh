@@ -229,6 +229,7 @@ work=$(mktemp -d)
 must "$interpreter" -m venv "$folder"
 must_have_new_pip
 sed -i '/^command = /d' "$folder/pyvenv.cfg"
+rm -f "$folder/.gitignore" # Python 3.13 writes one
 install_packages
 keep_one_command
 share
