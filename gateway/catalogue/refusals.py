@@ -222,6 +222,12 @@ REFUSALS: Final = (
     ),
     RefusalEntry(
         0x0A,
+        "unit id … has no axis",
+        "on a Modbus/TCP line with one axis a drive that does not look at unit ids would take it for its own",
+        "let the controller use the `unit_id` of the axis, or name the other device in `other_units`",
+    ),
+    RefusalEntry(
+        0x0A,
         "a broadcast cannot carry a position",
         "a position was written to unit id 0, and each axis corrects it differently",
         "write the position to each axis",

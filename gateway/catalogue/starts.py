@@ -28,13 +28,12 @@ STARTS: Final = (
         "… has changed since it was compiled", "somebody saved the file after the last start", _COMPILE
     ),
     StartEntry("… was made by release …", "the gateway was upgraded or put back", _COMPILE),
-    StartEntry("… is no compiled configuration", "another file is in its place", _COMPILE),
     StartEntry(
         "tls.…",
         "a file of `tls` is missing, another's or open to others since it was checked, or is not handed over",
         "do what it says; `pitch-gateway check CONFIG` looks at all of them",
     ),
-    StartEntry("… is damaged", "a disk that was full or failed", _COMPILE),
+    StartEntry("… is damaged", "a disk that was full or failed, or another file in its place", _COMPILE),
     StartEntry("… is not understood", "the file was spoilt", _COMPILE),
     StartEntry("… holds no plan", "the file was spoilt", _COMPILE),
     StartEntry("… holds another table than its name says", "the file was spoilt", _COMPILE),

@@ -29,8 +29,9 @@ class Aliases:
     def __init__(self, units: Collection[UnitMap], other: OtherUnits, *, is_serial: bool) -> None:
         self._units = units
         self._other = other
-        self._is_serial = is_serial
-        self._is_alone = len(units) == 1
+        self.is_serial = is_serial
+        self.is_alone = len(units) == 1
+        """Whether there is but one unit id with an axis."""
         self.requests: dict[int, int] = {}
         """Requests to unit ids of which nobody knows anything, by unit id."""
 
@@ -46,13 +47,13 @@ class Aliases:
         return (
             self._other.unit_ids
             | axes
-            | (frozenset({BROADCAST_UNIT_ID}) if self._is_serial else ANY_TCP_DRIVE)
+            | (frozenset({BROADCAST_UNIT_ID}) if self.is_serial else ANY_TCP_DRIVE)
         )
 
     def is_unknown(self, unit_id: int) -> bool:
         """Whether a unit id without an axis is one of which nobody knows anything, on Modbus/TCP."""
         return (
-            not self._is_serial
+            not self.is_serial
             and bool(self._units)
             and unit_id not in ANY_TCP_DRIVE
             and unit_id not in self._other.unit_ids
@@ -63,31 +64,20 @@ class Aliases:
         count = self.requests[unit_id] = self.requests.get(unit_id, 0) + 1
         return count == 1
 
-    def why_not_passed(self, unit_id: int, pdu: bytes, access: Access) -> str:
-        """Return why a request to a unit id without axes must not pass; empty when it may."""
-        if self._is_serial:
-            if unit_id == BROADCAST_UNIT_ID and self._writes_position(access):
-                return "a broadcast cannot carry a position that each axis corrects differently"
-        elif unit_id in ANY_TCP_DRIVE:
-            if self._writes_position(access) or self._reads_position(access) or self._acts(pdu, access):
-                return f"unit id {unit_id} is not mapped, and may reach an axis that is corrected"
-        elif self._is_alone and self.is_unknown(unit_id):
-            is_stop = self._is_stop(pdu, access)
-            if not is_stop and (self._writes_position(access) or self._acts(pdu, access)):
-                return (
-                    f"unit id {unit_id} has no axis, and a drive that does not look at unit ids would take "
-                    f"this for its own, uncorrected; other_units = [{unit_id}] names another device"
-                )
-        return ""
+    def touches(self, pdu: bytes, access: Access) -> bool:
+        """Whether a request writes a position of a corrected axis, sets its mode or makes its drive act."""
+        return self.writes_position(access) or self._acts(pdu, access)
 
-    def _writes_position(self, access: Access) -> bool:
+    def writes_position(self, access: Access) -> bool:
+        """Whether a request writes what is a position of a corrected axis."""
         return any(
             not hit.place.axis.passes_unchanged
             for unit in self._units
             for hit in unit.written(access.write_address, access.write_quantity).fields
         )
 
-    def _reads_position(self, access: Access) -> bool:
+    def reads_position(self, access: Access) -> bool:
+        """Whether a request reads what is a position of a corrected axis."""
         return any(
             not hit.place.axis.passes_unchanged
             for unit in self._units
@@ -104,7 +94,7 @@ class Aliases:
         ]
         return any(not meaning.axis.passes_unchanged and not meaning.is_stop for meaning in found)
 
-    def _is_stop(self, pdu: bytes, access: Access) -> bool:
+    def is_stop(self, pdu: bytes, access: Access) -> bool:
         """Whether a request is the stop of some drive that is known, and nothing else to the axes here."""
         word = _only_word(pdu)
         is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL
@@ -117,6 +107,24 @@ class Aliases:
             for meaning in meanings(unit, pdu, access, may_have_risen=True)
         ]
         return all(meaning.action in _HARMLESS and not meaning.commands for meaning in found)
+
+
+def why_not_passed(aliases: Aliases, unit_id: int, pdu: bytes, access: Access) -> str:
+    """Return why a request to a unit id without axes must not pass; empty when it may."""
+    if aliases.is_serial:
+        if unit_id == BROADCAST_UNIT_ID and aliases.writes_position(access):
+            return "a broadcast cannot carry a position that each axis corrects differently"
+    elif unit_id in ANY_TCP_DRIVE:
+        if aliases.touches(pdu, access) or aliases.reads_position(access):
+            return f"unit id {unit_id} is not mapped, and may reach an axis that is corrected"
+    elif aliases.is_alone and aliases.is_unknown(unit_id) and aliases.touches(pdu, access):
+        if aliases.is_stop(pdu, access):
+            return ""
+        return (
+            f"unit id {unit_id} has no axis, and a drive that does not look at unit ids would take this "
+            f"for its own, uncorrected; other_units = [{unit_id}] names another device"
+        )
+    return ""
 
 
 def _only_word(pdu: bytes) -> tuple[int, int] | None:

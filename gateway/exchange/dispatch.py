@@ -6,7 +6,7 @@ from typing import Final
 from gateway.drives.motion import Action
 from gateway.exchange.access import ACCESS, HEAD_BYTES, Access
 from gateway.exchange.added_frames import AddedFrame
-from gateway.exchange.aliases import Aliases
+from gateway.exchange.aliases import Aliases, why_not_passed
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.known import NOTHING_KNOWN, Known
 from gateway.exchange.life import Exchange
@@ -156,7 +156,7 @@ class Units:
     def _check_unmapped(self, unit_id: int, pdu: bytes, access: Access) -> None:
         if self.have_rules and self.stops_of(unit_id, pdu):
             return  # never refused
-        reason = self.aliases.why_not_passed(unit_id, pdu, access)
+        reason = why_not_passed(self.aliases, unit_id, pdu, access)
         if reason:
             raise RefusedRequestError(ExceptionCode.GATEWAY_PATH_UNAVAILABLE, "", reason)
 

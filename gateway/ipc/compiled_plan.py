@@ -215,9 +215,7 @@ def _read_file(path: Path, remedy: str) -> _File:
         body = unsealed(content)
         refuse_newer(path.parent, msgspec.msgpack.decode(body, type=Writer))
         return msgspec.msgpack.decode(body, type=_File)
-    except DamagedError as error:
-        raise StateError(f"{path} {error}; {remedy}") from None
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+    except (DamagedError, msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise StateError(f"{path} is damaged: {error}; {remedy}") from None
 
 

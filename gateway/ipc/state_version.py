@@ -63,13 +63,13 @@ def unsealed(content: bytes) -> bytes:
     try:
         writer = msgspec.msgpack.decode(body if is_sealed else content, type=Writer)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise DamagedError(f"is damaged: {error}") from None
+        raise DamagedError(str(error)) from None
     if writer.format != FORMAT:
-        raise DamagedError("is no compiled configuration")
+        raise DamagedError("it is no compiled configuration")
     if is_sealed:
         return body
     if writer.version > UNSEALED:
-        raise DamagedError("is damaged: its digest is another")
+        raise DamagedError("its digest is another")
     return content
 
 

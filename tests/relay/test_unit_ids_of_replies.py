@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.exchange.line import LineExchange
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, OtherUnits
 from gateway.exchange.ports import Unmeasured
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
@@ -100,11 +100,11 @@ async def test_a_reply_that_is_too_long_ends_its_exchange_and_not_the_line(
 
 @pytest.mark.parametrize(
     ("changes", "expected"),
-    [({}, [b"\3\2\x22\x22"]), ({"other_units": (7,)}, [])],
+    [({}, [b"\3\2\x22\x22"]), ({"other_units": OtherUnits(frozenset({7}))}, [])],
     ids=["alone", "beside another device"],
 )
 async def test_the_configuration_says_how_many_there_are(
-    bench: "Bench", tools: "Tools", changes: dict[str, tuple[int, ...]], expected: list[bytes]
+    bench: "Bench", tools: "Tools", changes: dict[str, OtherUnits], expected: list[bytes]
 ) -> None:
     def script(data: bytes) -> bytes:
         return encode_mbap(int.from_bytes(data[:2], "big"), 0, REPLY)
