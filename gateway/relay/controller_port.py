@@ -63,7 +63,8 @@ class MbapControllerPort:
         A request that began longer ago than the controller's patience is not sent, and ends the connection;
         so does a header whose length cannot be: nobody waits for what follows either of them.
         """
-        if self._channel is None:
+        channel = self._channel
+        if channel is None:
             return
         began_ns = self.unfinished_ns or now_ns
         requests = self._decoder.feed(data)
@@ -75,18 +76,17 @@ class MbapControllerPort:
             self.unfinished_ns = 0
         self.unfinished_ns = 0 if self._decoder.is_between_frames else self.unfinished_ns or now_ns
         if self._decoder.broken_by:
-            self._refuse(self._decoder.broken_by)
+            self._refuse(self._decoder.broken_by, channel.peer)
         if self._decoder.broken_by or why_given_up:
-            self._channel.close()
+            channel.close()
             self._channel = None
 
-    def _refuse(self, head: bytes) -> None:
+    def _refuse(self, head: bytes, peer: str) -> None:
         """Answer a request whose length cannot be, where it can be answered."""
         answer = too_long(head)
         if answer is not None:
             self.send_reply(*answer)
-        assert self._channel is not None
-        self._on_malformed(self._channel.peer)
+        self._on_malformed(peer)
 
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
