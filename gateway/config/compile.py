@@ -5,20 +5,24 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from gateway.config.home import folder_of
 from gateway.config.load import Loaded
 from gateway.config.problems import key_text
 from gateway.config.toml_lines import KeyPath
-from gateway.ipc.compiled_plan import write_plan
+from gateway.ipc.compiled_plan import TablesFolder, write_plan
 from gateway.ipc.folder_problems import problem_of
 from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.service_user import why_not_for_root
 from gateway.ipc.state_folder import StateError
 
 
-def compile_into_state(loaded: Loaded, plan: GatewayPlan | None = None) -> dict[str, bytes]:
+def compile_into_state(
+    loaded: Loaded, plan: GatewayPlan | None = None, tables_folder: TablesFolder | None = None
+) -> dict[str, bytes]:
     """Write a plan and its tables, and what they were made from; returns the compiled tables by axis.
 
     ``plan`` is what the configuration amounts to (``last_good.settle``); without it, what it says.
+    ``tables_folder`` is the folder in which its tables were, where that is not the one that is there.
 
     Raises:
         StateError: the state folder cannot be written, or not by root, or a profile was removed meanwhile;
@@ -28,7 +32,13 @@ def compile_into_state(loaded: Loaded, plan: GatewayPlan | None = None) -> dict[
     if problem := why_not_for_root(loaded.state_folder):
         raise StateError(f"gateway.state: {problem}")
     try:
-        return write_plan(loaded.state_folder, plan or loaded.plan, sources, loaded.document.text)
+        return write_plan(
+            loaded.state_folder,
+            plan or loaded.plan,
+            sources,
+            loaded.document.text,
+            tables_folder or folder_of(loaded),
+        )
     except OSError as error:
         raise StateError(f"gateway.state: {problem_of(error, loaded.state_folder)}") from None
 

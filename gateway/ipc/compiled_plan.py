@@ -51,6 +51,14 @@ OTHERS_KEPT: Final = 4
 """Tables of no axis that stay in the state folder all the same."""
 
 
+class TablesFolder(msgspec.Struct, frozen=True, array_like=True):
+    """A folder at a path, and which one it is."""
+
+    path: str
+    device: int
+    inode: int
+
+
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the file holds."""
 
@@ -62,6 +70,7 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     plan: bytes
     sha256: str = ""
     """Of the plan and the configuration, where no seal of the whole file tells (see ``state_version``)."""
+    tables_folder: TablesFolder | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +84,8 @@ class CompiledPlan:
     """The files that it was made from, by absolute path, with the SHA-256 of each."""
     configuration: str
     """The text of the configuration file."""
+    tables_folder: TablesFolder | None
+    """The folder in which its tables were; None where it was not there."""
 
 
 def in_force(plan: GatewayPlan) -> GatewayPlan:
@@ -89,12 +100,16 @@ def shape_of(plan: GatewayPlan) -> str:
 
 
 def write_plan(
-    state: Path, plan: GatewayPlan, sources: Mapping[str, str], configuration: str
+    state: Path,
+    plan: GatewayPlan,
+    sources: Mapping[str, str],
+    configuration: str,
+    tables_folder: TablesFolder | None = None,
 ) -> dict[str, bytes]:
     """Write a plan and its tables; returns the compiled tables by axis.
 
-    ``sources`` and ``configuration`` are as in :class:`CompiledPlan`. Files of tables that belong to no
-    axis any more are removed, but for the newest few.
+    ``sources``, ``configuration`` and ``tables_folder`` are as in :class:`CompiledPlan`. Files of tables
+    that belong to no axis any more are removed, but for the newest few.
 
     Raises:
         OSError: the folder or a file cannot be written; what was there can still be run.
@@ -106,7 +121,15 @@ def write_plan(
     tables = {axis.name: compiled(axis.table) for axis in axes if axis.table is not None}
     digest_by_id = {id(axis.table): digest_of(tables[axis.name]) for axis in axes}
     content = _encode(to_plain(plan, lambda value: digest_by_id.get(id(value))))
-    file = _File(FORMAT, VERSION, gateway.__version__, dict(sources), configuration, content)
+    file = _File(
+        FORMAT,
+        VERSION,
+        gateway.__version__,
+        dict(sources),
+        configuration,
+        content,
+        tables_folder=tables_folder,
+    )
     make_folder(state)
     make_folder(state / TABLES_NAME)
     with _alone_in(state / TABLES_NAME):
@@ -159,7 +182,7 @@ def _compiled_plan(state: Path, file: _File, remedy: str) -> CompiledPlan:
         raise StateError(f"{path} is not understood: {error}; {remedy}") from None
     if not isinstance(plan, GatewayPlan):
         raise StateError(f"{path} holds no plan; {remedy}")
-    return CompiledPlan(plan, shape_of(plan), file.sources, file.configuration)
+    return CompiledPlan(plan, shape_of(plan), file.sources, file.configuration, file.tables_folder)
 
 
 @contextlib.contextmanager

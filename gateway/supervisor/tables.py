@@ -10,13 +10,14 @@ from typing import Any, Final
 
 from gateway.config.compile import compile_into_state, keys_of, sources_of
 from gateway.config.document import parse_document, read_document
+from gateway.config.home import folder_of, what_is_strange
 from gateway.config.last_good import Settled, Source, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.exchange.control import limits_of
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
-from gateway.ipc.compiled_plan import CompiledPlan, last_plan, shape_of
+from gateway.ipc.compiled_plan import CompiledPlan, TablesFolder, last_plan, shape_of
 from gateway.ipc.compiled_table import digest_of
 from gateway.ipc.messages import (
     ClearTable,
@@ -36,7 +37,6 @@ from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.plan import LinePlan
 from gateway.ipc.sealed_memory import seal
 from gateway.ipc.state_folder import StateError, state_folder
-from gateway.supervisor.home import Home
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight
@@ -68,7 +68,6 @@ class Keeper:
         """The configuration that was asked for and could not be taken for a reason that may pass."""
         self.loaded: Loaded | None = None
         """The configuration that was taken last; None as long as none could be."""
-        self._home = Home()
 
     @property
     def names(self) -> dict[str, str]:
@@ -163,18 +162,26 @@ class Keeper:
             if sight == seen_after[name] and not sight.is_being_written and _may_count(name, sight, still)
         }
         unread = {axis for axis, name in names.items() if name not in read}
-        strange = self._home.what_is_strange(loaded.tables_folder, loaded.readings.values())
+        before = last_plan(loaded.state_folder)
+        known = None if before is None else before.tables_folder
+        strange = what_is_strange(loaded, known)
         if strange:
             unread = set(names)
-        outcome = self._bring(loaded, unread)
+        folder = known if strange else folder_of(loaded) or known
+        outcome = self._bring(loaded, unread, before, folder)
         if strange:
             outcome = replace(outcome, problems=(*outcome.problems, strange))
         return replace(
             outcome, sights={name: read[name] for axis, name in names.items() if axis not in outcome.waiting}
         )
 
-    def _bring(self, loaded: Loaded, waiting: Collection[str]) -> Outcome:
-        before = last_plan(loaded.state_folder)
+    def _bring(
+        self,
+        loaded: Loaded,
+        waiting: Collection[str],
+        before: CompiledPlan | None,
+        folder: TablesFolder | None,
+    ) -> Outcome:
         outcome = Outcome(has_read=False)
         try:
             path = socket_path(loaded.state_folder)
@@ -189,7 +196,7 @@ class Keeper:
                 return outcome
             if before is not None:
                 outcome = replace(outcome, changed=tuple(_changed_keys(loaded, before)))
-            tables = compile_into_state(loaded, settled.plan)
+            tables = compile_into_state(loaded, settled.plan, folder)
             self.loaded = loaded
             if not is_running:
                 return outcome

@@ -94,6 +94,26 @@ def test_a_supervisor_that_starts_while_the_file_is_away_takes_nothing_away(conf
     assert largest(config) is None
 
 
+def test_a_supervisor_that_starts_while_a_share_is_not_mounted_takes_nothing_away(config: Path) -> None:
+    assert Keeper(config).reload().problems == ()
+    folder, elsewhere = table(config).parent, config.parent / "elsewhere"
+    folder.rename(elsewhere)
+    folder.mkdir()
+    gone = {"x.tab": Sight(is_there=False)}
+    said = f"{folder} holds none of the tables and is not the folder that held them"
+    for later in (Keeper(config), Keeper(config)):  # the second finds what the first has written
+        for _ in range(2):
+            (problem,) = later.reload(gone).problems
+            assert problem.startswith(said)
+            assert largest(config) == 0.1
+    folder.rmdir()
+    elsewhere.rename(folder)
+    table(config).unlink()  # from the folder itself it counts
+    outcome = later.reload(gone)
+    assert (outcome.problems, outcome.absent) == ((), frozenset({"x"}))
+    assert largest(config) is None
+
+
 def test_a_first_file_that_moves_is_not_compiled_and_is_tried_again(config: Path) -> None:
     keeper = Keeper(config)
     outcome = keeper.reload({"x.tab": None})

@@ -1,0 +1,35 @@
+"""The folder in which the tables were: whether an empty one in its place is still that folder.
+
+A share that is not mounted leaves the folder that it is mounted on, empty. That is no sign that somebody took
+the tables away. The compiled plan remembers the folder: a supervisor that is started while the share is away
+has to know it too.
+"""
+
+from gateway.config.load import Loaded
+from gateway.ipc.compiled_plan import TablesFolder
+from gateway.tabfile import TableState
+
+
+def folder_of(loaded: Loaded) -> TablesFolder | None:
+    """Return the folder that a configuration has its tables in, as it is now; None where there is none."""
+    try:
+        status = loaded.tables_folder.stat()
+    except OSError:
+        return None
+    return TablesFolder(str(loaded.tables_folder), status.st_dev, status.st_ino)
+
+
+def what_is_strange(loaded: Loaded, before: TablesFolder | None) -> str:
+    """Return what is wrong with a folder whose tables were just looked for; "" when nothing is.
+
+    It is strange that every table is missing and the folder at this path is another one than before.
+    """
+    now = folder_of(loaded)
+    if now is None or before is None or now == before or now.path != before.path:
+        return ""
+    if {reading.state for reading in loaded.readings.values()} != {TableState.MISSING}:
+        return ""
+    return (
+        f"{now.path} holds none of the tables and is not the folder that held them (a share that is not "
+        "mounted?): mount it, or put the tables there; to go on without them restart the gateway"
+    )
