@@ -123,6 +123,13 @@ BASE_UNKNOWN: Final = EventEntry(
     "map `commanded` or `actual` with `bits.done` or `bits.moving`, or let the controller begin with an "
     "absolute move",
 )
+STREAM_BEGAN: Final = EventEntry(
+    "stream-began",
+    Severity.INFO,
+    "what the drive stood from the first setpoint of a stream stays in force until the table has taken over",
+    "a start without a record, a homing or a position that was set",
+    "look at `detail`: what cannot be a correction was gone with the first setpoint",
+)
 RESTORED: Final = EventEntry(
     "restored",
     Severity.INFO,

@@ -101,30 +101,70 @@ class AxisCompensation:
             self._measure_change()
             self._note_steadiness()
 
-    def assume_offset(self, actual_counts: Counts, nominal_counts: Counts) -> None:
+    def assume_offset(
+        self, actual_counts: Counts, nominal_counts: Counts, spec: CorrectionSpec, slack: float
+    ) -> float:
         """Take the offset in force when setpoints begin to stream: where the drive is, less the command.
 
-        More than ``max_correction`` cannot be a correction; then nothing is in force.
+        No more than a correction can be: between 0 and what both branches of ``spec`` say at the place of the
+        drive and at the setpoint, and ``slack`` more. Nothing else is read into it: a controller that read
+        1:1 until now and holds its setpoint is not moved, nor is one whose correction was in force.
+
+        Args:
+            actual_counts: where the drive is.
+            nominal_counts: the first setpoint.
+            spec: what may have been in force.
+            slack: what the registers cannot tell and what terms may have added, in units.
+
+        Returns:
+            What is no correction and so is motion, in units.
         """
         offset = (actual_counts - nominal_counts) / self.settings.counts_per_unit
-        spec = CorrectionSpec(offset=offset) if abs(offset) <= self.settings.max_correction else NOTHING
+        drive, setpoint = self.machine_position(actual_counts), self.machine_position(nominal_counts)
+        bounds = [0.0]
+        for forward_share in (0.0, 1.0):
+            branch = spec.map_at(forward_share)
+            bounds.append(branch.correction(setpoint))
+            bounds.append(branch.solve(drive, drive - branch.correction(drive)).correction)
+        taken = min(max(offset, min(bounds) - slack), max(bounds) + slack)
+        self._stand_on(taken)
+        return offset - taken
+
+    def _stand_on(self, offset: float) -> None:
+        """Let a mere offset be in force, whole."""
+        spec = CorrectionSpec(offset=offset) if offset else NOTHING
         self.state = self.state._replace(spec=spec, previous=None, change=1.0)
         self._measure_change()
         self._note_steadiness()
 
     def lose_reference(self) -> None:
-        """Pass 1:1 from now on: positions mean nothing until the axis is referenced again."""
+        """Want nothing until the axis is referenced again: positions mean nothing.
+
+        Targets pass 1:1 from now on. A stream keeps its offset, which fades with different setpoints.
+        """
+        state, anchor_counts = self.state, self.readback.anchor_counts
+        self.begin_anew()
+        if not self.is_stream or state.position is None:
+            return
+        self.state = state
+        self._stand_on(self.map_of(state).correction(state.position))
+        self.readback = Readback(
+            self._counts_per_unit, self._zero_counts, self.map_of(self.state), anchor_counts
+        )
+
+    def begin_anew(self) -> None:
+        """Pass 1:1 from now on, and want nothing: where the axis is has nothing to do with where it was."""
         self.state = State()
         self.accepted = None
         self._wanted = NOTHING
         self._standing_counts = None
-        self.readback = Readback(self.settings.counts_per_unit, self.settings.zero_counts)
+        self.readback = Readback(self._counts_per_unit, self._zero_counts)
         self._note_steadiness()
 
     def find_reference(self, spec: CorrectionSpec) -> None:
         """The axis knows where it is: want ``spec``, on the branch that homing ended on.
 
-        Where setpoints stream already, they have passed 1:1, and that is what gives way to ``spec``.
+        Where setpoints stream already, what they have passed with is what gives way to ``spec``.
         """
         if self.settings.setpoints is Setpoints.TARGETS or self.state.position is None:
             approach = Direction(self.settings.home_approach)
@@ -170,7 +210,7 @@ class AxisCompensation:
         self._check_covered(state, position)
         correction_map = self.map_of(state)
         correction = correction_map.correction(position)
-        if not correction_map.is_identity:
+        if correction_map.terms:  # a mere offset may be of an axis that does not know where it is
             self._check_travel(position, correction)
         return Move(nominal_counts, correction * self.settings.counts_per_unit, correction_map, state)
 

@@ -63,6 +63,7 @@ def _settle(rewriting: Rewriting, reply: bytes, now_ns: int, *, is_acknowledged:
         note_held(hit, rewriting.request.pdu, rewriting.access, rewriting.request.arrived_ns)
     for rendering in (*rewriting.renderings, *rewriting.runs):
         rendering.axis.commit(rendering, now_ns, rewriting.losses.get(id(rendering.shadow)))
+        rendering.axis.tell_beginning()
     for axis, shadow in rewriting.touched_blindly:
         axis.forget_place()
         shadow.forget()

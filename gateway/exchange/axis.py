@@ -95,6 +95,8 @@ class AxisExchange:
     was_unsure: bool = False
     last_shadow: Shadow | None = None
     """Of the field through which the last accepted target came."""
+    began: tuple[float, float] | None = None
+    """Offset with which a stream has begun and what of it was motion, in units, until it is told."""
     unproven: Rendering | None = None
     """A target that was sent and not acknowledged: the drive may hold it or not."""
     peers: "tuple[AxisExchange, ...]" = ()
@@ -207,6 +209,13 @@ class AxisExchange:
         else:
             self.compensation.lose_reference()
 
+    def begin_stream_anew(self) -> None:
+        """The drive counts from another zero: setpoints begin again from where it is."""
+        if self.compensation.is_stream:
+            self.compensation.begin_anew()
+            if self.is_referenced:
+                self.compensation.find_reference(self.wanted)
+
     def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:
         """Take note of the drive's homed bit."""
         was_referenced = self.is_referenced
@@ -248,7 +257,7 @@ class AxisExchange:
         self.is_ended = True
         self._choose_correction()
         self.forget()
-        self.compensation.lose_reference()
+        self.compensation.begin_anew()
 
     def doubt(self, now_ns: int) -> None:
         """The drive was silent and may have lost its reference."""
@@ -387,6 +396,17 @@ class AxisExchange:
             self.compensation.touch(now_ns)
         else:
             self.accept(rendering)
+
+    def tell_beginning(self) -> None:
+        """Report with what offset a stream has begun."""
+        if self.began is None:
+            return
+        (offset, rest), units = self.began, self.plan.settings.units.value
+        self.began = None
+        if offset or rest:
+            what = f"the drive stood {offset:+.6g} {units} from the first setpoint, which stays in force"
+            motion = f"; {rest:+.6g} {units} more cannot be a correction and were gone" if rest else ""
+            self.tell(EventKind.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
 
     def accept(self, rendering: Rendering) -> None:
         """The axis goes to a target, or has gone there, whatever its registers hold by now."""

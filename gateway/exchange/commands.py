@@ -125,9 +125,8 @@ def _render(
     place = hit.place
     axis, shadow, request = place.axis, place.shadow, rewriting.request
     assert shadow is not None
-    is_passing = axis.passes_unchanged
     if is_again:
-        return render_repeat(axis, shadow, is_passing=is_passing)
+        return render_repeat(axis, shadow, is_passing=axis.passes_unchanged)
     try:
         if action.is_relative:
             rendering = render_relative(request, axis, place.number, words, action)
@@ -135,9 +134,9 @@ def _render(
                 rewriting.stagings += (Staging(shadow, words, words, shadow.losses),)
                 rewriting.moved_unknown += (axis,)
             return rendering
-        return render(axis, place.number, words, seen(request, axis), is_passing=is_passing)
+        return render(axis, place.number, words, seen(request, axis))
     except RefusedPositionError as error:
-        if is_passing:
+        if axis.passes_unchanged:
             rewriting.touched_blindly += ((axis, shadow),)
             return None
         name = axis.plan.name
@@ -243,7 +242,7 @@ def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -
                 return words
             return render_distance(axis, number, words, base, now, is_passing=False).corrected_words
         if action is Action.ABSOLUTE or action is Action.FOLLOW:
-            return render(axis, number, words, now, is_passing=False).corrected_words
+            return render(axis, number, words, now).corrected_words
     except RefusedPositionError as error:
         if is_certain:
             raise RefusedRequestError(

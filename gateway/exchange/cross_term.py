@@ -16,12 +16,14 @@ if TYPE_CHECKING:
 class CrossTerm:
     """One table over the position of another axis."""
 
-    __slots__ = ("_correction", "_plan", "partner", "seen")
+    __slots__ = ("_correction", "_plan", "largest", "partner", "seen")
 
     def __init__(self, plan: CrossPlan, axis: AxisPlan) -> None:
         units = axis.settings.units
         table = make_table(plan.positions, plan.corrections, plan.corrections, units)
         self._correction = Curve(table, modulo=plan.modulo).forward
+        self.largest = max(map(abs, plan.corrections))
+        """The most that it adds, in units."""
         self._plan = plan
         self.partner: AxisExchange | None = None
         self.seen: Accepted | None = None

@@ -166,6 +166,7 @@ def _move_otherwise(meaning: Meaning, now_ns: int, *, is_certain: bool = True) -
     if action in (Action.HOME, Action.SET_POSITION):
         axis.doubt_words()
         axis.actual = None  # it was counted from another zero
+        axis.begin_stream_anew()
     if action is Action.HOME:
         axis.reference.note_homing(now_ns)
         if not is_certain:

@@ -22,6 +22,7 @@ class EventKind(Enum):
     UNKNOWN_MODE = "unknown-mode"
     STORED_MOVE = "stored-move"
     BASE_UNKNOWN = "base-unknown"
+    STREAM_BEGAN = "stream-began"
     RESTORED = "restored"
     RECORD_NOT_USED = "record-not-used"
     WITHDRAWN = "withdrawn"

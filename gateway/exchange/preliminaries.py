@@ -232,13 +232,12 @@ def _not_ours(axis: AxisExchange) -> RefusedRequestError:
 def _render_run(request: Request, meaning: Meaning, words: bytes) -> Rendering | None:
     axis, number, name = meaning.axis, meaning.number, meaning.axis.plan.name
     assert number is not None
-    is_passing = axis.passes_unchanged
     try:
         if meaning.action.is_relative:
             rendering = render_relative(request, axis, number, words, meaning.action)
             return rendering or as_it_came(axis, axis.shadows[number])
-        return render(axis, number, words, seen(request, axis), is_passing=is_passing)
+        return render(axis, number, words, seen(request, axis))
     except RefusedPositionError as error:
-        if is_passing:
+        if axis.passes_unchanged:
             return None
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error

@@ -1,7 +1,7 @@
 """From a commanded position to the words that the drive is told (M2 to M6, M8). Nothing is changed here."""
 
 from math import isfinite
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from gateway.compensation.correction_spec import NOTHING
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
@@ -14,6 +14,9 @@ from gateway.exchange.shadow import Shadow
 from gateway.exchange.terms import follow_terms
 from gateway.modbus.errors import RegisterRangeError
 from gateway.times import NS_PER_MS, NS_PER_S
+
+RECENT_NS: Final = 500 * NS_PER_MS
+"""An actual position seen so long ago says where a stream begins, where none can be read."""
 
 
 class RefusedPositionError(Exception):
@@ -65,17 +68,16 @@ def render(
     number: int,
     nominal_words: bytes,
     seen: Seen,
-    *,
-    is_passing: bool,
 ) -> Rendering:
     """Render a whole target with the correction in force.
+
+    Where the axis passes 1:1 its words go out as they came, and what they would have become is worked out.
 
     Args:
         axis: whose target.
         number: which of the axis's command fields.
         nominal_words: the target as commanded, in the field's own form.
         seen: when, and where the axis was read to be.
-        is_passing: the words go out as they came; what they would have become is still worked out.
 
     Raises:
         RefusedPositionError: the corrected position must not reach the drive (M8).
@@ -83,6 +85,9 @@ def render(
     field_ = axis.plan.command[number]
     shadow = axis.shadows[number]
     raw = field_.unpack(nominal_words)
+    if needs_offset(axis):
+        take_offset(axis, number, nominal_words, seen)
+    is_passing = axis.passes_unchanged
     if not isfinite(raw):
         if is_passing:
             return Rendering(axis, shadow, nominal_words, nominal_words, 0.0, None)
@@ -138,19 +143,51 @@ def render_distance(
 
 
 def needs_offset(axis: AxisExchange) -> bool:
-    """Whether the next streamed setpoint is the first: nothing is in force before it."""
-    return axis.compensation.state.position is None
+    """Whether the next streamed setpoint is the first, and an offset may be in force before it.
+
+    It may where the axis has a table, referenced or not: the run before may have had one.
+    """
+    compensation = axis.compensation
+    is_first = compensation.is_stream and compensation.state.position is None
+    return is_first and not axis.is_shadow and axis.base is not NOTHING
+
+
+def take_offset(axis: AxisExchange, number: int, nominal_words: bytes, seen: Seen) -> None:
+    """Let the offset that the drive has be in force before the first setpoint of a stream (M6).
+
+    Read for this setpoint; where the gateway may not read, seen in passing a moment ago.
+    """
+    actual = seen.fresh
+    if actual is None and not axis.may_read and axis.actual is not None:
+        is_recent = seen.now_ns - axis.actual.seen_ns <= RECENT_NS
+        actual = axis.actual if is_recent else None
+    field_ = axis.plan.command[number]
+    raw = field_.unpack(nominal_words)
+    if actual is None or not isfinite(raw):
+        return
+    settings = axis.plan.settings
+    fields = (field_, axis.plan.actual[0])
+    slack = sum(0.5 * each.step_counts(settings.largest_counts) for each in fields)
+    slack /= abs(settings.counts_per_unit)
+    position = axis.compensation.machine_position(actual.counts)
+    slack += 0.0 if axis.terms is None else axis.terms.largest_at(position)
+    rest = axis.compensation.assume_offset(actual.counts, counts_of(field_, raw), axis.base, slack)
+    axis.began = (axis.compensation.state.spec.offset, rest)
 
 
 def needs_actual(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> bool:
     """Whether an actual position has to be read before this target can be rendered (M6)."""
-    if not axis.may_read or not axis.plan.actual or axis.wanted is NOTHING or not axis.is_referenced:
+    if not axis.may_read or not axis.plan.actual:
+        return False
+    if needs_offset(axis):
+        return True
+    if axis.wanted is NOTHING or not axis.is_referenced:
         return False
     accepted = axis.compensation.accepted
     if accepted is not None and accepted.nominal_counts == nominal_counts:
         return axis.may_have_left  # is it still there? (M4)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
-        return needs_offset(axis)
+        return False
     return axis.has_branches and _known_place(axis, nominal_counts, now_ns) is None
 
 
@@ -203,8 +240,6 @@ def _plan_move(axis: AxisExchange, nominal_counts: Counts, seen: Seen, place: Pl
     if axis.terms is not None and axis.terms.is_due(now_ns):
         follow_terms(axis, now_ns)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
-        if needs_offset(axis) and fresh is not None and axis.is_referenced:
-            compensation.assume_offset(fresh.counts, nominal_counts)
         return compensation.plan(nominal_counts, None, now_ns)
     place = place or _known_place(axis, nominal_counts, now_ns)
     if place is None and fresh is not None:

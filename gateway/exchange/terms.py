@@ -49,6 +49,7 @@ class Terms:
         self.is_too_large = False
         """The line that ought to be would, with the table, come to more than ``max_correction``."""
         self._ends = settings.travel or (0.0, 0.0)
+        self._most = settings.max_correction
         finest_counts = min(field.step_counts(settings.largest_counts) for field in plan.command)
         self._least = 0.5 * finest_counts / abs(settings.counts_per_unit)
         """What no command field can tell, in units."""
@@ -134,6 +135,14 @@ class Terms:
             self.offset = self.tilt = 0.0
             return base
         return with_line(base, self.offset, self.tilt)
+
+    def largest_at(self, position: float) -> float:
+        """Return the most that the terms can have added at a machine position, in units."""
+        largest = sum(cross.largest for cross in self.crosses)
+        if self.thermal is not None:
+            settings = self.thermal.settings
+            largest += settings.alpha * settings.largest_dt * abs(position - settings.fixed_at)
+        return min(largest, self._most)
 
     @property
     def _has_line(self) -> bool:

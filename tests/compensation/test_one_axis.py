@@ -181,13 +181,17 @@ def test_a_moving_axis_reads_monotonically_and_ends_exact(table: CorrectionTable
         standing, nominal = goal, target
 
 
+def take_offset(axis: AxisCompensation, actual_counts: int, nominal_counts: int) -> float:
+    return axis.assume_offset(actual_counts, nominal_counts, spec_of_table(LOST_MOTION, axis.settings), 0.0)
+
+
 def stream_axis(table: CorrectionTable = LOST_MOTION, **more: Any) -> AxisCompensation:
     return axis_with(table, setpoints=Setpoints.STREAM, **more)
 
 
 def test_a_stream_starts_from_the_offset_that_the_drive_has_and_blends_to_the_table() -> None:
     axis = stream_axis(reload_distance=1.0, home_approach=1)
-    axis.assume_offset(4, 0)  # the drive stands 4 counts beyond the first setpoint
+    assert take_offset(axis, 4, 0) == 0  # the drive stands 4 counts beyond the first setpoint
     assert send(axis, 0) == 4
     # sin²(π/2 · 0.5) = 0.5: half of the way from 4 to 10 counts after half a millimetre
     assert send(axis, 500) == 507
@@ -195,10 +199,18 @@ def test_a_stream_starts_from_the_offset_that_the_drive_has_and_blends_to_the_ta
     assert send(axis, 2000) == 2010
 
 
-def test_an_offset_that_cannot_be_a_correction_is_not_taken_for_one() -> None:
+@pytest.mark.parametrize(("difference", "taken"), [(11, 10), (50_000, 10), (-11, -10), (-50_000, -10)])
+def test_what_cannot_be_a_correction_is_motion(difference: int, taken: int) -> None:
     axis = stream_axis(home_approach=1)
-    axis.assume_offset(50_000, 0)
-    assert send(axis, 0) == 0
+    assert take_offset(axis, difference, 0) == pytest.approx((difference - taken) / 1000)
+    assert send(axis, 0) == taken
+
+
+@pytest.mark.parametrize("difference", [-10, -3, 0, 7, 10])
+def test_a_difference_that_can_be_a_correction_moves_nothing(difference: int) -> None:
+    axis = stream_axis(home_approach=1)
+    assert take_offset(axis, difference, 0) == 0
+    assert send(axis, 0) == difference
 
 
 def test_a_reversal_of_a_stream_blends_over_distance_and_stands_still_with_the_setpoint() -> None:

@@ -255,6 +255,8 @@ def test_a_restart_in_which_the_other_axis_is_lost_holds_what_it_added() -> None
 def test_a_stream_follows_another_stream_without_a_step(first: str) -> None:
     stream = {"setpoints": Setpoints.STREAM, "hysteresis": 0.002}
     bench = Bench(x_plan(**stream), y_plan(**stream))
+    bench.memory.put(ACTUAL, 100_000)
+    bench.memory.put(Y_ACTUAL, 400_000)
     added = []
     for cycle in range(2000):
         x_counts, y_counts = 100_000 + 20 * cycle, 400_000 + 100 * cycle

@@ -256,9 +256,9 @@ def test_a_stream_that_is_homed_on_the_way_blends_from_1_to_1_and_never_by_its_l
     )
     bench = Bench(plan)
     for counts in (0, 1000, 2000, 3000):
-        bench.memory.put(ACTUAL, counts - 300)  # the axis lags by 300 counts
         bench.ask(write(COMMAND, counts))
         assert bench.memory.get(COMMAND) == counts
+        bench.memory.put(ACTUAL, counts - 300)  # from now on the axis lags by 300 counts
     bench.memory.words[HOMED.address] = 1 << HOMED.bit
     bench.ask(READ_HOMED)
     told = []
