@@ -55,9 +55,7 @@ def wheels(suite: Suite) -> Path:
     return fetched(suite.name, (RUN, BUILD), *options)
 
 
-def build_package(
-    sources: Path, suite: Suite, work: Path, epoch: int, out: Path, *, is_compiled: bool = True
-) -> Path:
+def build_package(sources: Path, suite: Suite, work: Path, epoch: int, out: Path) -> Path:
     """Build the package of a suite from sources, in a bare Debian in ``work``; returns the file in ``out``.
 
     ``epoch`` is the newest time in s since 1970 that a file of the package has.
@@ -70,7 +68,7 @@ def build_package(
         for part in PARTS:
             debian.copy_in(sources / part, f"src/{part}")
         debian.copy_in(wheels(suite), "wheels")
-        settings = f"SOURCE_DATE_EPOCH={epoch} FIND_LINKS=/wheels COMPILED={is_compiled:d}"
+        settings = f"SOURCE_DATE_EPOCH={epoch} FIND_LINKS=/wheels COMPILED=1"
         debian.does(f"cd /src && {settings} tools/deb.sh")
         (built,) = (work / "src" / "dist").glob("*.deb")
         out.mkdir(parents=True, exist_ok=True)

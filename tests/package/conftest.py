@@ -1,8 +1,8 @@
 """What the tests of the packages share; each part is made once.
 
-Without more words Debian 12 is tried, and its package as Python. ``PACKAGE_TESTS=all`` tries every Debian
-that there is a package for, with compiled packages, and makes twice what takes minutes; ``PACKAGE_TESTS=0``
-leaves out all that needs a bare Debian. ``PACKAGES`` names a folder with packages that are tried as they are.
+What takes minutes, a bare Debian or a release made twice, is tried with ``PACKAGE_TESTS=all`` only, that is
+by ``make test-package``: in every Debian that there is a package for. ``PACKAGES`` names a folder with
+packages that are tried as they are.
 """
 
 import os
@@ -15,25 +15,25 @@ from pathlib import Path
 import pytest
 
 from tools import bare_debian
-from tools.bare_debian import BOOKWORM, ROOT, SUITES, BareDebian, Suite
+from tools.bare_debian import ROOT, SUITES, BareDebian, Suite
 from tools.packages import build_package, wheels
 
-ASKED = os.environ.get("PACKAGE_TESTS", "")
 SYSTEMS = ROOT / "build" / "systems"
 EPOCH = 1_795_305_600
 """2026-11-22 00:00 UTC: the same package, whenever a test builds it."""
-IS_COMPILED = ASKED == "all" or "PACKAGES" in os.environ
-"""Whether the package that is tried has machine code in it: compiling takes minutes, too."""
+
+
+def only_when_asked() -> None:
+    """Leave a test out that takes minutes, unless such tests were asked for."""
+    if os.environ.get("PACKAGE_TESTS") != "all":
+        pytest.skip("it takes minutes: tried with PACKAGE_TESTS=all (make test-package)")
 
 
 @pytest.fixture(scope="session", params=SUITES, ids=[suite.name for suite in SUITES])
 def suite(request: pytest.FixtureRequest) -> Suite:
     """A release of Debian."""
     wanted: Suite = request.param
-    if ASKED == "0":
-        pytest.skip("PACKAGE_TESTS=0 leaves it out, because it takes minutes")
-    if wanted != BOOKWORM and ASKED != "all":
-        pytest.skip(f"{wanted} is tried with PACKAGE_TESTS=all (make test-package), because it takes minutes")
+    only_when_asked()
     if why := bare_debian.why_not():
         pytest.skip(why)
     return wanted
@@ -57,7 +57,7 @@ def package(suite: Suite, tmp_path_factory: pytest.TempPathFactory) -> Path:
         return found
     folder = tmp_path_factory.mktemp("package")
     work = SYSTEMS / f"{os.getpid()}-builds"
-    return build_package(ROOT, suite, work, EPOCH, folder, is_compiled=IS_COMPILED)
+    return build_package(ROOT, suite, work, EPOCH, folder)
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from gateway import __version__
-from tests.package.conftest import ASKED, SYSTEMS
+from tests.package.conftest import SYSTEMS
 from tests.package.test_in_a_bare_debian import ends_well
 from tools.bare_debian import BUILDING, ROOT, BareDebian, Suite
 from tools.packages import PARTS, wheels
@@ -42,7 +42,6 @@ def test_pip_compiles_in_an_environment_that_was_empty(with_compiler: BareDebian
     assert not (with_compiler.folder / "src" / "build").exists()
 
 
-@pytest.mark.skipif(ASKED != "all", reason="compiles once more: with PACKAGE_TESTS=all (make test-package)")
 def test_the_installer_compiles_without_being_asked(with_compiler: BareDebian) -> None:
     install = f"{WORK} && /src/deploy/install.sh --find-links /wheels"
     said = with_compiler.does(f"{install} install")

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 import gateway
-from tests.package.conftest import ASKED, EPOCH, SYSTEMS
+from tests.package.conftest import EPOCH, SYSTEMS, only_when_asked
 from tools import bare_debian
 from tools.bare_debian import KEPT, ROOT, Suite
 from tools.packages import PARTS, build_package, fetched
@@ -218,6 +218,7 @@ def test_what_is_stopped_leaves_nothing(own: Path, stop: signal.Signals) -> None
     ],
 )
 def test_a_full_disk_leaves_what_was_there(own: Path, tmp_path: Path, disk: str, said: str) -> None:
+    only_when_asked()
     small = tmp_path / "small"
     small.mkdir()
     (own / "dist").mkdir()
@@ -236,7 +237,7 @@ def test_a_full_disk_leaves_what_was_there(own: Path, tmp_path: Path, disk: str,
 @pytest.fixture(scope="module")
 def twice(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """What two checkouts make: other names, other modes, one with the tag on its commit."""
-    parts = QUICK if ASKED != "all" else ("--without-debs",)
+    only_when_asked()
     made = []
     for name, mask in (("first", 0o022), ("and the second, längere", 0o077)):
         before = os.umask(mask)
@@ -247,7 +248,7 @@ def twice(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
                 (folder / "dist" / "of-the-last-release.deb").write_text("")
             else:
                 git(folder, "tag", f"v{VERSION}")
-            release(folder, *parts, environment={"CFLAGS": "-O0", "TZ": "Asia/Tokyo"})
+            release(folder, "--without-debs", environment={"CFLAGS": "-O0", "TZ": "Asia/Tokyo"})
         finally:
             os.umask(before)
         made.append(folder / "dist")
@@ -263,7 +264,7 @@ def test_two_checkouts_of_a_commit_make_the_same_bytes(twice: tuple[Path, Path])
         "SHA256SUMS",
     }
     assert wanted <= set(first)
-    assert len(first) == len(wanted) + (ASKED == "all")
+    assert len(first) == len(wanted) + 1
     assert [name for name in first if first[name] != second.get(name)] == []
 
 
@@ -308,10 +309,7 @@ def test_the_list_names_what_is_pinned_and_nothing_of_this_machine(twice: tuple[
 
 
 def test_what_is_installed_without_a_pin_gets_into_no_list(tmp_path: Path) -> None:
-    if ASKED != "all":
-        pytest.skip(
-            "tried with PACKAGE_TESTS=all (make test-package), because it installs the tools once more"
-        )
+    only_when_asked()
     tools = fetched("release", FETCHED)
     environment = tmp_path / "environment"
     subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True)
@@ -350,10 +348,6 @@ def test_the_archives_hold_the_commit_with_its_time_and_plain_modes(twice: tuple
 
 
 def test_the_compiled_wheel_says_where_it_runs(twice: tuple[Path, Path]) -> None:
-    if ASKED != "all":
-        pytest.skip(
-            "the compiled wheel is made with PACKAGE_TESTS=all (make test-package), because it takes minutes"
-        )
     (wheel,) = twice[0].glob("*manylinux*.whl")
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     assert re.fullmatch(
@@ -364,10 +358,6 @@ def test_the_compiled_wheel_says_where_it_runs(twice: tuple[Path, Path]) -> None
 def test_a_package_is_the_same_bytes_when_it_is_built_again(
     suite: Suite, package: Path, tmp_path: Path
 ) -> None:
-    if ASKED != "all":
-        pytest.skip(
-            "packages are built twice with PACKAGE_TESTS=all (make test-package), because it takes minutes"
-        )
     sources = tmp_path / "other sources"
     for part in PARTS:
         if (ROOT / part).is_dir():
