@@ -64,6 +64,13 @@ DIRECTION_UNSURE: Final = EventEntry(
     "the axis moved while a new target came, or its actual position cannot be read",
     "map `actual` and `bits.done` of the drive, set `max_speed`, and leave `safe_read` on",
 )
+BRANCH_HUNTS: Final = EventEntry(
+    "branch-hunts",
+    Severity.WARNING,
+    "the branch of the table changed more than five times in ten seconds",
+    "short moves to and fro, or a controller that resends one target with noise in it",
+    "if the machine stands, set `repeat_within` to the counts by which its target trembles",
+)
 COMPENSATION_ENDED: Final = EventEntry(
     "compensation-ended",
     Severity.WARNING,

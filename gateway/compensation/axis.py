@@ -357,11 +357,21 @@ class AxisCompensation:
             return kept, True
         if place.kind is PlaceKind.ON_DRIVE:
             return self._direction_from_drive(position, self.machine_position(place.counts))
+        if self._is_same_again(position):
+            return kept, self.state.is_unsure
         distance = position - self.machine_position(place.counts)
-        least = self._hysteresis if place.kind is PlaceKind.MEASURED else 0.0
-        if distance and abs(distance) >= least:
+        is_short = place.kind is PlaceKind.MEASURED and abs(distance) < self._hysteresis
+        if distance:
             kept = Direction.FORWARD if distance > 0 else Direction.BACKWARD
-        return kept, place.kind is PlaceKind.ASSUMED
+        return kept, is_short or place.kind is PlaceKind.ASSUMED
+
+    def _is_same_again(self, position: float) -> bool:
+        """Whether a target is the last one with the noise of whoever resends it."""
+        accepted, within = self.accepted, self.settings.repeat_within_counts
+        if accepted is None or not within:
+            return False
+        distance = abs(position - self.machine_position(accepted.nominal_counts))
+        return distance * abs(self._counts_per_unit) <= within / JUST_BELOW
 
     def _direction_from_drive(self, position: float, actual: float) -> tuple[Direction, bool]:
         """Decide on the drive's scale, where no branch has to be known.

@@ -16,7 +16,7 @@ class PlaceKind(Enum):
     REACHED = "reached"
     """The last accepted target, in nominal counts, known to be reached: every count of difference counts."""
     MEASURED = "measured"
-    """A measured position in nominal counts: compared with hysteresis."""
+    """A measured position in nominal counts: nearer than the hysteresis it says little."""
     ASSUMED = "assumed"
     """The last accepted target, in nominal counts, that nothing has proved to be reached."""
     ON_DRIVE = "on-drive"

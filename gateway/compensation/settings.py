@@ -10,6 +10,7 @@ from gateway.compensation.units import Units
 DEFAULT_HYSTERESIS_MM: Final = 0.001
 DEFAULT_HYSTERESIS_STEPS: Final = 2
 """Hysteresis is the larger of 2 counts, or steps, and 1 µm (the semantics of Fagor's REVEHYST, P99)."""
+DEFAULT_IN_POSITION_MM: Final = 0.02
 DEFAULT_MAX_CORRECTION_MM: Final = 0.5
 DEFAULT_MAX_SLOPE: Final = 0.01
 DEFAULT_FRESH_MS: Final = 20.0
@@ -153,6 +154,21 @@ class AxisSettings:
 
     Less than 1 where a count is coarse, as with a ``float32`` in millimetres.
     """
+
+    in_position: float = DEFAULT_IN_POSITION_MM
+    """Within this of its target an axis has arrived; never less than the hysteresis."""
+    repeat_within_counts: float = 0.0
+    """A target that differs from the last one by no more keeps its branch."""
+
+    @property
+    def in_position_counts(self) -> float:
+        """The in-position window, each way."""
+        return max(self.in_position, self.hysteresis) * abs(self.counts_per_unit)
+
+    @property
+    def max_correction_counts(self) -> float:
+        """The largest correction."""
+        return self.max_correction * abs(self.counts_per_unit)
 
     @property
     def step(self) -> float:

@@ -12,6 +12,7 @@ from gateway.config.axis_values import GainValue, OutsideValue, ReversalValue
 from gateway.config.terms_model import CrossSpec, ThermalSpec
 from gateway.config.values import (
     Counts,
+    CountsOrZero,
     CountsPerUnit,
     Length,
     LengthOrZero,
@@ -26,6 +27,7 @@ from gateway.drives.registers import RegisterMap
 from gateway.drives.strict import ByName, ListOf, StrictModel
 from gateway.exchange.plan import (
     DEFAULT_BUDGET_US,
+    DEFAULT_UNSEEN_MS,
     DEFAULT_WRITER_HOLD_S,
     CompensationMode,
     Late,
@@ -138,6 +140,12 @@ class AxisSection(StrictModel):
     hysteresis: LengthOrZero | None = Field(
         default=None, description="smallest reversal of a stream; jitter of measured positions"
     )
+    in_position: LengthOrZero | None = Field(
+        default=None, description="distance from its target within which an axis has arrived"
+    )
+    repeat_within: CountsOrZero = Field(
+        default=0.0, description="counts by which a target may differ from the last one and keep its branch"
+    )
     reversal: ReversalValue | None = Field(default=None, description="blend between the branches")
     reload: ReloadSpec | None = Field(default=None, description="blend from one table to the next")
     outside: OutsideValue = Field(default=Outside(), description="what holds outside the table")
@@ -173,6 +181,10 @@ class AxisSection(StrictModel):
     lost_ms: Milliseconds = Field(
         default=1000.0,
         description="silence in milliseconds after which the drive may have been switched off",
+    )
+    unseen_ms: Milliseconds = Field(
+        default=DEFAULT_UNSEEN_MS,
+        description="time in milliseconds without a word of the axis after which it is looked at again",
     )
     added_frames: ByName[AddedFrames] = Field(
         default=AddedFrames.AUTO, description="frames that the gateway adds by itself"

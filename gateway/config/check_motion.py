@@ -10,7 +10,7 @@ from gateway.config.toml_lines import KeyPath
 from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
 from gateway.drives.profile import motion_faults
-from gateway.drives.registers import RegisterMap
+from gateway.drives.registers import DoneMeans, RegisterMap
 from gateway.modbus.registers import FieldAccess
 
 RELATIVE: Final = (Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIVE_TO_ACTUAL)
@@ -33,6 +33,18 @@ def check_motion(findings: Findings, sections: Sections) -> None:
             _check_relative(findings, path, axis, registers)
             _check_restaging(findings, path, axis, registers)
             _check_stream(findings, path, axis, registers)
+            _check_arrival(findings, path, axis, registers)
+
+
+def _check_arrival(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+    """Warn where nothing ever tells that an axis has arrived."""
+    is_near_only = registers.done_means is DoneMeans.IN_POSITION and registers.bits.done is not None
+    if axis.setpoints is Setpoints.TARGETS and is_near_only and not registers.actual:
+        findings.warn(
+            (*path, "registers", "done_means"),
+            'done_means = "in-position", and no actual position is mapped',
+            "nothing tells that the axis has arrived: the direction of its moves is assumed; map actual",
+        )
 
 
 def _check_stops(findings: Findings, path: KeyPath, registers: RegisterMap) -> None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Final
 
 from gateway.compensation.settings import (
+    DEFAULT_IN_POSITION_MM,
     DEFAULT_MAX_CORRECTION_MM,
     DEFAULT_RELOAD_DISTANCE_MM,
     AxisSettings,
@@ -45,6 +46,8 @@ def settings_of(axis: AxisSection) -> AxisSettings:
         max_speed=axis.max_speed,
         fresh_ms=axis.fresh_ms,
         home_approach=axis.home_approach.sign,
+        in_position=units.from_mm(DEFAULT_IN_POSITION_MM) if axis.in_position is None else axis.in_position,
+        repeat_within_counts=axis.repeat_within,
     )
     settings = replace(settings, step_counts=_step_counts(axis, settings))
     if axis.hysteresis is not None:

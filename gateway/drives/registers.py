@@ -23,11 +23,21 @@ from gateway.modbus.registers import (
 
 MAX_SCALE: Final = 1e9
 MAX_GAP_MS: Final = 10_000
+MAX_DROP_MS: Final = 60_000
 MAX_REGISTERS: Final = 125
 """Most registers that one frame can carry (FC03; Modbus application protocol V1.1b3, 6.3)."""
 MAX_PATHS: Final = 256
 DEFAULT_MAX_REGISTERS: Final = 123
 """Most registers that FC16 can write (6.12 there)."""
+
+
+class DoneMeans(Enum):
+    """What the done bit of a drive says."""
+
+    MOVE_ENDED = "move-ended"
+    """The last move has ended."""
+    IN_POSITION = "in-position"
+    """It is near where it is told to be at the moment, also on the way."""
 
 
 class OnException(Enum):
@@ -208,6 +218,13 @@ class RegisterMap(StrictModel):
     )
     trigger: ListOf[TriggerSpec] = Field(default=(), description="registers whose values make the drive act")
     bits: BitsSpec = Field(default=BitsSpec(), description="state bits")
+    done_means: ByName[DoneMeans] = Field(
+        default=DoneMeans.MOVE_ENDED, description="what bits.done says: move-ended or in-position"
+    )
+    done_drop_ms: Annotated[float, Field(ge=0.0, le=MAX_DROP_MS)] = Field(
+        default=1000.0,
+        description="milliseconds that bits.done may still be that of the move before",
+    )
     staged: bool = Field(default=False, description="a written position waits for a trigger")
     starts_on: ListOf[Address] = Field(default=(), description="words of a position that start the motion")
     addressing: ByName[Addressing] = Field(

@@ -14,10 +14,10 @@ from typing import Final
 
 from gateway.drives.motion import Form
 from gateway.exchange.access import MEI_HEAD, swapped
-from gateway.exchange.axis import AxisExchange, Rendering
+from gateway.exchange.axis import Actual, AxisExchange, Rendering
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.known import Known
-from gateway.exchange.observing import observe_actual, observe_bit, observe_done
+from gateway.exchange.observing import observe_actual, observe_bit, observe_done, prove_distance
 from gateway.exchange.plan import DONE_BIT
 from gateway.exchange.unit import FieldHit
 from gateway.modbus.errors import RegisterRangeError
@@ -37,6 +37,8 @@ class Purpose(Enum):
     """Why a frame is added."""
 
     ACTUAL = "actual"
+    LOOK = "look"
+    """The actual position too: whether an axis that was not seen for a while still stands at its target."""
     COMMANDED = "commanded"
     COMMAND = "command"
     HOMED = "homed"
@@ -200,8 +202,10 @@ def note_restaged(frame: AddedFrame) -> None:
     shadow.settle(rendering.nominal_words, words, frame.losses)
 
 
-def learn(read: AddedFrame, reply: bytes, known: Known, now_ns: int) -> None:
-    """Take note of the reply to an added read; a refused one is not tried again for this request.
+def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
+    """Take note of the reply to an added read, which says what held when it was asked for.
+
+    A refused one is not tried again for this request.
 
     A drive that will not tell whether it is homed is taken as not homed.
     """
@@ -209,25 +213,32 @@ def learn(read: AddedFrame, reply: bytes, known: Known, now_ns: int) -> None:
     if read.purpose is Purpose.HOMED:
         known.references.add(name)
         assert read.bit is not None
-        observe_bit(axis, axis.homed_bit, now_ns, is_set=words is not None and read.bit.is_set(_word(words)))
-    elif read.purpose is Purpose.ACTUAL:
+        observe_bit(
+            axis, axis.homed_bit, asked_ns, is_set=words is not None and read.bit.is_set(_word(words))
+        )
+    elif read.purpose in (Purpose.ACTUAL, Purpose.LOOK):
         field = axis.plan.actual[0]
-        known.actual[name] = None if words is None else observe_actual(axis, field, words, now_ns)
+        known.actual[name] = None if words is None else observe_actual(axis, field, words, asked_ns)
+        actual = known.actual[name]
+        if read.purpose is Purpose.LOOK and actual is not None and not axis.is_at_target(actual.counts):
+            axis.forget_place()
     elif read.purpose is Purpose.COMMANDED:
         field = axis.plan.commanded[0]
-        known.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
+        counts = known.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
+        if counts is not None and not axis.plan.actual:
+            prove_distance(axis, Actual(counts, asked_ns))
     elif read.purpose is Purpose.RULE:
         known.rule_words.setdefault(name, {})[read.address] = None if words is None else _word(words)
         if words is not None:
             axis.motion.note_read(read.address, _word(words))
     elif read.purpose is Purpose.STANDING:
-        _learn_standing(read, words, known)
+        _learn_standing(read, words, known, asked_ns)
     else:
         assert read.hit is not None
         known.command_words[id(read.hit.place.shadow)] = _nominal_command(read.hit, words)
 
 
-def _learn_standing(read: AddedFrame, words: bytes | None, known: Known) -> None:
+def _learn_standing(read: AddedFrame, words: bytes | None, known: Known, asked_ns: int) -> None:
     axis = read.axis
     assert read.bit is not None
     if words is None:
@@ -235,7 +246,7 @@ def _learn_standing(read: AddedFrame, words: bytes | None, known: Known) -> None
         return
     is_set = read.bit.is_set(_word(words))
     if read.bit is axis.plan.bits.get(DONE_BIT):
-        observe_done(axis, is_done=is_set)
+        observe_done(axis, asked_ns, is_done=is_set)
         known.is_standing[axis.plan.name] = is_set
     else:
         known.is_standing[axis.plan.name] = not is_set

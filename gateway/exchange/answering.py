@@ -30,7 +30,7 @@ def answer(rewriting: Rewriting, reply: bytes, now_ns: int, send: Callable[[byte
     if acknowledged and rewriting.access.read_quantity:
         if rewriting.writes:
             _settle(rewriting, reply, now_ns, is_acknowledged=True)
-        send(_turn_back(rewriting, reply, now_ns))
+        send(_turn_back(rewriting, reply))
         return
     send(_native_echo(rewriting.request.pdu, reply) if acknowledged else _foreign_reply(rewriting, reply))
     if rewriting.writes:
@@ -92,10 +92,10 @@ def fail(rewriting: Rewriting, code: int, now_ns: int, *, is_refusal: bool) -> N
     """Note that a write was not acknowledged; what a refusal proves, the register map says (M7)."""
     for rendering in rewriting.renderings:
         if not (is_refusal and rendering.axis.plan.exception_writes_nothing):
-            rendering.axis.fail(rendering)
+            rendering.axis.fail(rendering, now_ns)
     for rendering in rewriting.runs:
         if not (is_refusal and rendering.axis.plan.exception_writes_nothing):
-            rendering.axis.fail_run(rendering)
+            rendering.axis.fail_run(rendering, now_ns)
     for hit in rewriting.command_hits:
         note_lost(hit, rewriting.request.pdu, rewriting.access, rewriting.request.arrived_ns)
     for staging in rewriting.stagings:
@@ -112,9 +112,9 @@ def fail(rewriting: Rewriting, code: int, now_ns: int, *, is_refusal: bool) -> N
 def note_broadcast(rewriting: Rewriting, now_ns: int) -> None:
     """Note a broadcast, which nobody acknowledges: what it did is unknown until it is read (M3)."""
     for rendering in rewriting.renderings:
-        rendering.axis.fail(rendering)
+        rendering.axis.fail(rendering, now_ns)
     for rendering in rewriting.runs:
-        rendering.axis.fail_run(rendering)
+        rendering.axis.fail_run(rendering, now_ns)
     for staging in rewriting.stagings:
         staging.shadow.forget()
     for axis, shadow in rewriting.touched_blindly:
@@ -144,7 +144,7 @@ def _native_echo(request: bytes, reply: bytes) -> bytes:
     return reply
 
 
-def _turn_back(rewriting: Rewriting, reply: bytes, now_ns: int) -> bytes:
+def _turn_back(rewriting: Rewriting, reply: bytes) -> bytes:
     """Return a reply to a read with every position on the controller's scale."""
     access = rewriting.access
     head = MEI_HEAD if access.is_mei else 2
@@ -155,7 +155,7 @@ def _turn_back(rewriting: Rewriting, reply: bytes, now_ns: int) -> bytes:
                 _turn_field_back(hit, rewriting, data)
     except RegisterRangeError:
         return exception_pdu(rewriting.request.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
-    note_bits(rewriting.read_hits.bits, data, written_by(rewriting), now_ns)
+    note_bits(rewriting.read_hits.bits, data, written_by(rewriting), rewriting.request.arrived_ns)
     if access.is_mei:
         return reply[:head] + swapped(bytes(data)) if rewriting.read_hits.fields else reply
     skip = 2 * (access.read_address - rewriting.read_span.address)
@@ -192,7 +192,7 @@ def written_by(rewriting: Rewriting) -> set[str]:
     }
 
 
-def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, now_ns: int) -> None:
+def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, asked_ns: int) -> None:
     """Take note of status bits among coils or discrete inputs that were read (6.1, 6.2)."""
     if unit is None or request[0] not in READS_BITS or len(request) != 5:
         return
@@ -203,17 +203,17 @@ def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, now_ns: in
     hits = unit.read_bits(table, address, min(quantity, 8 * reply[1]))
     if hits:
         words = b"".join(bytes((0, reply[2 + i // 8] >> i % 8 & 1)) for i in range(8 * reply[1]))
-        note_bits(hits, words, set(), now_ns)
+        note_bits(hits, words, set(), asked_ns)
 
 
 def note_bits(
-    hits: Iterable[BitHit], data: bytes | bytearray, written: AbstractSet[str], now_ns: int
+    hits: Iterable[BitHit], data: bytes | bytearray, written: AbstractSet[str], asked_ns: int
 ) -> None:
-    """Take note of status bits, a word for each in ``data``.
+    """Take note of status bits, a word for each in ``data``: as old as their request.
 
     The done bit of a frame that wrote a target is still that of the one before.
     """
     for axis, name, bit, word in hits:
         is_set = bit.is_set(data[2 * word] << 8 | data[2 * word + 1])
         if axis.plan.name not in written or name == HOMED_BIT:
-            observe_bit(axis, name, now_ns, is_set=is_set)
+            observe_bit(axis, name, asked_ns, is_set=is_set)

@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, NamedTuple
 from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
 from gateway.compensation.fingerprint import table_digest
-from gateway.compensation.moves import Move
+from gateway.compensation.moves import Accepted, Move
 from gateway.compensation.readback import Readback
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Form
+from gateway.exchange.arrival import Arrival
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
 from gateway.exchange.hold import Hold
+from gateway.exchange.hunting import MOST, Hunting
 from gateway.exchange.motion_state import MotionState
 from gateway.exchange.plan import (
     DONE_BIT,
@@ -58,6 +60,8 @@ class Rendering(NamedTuple):
     """None for a repeat: the drive is told exactly the same words again (M4)."""
     is_distance: bool = False
     """The words are a distance; ``corrected_counts`` is where it ends."""
+    start: Accepted | None = None
+    """Where a distance starts."""
 
 
 @dataclass(slots=True)
@@ -86,12 +90,13 @@ class AxisExchange:
     is_held_back: bool = False
     """Another axis of its group is not referenced (M11)."""
     actual: Actual | None = None
-    is_done_seen: bool = False
+    arrival: Arrival = field(init=False)
+    """How far the move to the last accepted target has come."""
+    hunting: Hunting = field(default_factory=Hunting)
+    heard_ns: int = 0
+    """When it was seen last, or was told something that it acknowledged."""
     is_moving: bool | None = None
     """What the drive's moving bit said last; None: not known."""
-    was_at_target: bool = False
-    may_have_left: bool = False
-    """The done bit was seen to drop after the target was reached."""
     was_unsure: bool = False
     last_shadow: Shadow | None = None
     """Of the field through which the last accepted target came."""
@@ -118,6 +123,11 @@ class AxisExchange:
         self.shadows = [Shadow(field_) for field_ in self.plan.command]
         self.limit_shadows = [Shadow(field_) for field_ in self.plan.limits]
         self.motion = MotionState(self.plan.motion)
+        self.arrival = Arrival(
+            self.plan.done_drop_ms,
+            has_actual=bool(self.plan.actual),
+            is_in_position_only=self.plan.done_is_in_position,
+        )
         self.reference = ReferenceState(self.plan.referenced)
         self.hold = Hold(self.plan.writer_hold_s, is_shared=not self.plan.has_one_writer)
         self.is_enabled = self.plan.compensation is not CompensationMode.OFF
@@ -159,8 +169,13 @@ class AxisExchange:
     @property
     def is_unsure(self) -> bool:
         """Whether the branch in force was assumed, where there are two and they count."""
-        state = self.compensation.state
-        return self.has_branches and state.is_unsure and not self.compensation.is_passing
+        is_assumed = self.compensation.state.is_unsure or self.is_distance_unproven
+        return self.has_branches and is_assumed and not self.compensation.is_passing
+
+    @property
+    def is_distance_unproven(self) -> bool:
+        """Whether a distance was sent of which nobody knows if it ran: its axis is at one of two places."""
+        return self.unproven is not None and self.unproven.is_distance
 
     @property
     def is_referenced(self) -> bool:
@@ -193,6 +208,17 @@ class AxisExchange:
     def tell(self, kind: EventKind, detail: str = "") -> None:
         """Report something about this axis."""
         self.news.append(Event(kind, self.plan.name, detail))
+
+    def is_unseen(self, now_ns: int) -> bool:
+        """Whether somebody may have moved it since anything was heard of it or said to it (M5, M6)."""
+        return now_ns - self.heard_ns > self.plan.unseen_ms * NS_PER_MS
+
+    def is_at_target(self, corrected_counts: Counts) -> bool:
+        """Whether a position lies in the in-position window of the last accepted target."""
+        accepted = self.compensation.accepted
+        if accepted is None:
+            return False
+        return abs(corrected_counts - accepted.corrected_counts) <= self.plan.settings.in_position_counts
 
     # --- reference -------------------------------------------------------------------------------------
 
@@ -282,6 +308,7 @@ class AxisExchange:
             unproven = self.unproven
             self.forget()
             self.unproven = unproven  # it may have arrived before the drive fell silent
+            self.arrival.begin(self.silent_until_ns)
             self.lose()
 
     def lose(self) -> None:
@@ -315,7 +342,7 @@ class AxisExchange:
         """
         self.is_branch_known &= keeps_branch
         self.compensation.forget_target()
-        self.is_done_seen = self.was_at_target = self.may_have_left = False
+        self.arrival.begin(0)
         self.is_moving = None
         self.unproven = None
 
@@ -327,23 +354,29 @@ class AxisExchange:
         self.actual = None
         self.doubt(now_ns)
 
-    def fail(self, rendering: Rendering) -> None:
+    def fail(self, rendering: Rendering, now_ns: int) -> None:
         """A target was sent and not acknowledged: the drive may hold it or not.
 
         Of a repeat it holds the same words in either case.
         """
         if rendering.move is None and not rendering.is_distance and self.compensation.accepted is not None:
             return
-        self.forget_place()
+        self.fail_run(rendering, now_ns)
         rendering.shadow.forget()
-        if rendering.move is not None and not rendering.is_distance:
-            self.unproven = rendering
 
-    def fail_run(self, rendering: Rendering) -> None:
+    def fail_run(self, rendering: Rendering, now_ns: int) -> None:
         """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
         self.forget_place()
-        if rendering.move is not None and not rendering.is_distance:
+        if rendering.move is not None:
             self.unproven = rendering
+            self.arrival.begin(now_ns)
+
+    def go_nowhere(self) -> None:
+        """A distance that was not acknowledged did not run: the axis stands where it would have started."""
+        assert self.unproven is not None
+        self.compensation.accepted = self.unproven.start
+        self.unproven = None
+        self.is_branch_known = True
 
     # --- reading ---------------------------------------------------------------------------------------
 
@@ -372,8 +405,10 @@ class AxisExchange:
         """
         unproven = self.unproven
         is_proof = unproven is not None and unproven.shadow is shadow and unproven.corrected_words == words
+        if unproven is not None and unproven.is_distance:
+            is_proof = False  # that it is written says nothing about its having run
         if unproven is not None and is_proof and not self.motion.plan.waits_for_trigger:
-            self.commit(unproven)
+            self.commit(unproven, self.heard_ns)
         if shadow.nominal_words is not None and shadow.corrected_words == words:
             return shadow.nominal_words
         return self.nominal_words(field_, words, readback)
@@ -392,10 +427,16 @@ class AxisExchange:
         ``losses``: of its shadow, when the target was sent.
         """
         rendering.shadow.settle(rendering.nominal_words, rendering.corrected_words, losses)
+        self.heard_ns = now_ns
         if rendering.move is None:
             self.compensation.touch(now_ns)
         else:
-            self.accept(rendering)
+            self.accept(rendering, now_ns)
+
+    def _note_branch_change(self, now_ns: int) -> None:
+        if self.has_branches and self.hunting.note_change(now_ns):
+            detail = f"its branch changed more than {MOST} times in 10 s"
+            self.tell(EventKind.BRANCH_HUNTS, detail)
 
     def tell_beginning(self) -> None:
         """Report with what offset a stream has begun."""
@@ -408,13 +449,17 @@ class AxisExchange:
             motion = f"; {rest:+.6g} {units} more cannot be a correction and were gone" if rest else ""
             self.tell(EventKind.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
 
-    def accept(self, rendering: Rendering) -> None:
+    def accept(self, rendering: Rendering, now_ns: int) -> None:
         """The axis goes to a target, or has gone there, whatever its registers hold by now."""
         assert rendering.move is not None
-        self.compensation.commit(rendering.move, rendering.corrected_counts, is_reached=self.is_done_seen)
+        is_reached = self.arrival.is_proven
+        compensation, before = self.compensation, self.compensation.state.travel.direction
+        if not compensation.is_stream and before is not rendering.move.state.travel.direction:
+            self._note_branch_change(now_ns)
+        compensation.commit(rendering.move, rendering.corrected_counts, is_reached=is_reached)
         self.is_branch_known = True
         self.last_shadow = rendering.shadow
         self.unproven = None
         self.motion.runs_stored = False
-        self.is_done_seen = self.was_at_target = self.may_have_left = False
+        self.arrival.begin(now_ns)
         self.is_moving = None

@@ -40,7 +40,7 @@ class Deadlines:
 
     def may_be_late(self, exchange: Exchange, now_ns: int) -> bool:
         """Whether a request has waited longer than any axis allows."""
-        return bool(self._axes) and now_ns - exchange.arrived_ns > self._least_ns
+        return bool(self._axes) and now_ns - exchange.arrived_ns - exchange.excused_ns > self._least_ns
 
     def check(self, exchange: Exchange, now_ns: int) -> None:
         """Look at the age of a target or trigger that is about to be sent.
@@ -50,7 +50,7 @@ class Deadlines:
         """
         if not self.may_be_late(exchange, now_ns):
             return
-        age_ms = (now_ns - exchange.arrived_ns) / NS_PER_MS
+        age_ms = (now_ns - exchange.arrived_ns - exchange.excused_ns) / NS_PER_MS
         late = [axis for axis in self._axes if age_ms > axis.plan.deadline_ms]
         late = [axis for axis in late if is_acting_on(self._units, exchange, [axis])]
         if not late:

@@ -14,6 +14,7 @@ class EventKind(Enum):
     AXIS_REFERENCED = "axis-referenced"
     REFERENCE_LOST = "reference-lost"
     DIRECTION_UNSURE = "direction-unsure"
+    BRANCH_HUNTS = "branch-hunts"
     COMPENSATION_ENDED = "compensation-ended"
     REFUSED_VALUE = "refused-value"
     AXIS_BLOCKED = "axis-blocked"

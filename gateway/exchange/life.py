@@ -31,6 +31,8 @@ class Exchange:
     """How long it waited for the line."""
     added_ns = 0
     """How long frames of the gateway's own held it up."""
+    excused_ns = 0
+    """How much of that no deadline counts: a look at where the axis stands."""
     is_orphan = False
     """Its controller has gone or gone on: the reply is taken note of and then dropped."""
     overtaken_by = ""

@@ -39,7 +39,9 @@ def note_learned(exchange: Exchange, reply: bytes, counters: LineCounters, now_n
     exchange.known = exchange.known or Known()
     if frame.purpose is not Purpose.RESTAGE:
         counters.added_reads += 1
-        learn(frame, reply, exchange.known, now_ns)
+        if frame.purpose is Purpose.LOOK:
+            exchange.excused_ns += now_ns - exchange.sent_ns
+        learn(frame, reply, exchange.known, exchange.sent_ns)
         return None
     assert frame.rendering is not None
     if frame.is_acknowledged(reply):

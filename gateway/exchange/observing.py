@@ -2,7 +2,7 @@
 
 from math import isfinite
 
-from gateway.counts import Counts
+from gateway.exchange.arrival import Sign
 from gateway.exchange.axis import Actual, AxisExchange
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT
@@ -17,12 +17,13 @@ def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, now_
         return None
     before, now = axis.actual, Actual(counts_of(field_, raw), now_ns)
     axis.actual = now
+    axis.heard_ns = now_ns
     if axis.memory is not None and axis.memory.recalled is not None:
         axis.memory.decide(now)
     _prove(axis, before, now)
     axis.compensation.observe(now.counts)
-    is_at_rest = axis.was_at_target or axis.is_done_seen
-    _watch(axis, now.counts)
+    is_at_rest = axis.arrival.is_at_rest
+    _watch(axis, now)
     if before is not None and is_at_rest:
         _watch_for_jump(axis, before, now)
     return now
@@ -31,19 +32,44 @@ def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, now_
 def _prove(axis: AxisExchange, before: Actual | None, now: Actual) -> None:
     """Take a target that was never acknowledged as accepted when the axis is seen to have gone there (M7)."""
     unproven = axis.unproven
-    if unproven is None or before is None:
+    if unproven is None:
+        return
+    if unproven.is_distance:
+        prove_distance(axis, now)
+        return
+    if before is None:
         return
     settings = axis.plan.settings
     near = settings.hysteresis * abs(settings.counts_per_unit)
     if abs(now.counts - unproven.corrected_counts) <= near < abs(before.counts - unproven.corrected_counts):
-        axis.accept(unproven)
+        axis.accept(unproven, now.seen_ns)
+
+
+def prove_distance(axis: AxisExchange, now: Actual) -> None:
+    """Find out whether a distance that was never acknowledged has run: from which of its ends (M5).
+
+    Only of an axis that has had the time to start and may stand. At neither of the ends, or at both, nobody
+    knows where the next distance would begin.
+    """
+    unproven = axis.unproven
+    start = None if unproven is None or not unproven.is_distance else unproven.start
+    if unproven is None or start is None or not axis.arrival.may_stand(now.seen_ns):
+        return
+    window = axis.plan.settings.in_position_counts
+    is_at_end = abs(now.counts - unproven.corrected_counts) <= window
+    is_at_start = abs(now.counts - start.corrected_counts) <= window
+    if is_at_end and not is_at_start:
+        axis.accept(unproven, now.seen_ns)
+    elif is_at_start and not is_at_end:
+        axis.go_nowhere()
 
 
 def observe_bit(axis: AxisExchange, name: str, now_ns: int, *, is_set: bool) -> None:
-    """Note one of the drive's status bits."""
+    """Note one of the drive's status bits, asked for at ``now_ns``."""
+    axis.heard_ns = now_ns
     was_referenced = axis.is_referenced
     if name == DONE_BIT:
-        observe_done(axis, is_done=is_set)
+        observe_done(axis, now_ns, is_done=is_set)
     elif name == MOVING_BIT:
         axis.is_moving = is_set
     elif name == ALARM_BIT:
@@ -57,16 +83,10 @@ def observe_bit(axis: AxisExchange, name: str, now_ns: int, *, is_set: bool) -> 
         axis.follow_reference(was_referenced=was_referenced)
 
 
-def observe_done(axis: AxisExchange, *, is_done: bool) -> None:
-    """Note the drive's done bit.
-
-    A second motion after a target was reached is not of our making; or the bit has flickered, which the
-    next reading of the position tells.
-    """
-    if axis.is_done_seen and not is_done:
-        axis.may_have_left = True
-    axis.is_done_seen = is_done and axis.compensation.accepted is not None and not axis.may_have_left
-    axis.was_at_target |= axis.is_done_seen
+def observe_done(axis: AxisExchange, asked_ns: int, *, is_done: bool) -> None:
+    """Note the drive's done bit; of an axis that goes nowhere we know it says nothing."""
+    if axis.compensation.accepted is not None or axis.unproven is not None:
+        axis.arrival.see_done(asked_ns, is_done=is_done)
 
 
 def _observe_alarm(axis: AxisExchange) -> None:
@@ -75,20 +95,20 @@ def _observe_alarm(axis: AxisExchange) -> None:
     axis.lose()
 
 
-def _watch(axis: AxisExchange, corrected_counts: Counts) -> None:
-    """Notice that something else moved the axis away from where it had been sent (M4)."""
+def _watch(axis: AxisExchange, actual: Actual) -> None:
+    """Notice that the axis has come to its target, or that something else moved it away from there (M4)."""
     accepted = axis.compensation.accepted
     if accepted is None:
         return
     settings = axis.plan.settings
-    distance = abs(corrected_counts - accepted.corrected_counts) / abs(settings.counts_per_unit)
-    if distance <= settings.max_correction:
-        axis.may_have_left = False
-    if distance <= settings.hysteresis:
-        axis.was_at_target = True
-    elif axis.was_at_target and distance > settings.max_correction:
+    sign = Sign.AWAY
+    if axis.is_at_target(actual.counts):
+        sign = Sign.THERE
+    elif abs(actual.counts - accepted.corrected_counts) <= settings.max_correction_counts:
+        sign = Sign.NEAR
+    if axis.arrival.see_place(actual.seen_ns, sign):
         axis.compensation.forget_target()
-        axis.was_at_target = axis.is_done_seen = axis.is_branch_known = False
+        axis.is_branch_known = False
 
 
 def _watch_for_jump(axis: AxisExchange, before: Actual, now: Actual) -> None:

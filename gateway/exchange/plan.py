@@ -17,6 +17,8 @@ MOVING_BIT: Final = "moving"
 ALARM_BIT: Final = "alarm"
 
 DEFAULT_WRITER_HOLD_S: Final = 5.0
+DEFAULT_UNSEEN_MS: Final = 500.0
+DEFAULT_DONE_DROP_MS: Final = 1000.0
 """Longer than a program pauses between two moves and than a controller takes to connect again; shorter than
 the way from one panel to the next."""
 
@@ -136,6 +138,12 @@ class AxisPlan:
     late: Late = Late.FORWARD
     lost_ms: float = 1000.0
     """After a silence as long as this the drive may have been switched off."""
+    unseen_ms: float = DEFAULT_UNSEEN_MS
+    """After so long without a word of it or to it somebody may have moved it."""
+    done_drop_ms: float = DEFAULT_DONE_DROP_MS
+    """So long after a target its drive may still say done of the move before."""
+    done_is_in_position: bool = False
+    """Its done bit says only that it is near where it is told to be at the moment, also on the way."""
     bits: Mapping[str, BitField] = field(default_factory=dict)
     max_registers: int = 123
     """Most registers that the drive takes in one frame."""

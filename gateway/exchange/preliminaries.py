@@ -23,6 +23,7 @@ from gateway.exchange.rendering import (
     as_it_came,
     is_repeat,
     needs_actual,
+    needs_look,
     render,
 )
 from gateway.exchange.request import Request
@@ -106,7 +107,8 @@ def _read_for(
     if meaning is not None and hit not in meaning.running:
         return None
     action = Action.ABSOLUTE if meaning is None else meaning.action
-    if axis.motion.plan.waits_for_trigger or action.is_relative or axis.may_have_left:
+    is_doubtful = axis.arrival.may_have_left or needs_look(axis, request.now_ns, action)
+    if axis.motion.plan.waits_for_trigger or action.is_relative or is_doubtful:
         return _read_for_run(request, axis, place.number, words, action)
     if is_repeat(axis, shadow, words):
         written = [(each, nominal_words(each, request)) for each in own]
@@ -120,6 +122,8 @@ def _read_for_run(
 ) -> AddedFrame | None:
     """Return what must be read before a whole target can be rendered."""
     known = request.known
+    if axis.plan.name not in known.actual and needs_look(axis, request.now_ns, action):
+        return read_field(axis, Purpose.LOOK, axis.plan.actual[0])
     field = axis.plan.command[number]
     counts = counts_of(field, field.unpack(words))
     if action.is_relative:

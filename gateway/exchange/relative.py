@@ -22,6 +22,8 @@ def next_base_read(axis: AxisExchange, action: Action, known: Known) -> AddedFra
         for bit_name in (DONE_BIT, MOVING_BIT):
             if bit_name in bits:
                 return read_bit(axis, Purpose.STANDING, bits[bit_name])
+    if axis.is_distance_unproven and axis.plan.actual:
+        return None if name in known.actual else read_field(axis, Purpose.ACTUAL, axis.plan.actual[0])
     if _counts_from_commanded(axis, action):
         if name not in known.commanded:
             return read_field(axis, Purpose.COMMANDED, axis.plan.commanded[0])
@@ -32,10 +34,12 @@ def next_base_read(axis: AxisExchange, action: Action, known: Known) -> AddedFra
 
 def base_of(axis: AxisExchange, action: Action, known: Known) -> Base | None:
     """Return where a relative move starts, as far as is known by now; None where it is not."""
+    if axis.is_distance_unproven:
+        return None
     accepted = axis.compensation.accepted
-    is_certain = axis.is_done_seen and action is not Action.RELATIVE_TO_ACTUAL
+    is_certain = axis.arrival.is_proven and action is not Action.RELATIVE_TO_ACTUAL
     if accepted is not None and (action is Action.RELATIVE or is_certain):
-        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=axis.is_done_seen)
+        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=axis.arrival.is_proven)
     name = axis.plan.name
     is_standing = known.is_standing.get(name)
     if _counts_from_commanded(axis, action):

@@ -13,6 +13,7 @@ from gateway.compensation.fingerprint import scale_digest
 from gateway.compensation.moves import State
 from gateway.compensation.table import CorrectionTable
 from gateway.drives.motion import Action
+from gateway.exchange.arrival import WAS_THERE, Stage
 from gateway.exchange.axis import Actual, AxisExchange, Rendering
 from gateway.exchange.effects import MOVES_OTHERWISE, note_unknown
 from gateway.exchange.events import EventKind
@@ -137,9 +138,7 @@ class AxisMemory:
             compensation.accepted,
             axis.wanted,
             axis.is_branch_known,
-            axis.was_at_target,
-            axis.is_done_seen,
-            axis.may_have_left,
+            axis.arrival.stage,
             shadow is not None and not self._has_rules and _holds_its_words(shadow),
         )
         if seen != self._seen:
@@ -216,9 +215,9 @@ class AxisMemory:
         has_target = has_target and accepted is not None
         numbers = (
             has_target,
-            has_target and axis.was_at_target,
-            has_target and axis.is_done_seen,
-            has_target and axis.may_have_left,
+            has_target and _was_there(axis),
+            has_target and axis.arrival.is_proven,
+            has_target and axis.arrival.may_have_left,
             has_target and not self._has_rules and shadow is not None and _holds_its_words(shadow),
             0 if shadow is None else axis.shadows.index(shadow),
             *(accepted or _NO_TARGET),
@@ -259,6 +258,15 @@ def note_sending(rewriting: Rewriting) -> None:
     for axis in (*rewriting.moved_unknown, *(rewriting.request.unit.axes if rewriting.remaps else ())):
         if axis.memory is not None:
             axis.memory.doubt()
+
+
+def _was_there(axis: AxisExchange) -> bool:
+    """Whether an axis was at its target so surely that a drive found elsewhere has been moved since."""
+    accepted, actual, settings = axis.compensation.accepted, axis.actual, axis.plan.settings
+    if axis.arrival.stage is not Stage.SEEN_THERE or accepted is None or actual is None:
+        return axis.arrival.stage in WAS_THERE
+    near = settings.hysteresis * abs(settings.counts_per_unit)
+    return abs(actual.counts - accepted.corrected_counts) <= near
 
 
 def _holds_its_words(shadow: Shadow) -> bool:

@@ -5,9 +5,11 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.correction_spec import NOTHING
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
-from gateway.compensation.moves import Move, Place, PlaceKind
+from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
+from gateway.drives.motion import Action
+from gateway.exchange.arrival import Stage
 from gateway.exchange.axis import Actual, AxisExchange, Rendering
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.shadow import Shadow
@@ -139,7 +141,8 @@ def render_distance(
     ends_at = base.corrected_counts + counts_of(field_, steps)
     if is_passing:
         words, ends_at = distance_words, base.corrected_counts + counts_of(field_, raw)
-    return Rendering(axis, shadow, distance_words, words, ends_at, move, is_distance=True)
+    start = Accepted(base.nominal_counts, base.corrected_counts)
+    return Rendering(axis, shadow, distance_words, words, ends_at, move, is_distance=True, start=start)
 
 
 def needs_offset(axis: AxisExchange) -> bool:
@@ -185,10 +188,25 @@ def needs_actual(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> boo
         return False
     accepted = axis.compensation.accepted
     if accepted is not None and accepted.nominal_counts == nominal_counts:
-        return axis.may_have_left  # is it still there? (M4)
+        return axis.arrival.may_have_left  # is it still there? (M4)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return False
     return axis.has_branches and _known_place(axis, nominal_counts, now_ns) is None
+
+
+def needs_look(axis: AxisExchange, now_ns: int, action: Action) -> bool:
+    """Whether to look first if the axis still stands at its target: nobody has seen it for a while (M5, M6).
+
+    Never in a stream, and not where it makes no difference: a correction of one branch, an absolute target.
+    """
+    return axis.may_read and _is_doubtful(axis, now_ns, action)
+
+
+def _is_doubtful(axis: AxisExchange, now_ns: int, action: Action) -> bool:
+    if axis.compensation.is_stream or axis.compensation.accepted is None or not axis.plan.actual:
+        return False
+    counts = axis.has_branches or action.is_relative
+    return counts and not axis.passes_unchanged and axis.is_unseen(now_ns)
 
 
 def render_limit(axis: AxisExchange, number: int, nominal_words: bytes) -> bytes:
@@ -228,7 +246,9 @@ def nominal_limit(axis: AxisExchange, shadow: Shadow, number: int, words: bytes)
 
 def _is_unproven(axis: AxisExchange, shadow: Shadow, nominal_words: bytes) -> bool:
     unproven = axis.unproven
-    return unproven is not None and unproven.shadow is shadow and unproven.nominal_words == nominal_words
+    if unproven is None or unproven.is_distance:
+        return False
+    return unproven.shadow is shadow and unproven.nominal_words == nominal_words
 
 
 def _plan_move(axis: AxisExchange, nominal_counts: Counts, seen: Seen, place: Place | None = None) -> Move:
@@ -241,20 +261,24 @@ def _plan_move(axis: AxisExchange, nominal_counts: Counts, seen: Seen, place: Pl
         follow_terms(axis, now_ns)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return compensation.plan(nominal_counts, None, now_ns)
+    is_doubtful = fresh is None and _is_doubtful(axis, now_ns, Action.ABSOLUTE)
     place = place or _known_place(axis, nominal_counts, now_ns)
     if place is None and fresh is not None:
         place = _measured(axis, fresh)
     if place is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
         # Nothing tells where this axis is; the order of its targets is the best there is, and flagged.
         place = Place(accepted.nominal_counts, PlaceKind.ASSUMED)
-    return compensation.plan(nominal_counts, place, now_ns)
+    move = compensation.plan(nominal_counts, place, now_ns)
+    return move._replace(state=move.state._replace(is_unsure=True)) if is_doubtful else move
 
 
 def _known_place(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> Place | None:
     """Where the axis is, as far as passing traffic told it (M6)."""
     accepted = axis.compensation.accepted
-    if accepted is not None and axis.is_done_seen:
+    if accepted is not None and axis.arrival.is_proven:
         return Place(accepted.nominal_counts, PlaceKind.REACHED)
+    if accepted is not None and axis.arrival.stage is Stage.DONE_SAID and not axis.may_read:
+        return Place(accepted.nominal_counts, PlaceKind.ASSUMED)
     actual = axis.actual
     settings = axis.plan.settings
     if actual is None or not settings.max_speed:

@@ -11,6 +11,7 @@ from gateway.compensation.readback import Fade
 from gateway.compensation.settings import Gain
 from gateway.compensation.table import CorrectionTable
 from gateway.counts import Counts
+from gateway.exchange.arrival import Stage
 from gateway.exchange.axis import Actual, AxisExchange, Rendering
 from gateway.exchange.field_counts import raw_of
 from gateway.exchange.record_layout import (
@@ -132,8 +133,7 @@ def _restore(axis: AxisExchange, record: Remembered, state: State, *, is_at_targ
     compensation.resume(state, accepted, record.anchor_counts, fade)
     compensation.way = record.way
     axis.is_branch_known = True
-    axis.is_done_seen = is_at_target and record.was_done_seen
-    axis.may_have_left = is_at_target and record.may_have_left
+    axis.arrival.resume(_stage(record) if is_at_target else Stage.UNDER_WAY)
     shadow = axis.last_shadow = axis.shadows[record.number]
     if accepted is not None and record.knows_words:
         field = axis.plan.command[record.number]
@@ -141,6 +141,12 @@ def _restore(axis: AxisExchange, record: Remembered, state: State, *, is_at_targ
             field.pack(raw_of(field, accepted.nominal_counts)),
             field.pack(raw_of(field, accepted.corrected_counts)),
         )
+
+
+def _stage(record: Remembered) -> Stage:
+    if record.may_have_left:
+        return Stage.MAY_HAVE_LEFT
+    return Stage.ARRIVED if record.was_done_seen else Stage.SEEN_THERE
 
 
 def _may_have_stopped(axis: AxisExchange) -> bool:
@@ -170,13 +176,14 @@ def _follow_unproven(axis: AxisExchange, move: RememberedMove, state: State, fin
         move.corrected_counts,
         planned,
         move.is_distance,
+        compensation.accepted if move.is_distance else None,
     )
     if not finding.has_arrived:
-        axis.fail(rendering)
+        axis.fail(rendering, axis.heard_ns)
         return
     if axis.plan.has_rules:
-        axis.accept(rendering)
+        axis.accept(rendering, axis.heard_ns)
     else:
-        axis.commit(rendering)
+        axis.commit(rendering, axis.heard_ns)
     if not finding.is_at_unproven and _may_have_stopped(axis):
         axis.forget_place(keeps_branch=True)

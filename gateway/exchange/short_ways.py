@@ -93,7 +93,7 @@ class ReadWay(Way):
         except RegisterRangeError:
             return exception_pdu(reply[0], ExceptionCode.SERVER_DEVICE_FAILURE)
         if self._hits.bits:
-            note_bits(self._hits.bits, data[2:], NOBODY, now_ns)
+            note_bits(self._hits.bits, data[2:], NOBODY, exchange.arrived_ns)
         return bytes(data)
 
 
@@ -155,7 +155,7 @@ class WriteWay(Way):
                 return None
             raw = self._unpack(words, 0)
             nominal_counts = raw if self._scale == 1.0 else raw * self._scale
-            steady = compensation.plan_steady(nominal_counts, now_ns, axis.is_done_seen)
+            steady = compensation.plan_steady(nominal_counts, now_ns, axis.arrival.is_proven)
             if steady is None:
                 return None
             raw += round(steady[1] / self._scale)
@@ -188,7 +188,9 @@ class WriteWay(Way):
         for each in self.axes:
             if each.silent_since_ns is not None or each.is_recalling:
                 return False
-        if axis.unproven is not None or axis.may_have_left or self._shadow.is_torn:
+        if not axis.compensation.is_stream and axis.has_branches and axis.is_unseen(now_ns):
+            return False
+        if axis.unproven is not None or axis.arrival.may_have_left or self._shadow.is_torn:
             return False
         return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
 

@@ -66,14 +66,30 @@ def test_targets_take_the_branch_of_their_own_move() -> None:
 def test_an_unknown_direction_is_half_way_between_the_branches_and_flagged() -> None:
     axis = axis_with(LOST_MOTION)
     assert send(axis, 50_000) == 50_000
-    assert axis.state.is_unsure
+    assert unsure(axis)
 
 
-def test_a_measured_place_within_the_hysteresis_keeps_the_branch() -> None:
+def unsure(axis: AxisCompensation) -> bool:
+    return axis.state.is_unsure
+
+
+def test_a_measured_place_decides_and_within_the_hysteresis_it_is_flagged() -> None:
     axis = axis_with(LOST_MOTION, hysteresis=0.002)
     send(axis, 50_000, at(0))
-    assert send(axis, 49_999, Place(50_000, PlaceKind.MEASURED)) == 50_009
-    assert send(axis, 49_998, Place(50_000, PlaceKind.MEASURED)) == 49_988
+    assert send(axis, 49_999, Place(50_000, PlaceKind.MEASURED)) == 49_989
+    assert unsure(axis)
+    assert send(axis, 49_997, Place(49_999, PlaceKind.MEASURED)) == 49_987
+    assert not unsure(axis)
+    assert send(axis, 49_998, Place(49_998, PlaceKind.MEASURED)) == 49_988
+    assert unsure(axis)
+
+
+def test_a_target_that_trembles_keeps_its_branch_where_that_is_allowed() -> None:
+    axis = axis_with(LOST_MOTION, repeat_within_counts=3)
+    send(axis, 50_000, at(0))
+    place = Place(50_000, PlaceKind.REACHED)
+    assert [send(axis, 50_000 - counts, place) for counts in (3, 2, 5)] == [50_007, 50_008, 50_005]
+    assert send(axis, 49_991, Place(49_995, PlaceKind.REACHED)) == 49_981  # four counts from the last one
 
 
 def test_home_approach_decides_the_branch_after_homing() -> None:

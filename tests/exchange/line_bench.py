@@ -174,6 +174,13 @@ class Bench:
             self.seen.append(pdu)
             self.line.reply(unit_id, self.memory.answer(pdu), self.now_ns)
 
+    def serve_writes(self) -> None:
+        """Let the drive answer the writes that the gateway added before the last frame, and nothing else."""
+        while self.link.sent and self.link.sent[0][1][0] == 16:
+            unit_id, pdu = self.link.sent.pop(0)
+            self.seen.append(pdu)
+            self.line.reply(unit_id, self.memory.answer(pdu), self.now_ns)
+
     def send(self, pdu: bytes, port: Port | None = None, unit_id: int = 1, transaction_id: int = 7) -> None:
         """Send a request without letting the drive answer."""
         self.line.request(port or self.port, transaction_id, unit_id, pdu, self.now_ns)

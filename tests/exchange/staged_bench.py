@@ -142,6 +142,7 @@ class StagedBench(Bench):
         self.wait(MOVE_MS)
         if is_polled:
             self.poll()
+            self.ask(read(ACTUAL))
 
     def go_to(self, counts: float) -> None:
         """Stage, trigger, arrive."""

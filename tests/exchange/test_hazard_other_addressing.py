@@ -347,6 +347,7 @@ def test_coils_the_done_input_tells_where_the_axis_is() -> None:
     bench = Bench(axis_plan(**COILS, actual=()), memory=drive)
     bench.ask(write(COMMAND, 50_000))
     bench.ask(RUN_PDU)
+    assert bench.ask(bytes.fromhex("02 0048 0008")) == bytes.fromhex("02 01 00")
     drive.inputs = 0b1000
     assert bench.ask(bytes.fromhex("02 0048 0008")) == bytes.fromhex("02 01 08")
     bench.ask(write(COMMAND, 40_000))

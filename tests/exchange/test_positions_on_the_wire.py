@@ -184,9 +184,13 @@ def test_m6_the_done_bit_makes_the_last_target_the_place_of_the_axis() -> None:
     bench.memory.words[0x0031] = 1
     bench.ask(bytes.fromhex("03 0031 0001"))
     frames = len(bench.seen)
-    bench.move(49_999)  # one count back from a reached target is backward, and needs no read
-    assert len(bench.seen) == frames + 1
-    assert bench.memory.get(COMMAND) == 49_989
+    bench.move(49_999)  # one count back from a reached target is backward; where it stands is read once
+    assert bench.seen[frames:] == [read(ACTUAL), write(COMMAND, 49_989)]
+    bench.ask(bytes.fromhex("03 0031 0001"))
+    bench.actual()
+    frames = len(bench.seen)
+    bench.move(49_998)  # somebody else has read it
+    assert bench.seen[frames:] == [write(COMMAND, 49_988)]
 
 
 def test_a_fresh_actual_decides_when_it_is_farther_than_the_axis_can_have_moved() -> None:

@@ -139,6 +139,7 @@ def test_an_axis_with_a_done_bit_but_no_actual_position_keeps_its_branch_until_i
     bench.ask(write(COMMAND, 50_000))
     bench.ask(write(COMMAND, 20_000))
     assert bench.memory.get(COMMAND) == 20_010
+    bench.ask(bytes.fromhex("03 0031 0001"))
     bench.memory.words[done.address] = 1
     bench.ask(bytes.fromhex("03 0031 0001"))
     bench.ask(write(COMMAND, 10_000))

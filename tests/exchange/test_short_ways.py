@@ -73,7 +73,7 @@ def state_of(axis: AxisExchange) -> dict[str, Any]:
         "readback": (readback.anchor_counts, readback.fade, readback.correction_map.correction(12.345)),
         "shadows": shadows,
         "flags": (
-            axis.is_done_seen, axis.is_moving, axis.was_at_target, axis.may_have_left, axis.is_branch_known,
+            axis.arrival.stage, axis.is_moving, axis.is_branch_known,
             axis.silent_since_ns, axis.is_referenced, axis.is_unsure,
         ),
         "actual": None if axis.actual is None else (axis.actual.counts, axis.actual.seen_ns),
@@ -266,8 +266,8 @@ def test_a_long_run_goes_the_short_way_often(name: str, writes: int, reads: int)
 def test_an_axis_that_may_have_left_is_looked_at_before_its_target_is_repeated() -> None:
     twins = Twins(PLANS["targets"])
     for counts in (1000, 1000, 1000):
-        for step in (("move", counts, "done"), ("arrive", 1, "done"), ("status", 0, "done")):
-            twins.step(*step)
+        for step in ("move", counts), ("arrive", -1), ("status", 0), ("arrive", 1), ("status", 0):
+            twins.step(*step, "done")
     for bench in twins.benches:
         bench.memory.words[STATUS] = 0b110  # it moves again, and nobody told it to
     twins.step("status", 0, "done")

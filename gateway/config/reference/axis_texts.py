@@ -110,6 +110,30 @@ AXIS: Final[Texts] = {
     "fresh_ms": Said(
         meaning="age up to which a measured position counts",
     ),
+    "in_position": Said(
+        meaning=(
+            "an axis whose actual position lies within this of its last target has arrived there, "
+            "once its done bit says so; one that nobody has seen for `unseen_ms` and that is found "
+            "within it stands where it was sent. Never less than `hysteresis`"
+        ),
+        default="`0.02` mm",
+    ),
+    "repeat_within": Said(
+        meaning=(
+            "`targets`: counts by which a target may differ from the last one and still be taken for "
+            "the same with the noise of whoever resends it: it keeps its branch. An event "
+            "(`branch-hunts`) tells of a branch that changes more than five times in ten seconds"
+        ),
+        kind="counts ≥ 0",
+    ),
+    "unseen_ms": Said(
+        meaning=(
+            "`targets`: where neither the axis was read nor a command sent to it for longer than "
+            "this, its actual position is read once before the next target, repeat or distance: "
+            "somebody may have jogged it at the drive's own panel. That read does not count towards "
+            "`deadline_ms`. Where nothing may be read the direction is flagged"
+        ),
+    ),
     "lost_ms": Said(
         meaning=(
             "a drive that left requests unanswered for longer than this, from the first to the last of "

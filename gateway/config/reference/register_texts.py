@@ -45,6 +45,19 @@ REGISTERS: Final[Texts] = {
     "trigger": Said(
         more="Coils too, see below",
     ),
+    "done_means": Said(
+        meaning=(
+            "`move-ended`: `bits.done` falls when a move begins and comes back when it has ended. "
+            "`in-position`: it only says that the axis is near where it is told to be at the moment, "
+            "which it may be on the way too; then an actual position has to show that it has arrived"
+        ),
+    ),
+    "done_drop_ms": Said(
+        meaning=(
+            "so long after a target was acknowledged `bits.done` may still be that of the move "
+            "before. Sooner it counts as arrival only after it was seen to fall"
+        ),
+    ),
     "staged": Said(
         meaning=(
             "`true`: a written position waits for a trigger, and is corrected for the moment of the "

@@ -1,0 +1,292 @@
+"""Done bits that are old, reversals that are short, jogs that nobody saw, distances without a reply."""
+
+import itertools
+
+import pytest
+
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.exchange.arrival import AFTER, WAS_THERE, Arrival, Sign, Stage
+from gateway.exchange.plan import Late
+from gateway.modbus.registers import BitField
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
+from tests.exchange.staged_bench import RUN_PDU, RUN_RELATIVE_PDU, StagedBench, staged_plan
+
+DONE = BitField(0x0031, 0)
+READ_DONE = bytes.fromhex("03 0031 0001")
+WORN = make_table([0, 200], [0.41, 0.41], [-0.26, -0.26], Units.MM)
+"""410 counts more going forward, 260 less going backward."""
+SCREW = make_table([40, 50, 60, 70], [0.3, 0.35, 0.48, 0.5], [-0.3, -0.316, -0.25, -0.2], Units.MM)
+
+
+def told(bench: Bench) -> float:
+    return bench.memory.get(COMMAND)
+
+
+def unsure(bench: Bench) -> bool:
+    return bench.line.axes[0].is_unsure
+
+
+def done(bench: Bench, *, is_set: bool) -> None:
+    """Let the controller poll the done bit."""
+    bench.memory.words[DONE.address] = int(is_set)
+    assert bench.ask(READ_DONE)[-1] == int(is_set)
+
+
+# --- rule 5: done of the move before -----------------------------------------------------------------------
+
+
+def test_m6_a_done_bit_left_from_the_move_before_is_no_arrival() -> None:
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
+    bench.move(60_000)
+    done(bench, is_set=True)
+    bench.ask(write(COMMAND, 100_000))
+    bench.wait(20)
+    done(bench, is_set=True)  # the drive has not started yet
+    bench.memory.put(ACTUAL, 80_000)
+    bench.wait(300)
+    bench.ask(write(COMMAND, 90_000))
+    assert told(bench) == 90_410
+    assert not unsure(bench)
+
+
+def test_m6_done_that_fell_and_came_back_with_the_axis_in_its_window_is_arrival() -> None:
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
+    bench.ask(write(COMMAND, 60_000))
+    done(bench, is_set=False)
+    bench.wait(300)
+    bench.memory.put(ACTUAL, 60_410 + 5)  # the servo stands five counts off
+    done(bench, is_set=True)
+    bench.actual()
+    frames = len(bench.seen)
+    bench.ask(write(COMMAND, 60_003))
+    assert told(bench) == 60_413
+    assert len(bench.seen) == frames + 1
+    assert not unsure(bench)
+
+
+def test_m6_done_without_its_fall_counts_once_the_drive_has_had_the_time() -> None:
+    for later_ms, stage in ((900, Stage.UNDER_WAY), (1001, Stage.ARRIVED)):
+        bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, actual=()))
+        bench.ask(write(COMMAND, 60_000))
+        bench.wait(later_ms)
+        done(bench, is_set=True)
+        assert bench.line.axes[0].arrival.stage is stage
+
+
+def test_m6_a_sample_is_as_old_as_its_request() -> None:
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, actual=()), serial=False, tcp_drive=True)
+    bench.ask(write(COMMAND, 60_000))
+    done(bench, is_set=False)
+    bench.memory.words[DONE.address] = 1
+    bench.send(write(COMMAND, 100_000))
+    bench.send(READ_DONE)  # asked before the target was acknowledged, sent and answered after it
+    bench.serve()
+    bench.port.replies.clear()
+    assert bench.line.axes[0].arrival.stage is Stage.UNDER_WAY
+
+
+def test_m6_in_position_alone_never_is_arrival() -> None:
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, actual=(), done_is_in_position=True))
+    bench.ask(write(COMMAND, 60_000))
+    done(bench, is_set=False)
+    bench.wait(2000)
+    done(bench, is_set=True)
+    assert bench.line.axes[0].arrival.stage is Stage.UNDER_WAY
+
+
+def test_every_stage_takes_every_sign() -> None:
+    for stage, sign in itertools.product(Stage, Sign):
+        arrival = Arrival(0.0, has_actual=sign is not Sign.DONE_ALONE, is_in_position_only=False)
+        arrival.resume(stage)
+        was_moved = False
+        if sign in (Sign.DONE, Sign.DONE_ALONE, Sign.FELL):
+            arrival.see_done(1, is_done=sign is not Sign.FELL)
+        else:
+            was_moved = arrival.see_place(1, sign)
+        assert arrival.stage is AFTER.get((stage, sign), stage)
+        assert was_moved is (sign is Sign.AWAY and stage in WAS_THERE)
+        arrival.begin(2)
+        assert arrival.stage is Stage.UNDER_WAY
+        arrival.see_done(1, is_done=True)  # of before
+        assert not arrival.see_place(1, Sign.THERE)
+        assert arrival.stage is Stage.UNDER_WAY
+
+
+# --- rule 6: short reversals -------------------------------------------------------------------------------
+
+
+def test_m6_a_reversal_shorter_than_the_hysteresis_is_one() -> None:
+    bench = Bench(axis_plan(table=WORN, hysteresis=0.05))
+    for counts, corrected in ((100_000, 100_410), (60_000, 59_740), (60_030, 60_440)):
+        bench.move(counts)
+        assert told(bench) == corrected
+
+
+def test_m6_a_target_that_trembles_hunts_is_told_and_can_be_stilled() -> None:
+    bench = Bench(axis_plan(table=WORN))
+    bench.move(60_000)
+    for number in range(12):
+        bench.ask(write(COMMAND, 60_001 - number % 2))
+        bench.memory.put(ACTUAL, told(bench))
+        bench.wait(100)
+    assert bench.kinds().count("branch-hunts") == 1
+    bench = Bench(axis_plan(table=WORN, repeat_within_counts=1))
+    bench.move(60_000)
+    for number in range(12):
+        bench.ask(write(COMMAND, 60_001 - number % 2))
+        assert told(bench) == 60_001 - number % 2 + 410
+        bench.memory.put(ACTUAL, told(bench))
+        bench.wait(100)
+    assert "branch-hunts" not in bench.kinds()
+
+
+# --- rule 7: what nobody saw -------------------------------------------------------------------------------
+
+
+def jogged(**changes: object) -> Bench:
+    """An axis that was sent to 100 mm, was seen to be done there, and was jogged to 150 mm unseen."""
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, **changes))
+    bench.ask(write(COMMAND, 100_000))
+    done(bench, is_set=False)
+    bench.wait(500)
+    bench.memory.put(ACTUAL, 100_410)
+    done(bench, is_set=True)
+    bench.actual()
+    bench.memory.put(ACTUAL, 150_000)
+    bench.wait(1200)
+    return bench
+
+
+@pytest.mark.parametrize(("counts", "corrected"), [(120_000, 119_740), (100_000, 99_740), (160_000, 160_410)])
+def test_m6_an_axis_that_nobody_saw_is_looked_at_before_it_moves(counts: int, corrected: int) -> None:
+    bench = jogged()
+    frames = len(bench.seen)
+    bench.ask(write(COMMAND, counts))
+    assert bench.seen[frames:] == [read(ACTUAL), write(COMMAND, corrected)]
+
+
+def test_m6_where_it_may_not_be_looked_at_it_is_flagged() -> None:
+    bench = jogged(safe_read=False)
+    bench.ask(write(COMMAND, 120_000))
+    assert told(bench) == 120_410
+    assert unsure(bench)
+
+
+def test_m4_a_servo_that_stands_off_is_where_it_was_sent() -> None:
+    bench = jogged()
+    bench.memory.put(ACTUAL, 100_410 - 15)
+    bench.ask(write(COMMAND, 100_000))
+    assert told(bench) == 100_410
+    bench.wait(1200)
+    bench.ask(write(COMMAND, 100_003))
+    assert told(bench) == 100_413
+
+
+def test_m6_who_polls_is_not_looked_for_and_streams_never_are() -> None:
+    bench = jogged()
+    bench.memory.put(ACTUAL, 100_410)
+    bench.actual()
+    bench.wait(499)
+    frames = len(bench.seen)
+    bench.ask(write(COMMAND, 100_000))
+    assert bench.seen[frames:] == [write(COMMAND, 100_410)]
+
+
+def test_the_look_does_not_count_towards_the_deadline() -> None:
+    bench = jogged(deadline_ms=5.0, late=Late.REJECT)
+    bench.send(write(COMMAND, 120_000))
+    unit_id, pdu = bench.link.sent.pop()
+    assert pdu == read(ACTUAL)
+    bench.now_ns += 8 * MS
+    bench.line.reply(unit_id, bench.memory.answer(pdu), bench.now_ns)
+    assert bench.link.take() == write(COMMAND, 119_740)
+
+
+# --- rule 4: distances that nobody acknowledged ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("reply", ["lost", "refused"])
+@pytest.mark.parametrize("has_run", [True, False])
+def test_m5_a_distance_that_was_not_acknowledged_ends_where_it_stands(reply: str, has_run: bool) -> None:
+    bench = standing_with_done()
+    distance(bench, reply, has_run=has_run)
+    assert unsure(bench)
+    bench.wait(1100)
+    if has_run:
+        bench.drive.arrive()
+    assert bench.actual() == (55_000 if has_run else 45_000)
+    assert not unsure(bench)
+    bench.stage(10_000)
+    bench.trigger(RUN_RELATIVE_PDU)
+    # 65.000 forward: 0.49 mm more; 55.000: 0.415
+    assert bench.drive.moves[-1] == ("relative", 65_490 if has_run else 55_415)
+
+
+def standing_with_done() -> StagedBench:
+    bench = StagedBench(staged_plan(table=SCREW, commanded=()), serial=False, tcp_drive=True)
+    bench.drive.put(ACTUAL, 44_000)
+    bench.go_to(60_000)
+    bench.go_to(45_000)
+    assert bench.drive.moves[-1][1] == 44_692
+    return bench
+
+
+def distance(bench: StagedBench, reply: str, *, has_run: bool) -> None:
+    """Trigger +10 mm; the drive runs it or not, and its acknowledgement does not come."""
+    bench.stage(10_000)
+    bench.send(RUN_RELATIVE_PDU)
+    bench.serve_writes()
+    pdu = bench.link.take()
+    assert pdu == RUN_RELATIVE_PDU
+    if has_run:
+        bench.memory.answer(pdu)
+        assert bench.drive.moves[-1] == ("relative", 55_415)
+    if reply == "lost":
+        bench.wait(1000)
+    else:
+        bench.line.reply(1, bytes.fromhex("86 04"), bench.now_ns)
+    bench.port.take()
+
+
+def test_m5_before_the_drive_has_had_the_time_to_start_there_is_no_base() -> None:
+    bench = standing_with_done()
+    distance(bench, "refused", has_run=True)
+    bench.drive.set_bits(is_done=True)  # still that of the move before
+    bench.stage(10_000)
+    assert bench.refused(RUN_RELATIVE_PDU) == 6
+    bench.drive.set_bits(is_done=False)
+    bench.poll()
+    bench.drive.arrive()
+    bench.poll()
+    assert bench.actual() == 55_000
+
+
+@pytest.mark.parametrize("stands_at", [50_000, 56_000])
+def test_m5_at_neither_end_there_is_no_base(stands_at: int) -> None:
+    bench = standing_with_done()
+    distance(bench, "lost", has_run=True)
+    bench.drive.arrive()
+    bench.drive.put(ACTUAL, stands_at)
+    bench.wait(1100)
+    bench.stage(10_000)
+    assert bench.refused(RUN_RELATIVE_PDU) == 6
+    assert unsure(bench)
+    bench.stage(50_000)
+    bench.trigger(RUN_PDU)
+    assert not bench.line.axes[0].is_distance_unproven
+
+
+def test_m5_where_both_ends_lie_in_the_window_there_is_no_base() -> None:
+    bench = standing_with_done()
+    bench.drive.pass_by(44_692)
+    bench.stage(-10)
+    bench.send(RUN_RELATIVE_PDU)
+    bench.serve_writes()
+    bench.memory.answer(bench.link.take())
+    bench.wait(1000)
+    bench.port.take()
+    bench.drive.arrive()
+    bench.wait(1100)
+    bench.stage(-10)
+    assert bench.refused(RUN_RELATIVE_PDU) == 6
