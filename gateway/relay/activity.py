@@ -4,12 +4,12 @@ The loop does one thing at a time. Bytes that arrive meanwhile wait unread, so w
 be what an exchange waited for, although its own time stamps begin later.
 """
 
-import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
+from gateway.clock import boot_ns
 from gateway.times import NS_PER_US
 
 KEPT: Final = 16
@@ -29,11 +29,11 @@ class Activity:
     @contextmanager
     def of(self, name: str) -> Iterator[None]:
         """Note what runs inside."""
-        began_ns = time.monotonic_ns()
+        began_ns = boot_ns()
         try:
             yield
         finally:
-            self.note(name, began_ns, time.monotonic_ns())
+            self.note(name, began_ns, boot_ns())
 
     def note(self, name: str, began_ns: int, ended_ns: int) -> None:
         """Note something that ran."""

@@ -8,10 +8,10 @@ by itself (``gc.disable``), and a timer lets it run when no exchange is on any w
 
 import asyncio
 import gc
-import time
 from collections.abc import Callable
 from typing import Final
 
+from gateway.clock import boot_ns
 from gateway.relay.activity import Activity
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -36,7 +36,7 @@ HARD_FULL_AFTER: Final = 100
 
 
 class Collecting:
-    """Collects when ``is_idle`` says so. Times are ns of ``time.perf_counter_ns``."""
+    """Collects when ``is_idle`` says so. Times are ns of ``clock.boot_ns``."""
 
     def __init__(self, is_idle: Callable[[], bool], activity: Activity | None = None) -> None:
         self._is_idle = is_idle
@@ -58,7 +58,7 @@ class Collecting:
         gc.collect()
         gc.freeze()
         gc.disable()
-        self._last_ns = time.perf_counter_ns()
+        self._last_ns = boot_ns()
         self._timer = asyncio.get_running_loop().call_later(CHECK_EVERY_S, self._on_timer)
 
     def stop(self) -> None:
@@ -121,10 +121,10 @@ class Collecting:
 
     def _collect(self, generation: int, now_ns: int) -> tuple[int, int]:
         """Collect; returns how many objects were garbage, and the ns that it took."""
-        start_ns = time.perf_counter_ns()
+        start_ns = boot_ns()
         with self._activity.of("garbage collection"):
             found = gc.collect(generation)
-        took_ns = time.perf_counter_ns() - start_ns
+        took_ns = boot_ns() - start_ns
         self._last_ns = now_ns
         self._longest_ns = max(self._longest_ns, took_ns)
         self._collections += 1
@@ -132,5 +132,5 @@ class Collecting:
         return found, took_ns
 
     def _on_timer(self) -> None:
-        seconds = self.check(time.perf_counter_ns())
+        seconds = self.check(boot_ns())
         self._timer = asyncio.get_running_loop().call_later(seconds, self._on_timer)

@@ -4,10 +4,10 @@ A port decodes whole requests out of the bytes and hands them to the exchange in
 of the loop between the last byte of a request and the write towards the drive.
 """
 
-import time
 from collections.abc import Callable
 from typing import Final
 
+from gateway.clock import boot_ns
 from gateway.exchange.gate import UNSEEN, Gate
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import Stamps, writer_name
@@ -97,7 +97,7 @@ class MbapControllerPort:
         """See ``ControllerPort``."""
         if self._channel is not None:
             self._channel.write(encode_mbap(transaction_id, unit_id, pdu))
-            self.stamps.sent_ns = time.monotonic_ns()
+            self.stamps.sent_ns = boot_ns()
 
 
 class RtuControllerPort:

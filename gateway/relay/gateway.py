@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -13,6 +12,7 @@ import gateway
 from gateway.catalogue import process_events as processes
 from gateway.catalogue import table_events as tables
 from gateway.catalogue.entry import EventEntry
+from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
 from gateway.compiled import is_compiled
 from gateway.exchange.control import ControlError, Limits, TableChange
@@ -129,7 +129,7 @@ class Relay:
         Raises:
             StartError: with every listener and port that cannot be opened; nothing is left open then.
         """
-        self._started_ns = time.monotonic_ns()
+        self._started_ns = boot_ns()
         problems = self._start_recorder()
         self._lines = [Line(plan, self._journal, self._activity, self._recorder) for plan in self._plan.lines]
         join_terms(axis for line in self._lines for axis in line.axes)
@@ -285,7 +285,7 @@ class Relay:
         axes: dict[str, object] = {}
         for line in self._lines:
             axes.update(line.axes_status())
-        uptime_s = (time.monotonic_ns() - self._started_ns) / NS_PER_S
+        uptime_s = (boot_ns() - self._started_ns) / NS_PER_S
         return {
             "gateway": {
                 "name": self._plan.name,

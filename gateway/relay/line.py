@@ -1,6 +1,5 @@
 """One line, put together: controllers in front, the exchange in the middle, the way to the drives behind."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.catalogue.line_events import DRIVES_NOT_REACHED, LINE_RESTS, SERIAL_LATENCY, WRONG_UNIT
+from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.control import Limits, TableChange, limits_of
@@ -123,7 +123,7 @@ class Line:
             place = keeping.place(self.plan.name, "", self.plan.drives)
             # It was open all the time: a drive may answer what the gateway before this one asked.
             if keep_port(self._drives, self.plan.drives, place):
-                self._timed.rest_first(time.monotonic_ns())
+                self._timed.rest_first(boot_ns())
 
     def why_stuck(self, now_ns: int) -> str:
         """Say what does not get on here, "" where all is well: an idle line is."""
@@ -143,7 +143,7 @@ class Line:
     def rest_first(self) -> None:
         """Wait for silence before anything is sent; before :meth:`open`. Modbus/TCP needs none (W6)."""
         if self._link.is_serial:
-            self._timed.rest_first(time.monotonic_ns())
+            self._timed.rest_first(boot_ns())
             self._journal.note(
                 LINE_RESTS,
                 line=self.plan.name,
@@ -170,7 +170,7 @@ class Line:
         """Stop cleanly: the exchange on the wire is finished, nothing is left half sent."""
         for front in self._fronts:
             front.stop_accepting()
-        await self._timed.stop(time.monotonic_ns(), self.longest_stop_s)
+        await self._timed.stop(boot_ns(), self.longest_stop_s)
         for way in (self._link, *self._fronts):
             await way.drained()
         await self.close()
@@ -214,7 +214,7 @@ class Line:
 
         To be called at least once in ten seconds.
         """
-        now_ns = time.monotonic_ns()
+        now_ns = boot_ns()
         self._exchange.meter.turn(now_ns)
         for axis in self._exchange.axes:
             for event in () if axis.terms is None else axis.terms.news(axis.plan.name, now_ns):
@@ -225,11 +225,11 @@ class Line:
 
     def refresh_latency(self) -> None:
         """Work some of the measured times out anew."""
-        self._latency.refresh(time.monotonic_ns())
+        self._latency.refresh(boot_ns())
 
     def axes_status(self) -> dict[str, dict[str, Any]]:
         """Return the status of each axis on this line, by name."""
-        status = axes_status(self._exchange, time.monotonic_ns())
+        status = axes_status(self._exchange, boot_ns())
         for name, of_axis in status.items():
             of_axis["latency"] = self._latency.axis(name)
             of_axis["configured"] = self._configured[name]
@@ -238,25 +238,25 @@ class Line:
 
     def enable(self, axis: str) -> tuple[str, ...]:
         """Switch the compensation of an axis on; returns all axes that changed with it. Or ControlError."""
-        return self._timed.enable(axis, time.monotonic_ns())
+        return self._timed.enable(axis, boot_ns())
 
     def disable(self, axis: str) -> tuple[str, ...]:
         """Switch the compensation of an axis off; as :meth:`enable`."""
-        return self._timed.disable(axis, time.monotonic_ns())
+        return self._timed.disable(axis, boot_ns())
 
     def reference(self, axis: str) -> tuple[str, ...]:
         """Take an axis as referenced where it stands; as :meth:`enable`."""
-        return self._timed.reference(axis, time.monotonic_ns())
+        return self._timed.reference(axis, boot_ns())
 
     def set_tables(self, changes: Sequence[TableChange]) -> dict[str, str]:
         """Give axes other tables, all or none; returns how each comes into force. Or ControlError."""
-        comes = self._timed.set_tables(changes, time.monotonic_ns())
+        comes = self._timed.set_tables(changes, boot_ns())
         self._loaded_at |= dict.fromkeys(comes, _now())
         return comes
 
     def clear_table(self, axis: str) -> dict[str, str]:
         """Take the table of an axis and its group away; as :meth:`set_tables`."""
-        comes = self._timed.clear_table(axis, time.monotonic_ns())
+        comes = self._timed.clear_table(axis, boot_ns())
         for name in comes:
             self._loaded_at.pop(name, None)
         return comes
@@ -266,20 +266,20 @@ class Line:
 
         What the configuration says is for the axis alone.
         """
-        comes = self._timed.set_gain(axis, gain, time.monotonic_ns(), is_alone=is_configured)
+        comes = self._timed.set_gain(axis, gain, boot_ns(), is_alone=is_configured)
         if is_configured:
             self._configured[axis] = {**self._configured[axis], "gain": _shares(gain)}
         return comes
 
     def set_limits(self, axis: str, limits: Limits) -> tuple[str, ...]:
         """Give an axis other limits; returns its name where they were others. Or ControlError."""
-        changed = self._timed.set_limits(axis, limits, time.monotonic_ns())
+        changed = self._timed.set_limits(axis, limits, boot_ns())
         self._configured[axis] = {**self._configured[axis], **asdict(limits)}
         return changed
 
     def set_temperature(self, axis: str, celsius: float) -> tuple[str, ...]:
         """Tell an axis the temperature of its screw; returns its name. Or ControlError."""
-        return self._timed.set_temperature(axis, celsius, time.monotonic_ns())
+        return self._timed.set_temperature(axis, celsius, boot_ns())
 
     async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
         try:

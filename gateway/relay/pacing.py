@@ -5,9 +5,9 @@ so a line that was quiet sends at once.
 """
 
 import asyncio
-import time
 from collections import deque
 
+from gateway.clock import boot_ns
 from gateway.exchange.ports import Stamps
 from gateway.transport.channel import Channel
 from gateway.transport.timer import Timer
@@ -52,7 +52,7 @@ class PacedSender:
     def send(self, frame: bytes) -> None:
         """Send now if the silence is over, else as soon as it is."""
         stamps = self.stamps
-        stamps.ready_ns = stamps.sent_ns = now_ns = time.monotonic_ns()
+        stamps.ready_ns = stamps.sent_ns = now_ns = boot_ns()
         stamps.held_ns = 0
         if self._held or now_ns < self._quiet_from_ns + self._gap_ns:
             self._held.append(frame)
@@ -80,7 +80,7 @@ class PacedSender:
     def _write(self, frame: bytes, now_ns: int) -> None:
         if self._channel is not None:
             self._channel.write(frame)
-            self.stamps.sent_ns = time.monotonic_ns()
+            self.stamps.sent_ns = boot_ns()
             self._quiet_from_ns = now_ns + len(frame) * self.wire_ns_per_byte
 
     def _send_held(self, now_ns: int) -> None:

@@ -7,10 +7,10 @@ after. A line that has nothing to do gets on.
 
 import socket
 import struct
-import time
 from collections.abc import Callable
 from typing import Final
 
+from gateway.clock import boot_ns
 from gateway.ipc.service_manager import ServiceManager
 from gateway.times import NS_PER_S
 from gateway.transport.tcp import TcpListener
@@ -72,7 +72,7 @@ class Heart:
         self._every_ns = manager.watchdog_ns // BEATS or UNWATCHED_NS
         self._timer = Timer(self._beat) if manager.is_there else None
         if self._timer is not None:
-            self._beat(time.monotonic_ns())
+            self._beat(boot_ns())
 
     def stop(self) -> None:
         """Beat no more."""

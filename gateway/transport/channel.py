@@ -26,7 +26,7 @@ class Channel(Protocol):
 
 
 class Receiver(Protocol):
-    """Whoever takes the bytes. ``now_ns`` is CLOCK_MONOTONIC, taken right after the read."""
+    """Whoever takes the bytes. ``now_ns`` is CLOCK_BOOTTIME, taken right after the read."""
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """Begin with a new channel."""

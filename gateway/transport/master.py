@@ -6,10 +6,10 @@ Nothing is ever sent twice.
 """
 
 import asyncio
-import time
 from types import TracebackType
 from typing import Final, Protocol, Self
 
+from gateway.clock import boot_ns
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -181,7 +181,7 @@ class ModbusMaster:
             self._reply = asyncio.get_running_loop().create_future()
             frame = self._framing.request(unit_id, pdu)
             self._channel.write(frame)
-            self._quiet_ns = time.monotonic_ns() + len(frame) * self._channel.wire_ns_per_byte + self._gap()
+            self._quiet_ns = boot_ns() + len(frame) * self._channel.wire_ns_per_byte + self._gap()
             try:
                 async with asyncio.timeout(self._timeout_s):
                     return await self._reply
@@ -216,7 +216,7 @@ class ModbusMaster:
         return self._gap_ns
 
     async def _wait_for_silence(self) -> None:
-        while (left_ns := self._quiet_ns - time.monotonic_ns()) > 0:  # noqa: ASYNC110 - each byte puts it off
+        while (left_ns := self._quiet_ns - boot_ns()) > 0:  # noqa: ASYNC110 - each byte puts it off
             await asyncio.sleep(left_ns / NS_PER_S)
         self._is_draining = False
 
@@ -225,7 +225,7 @@ class ModbusMaster:
         self._framing.give_up()
         if not self._has_ids:
             self._is_draining = True
-            self._quiet_ns = time.monotonic_ns() + self._gap()
+            self._quiet_ns = boot_ns() + self._gap()
         within = f"within {self._timeout_s * 1000.0:g} ms"
         if self._heard:
             return GarbledError(f"no whole reply {within}; the last bytes were {self._heard.hex(' ')}")

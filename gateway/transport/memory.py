@@ -5,10 +5,10 @@ It has the order of a byte stream and no wire: no baud rate, no pacing, no buffe
 
 import asyncio
 import random
-import time
 from collections import deque
 from dataclasses import dataclass
 
+from gateway.clock import boot_ns
 from gateway.transport.channel import Receiver
 
 
@@ -79,7 +79,7 @@ class MemoryChannel:
         other = self._other
         assert other is not None
         other.is_open = False
-        now_ns = time.monotonic_ns()
+        now_ns = boot_ns()
         self._far.closed("connection closed", now_ns)
         other._far.closed("connection closed", now_ns)  # noqa: SLF001 - the other half of this object
 
@@ -116,7 +116,7 @@ class MemoryChannel:
         self._loop.call_soon(self._deliver, data)
 
     def _deliver(self, data: bytes) -> None:
-        self._far.received(data, time.monotonic_ns())
+        self._far.received(data, boot_ns())
 
 
 def connect(
@@ -127,7 +127,7 @@ def connect(
     far_channel = MemoryChannel("memory:near", near, far_to_near)
     near_channel.join(far_channel)
     far_channel.join(near_channel)
-    now_ns = time.monotonic_ns()
+    now_ns = boot_ns()
     near.opened(near_channel, now_ns)
     far.opened(far_channel, now_ns)
     return near_channel, far_channel

@@ -10,13 +10,13 @@ does it on the loop, and bounds neither how many there are nor how much comes in
 
 import asyncio
 import ssl
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from gateway.clock import boot_ns
 from gateway.transport.certificates import Identity, identity_of, now_utc
 from gateway.transport.channel import Channel, Receiver
 from gateway.transport.endpoints import host_of
@@ -74,7 +74,7 @@ class Door:
         self.receiver_for = receiver_for
         self.on_failed = on_failed
         self.on_too_many = on_too_many
-        self.limits = HandshakeLimits(time.monotonic_ns())
+        self.limits = HandshakeLimits(boot_ns())
         self.handshakes = 0
         """So many came to a good end."""
         self.sessions: dict[SecuredConnection, Identity] = {}
@@ -269,7 +269,7 @@ class SecuredConnection:
         self._door.limits.came_in(self._host)
         self._door.sessions[self] = identity
         self._receiver = receiver
-        now_ns = time.monotonic_ns()
+        now_ns = boot_ns()
         receiver.opened(self, now_ns)
         self._incoming.write(self._waiting)
         self._waiting.clear()
@@ -319,7 +319,7 @@ class SecuredConnection:
             self._flush()
         self._channel = None
         channel.close()
-        self._leave("closed by the gateway", time.monotonic_ns())
+        self._leave("closed by the gateway", boot_ns())
 
     def _leave(self, reason: str, now_ns: int) -> None:
         self._door.sessions.pop(self, None)

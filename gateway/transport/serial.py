@@ -10,7 +10,6 @@ import errno
 import fcntl
 import os
 import termios
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -18,6 +17,7 @@ from typing import Final
 
 import serial
 
+from gateway.clock import boot_ns
 from gateway.times import NS_PER_S
 from gateway.transport.adopting import KeptSerial
 from gateway.transport.channel import Receiver
@@ -56,7 +56,7 @@ class SerialChannel:
     def begin(self) -> None:
         """Start reading, and tell the receiver."""
         self._loop.add_reader(self._fd, self._readable)
-        self._receiver.opened(self, time.monotonic_ns())
+        self._receiver.opened(self, boot_ns())
 
     def write(self, data: bytes) -> None:
         """See ``Channel``."""
@@ -99,7 +99,7 @@ class SerialChannel:
         if not data:  # readable and nothing there: the device has gone
             self._end("unplugged")
             return
-        now_ns = time.monotonic_ns()
+        now_ns = boot_ns()
         self.bytes_received += len(data)
         self._receiver.received(data, now_ns)
 
@@ -131,7 +131,7 @@ class SerialChannel:
             fcntl.ioctl(self._fd, termios.TIOCNXCL)
         self._port.close()
         self.lost.set_result(None)
-        self._receiver.closed(reason, time.monotonic_ns())
+        self._receiver.closed(reason, boot_ns())
 
 
 class SerialPort:

@@ -8,13 +8,13 @@ import asyncio
 import errno
 import os
 import socket
-import time
 from collections.abc import Callable, Iterable
 from enum import Enum
 from functools import partial
 from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address
 from typing import Final, cast
 
+from gateway.clock import boot_ns
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
@@ -53,7 +53,7 @@ class TcpChannel(asyncio.BufferedProtocol):
         self._transport = cast("asyncio.Transport", transport)  # uvloop's are no subclass
         self.peer = _name(transport.get_extra_info("peername"))
         _tune(transport.get_extra_info("socket"))
-        self._receiver.opened(self, time.monotonic_ns())
+        self._receiver.opened(self, boot_ns())
 
     def get_buffer(self, sizehint: int) -> memoryview:
         """See ``asyncio.BufferedProtocol``."""
@@ -61,7 +61,7 @@ class TcpChannel(asyncio.BufferedProtocol):
 
     def buffer_updated(self, nbytes: int) -> None:
         """See ``asyncio.BufferedProtocol``."""
-        now_ns = time.monotonic_ns()
+        now_ns = boot_ns()
         self.bytes_received += nbytes
         self._receiver.received(bytes(self._buffer[:nbytes]), now_ns)
 
@@ -80,7 +80,7 @@ class TcpChannel(asyncio.BufferedProtocol):
         self._transport = None
         if not self.lost.done():
             self.lost.set_result(None)
-        self._receiver.closed(str(exc) if exc else "connection closed", time.monotonic_ns())
+        self._receiver.closed(str(exc) if exc else "connection closed", boot_ns())
 
     def write(self, data: bytes) -> None:
         """See ``Channel``."""
@@ -106,7 +106,7 @@ class _AcceptedChannel(TcpChannel):
         self._listener = listener
         self._admitted = False
         self.host = ""
-        self.opened_ns = time.monotonic_ns()
+        self.opened_ns = boot_ns()
         self.asking = receiver if isinstance(receiver, Asking) else None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -251,7 +251,7 @@ class TcpListener:
 
     def _sweep(self) -> None:
         self._sweeping = None
-        self._places.sweep(time.monotonic_ns())
+        self._places.sweep(boot_ns())
         if not self._places.is_empty:
             self._sweep_later()
 

@@ -1,4 +1,4 @@
-"""One-shot timer with microsecond resolution on an absolute CLOCK_MONOTONIC deadline.
+"""One-shot timer with microsecond resolution on an absolute CLOCK_BOOTTIME deadline.
 
 The timers of asyncio round up to a millisecond (epoll_wait takes milliseconds), those of uvloop also fire
 up to a millisecond early. A timerfd is a descriptor that becomes readable at the very instant, so it serves
@@ -9,10 +9,10 @@ import asyncio
 import ctypes
 import os
 import sys
-import time
 from collections.abc import Callable
 from typing import Final
 
+from gateway.clock import CLOCK, boot_ns
 from gateway.times import NS_PER_S
 
 _TFD_FLAGS: Final = os.O_NONBLOCK | os.O_CLOEXEC
@@ -22,7 +22,7 @@ _TFD_TIMER_ABSTIME: Final = 1
 if sys.version_info >= (3, 13):
 
     def _create() -> int:
-        return os.timerfd_create(time.CLOCK_MONOTONIC, flags=_TFD_FLAGS)
+        return os.timerfd_create(CLOCK, flags=_TFD_FLAGS)
 
     def _set(timer_fd: int, deadline_ns: int) -> None:
         os.timerfd_settime_ns(timer_fd, flags=_TFD_TIMER_ABSTIME, initial=deadline_ns)
@@ -48,7 +48,7 @@ else:
         return result
 
     def _create() -> int:
-        return _checked(_libc.timerfd_create(time.CLOCK_MONOTONIC, _TFD_FLAGS))
+        return _checked(_libc.timerfd_create(CLOCK, _TFD_FLAGS))
 
     def _set(timer_fd: int, deadline_ns: int) -> None:
         spec = _Itimerspec(0, 0, deadline_ns // NS_PER_S, deadline_ns % NS_PER_S)
@@ -56,7 +56,7 @@ else:
 
 
 class Timer:
-    """Calls back once, with the time in ns, as soon as ``time.monotonic_ns()`` has reached the deadline.
+    """Calls back once, with the time in ns, as soon as ``clock.boot_ns()`` has reached the deadline.
 
     Arming is made for deadlines that are set with every frame and hardly ever met: one that moves later, or
     is taken away, costs no system call. The descriptor then wakes once in vain and is set anew.
@@ -103,7 +103,7 @@ class Timer:
         deadline_ns = self._deadline_ns
         if deadline_ns is None:
             return
-        now_ns = time.monotonic_ns()
+        now_ns = boot_ns()
         if now_ns < deadline_ns:
             self._program(deadline_ns)
             return

@@ -1,8 +1,8 @@
 """The silence before a frame."""
 
 import asyncio
-import time
 
+from gateway.clock import boot_ns
 from gateway.relay.pacing import PacedSender
 
 MS = 1_000_000
@@ -18,7 +18,7 @@ class Wire:
         self.written: list[tuple[bytes, int]] = []
 
     def write(self, data: bytes) -> None:
-        self.written.append((data, time.monotonic_ns()))
+        self.written.append((data, boot_ns()))
 
     def close(self) -> None:
         pass
@@ -31,7 +31,7 @@ async def drained(sender: PacedSender) -> None:
 
 async def test_a_quiet_line_sends_at_once() -> None:
     wire, sender = Wire(), PacedSender(5 * MS)
-    sender.opened(wire, time.monotonic_ns() - 6 * MS)
+    sender.opened(wire, boot_ns() - 6 * MS)
     sender.send(b"one")
     assert [data for data, _ in wire.written] == [b"one"]
     sender.close()
@@ -40,7 +40,7 @@ async def test_a_quiet_line_sends_at_once() -> None:
 async def test_a_frame_waits_for_the_gap_after_what_was_heard() -> None:
     wire, sender = Wire(), PacedSender(5 * MS)
     sender.opened(wire, 0)
-    heard_ns = time.monotonic_ns()
+    heard_ns = boot_ns()
     sender.heard(heard_ns)
     sender.send(b"one")
     assert wire.written == []
@@ -51,7 +51,7 @@ async def test_a_frame_waits_for_the_gap_after_what_was_heard() -> None:
 
 async def test_bytes_heard_while_waiting_put_the_frame_off() -> None:
     wire, sender = Wire(), PacedSender(5 * MS)
-    start_ns = time.monotonic_ns()
+    start_ns = boot_ns()
     sender.opened(wire, start_ns)
     sender.send(b"one")
     sender.heard(start_ns + 3 * MS)
@@ -74,7 +74,7 @@ async def test_the_time_that_written_bytes_take_on_the_wire_counts() -> None:
 
 async def test_frames_keep_their_order() -> None:
     wire, sender = Wire(), PacedSender(MS)
-    sender.opened(wire, time.monotonic_ns())
+    sender.opened(wire, boot_ns())
     for number in range(4):
         sender.send(bytes([number]))
     await drained(sender)
@@ -84,7 +84,7 @@ async def test_frames_keep_their_order() -> None:
 
 async def test_what_is_discarded_is_never_sent() -> None:
     wire, sender = Wire(), PacedSender(MS)
-    sender.opened(wire, time.monotonic_ns())
+    sender.opened(wire, boot_ns())
     sender.send(b"never")
     sender.discard()
     await drained(sender)
@@ -96,7 +96,7 @@ async def test_what_is_discarded_is_never_sent() -> None:
 
 async def test_a_closed_channel_takes_what_waited_with_it() -> None:
     wire, sender = Wire(), PacedSender(MS)
-    sender.opened(wire, time.monotonic_ns())
+    sender.opened(wire, boot_ns())
     sender.send(b"never")
     sender.closed()
     sender.send(b"nobody there")
@@ -107,12 +107,12 @@ async def test_a_closed_channel_takes_what_waited_with_it() -> None:
 
 async def test_the_silence_between_characters_is_kept_only_where_there_is_a_wire() -> None:
     pty, sender = Wire(), PacedSender(0, 50 * MS)
-    sender.opened(pty, time.monotonic_ns())
+    sender.opened(pty, boot_ns())
     sender.send(b"one")
     assert [data for data, _ in pty.written] == [b"one"]
     sender.close()
     port, sender = Wire(wire_ns_per_byte=1), PacedSender(0, 2 * MS)
-    opened_ns = time.monotonic_ns()
+    opened_ns = boot_ns()
     sender.opened(port, opened_ns)
     sender.send(b"one")
     assert port.written == []

@@ -1,10 +1,10 @@
 """How many handshakes may begin: at once and in a second, of one host and of all."""
 
-import time
 from pathlib import Path
 
 import pytest
 
+from gateway.clock import boot_ns
 from gateway.transport.handshakes import HOSTS, MADE_ROOM, HandshakeLimits
 from gateway.transport.secured import Door, Failure
 from gateway.transport.tls import ServerContexts
@@ -139,7 +139,7 @@ async def test_a_connection_that_makes_room_is_closed_and_told_of(tmp_path: Path
     contexts = ServerContexts(TlsFiles(str(certificate), str(key), str(shop.path)), print, print)
     failures: list[Failure] = []
     door = Door(contexts, lambda _: None, failures.append, lambda host, _: pytest.fail(host))
-    now_ns = time.monotonic_ns()
+    now_ns = boot_ns()
     ends = [End(f"10.0.0.{n // 8}:{n}") for n in range(33)]
     for n, end in enumerate(ends):
         door.connection().opened(end, now_ns + n * S)
