@@ -137,12 +137,16 @@ def first_error(output: str) -> str:
 
 def compile_in(folder: Path, *, is_only_c: bool) -> None:
     """Compile a copy of the package in a folder, which must be empty."""
+    import mypyc
     from mypyc.build import mypycify
     from setuptools import setup
 
     shutil.copytree(
         ROOT / "gateway", folder / "gateway", ignore=shutil.ignore_patterns("__pycache__", "*.so")
     )
+    # What is compiled says where its parts lay, which is another temporary folder each time.
+    source = Path(mypyc.__file__).parent.parent
+    os.environ["CFLAGS"] = f"{os.environ.get('CFLAGS', '')} -ffile-prefix-map={source}=."
     os.chdir(folder)
     # The caller's own settings for mypy have nothing to say here.
     options = ["--config-file=", "--ignore-missing-imports", "--explicit-package-bases"]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from gateway.exchange import control
-from gateway.exchange.added_frames import reads_at_start
+from gateway.exchange.added_frames import Purpose, reads_at_start
 from gateway.exchange.admission import Admission, judge
 from gateway.exchange.answering import note_broadcast
 from gateway.exchange.arbitration import Gaps
@@ -257,6 +257,7 @@ class LineExchange:
         """Take note of the reply to a frame of the gateway's own, and go on with what it was for."""
         code = note_learned(exchange, pdu, self.counters, now_ns)
         if exchange.port is None:
+            self._look_again(exchange, now_ns)
             return
         if code is not None:
             self._ends.refuse_unsent(exchange, code)
@@ -265,6 +266,13 @@ class LineExchange:
             self._waiting.put_back(exchange)
         else:
             self._start(exchange, now_ns)
+
+    def _look_again(self, exchange: Exchange, now_ns: int) -> None:
+        """Read once more where an axis is whose record is not decided by its first position."""
+        read = exchange.added
+        assert read is not None
+        if read.purpose is Purpose.ACTUAL and read.axis.memory is not None and read.axis.memory.wants_look:
+            self._waiting.add_own(read, now_ns)
 
     def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
         """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).

@@ -4,6 +4,8 @@ A process may be killed between any two stores, and a power cut may leave half a
 written then fails its check sum, and the other one, a generation older, holds. Little-endian, no padding; the
 check sum is the CRC-32 of everything before it. Each slot has a page of its own.
 
+Behind the header stands which boot of the machine the newest records are of, from which generation on.
+
 Behind a slot stands its tail: the slopes of its lines and the generation that it belongs to; zeros as long as
 there never was a slope, as in version 1, which had no tail. It is written before its slot, so that a slot
 never holds with the tail of another one.
@@ -24,6 +26,8 @@ MAGIC: Final = b"PGAXREC\n"
 NAME_BYTES: Final = 32
 """As long as the name of an axis may be."""
 HEADER: Final = struct.Struct(f"<8sH{NAME_BYTES}s")
+BOOT: Final = struct.Struct("<16sQ")
+"""Which boot, and the first generation that was written in it; the CRC-32 of both follows."""
 SLOTS_AT: Final = (PAGE, 2 * PAGE)
 RECORD_SIZE: Final = 3 * PAGE
 
@@ -127,27 +131,34 @@ class Remembered(NamedTuple):
     fade: tuple[float, float, float, float] | None
     """Difference in counts, start, end, way the other way; of ``compensation.readback.Fade``."""
     unproven: RememberedMove | None
+    is_of_this_boot: bool
+    """The machine has not been started anew since: its clock goes on."""
 
 
 class RecordSlots:
     """Writes the newest record over the older slot of a buffer, and finds the newest good one.
 
-    The buffer has :data:`RECORD_SIZE` bytes; ``scale_digest`` belongs to the axis as it is configured now.
+    The buffer has :data:`RECORD_SIZE` bytes; ``scale_digest`` belongs to the axis as it is configured now,
+    ``boot_id`` to the machine.
     """
 
     __slots__ = (
+        "_boot_id",
         "_buffer",
         "_digest",
         "_generation",
         "_has_tail",
+        "_is_boot_known",
         "_specs",
         "_specs_bytes",
         "_tilts",
         "_views",
     )
 
-    def __init__(self, buffer: memoryview, scale_digest: bytes) -> None:
+    def __init__(self, buffer: memoryview, scale_digest: bytes, boot_id: bytes = bytes(16)) -> None:
         self._buffer = buffer
+        self._boot_id = boot_id
+        self._is_boot_known = False
         self._digest = scale_digest
         self._views = tuple(buffer[at : at + _CRC_AT] for at in SLOTS_AT)
         found = [_generation(body) for body in self._bodies() if body is not None]
@@ -192,11 +203,26 @@ class RecordSlots:
         if newest is None:
             return None
         tail = _tail(self._buffer, _generation(newest) & 1)
-        return _remembered(newest, _TILTS.unpack_from(tail)[1:])
+        return _remembered(
+            newest, _TILTS.unpack_from(tail)[1:], is_of_this_boot=self._is_of_this_boot(newest)
+        )
+
+    def _is_of_this_boot(self, body: bytes) -> bool:
+        stamp = bytes(self._buffer[HEADER.size : HEADER.size + BOOT.size])
+        boot_id, first = BOOT.unpack(stamp)
+        is_whole = _CRC.unpack_from(self._buffer, HEADER.size + BOOT.size)[0] == crc32(stamp)
+        return bool(is_whole and any(boot_id) and boot_id == self._boot_id and _generation(body) >= first)
+
+    def _store_boot(self) -> None:
+        self._is_boot_known = True
+        stamp = BOOT.pack(self._boot_id, self._generation + 1)
+        self._buffer[HEADER.size : HEADER.size + BOOT.size + _CRC.size] = stamp + _CRC.pack(crc32(stamp))
 
     def _store(
         self, is_known: bool, base: tuple[object, ...], move: tuple[object, ...] | None, specs: bytes
     ) -> None:
+        if not self._is_boot_known:
+            self._store_boot()
         generation = self._generation = self._generation + 1
         number = generation & 1
         at = SLOTS_AT[number]
@@ -276,7 +302,7 @@ def _generation(body: bytes) -> int:
     return int.from_bytes(body[:8], "little")
 
 
-def _remembered(body: bytes, tilts: Sequence[float]) -> Remembered | None:
+def _remembered(body: bytes, tilts: Sequence[float], *, is_of_this_boot: bool) -> Remembered | None:
     generation, digest, is_known, has_move, *base, spec_bytes = _BODY.unpack_from(body)
     if not is_known:
         return None
@@ -305,6 +331,7 @@ def _remembered(body: bytes, tilts: Sequence[float]) -> Remembered | None:
         base[18],
         (base[20], base[21], base[22], base[23]) if base[19] else None,
         unproven,
+        is_of_this_boot,
     )
 
 

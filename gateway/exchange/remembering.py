@@ -7,6 +7,7 @@ nothing is known, where it moves the axis in another way.
 """
 
 from collections.abc import Callable
+from enum import Enum
 from typing import Final
 
 from gateway.compensation.fingerprint import scale_digest
@@ -19,7 +20,7 @@ from gateway.exchange.effects import MOVES_OTHERWISE, note_unknown
 from gateway.exchange.events import EventKind
 from gateway.exchange.plan import AxisPlan
 from gateway.exchange.record_layout import RecordSlots, Remembered, Specs
-from gateway.exchange.restoring import why_not_restored
+from gateway.exchange.restoring import Finding, Look, find, why_not_restored
 from gateway.exchange.rewriting import Rewriting
 from gateway.exchange.shadow import Shadow
 
@@ -40,6 +41,19 @@ def digest_of_axis(plan: AxisPlan) -> bytes:
     return scale_digest(plan.settings, (plan.unit_id, len(plan.command), tuple(fields)))
 
 
+class Fate(Enum):
+    """What became of the record of the run before."""
+
+    NONE = "none"
+    """There was none."""
+    OPEN = "open"
+    """It is not decided yet whether it counts."""
+    FITS = "fits"
+    """It does, and waits for those of the other axes of its group: all of them are taken up, or none."""
+    TAKEN = "taken"
+    DROPPED = "dropped"
+
+
 class AxisMemory:
     """Keeps the record of one axis, and takes the axis up from it once.
 
@@ -49,6 +63,8 @@ class AxisMemory:
     __slots__ = (
         "_axis",
         "_find_elsewhere",
+        "_finding",
+        "_first",
         "_has_rules",
         "_is_empty",
         "_is_on_wire",
@@ -56,6 +72,7 @@ class AxisMemory:
         "_pending",
         "_seen",
         "_slots",
+        "fate",
         "recalled",
     )
 
@@ -75,6 +92,10 @@ class AxisMemory:
         self._is_paused = False
         self._pending: Rendering | None = None
         self._seen: tuple[object, ...] = ()
+        self._first: Actual | None = None
+        """Where the drive was read to be first."""
+        self._finding: tuple[Finding, Actual] | None = None
+        self.fate = Fate.NONE if recalled is None else Fate.OPEN
         self.recalled = recalled
         if recalled is not None and not axis.is_enabled:
             self.drop("the compensation of the axis is off")
@@ -83,19 +104,49 @@ class AxisMemory:
 
     # --- from the run before ---------------------------------------------------------------------------
 
+    @property
+    def wants_look(self) -> bool:
+        """Whether the drive has to be read once more before it is decided."""
+        return self.fate is Fate.OPEN and self._first is not None
+
     def decide(self, actual: Actual) -> None:
-        """Find out, with the first actual position, whether the record of the run before counts."""
+        """Find out, with an actual position, whether the record of the run before counts."""
         axis, recalled = self._axis, self.recalled
         assert recalled is not None
         if not axis.is_referenced:
             if axis.reference.is_known and not axis.reference.is_found:
                 self.drop("the axis is not referenced now")
             return
-        reason = why_not_restored(axis, recalled, actual, self._find_table)
+        found = find(axis, recalled, self._first or actual, actual)
+        if isinstance(found, Look):
+            self._first = self._first or actual
+        elif isinstance(found, str):
+            self.drop(found)
+        else:
+            self.fate, self._finding = Fate.FITS, (found, actual)
+            self._take_group()
+
+    def _take_group(self) -> None:
+        """Take all axes of the group up, as soon as the records of all of them fit."""
+        memories = [peer.memory for peer in self._axis.peers if peer.memory is not None]
+        if any(memory.fate in (Fate.NONE, Fate.DROPPED) for memory in memories):
+            self.drop("another axis of its group has none that counts")
+        elif all(memory.fate is not Fate.OPEN for memory in memories):
+            for memory in (self, *memories):
+                if memory.fate is Fate.FITS:
+                    memory.take()
+
+    def take(self) -> None:
+        """Take the axis up from its record, which fits."""
+        axis, recalled, fitting = self._axis, self.recalled, self._finding
+        assert recalled is not None
+        assert fitting is not None
+        finding, actual = fitting
+        reason = why_not_restored(axis, recalled, finding, actual, self._find_table)
         if reason:
             self.drop(reason)
             return
-        self.recalled = None
+        self.recalled, self.fate = None, Fate.TAKEN
         settings, state = axis.plan.settings, axis.compensation.state
         offset = settings.machine_offset
         read_back = axis.compensation.machine_position(axis.nominal_of(actual.counts)) - offset
@@ -108,9 +159,12 @@ class AxisMemory:
 
     def drop(self, reason: str) -> None:
         """The record of the run before does not count."""
-        self.recalled = None
+        self.recalled, self.fate = None, Fate.DROPPED
         self._clear()
         self._axis.tell(EventKind.RECORD_NOT_USED, f"{reason}; it starts without its record")
+        for peer in self._axis.peers:
+            if peer.memory is not None and peer.memory.recalled is not None:
+                peer.memory.drop(f"axis {self._axis.plan.name} of its group starts without one")
 
     def _find_table(self, digest: bytes) -> CorrectionTable | None:
         axis = self._axis

@@ -1,7 +1,8 @@
 """An axis taken up from its record, where the drive stands as the record says (DESIGN 7)."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from enum import Enum
+from typing import Final, NamedTuple
 
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table, with_line
 from gateway.compensation.direction import Direction, Travel
@@ -21,11 +22,25 @@ from gateway.exchange.record_layout import (
     RememberedState,
 )
 from gateway.exchange.terms import resume_terms
+from gateway.times import NS_PER_MS, NS_PER_S
 
 FindTable = Callable[[bytes], CorrectionTable | None]
 
 
-class _Finding(NamedTuple):
+RECENT_NS: Final = 5 * NS_PER_S
+"""A record of this boot and no older may be of a drive that still follows its last setpoint."""
+LONGEST_LOOK_NS: Final = 100 * NS_PER_MS
+"""So long it is watched whether the drive comes nearer."""
+
+
+class Look(Enum):
+    """What else the first position of a drive may lead to."""
+
+    AGAIN = "again"
+    """It has to be read once more."""
+
+
+class Finding(NamedTuple):
     """Where the drive was found, told from what the record allows."""
 
     is_at_target: bool
@@ -39,16 +54,53 @@ class _TableNotFoundError(Exception):
     """A table that a record names is not to be had."""
 
 
-def why_not_restored(axis: AxisExchange, record: Remembered, actual: Actual, find_table: FindTable) -> str:
+def find(axis: AxisExchange, record: Remembered, first: Actual, now: Actual) -> Finding | Look | str:
+    """Compare where the drive is with where its record says that it may be; a sentence where it may not.
+
+    Of a stream the drive lags behind: one that comes nearer to the last setpoint is on its way there, however
+    far it lags, if the record is no older than some seconds.
+
+    Args:
+        axis: the axis, which is not changed.
+        record: its record.
+        first: the first position that was read.
+        now: the last one; the same at the first look.
+    """
+    finding = _find(axis, record, now.counts)
+    if finding is not None:
+        return finding
+    if axis.compensation.is_stream and record.has_target and _is_recent(record, first):
+        if _has_come_nearer(axis, record, first.counts, now.counts):
+            return Finding(is_at_target=False, has_arrived=None, is_at_unproven=False)
+        if now.seen_ns - first.seen_ns <= LONGEST_LOOK_NS:
+            return Look.AGAIN
+    low, high = record.way
+    if record.was_at_target or low == high:
+        said = f"at {record.corrected_counts:.10g}"
+    else:
+        said = f"between {low:.10g} and {high:.10g}"
+    return f"the drive stands at {now.counts:.10g} counts, and the record says {said}"
+
+
+def _is_recent(record: Remembered, first: Actual) -> bool:
+    at_ns = record.state.at_ns if record.unproven is None else record.unproven.state.at_ns
+    return record.is_of_this_boot and 0 <= first.seen_ns - at_ns <= RECENT_NS
+
+
+def _has_come_nearer(axis: AxisExchange, record: Remembered, before: Counts, now: Counts) -> bool:
+    """Whether the drive goes to one of the last two setpoints, by more than a standing one trembles."""
+    settings = axis.plan.settings
+    near = settings.hysteresis * abs(settings.counts_per_unit)
+    targets = [record.corrected_counts]
+    if record.unproven is not None:
+        targets.append(record.unproven.corrected_counts)
+    return any(abs(before - target) - abs(now - target) > near for target in targets)
+
+
+def why_not_restored(
+    axis: AxisExchange, record: Remembered, finding: Finding, actual: Actual, find_table: FindTable
+) -> str:
     """Take an axis up from its record; "" when that is done, else why it cannot be; then nothing changes."""
-    finding = _find(axis, record, actual.counts)
-    if finding is None:
-        low, high = record.way
-        if record.was_at_target or low == high:
-            said = f"at {record.corrected_counts:.10g}"
-        else:
-            said = f"between {low:.10g} and {high:.10g}"
-        return f"the drive stands at {actual.counts:.10g} counts, and the record says {said}"
     try:
         state = _state(axis, record.state, find_table, actual.seen_ns)
         unproven = None
@@ -65,7 +117,7 @@ def why_not_restored(axis: AxisExchange, record: Remembered, actual: Actual, fin
     return ""
 
 
-def _find(axis: AxisExchange, record: Remembered, counts: Counts) -> _Finding | None:
+def _find(axis: AxisExchange, record: Remembered, counts: Counts) -> Finding | None:
     """Compare where the drive is with where it may be; None where the record cannot be true.
 
     Between two targets of which one is not proven, the nearer one counts.
@@ -78,15 +130,15 @@ def _find(axis: AxisExchange, record: Remembered, counts: Counts) -> _Finding | 
     is_on_way = is_at_target or (not record.was_at_target and low - near <= counts <= high + near)
     move = record.unproven
     if move is None:
-        return _Finding(is_at_target, None, is_at_unproven=False) if is_on_way else None
+        return Finding(is_at_target, None, is_at_unproven=False) if is_on_way else None
     from_move = abs(counts - move.corrected_counts)
     if from_move <= near and not (is_at_target and from_target <= from_move):
-        return _Finding(is_at_target=False, has_arrived=True, is_at_unproven=True)
+        return Finding(is_at_target=False, has_arrived=True, is_at_unproven=True)
     if is_on_way:
-        return _Finding(is_at_target, False if is_at_target else None, is_at_unproven=False)
+        return Finding(is_at_target, False if is_at_target else None, is_at_unproven=False)
     low, high = min(low, move.corrected_counts), max(high, move.corrected_counts)
     if low - near <= counts <= high + near:
-        return _Finding(is_at_target=False, has_arrived=True, is_at_unproven=False)
+        return Finding(is_at_target=False, has_arrived=True, is_at_unproven=False)
     return None
 
 
@@ -158,7 +210,7 @@ def _may_have_stopped(axis: AxisExchange) -> bool:
     return axis.plan.has_rules
 
 
-def _follow_unproven(axis: AxisExchange, move: RememberedMove, state: State, finding: _Finding) -> None:
+def _follow_unproven(axis: AxisExchange, move: RememberedMove, state: State, finding: Finding) -> None:
     """Take the target that was on its way as accepted, or as one that nobody acknowledged."""
     field = axis.plan.command[move.number]
     nominal_words = corrected_words = b""

@@ -165,22 +165,16 @@ class WriteWay(Way):
                 return None
             corrected_counts = raw if self._scale == 1.0 else raw * self._scale
         exchange.draft = (self._place, words, corrected_words, corrected_counts, shadow.losses, steady)
-        if not compensation.is_stream:
-            self._remember(exchange)
+        memory = axis.memory
+        if memory is not None:
+            memory.sending(exchange.drafted())
         return pdu[:start] + corrected_words + pdu[end:]
 
     def left(self, exchange: Exchange) -> None:
-        """See ``Way``. A stream does not wait for its record, which is good for one setpoint either way."""
+        """See ``Way``."""
         assert exchange.port is not None
         self._hold.writer = exchange.port.writer
         self._hold.last_ns = exchange.sent_ns
-        if self._axis.compensation.is_stream:
-            self._remember(exchange)
-
-    def _remember(self, exchange: Exchange) -> None:
-        memory = self._axis.memory
-        if memory is not None:
-            memory.sending(exchange.drafted())
 
     def _is_usual(self, now_ns: int) -> bool:
         """Whether nothing has happened that must be looked at before the next target."""

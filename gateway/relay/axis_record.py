@@ -18,6 +18,7 @@ from gateway.exchange.record_layout import RECORD_SIZE, RecordSlots, header, why
 from gateway.exchange.remembering import AxisMemory, FindTable, digest_of_axis
 
 SUFFIX: Final = ".record"
+BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 Tell = Callable[[str], None]
 
 
@@ -33,6 +34,14 @@ def why_not_kept(axis: AxisExchange) -> str:
     if axis.plan.table is None:
         return "the axis has no table"
     return "" if axis.plan.actual else "no register tells where the axis stands"
+
+
+def boot_id() -> bytes:
+    """Return what tells one boot of the machine from another; zeros where it does not say."""
+    try:
+        return bytes.fromhex(BOOT_ID.read_text().strip().replace("-", ""))
+    except (OSError, ValueError):
+        return bytes(16)
 
 
 class AxisRecord:
@@ -66,7 +75,7 @@ class AxisRecord:
             tell(f"{self.path}: {wrong}; it is made anew, and the axis starts without its record")
         self._map = mapped
         digest = digest_of_axis(axis.plan)
-        slots = self._slots = RecordSlots(memoryview(mapped), digest)
+        slots = self._slots = RecordSlots(memoryview(mapped), digest, boot_id())
         recalled, reason = slots.read(), ""
         if recalled is None and slots.is_damaged and not wrong:
             reason = "both of its copies are damaged"

@@ -9,6 +9,7 @@ from gateway.exchange.record_layout import RECORD_SIZE, RecordSlots, Remembered
 from gateway.exchange.remembering import AxisMemory, digest_of_axis
 from tests.exchange.line_bench import MS, Bench, Memory
 
+BOOT_ID = bytes(range(16))
 FindTable = Callable[[bytes], CorrectionTable | None]
 
 
@@ -23,7 +24,7 @@ class Records:
         for axis in line.axes:
             buffer = self.buffers.setdefault(axis.plan.name, bytearray(RECORD_SIZE))
             digest = digest_of_axis(axis.plan)
-            slots = RecordSlots(memoryview(buffer), digest)
+            slots = RecordSlots(memoryview(buffer), digest, BOOT_ID)
             recalled = slots.read()
             if recalled is not None and recalled.scale_digest != digest:
                 recalled = None
@@ -31,7 +32,7 @@ class Records:
 
     def read(self, name: str = "x") -> Remembered | None:
         """Return what the record of an axis says."""
-        return RecordSlots(memoryview(self.buffers[name]), bytes(16)).read()
+        return RecordSlots(memoryview(self.buffers[name]), bytes(16), BOOT_ID).read()
 
     def copy(self) -> "Records":
         """Return the records as they are now."""

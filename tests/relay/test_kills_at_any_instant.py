@@ -1,0 +1,265 @@
+"""SIGKILL of the relay at random instants of a stream: how far off is what the drive is told afterwards.
+
+``make soak`` kills a thousand times.
+"""
+
+import contextlib
+import random
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.compensation.settings import Reversal, ReversalKind
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.ipc.client import ask
+from gateway.ipc.messages import SetReference
+from gateway.modbus.mbap import encode_mbap
+from gateway.modbus.registers import PositionField, RegisterType
+from tests.child import started
+from tests.exchange.line_bench import Memory, stream_plan, write
+from tests.exchange.test_kills_in_a_stream import STEP, Follower, Line, setpoints
+from tests.ports import free_port
+from tests.soak import IS_FULL
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
+COMMAND = PositionField(100, RegisterType.INT32)
+ACTUAL = PositionField(110, RegisterType.INT32)
+HOMED = 120
+SECONDS = 20.0
+KILLS = 125 if IS_FULL else 3
+CONFIG = """
+[gateway]
+name = "trial"
+
+[line.x]
+drives = {{ tcp = "127.0.0.1:{drives}" }}
+
+[[line.x.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:{port}"
+
+[axis.x]
+line = "x"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 100.0]
+referenced = "{referenced}"
+table = "x.tab"
+setpoints = "stream"
+home_approach = "forward"
+reload = {{ distance = 1.0 }}
+reversal = {{ distance = 1.0 }}
+max_speed = 200.0
+hysteresis = 0.002
+registers.command = [{{ address = 100, type = "int32" }}]
+registers.actual = [{{ address = 110, type = "int32"{settable} }}]
+{more}
+"""
+TABLE = """CNC10 TAB FILE VERSION 3
+AXIS X
+UNITS MILLIMETER
+INTERVAL 100.0
+ENTRIES 2
+0.0 0.06 -0.06
+100.0 0.06 -0.06
+"""
+REVERSAL = Reversal(ReversalKind.DISTANCE, 1.0)
+LIFT = 60
+"""Counts that each branch adds, one way or the other."""
+MORE: dict[str, dict[str, str]] = {
+    "absolute": {},
+    "drive-bit": {"more": "registers.bits.homed = { address = 120, bit = 0 }"},
+    "homing": {
+        "more": "registers.bits.homed = { address = 120, bit = 0 }\n"
+        "registers.trigger = [{ address = 130, home = [4], stop = [8] }]"
+    },
+    "set-position": {"settable": ", set_position = true"},
+}
+
+
+class RunningDrive:
+    """A drive that goes on moving while nobody talks to it, and answers whoever connects."""
+
+    def __init__(self, counts_per_ms: float | None) -> None:
+        self.follower = Follower(counts_per_ms, 50_000)
+        self.follower.words.clear()
+        self.follower.words[HOMED] = 1
+        self.follower.write(COMMAND.address, COMMAND.pack(50_000))
+        self.told: list[float] = []
+        self._place, self._at_s = 50_000.0, time.monotonic()
+        self._counts_per_ms = counts_per_ms
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self._thread.join(SECONDS)
+
+    def _move(self) -> None:
+        memory, now_s = self.follower, time.monotonic()
+        target = COMMAND.unpack(memory.read(COMMAND.address, 2))
+        way = target - self._place
+        most = (
+            abs(way) if self._counts_per_ms is None else self._counts_per_ms * (now_s - self._at_s) * 1000.0
+        )
+        self._place += max(-most, min(most, way))
+        self._at_s = now_s
+        memory.write(ACTUAL.address, ACTUAL.pack(round(self._place)))
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                connection, _ = self._listener.accept()
+                with connection, contextlib.suppress(OSError):
+                    self._answer(connection)
+
+    def _answer(self, connection: socket.socket) -> None:
+        while head := connection.recv(7, socket.MSG_WAITALL):
+            pdu = connection.recv(int.from_bytes(head[4:6], "big") - 1, socket.MSG_WAITALL)
+            self._move()
+            reply = Memory.answer(self.follower, pdu)
+            if pdu[0] == 16:
+                self.told.append(COMMAND.unpack(pdu[6:]))
+            connection.sendall(encode_mbap(int.from_bytes(head[:2], "big"), head[6], reply))
+
+
+class Machine:
+    """A relay between a controller and that drive."""
+
+    def __init__(self, folder: Path, drive: RunningDrive, referenced: str) -> None:
+        self.config, self._port, self.drive = folder / "gateway.toml", free_port(), drive
+        (folder / "tables").mkdir()
+        (folder / "tables" / "x.tab").write_text(TABLE)
+        values: dict[str, Any] = {"settable": "", "more": ""} | MORE[referenced]
+        text = CONFIG.format(drives=drive.port, port=self._port, referenced=referenced, **values)
+        self.config.write_text(text)
+        compiling = [*PROGRAM, "check", "--compile", str(self.config)]
+        subprocess.run(compiling, cwd=ROOT, check=True, capture_output=True)
+        self.must_be_told = referenced in ("homing", "set-position")
+        self.process: subprocess.Popen[Any] | None = None
+        self._stack = contextlib.ExitStack()
+        self.connection: socket.socket | None = None
+
+    def run(self) -> None:
+        process = started([*PROGRAM, "relay", str(self.config)], stderr=subprocess.DEVNULL, cwd=ROOT)
+        self.process = self._stack.enter_context(process)
+        until_s = time.monotonic() + SECONDS
+        while True:
+            try:
+                self.connection = socket.create_connection(("127.0.0.1", self._port), timeout=SECONDS)
+                break
+            except OSError:
+                assert time.monotonic() < until_s
+                time.sleep(0.01)  # until its port is open
+
+    def refer(self) -> None:
+        """Say that the axis stands where its drive says, where nothing else does."""
+        if self.must_be_told:
+            ask(self.config.parent / "state" / "relay.sock", SetReference(axis="x"))
+
+    def kill(self) -> None:
+        assert self.process is not None
+        self.process.send_signal(signal.SIGKILL)
+
+    def end(self) -> None:
+        assert self.process is not None
+        assert self.connection is not None
+        self.connection.close()
+        self.process.wait(SECONDS)
+        self._stack.close()
+
+    def follow(self, counts: int) -> bool:
+        """Feed a setpoint, again as long as there is no way to the drive; whether it was acknowledged."""
+        assert self.connection is not None
+        request = write(COMMAND, counts)
+        with contextlib.suppress(ConnectionError):
+            while True:
+                self.connection.sendall(encode_mbap(7, 1, request))
+                head = self.connection.recv(7, socket.MSG_WAITALL)
+                reply = head and self.connection.recv(head[5] - 1, socket.MSG_WAITALL)
+                if reply != b"\x90\x0a":
+                    return reply == request[:5]
+                time.sleep(0.002)
+        return False
+
+
+@contextlib.contextmanager
+def machine(folder: Path, counts_per_ms: float | None, referenced: str) -> Iterator[Machine]:
+    drive = RunningDrive(counts_per_ms)
+    each = Machine(folder, drive, referenced)
+    try:
+        each.run()
+        yield each
+    finally:
+        each.kill()
+        each.end()
+        drive.close()
+
+
+def twin_of(walk: list[int]) -> list[float]:
+    """What the drive is told where nobody is killed."""
+    table = make_table([0, 100], [0.06, 0.06], [-0.06, -0.06], Units.MM)
+    plan = stream_plan(table=table, home_approach=1, reload_distance=1.0, reversal=REVERSAL)
+    line = Line(plan, Follower(None, 50_000))
+    return [line.follow(counts) for counts in walk]
+
+
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("referenced", ["absolute", "drive-bit", "homing", "set-position"])
+@pytest.mark.parametrize("counts_per_ms", [None, 30.0], ids=["at once", "30 mm/s"])
+def test_a_kill_at_any_instant(
+    tmp_path: Path,
+    counts_per_ms: float | None,
+    referenced: str,
+    record_property: Callable[[str, object], None],
+) -> None:
+    rng = random.Random(f"{counts_per_ms} {referenced}")
+    walk = setpoints(rng.randrange(1 << 30), 120 * KILLS + 160)
+    wanted = twin_of(walk)
+    step = max(abs(b - a - (q - p)) for (a, b), (p, q) in zip(pairwise(wanted), pairwise(walk), strict=True))
+    worst, number = 0.0, 0
+    with machine(tmp_path, counts_per_ms, referenced) as each:
+        each.refer()
+        for kill in range(KILLS + 1):
+            for _ in range(60):  # a blend that was cut is over by then
+                assert each.follow(walk[number])
+                time.sleep(0.001)
+                number += 1
+            if kill == KILLS:
+                break
+            timer = threading.Timer(rng.uniform(0.0, 0.03), each.kill)
+            timer.start()
+            while each.follow(walk[number]):
+                number += 1
+            timer.join()
+            each.end()
+            time.sleep(rng.choice([0.0, 0.05]))
+            each.run()
+            errors = []
+            for _ in range(5):
+                assert each.follow(walk[number])
+                errors.append(abs(each.drive.told[-1] - wanted[number]))
+                number += 1
+            worst = max(worst, *errors)
+            # A reference that does not come back is told of, and the stream begins as without a record.
+            most = 2 * LIFT + STEP if each.must_be_told else step + 1
+            assert max(errors) <= most, (kill, errors)
+            each.refer()
+    what = f"{KILLS} kills, {referenced}, {counts_per_ms} counts/ms"
+    record_property(what, f"worst {worst / 1000:.4f} mm; a step of the blend {step / 1000:.4f} mm")
+    sys.stderr.write(f"{what}: worst {worst / 1000:.4f} mm; a step of the blend {step / 1000:.4f} mm\n")
