@@ -64,6 +64,14 @@ class Rendering(NamedTuple):
     """Where a distance starts."""
 
 
+class Held(NamedTuple):
+    """The last target as its drive was told it, over a change of the reference: its repeat moves nothing."""
+
+    shadow: Shadow
+    nominal_words: bytes
+    corrected_words: bytes
+
+
 @dataclass(slots=True)
 class AxisExchange:
     """State of one axis on its line."""
@@ -102,6 +110,7 @@ class AxisExchange:
     """Of the field through which the last accepted target came."""
     began: tuple[float, float] | None = None
     """Offset with which a stream has begun and what of it was motion, in units, until it is told."""
+    held: Held | None = None
     unproven: Rendering | None = None
     """A target that was sent and not acknowledged: the drive may hold it or not."""
     peers: "tuple[AxisExchange, ...]" = ()
@@ -227,13 +236,27 @@ class AxisExchange:
         is_referenced = self.is_referenced
         if is_referenced is was_referenced:
             return
+        held = self._target_that_holds()
         self.forget_place()
+        self.held = held
         self.doubt_words()
         if is_referenced:
             self.actual = None  # it may have been counted from another zero
             self.compensation.find_reference(self.wanted)
         else:
             self.compensation.lose_reference()
+
+    def _target_that_holds(self) -> Held | None:
+        """Return the last accepted target with its words, where nothing but a target moves the axis since."""
+        shadow, accepted = self.last_shadow, self.compensation.accepted
+        if self.compensation.is_stream or accepted is None or shadow is None:
+            return self.held
+        if shadow.nominal_words is None or shadow.corrected_words is None:
+            return None
+        field_ = self.plan.command[self.shadows.index(shadow)]
+        if counts_of(field_, field_.unpack(shadow.nominal_words)) != accepted.nominal_counts:
+            return None  # another one is staged there by now, or a distance
+        return Held(shadow, shadow.nominal_words, shadow.corrected_words)
 
     def begin_stream_anew(self) -> None:
         """The drive counts from another zero: setpoints begin again from where it is."""
@@ -305,11 +328,13 @@ class AxisExchange:
         if is_answer:
             self.silent_since_ns = None
         if self.silent_until_ns - since_ns > self.plan.lost_ms * NS_PER_MS:
-            unproven = self.unproven
+            unproven, held = self.unproven, self._target_that_holds()
             self.forget()
             self.unproven = unproven  # it may have arrived before the drive fell silent
             self.arrival.begin(self.silent_until_ns)
             self.lose()
+            if not self.is_referenced:
+                self.held = held
 
     def lose(self) -> None:
         """The drive may have lost its position."""
@@ -344,7 +369,7 @@ class AxisExchange:
         self.compensation.forget_target()
         self.arrival.begin(0)
         self.is_moving = None
-        self.unproven = None
+        self.unproven = self.held = None
 
     def link_lost(self, now_ns: int) -> None:
         """Forget what may have changed while nobody looked."""
@@ -359,7 +384,8 @@ class AxisExchange:
 
         Of a repeat it holds the same words in either case.
         """
-        if rendering.move is None and not rendering.is_distance and self.compensation.accepted is not None:
+        is_repeat = rendering.move is None and not rendering.is_distance
+        if is_repeat and (self.compensation.accepted is not None or self.held is not None):
             return
         self.fail_run(rendering, now_ns)
         rendering.shadow.forget()
@@ -462,4 +488,5 @@ class AxisExchange:
         self.unproven = None
         self.motion.runs_stored = False
         self.arrival.begin(now_ns)
+        self.held = None
         self.is_moving = None

@@ -108,7 +108,7 @@ def _run(
         if rendering is None:
             continue
         rewriting.renderings += (rendering,)
-        if not axis.passes_unchanged:
+        if not axis.passes_unchanged or rendering.corrected_words != words:
             changed.append((hit, rendering.corrected_words))
     return changed
 

@@ -90,6 +90,9 @@ def render(
     if needs_offset(axis):
         take_offset(axis, number, nominal_words, seen)
     is_passing = axis.passes_unchanged
+    held = axis.held
+    if held is not None and held.shadow is shadow and held.nominal_words == nominal_words:
+        return Rendering(axis, shadow, nominal_words, held.corrected_words, 0.0, None)
     if not isfinite(raw):
         if is_passing:
             return Rendering(axis, shadow, nominal_words, nominal_words, 0.0, None)

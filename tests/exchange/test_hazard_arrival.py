@@ -7,10 +7,10 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.arrival import AFTER, WAS_THERE, Arrival, Sign, Stage
-from gateway.exchange.plan import Late
+from gateway.exchange.plan import Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
-from tests.exchange.staged_bench import RUN_PDU, RUN_RELATIVE_PDU, StagedBench, staged_plan
+from tests.exchange.staged_bench import HOME_PDU, RUN_PDU, RUN_RELATIVE_PDU, StagedBench, staged_plan
 
 DONE = BitField(0x0031, 0)
 READ_DONE = bytes.fromhex("03 0031 0001")
@@ -290,3 +290,70 @@ def test_m5_where_both_ends_lie_in_the_window_there_is_no_base() -> None:
     bench.wait(1100)
     bench.stage(-10)
     assert bench.refused(RUN_RELATIVE_PDU) == 6
+
+
+# --- references that come and go ---------------------------------------------------------------------------
+
+HOMED = BitField(0x0031, 5)
+
+
+def homed(bench: Bench, *, is_set: bool) -> None:
+    bench.memory.words[HOMED.address] = is_set << HOMED.bit
+    bench.ask(READ_DONE)
+
+
+def test_m9_a_held_target_moves_nothing_when_the_reference_goes_and_comes() -> None:
+    bench = Bench(axis_plan(table=WORN, referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
+    homed(bench, is_set=True)
+    bench.move(100_000)
+    bench.move(60_000)
+    assert told(bench) == 59_740
+    for is_set in (False, True, False):
+        homed(bench, is_set=is_set)
+        for _ in range(3):
+            bench.ask(write(COMMAND, 60_000))
+            assert told(bench) == 59_740
+    bench.ask(write(COMMAND, 70_000))  # another one passes 1:1
+    assert told(bench) == 70_000
+    bench.memory.put(ACTUAL, 70_000)
+    homed(bench, is_set=True)
+    bench.ask(write(COMMAND, 70_000))
+    assert told(bench) == 70_000
+    bench.move(80_000)
+    assert told(bench) == 80_410
+
+
+def test_m9_a_target_after_homing_is_a_new_one() -> None:
+    bench = StagedBench(staged_plan(table=WORN, referenced=Reference.HOMING))
+    bench.line.axes[0].declare_referenced()
+    bench.go_to(60_000)
+    assert bench.drive.moves[-1][1] == 60_410
+    bench.ask(HOME_PDU)
+    bench.drive.put(ACTUAL, 0)
+    bench.drive.set_bits(is_done=True)
+    bench.wait(500)
+    bench.poll()
+    bench.go_to(60_000)
+    assert bench.drive.moves[-1][1] == 60_410
+    bench.ask(HOME_PDU)
+    bench.go_to(60_000)  # while it homes
+    assert bench.drive.moves[-1][1] == 60_000
+
+
+def test_m9_a_held_target_moves_nothing_after_a_silence_in_which_the_reference_went() -> None:
+    plan = axis_plan(table=WORN, referenced=Reference.HOMING)
+    bench = Bench(plan, timing=LineTiming(drain_ms=1))
+    bench.line.axes[0].declare_referenced()
+    bench.move(100_000)
+    bench.move(60_000)
+    for _ in range(3):
+        bench.send(write(COMMAND, 60_000))
+        bench.link.sent.clear()
+        bench.wait(1001)
+        bench.wait(2)
+        bench.port.replies.clear()
+    bench.ask(write(COMMAND, 60_000))
+    assert told(bench) == 59_740
+    assert not bench.line.axes[0].is_referenced
+    bench.ask(write(COMMAND, 60_001))
+    assert told(bench) == 60_001
