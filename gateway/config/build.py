@@ -155,6 +155,7 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         response_ms=registers.response_ms,
         safe_read=registers.safe_read,
         added_frames=axis.added_frames is AddedFrames.AUTO,
+        refused_read=registers.refused_read,
         exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,
         has_one_writer=axis.writers is Writers.ONE,
         writer_hold_s=axis.writer_hold_s,

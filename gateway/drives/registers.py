@@ -240,6 +240,9 @@ class RegisterMap(StrictModel):
     write: ByName[Form] = Field(
         default=Form.FC16, description="how the gateway writes a position by itself: fc16, fc06 or mei"
     )
+    refused_read: Annotated[int, Field(ge=0, le=255)] = Field(
+        default=0, description="function byte with which the drive refuses every read; 0: the usual one"
+    )
     exception: ByName[OnException] = Field(
         default=OnException.UNKNOWN, description="what a refusal by the drive proves"
     )

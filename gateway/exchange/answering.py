@@ -14,7 +14,7 @@ from gateway.exchange.rendering import nominal_limit
 from gateway.exchange.rewriting import Rewriting
 from gateway.exchange.unit import BitHit, FieldHit, FieldRole, UnitMap
 from gateway.modbus.errors import RegisterRangeError
-from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu, is_exception
+from gateway.modbus.pdu import EXCEPTION_BIT, ExceptionCode, FunctionCode, exception_pdu, is_exception
 from gateway.modbus.registers import BitTable
 
 READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
@@ -53,7 +53,7 @@ def _acknowledges(rewriting: Rewriting, reply: bytes) -> bool:
 
 def _settle(rewriting: Rewriting, reply: bytes, now_ns: int, *, is_acknowledged: bool) -> None:
     if not is_acknowledged:
-        is_refusal = len(reply) == 2 and is_exception(reply)
+        is_refusal = len(reply) == 2 and reply[0] == rewriting.sent_pdu[0] | EXCEPTION_BIT
         code = reply[1] if is_refusal else ExceptionCode.SERVER_DEVICE_FAILURE
         fail(rewriting, code, now_ns, is_refusal=is_refusal)
         return
@@ -91,10 +91,10 @@ def _is_run_known(rewriting: Rewriting, meaning: Meaning) -> bool:
 def fail(rewriting: Rewriting, code: int, now_ns: int, *, is_refusal: bool) -> None:
     """Note that a write was not acknowledged; what a refusal proves, the register map says (M7)."""
     for rendering in rewriting.renderings:
-        if not (is_refusal and rendering.axis.plan.exception_writes_nothing):
+        if not (is_refusal and rendering.axis.writes_nothing(code)):
             rendering.axis.fail(rendering, now_ns)
     for rendering in rewriting.runs:
-        if not (is_refusal and rendering.axis.plan.exception_writes_nothing):
+        if not (is_refusal and rendering.axis.writes_nothing(code)):
             rendering.axis.fail_run(rendering, now_ns)
     for hit in rewriting.command_hits:
         note_lost(hit, rewriting.request.pdu, rewriting.access, rewriting.request.arrived_ns)

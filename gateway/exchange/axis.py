@@ -33,6 +33,7 @@ from gateway.exchange.plan import (
 from gateway.exchange.reference import ReferenceState
 from gateway.exchange.shadow import Shadow
 from gateway.exchange.terms import Terms
+from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_MS
 
@@ -378,6 +379,13 @@ class AxisExchange:
         self.forget()
         self.actual = None
         self.doubt(now_ns)
+
+    def writes_nothing(self, code: int) -> bool:
+        """Whether an exception to a write proves that nothing was written (M7).
+
+        A function code that a drive does not know it cannot have carried out.
+        """
+        return self.plan.exception_writes_nothing or code == ExceptionCode.ILLEGAL_FUNCTION
 
     def fail(self, rendering: Rendering, now_ns: int) -> None:
         """A target was sent and not acknowledged: the drive may hold it or not.

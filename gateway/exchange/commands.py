@@ -262,7 +262,8 @@ def _expected(meaning: Meaning, number: int) -> tuple[Action, bool]:
         return (motion.last_run, False) if can_be_relative else (Action.ABSOLUTE, True)
     word = meaning.words.get(mode.address, motion.word(mode.address))
     action = Action.UNKNOWN if word is None or mode.is_in_frame else mode.action(word)
-    return (Action.ABSOLUTE if action is Action.START else action), False
+    is_same_frame = mode.address in meaning.words
+    return (Action.ABSOLUTE if action is Action.START else action), is_same_frame
 
 
 def _merged(words: bytes | None, first: int, part: bytes) -> bytes | None:

@@ -103,7 +103,7 @@ def note_failed(
 ) -> None:
     """Take note of a request that was sent and not acknowledged; what a refusal proves, the map says (M7)."""
     axis = meaning.axis
-    if not (is_refusal and axis.plan.exception_writes_nothing):
+    if not (is_refusal and axis.writes_nothing(code)):
         axis.motion.doubt({**meaning.words, **dict.fromkeys(meaning.unclear_words, 0)}, dict(meaning.coils))
         if meaning.action in MOVES_OTHERWISE:
             _move_otherwise(meaning, now_ns, is_certain=False)

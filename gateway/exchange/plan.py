@@ -152,6 +152,8 @@ class AxisPlan:
     safe_read: bool = True
     """Positions and bits may be read by the gateway itself (W8)."""
     added_frames: bool = True
+    refused_read: int = 0
+    """Function byte with which its drive refuses every read; 0: that of the request with bit 7."""
     exception_writes_nothing: bool = False
     """The profile says ``exception = "nothing-written"`` (M7)."""
     has_one_writer: bool = True

@@ -1,10 +1,15 @@
 """RTU replies out of a byte stream: the side on which the gateway is the master.
 
-One reply is expected at a time. It carries the unit id of its request and its function code, or a byte with
-bit 7 set for an exception (some drives set that byte to 0x81 whatever was asked). It ends where its own bytes
-say, with the request as the context, and its check sum decides; never at the first length whose check sum
-happens to be good, which one reply in some two hundred has too early.
+One reply is expected at a time. It carries the unit id of its request and its function code, with bit 7 set
+for an exception. Some drives refuse every read with the function byte 0x81: that of a drive whose registers
+are mapped counts only where its map says so, for it may be late and refuse another request. It ends where
+its own bytes say, with the request as the context, and its check sum decides; never at the first length whose
+check sum happens to be good, which one reply in some two hundred has too early.
 """
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
 
 from gateway.modbus.crc import append_crc, crc16, is_intact
 from gateway.modbus.lengths import (
@@ -16,14 +21,28 @@ from gateway.modbus.lengths import (
     asked_bytes,
     reply_length,
 )
-from gateway.modbus.pdu import EXCEPTION_BIT
+from gateway.modbus.pdu import EXCEPTION_BIT, FunctionCode
 from gateway.modbus.rtu_line import FAST_SILENCE_NS, Frame, RtuDecoder
+
+REFUSED_READ: Final = 0x81
+"""With which some drives refuse every read."""
+READS: Final = frozenset(
+    {
+        FunctionCode.READ_COILS,
+        FunctionCode.READ_DISCRETE_INPUTS,
+        FunctionCode.READ_HOLDING_REGISTERS,
+        FunctionCode.READ_INPUT_REGISTERS,
+    }
+)
+NOBODY: Final[Mapping[int, int]] = MappingProxyType({})
 
 
 class RtuReplyDecoder(RtuDecoder):
     r"""Bytes from the drives in, at most one reply for each request out. Never raises.
 
     With ``echo`` the adapter hears what it sends: the request comes back first, and is taken out.
+    ``refused_reads``: the function byte with which the drive of a unit id refuses reads, 0 for their own with
+    bit 7; of a unit id that is not there nobody knows it, and 0x81 counts.
 
     >>> decoder = RtuReplyDecoder()
     >>> decoder.expect(1, bytes.fromhex("03 02 00 00 02"))
@@ -37,15 +56,25 @@ class RtuReplyDecoder(RtuDecoder):
         "_heard",
         "_is_answered",
         "_lone_echo",
+        "_refusals",
+        "_refused_reads",
         "_request",
         "_stray",
         "_unit_id",
     )
 
     def __init__(
-        self, silence_ns: int = FAST_SILENCE_NS, give_up_ns: int | None = None, *, echo: bool = False
+        self,
+        silence_ns: int = FAST_SILENCE_NS,
+        give_up_ns: int | None = None,
+        *,
+        echo: bool = False,
+        refused_reads: Mapping[int, int] = NOBODY,
     ) -> None:
         super().__init__(silence_ns, give_up_ns)
+        self._refused_reads = refused_reads
+        self._refusals: tuple[int, int] = (0, 0)
+        """Function bytes of an exception to what is expected."""
         self._has_echo = echo
         self._echo = b""
         self._lone_echo = b""
@@ -71,6 +100,9 @@ class RtuReplyDecoder(RtuDecoder):
             self.cancel()
         self._unit_id = unit_id
         self._request = request_pdu
+        own = request_pdu[0] | EXCEPTION_BIT
+        of_reads = self._refused_reads.get(unit_id, REFUSED_READ) if request_pdu[0] in READS else 0
+        self._refusals = (own, of_reads or own)
         self._stray = b""
         self._lone_echo = b""
         if self._has_echo:
@@ -109,7 +141,7 @@ class RtuReplyDecoder(RtuDecoder):
         if len(data) < start + 2 or data[start] != self._unit_id or not self._request:
             return False
         function = data[start + 1]
-        return function == self._request[0] or function >= EXCEPTION_BIT
+        return function == self._request[0] or function in self._refusals
 
     def _fits(self, data: bytes, start: int = 0) -> bool:
         """Whether a reply to a read has as many bytes as were asked for.

@@ -320,7 +320,9 @@ def _make_link(plan: LinePlan, on_wrong_unit: Callable[[int, int], None]) -> Lin
         known = {axis.unit_id for axis in plan.axes}.union(plan.other_units.unit_ids)
         return MbapDriveLink(gap_ns, UnitIds(len(known) > 1, plan.answers_as), on_wrong_unit)
     wire_gap_ns = frame_silence_ns(plan.drives) if isinstance(plan.drives, SerialEndpoint) else 0
-    return RtuDriveLink(gap_ns, reply_decoder(plan.drives), wire_gap_ns)
+    refused_reads = {axis.unit_id: 0 for axis in plan.axes}
+    refused_reads |= {axis.unit_id: axis.refused_read for axis in plan.axes if axis.refused_read}
+    return RtuDriveLink(gap_ns, reply_decoder(plan.drives, refused_reads), wire_gap_ns)
 
 
 def _make_drives(

@@ -1,8 +1,10 @@
 """Times and decoders that follow from where something is connected."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, silence_ns
+from gateway.modbus.rtu_replies import NOBODY
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 TCP_SILENCE_NS: Final = 5_000_000
@@ -23,11 +25,13 @@ def request_decoder(endpoint: TcpEndpoint | SerialEndpoint) -> RtuRequestDecoder
     return RtuRequestDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS)
 
 
-def reply_decoder(endpoint: TcpEndpoint | SerialEndpoint) -> RtuReplyDecoder:
-    """Return a decoder for what RTU drives send."""
+def reply_decoder(
+    endpoint: TcpEndpoint | SerialEndpoint, refused_reads: Mapping[int, int] = NOBODY
+) -> RtuReplyDecoder:
+    """Return a decoder for what RTU drives send; ``refused_reads`` as in ``RtuReplyDecoder``."""
     if isinstance(endpoint, SerialEndpoint):
-        return RtuReplyDecoder(frame_silence_ns(endpoint), echo=endpoint.echo)
-    return RtuReplyDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS)
+        return RtuReplyDecoder(frame_silence_ns(endpoint), echo=endpoint.echo, refused_reads=refused_reads)
+    return RtuReplyDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS, refused_reads=refused_reads)
 
 
 def endpoint_key(endpoint: TcpEndpoint | SerialEndpoint) -> str:

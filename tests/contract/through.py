@@ -56,6 +56,8 @@ def axis_plan(session: Session, table: CorrectionTable) -> AxisPlan:
         bits={name: bit.field() for name, bit in registers.bits.named()},
         max_registers=registers.max_registers,
         safe_read=registers.safe_read,
+        refused_read=registers.refused_read,
+        done_drop_ms=registers.done_drop_ms,
         drive=session.drive,
     )
 

@@ -357,3 +357,26 @@ def test_m9_a_held_target_moves_nothing_after_a_silence_in_which_the_reference_w
     assert not bench.line.axes[0].is_referenced
     bench.ask(write(COMMAND, 60_001))
     assert told(bench) == 60_001
+
+
+# --- what a refusal proves ---------------------------------------------------------------------------------
+
+
+def test_m7_a_function_that_a_drive_does_not_know_has_written_nothing() -> None:
+    bench = Bench(axis_plan(table=WORN))
+    bench.move(100_000)
+    bench.move(60_000)
+    data = COMMAND.pack(70_000)
+    both = bytes.fromhex("17 0520 0002 0606 0002 04") + data
+    bench.send(both)
+    bench.line.reply(1, bench.memory.answer(bench.link.take()), bench.now_ns)  # it is looked at first
+    bench.link.take()
+    bench.line.reply(1, bytes.fromhex("97 01"), bench.now_ns)
+    assert bench.port.take() == bytes.fromhex("97 01")
+    axis = bench.line.axes[0]
+    assert axis.compensation.accepted == (60_000, 59_740)
+    assert axis.unproven is None
+    assert bench.actual() == 60_000
+    bench.move(60_010)
+    assert told(bench) == 60_420
+    assert not unsure(bench)

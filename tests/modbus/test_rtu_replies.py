@@ -24,11 +24,29 @@ def expecting(request: bytes, unit_id: int = 1, *, echo: bool = False) -> RtuRep
     return decoder
 
 
-@pytest.mark.parametrize("function", [0x81, 0x83, 0x90, 0xFF])
-def test_any_function_byte_with_bit_7_is_passed_on_as_an_exception(function: int) -> None:
+@pytest.mark.parametrize(
+    ("refused_reads", "functions"),
+    [({}, {0x83, 0x81}), ({1: 0}, {0x83}), ({1: 0x81}, {0x83, 0x81}), ({2: 0x81}, {0x83, 0x81})],
+)
+def test_an_exception_has_the_function_byte_of_its_request_or_the_one_that_the_map_says(
+    refused_reads: dict[int, int], functions: set[int]
+) -> None:
     # Kinco answers a refused read of holding registers with 0x81
-    wire = append_crc(bytes((1, function, 0x02)))
-    assert expecting(READ).feed(wire, 0) == [frame_of(wire)]
+    passed = set()
+    for function in range(0x80, 0x100):
+        decoder = RtuReplyDecoder(2 * MS, 30 * MS, refused_reads=refused_reads)
+        decoder.expect(1, READ)
+        if decoder.feed(append_crc(bytes((1, function, 0x02))), 0):
+            passed.add(function)
+    assert passed == functions
+
+
+def test_a_late_exception_to_a_read_answers_no_write() -> None:
+    write = bytes.fromhex("06 05DC 04D2")
+    for late in ("01 83 06", "01 81 06"):
+        decoder = expecting(write)
+        echo = append_crc(bytes((1,)) + write)
+        assert decoder.feed(append_crc(bytes.fromhex(late)) + echo, 0) == [(1, write)]
 
 
 def test_vendors_exception_codes_are_passed_on() -> None:

@@ -58,6 +58,12 @@ REGISTERS: Final[Texts] = {
             "before. Sooner it counts as arrival only after it was seen to fall"
         ),
     ),
+    "refused_read": Said(
+        meaning=(
+            "function byte with which the drive refuses every read, as Kinco with `0x81`; `0`: that of the "
+            "request with bit 7 set, as the standard has it. On RTU any other is no answer to what was asked"
+        ),
+    ),
     "staged": Said(
         meaning=(
             "`true`: a written position waits for a trigger, and is corrected for the moment of the "
