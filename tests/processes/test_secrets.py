@@ -110,6 +110,8 @@ def test_a_gateway_with_everything_on_shows_no_secret(guarded: Site, tmp_path: P
         shown.look_at(" ".join(arguments), done.stdout + done.stderr)
     with gateway_of(guarded) as (gateway, master):
         gateway.until("mqtt-connected")
+        if all(note["event"] != "http-ready" for note in gateway.notes):
+            gateway.until("http-ready")
         master.move(20_000)
         for path in ("/status", "/metrics", "/session", "/tables/x"):
             shown.look_at(path, over_https(guarded, tmp_path, path, TOKEN))
