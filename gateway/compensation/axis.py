@@ -210,7 +210,9 @@ class AxisCompensation:
         self._check_covered(state, position)
         correction_map = self.map_of(state)
         correction = correction_map.correction(position)
-        if correction_map.terms:  # a mere offset may be of an axis that does not know where it is
+        # Where nothing is wanted a mere offset is left: the axis does not know where it is.
+        knows_place = self._wanted is not NOTHING or bool(correction_map.terms)
+        if knows_place and not correction_map.is_identity:
             self._check_travel(position, correction)
         return Move(nominal_counts, correction * self.settings.counts_per_unit, correction_map, state)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from itertools import combinations
+from typing import Final
 
 from gateway.compensation.settings import BacklashKind, OutsideKind, ReversalKind, Setpoints
 from gateway.compensation.units import Units
@@ -212,9 +213,21 @@ def _check_travel(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
         _check_travel_fits(findings, path, axis, axis.registers, axis.travel)
 
 
+LARGEST_EXACT_COUNTS: Final = 2.0**53
+"""Beyond it a double does not hold every whole count."""
+
+
 def _check_travel_fits(
     findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap, travel: tuple[float, float]
 ) -> None:
+    largest = max(abs(axis.zero_counts + axis.counts_per_unit * end) for end in travel)
+    if largest > LARGEST_EXACT_COUNTS:
+        findings.refuse(
+            (*path, "zero_counts" if abs(axis.zero_counts) > LARGEST_EXACT_COUNTS else "counts_per_unit"),
+            f"positions of up to {largest:.3g} counts: beyond 2^53 they cannot be told to the count",
+            "move the drive's zero near the travel, or command it in coarser counts",
+        )
+        return
     for index, position in enumerate(registers.command):
         for end in travel:
             counts = axis.zero_counts + axis.counts_per_unit * end

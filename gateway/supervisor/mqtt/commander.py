@@ -1,6 +1,7 @@
 """Taking commands off one connection, and answering each of them."""
 
 import asyncio
+import shlex
 from typing import Final
 
 import aiomqtt
@@ -15,6 +16,8 @@ from gateway.supervisor.mqtt.messages import encode
 from gateway.supervisor.mqtt.topics import COMMANDS, Topics
 from gateway.supervisor.saying import Say
 
+LONGEST_SHOWN: Final = 256
+"""Of a topic that a stranger chose."""
 FAILURE: Final = 0x80
 """From here on a reason code says no (MQTT 5.0, 2.4; MQTT 3.1.1, 3.9.3)."""
 
@@ -89,5 +92,12 @@ class Commander:
                 MQTT_COMMAND_IGNORED,
                 command=command[:64],
                 detail="it was published as retained: it would be obeyed again at every start. Take it away "
-                f"with: mosquitto_pub -r -n -t '{topic[:256]}', and publish commands without retain",
+                f"{_how_to_clear(topic)}, and publish commands without retain",
             )
+
+
+def _how_to_clear(topic: str) -> str:
+    """Return how to clear a retained topic, which a stranger may have chosen, in a shell."""
+    if topic.isprintable() and len(topic) <= LONGEST_SHOWN:
+        return f"with: mosquitto_pub -r -n -t {shlex.quote(topic)}"
+    return f"with an empty retained message to its topic, which is no name to type ({topic[:64]!a})"
