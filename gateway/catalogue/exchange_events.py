@@ -158,6 +158,13 @@ WITHDRAWN: Final = EventEntry(
     "the line is too slow for what all controllers want of it, a controller closed its connection, or a stop",
     "compare with `pitch-gateway budget CONFIG`; give the controller a longer time-out or a slower cycle",
 )
+STOOD_STILL: Final = EventEntry(
+    "stood-still",
+    Severity.WARNING,
+    "the relay did not run for a while; what its controllers gave up meanwhile was not sent, but for stops",
+    "a stopped or starved process, or a machine that was suspended",
+    "see that nothing else takes the processor; leave real-time scheduling on",
+)
 LATE_TARGET: Final = EventEntry(
     "late-target",
     Severity.WARNING,

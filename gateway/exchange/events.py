@@ -27,6 +27,7 @@ class EventKind(Enum):
     RESTORED = "restored"
     RECORD_NOT_USED = "record-not-used"
     WITHDRAWN = "withdrawn"
+    STOOD_STILL = "stood-still"
     LATE_TARGET = "late-target"
     BUDGET_OVERRUN = "budget-overrun"
     BUDGET_KEPT = "budget-kept"

@@ -38,7 +38,7 @@ from gateway.exchange.seldom import Bursts, times
 from gateway.exchange.silence import SilentUnits
 from gateway.exchange.writers import Writers
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, MAX_PDU, ExceptionCode, is_exception
-from gateway.times import NS_PER_MS
+from gateway.times import NS_PER_MS, NS_PER_S
 
 
 class LineExchange:
@@ -191,6 +191,11 @@ class LineExchange:
             self._ends.withdrawn(exchange, reason)
         if self._current and self._current.port is port:
             self._current.is_orphan = True
+
+    def note_standstill(self, gap_ns: int) -> None:
+        """Report that nobody looked for a while."""
+        detail = f"the relay stood still for {gap_ns / NS_PER_S:.2f} s; what controllers gave up is not sent"
+        self._on_event(Event(EventKind.STOOD_STILL, None, detail))
 
     def reference(self, axis: str, now_ns: int) -> tuple[str, ...]:
         """Take an axis as standing where its drive says. Raises ControlError."""
@@ -378,6 +383,11 @@ class LineExchange:
             self._start_request(exchange, now_ns)
 
     def _start_request(self, exchange: Exchange, now_ns: int) -> None:
+        port = exchange.port
+        is_gone = port is not None and not exchange.is_stop and port.has_gone()
+        if is_gone and not self._units.stops_of(exchange.unit_id, exchange.pdu):
+            self._ends.withdrawn(exchange, "its controller closed the connection")
+            return
         if exchange.known is None and not self._deadlines.may_be_late(exchange, now_ns):
             way = self._units.way_of(exchange.unit_id, exchange.pdu)
             sent_pdu = None if way is None else way.sent(exchange, now_ns)

@@ -22,6 +22,7 @@ from gateway.transport.endpoints import host_of
 from gateway.transport.timer import Timer
 
 TOO_SLOW: Final = "it came in pieces for longer than its controller's timeout_ms"
+STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while the relay stood still"
 SENT_ANOTHER: Final = "its controller sent another request"
 
 
@@ -69,6 +70,8 @@ class MbapControllerPort:
         began_ns = self.unfinished_ns or now_ns
         requests = self._decoder.feed(data)
         why_given_up = TOO_SLOW if requests and now_ns - began_ns > self._patience_ns else ""
+        if now_ns > self._exchange.pulse.due_ns and self._exchange.pulse.gap_ns(now_ns) > self._patience_ns:
+            why_given_up = STOOD_STILL
         for transaction_id, unit_id, pdu in requests:
             self._exchange.request(self, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
         if requests:
@@ -80,6 +83,10 @@ class MbapControllerPort:
         if self._decoder.broken_by or why_given_up:
             channel.close()
             self._channel = None
+
+    def has_gone(self) -> bool:
+        """See ``ControllerPort``."""
+        return self._channel is not None and self._channel.has_gone()
 
     def _refuse(self, head: bytes, peer: str) -> None:
         """Answer a request whose length cannot be, where it can be answered."""
@@ -145,9 +152,18 @@ class RtuControllerPort:
         if self._sender is not None:
             self._sender.heard(now_ns)
         requests = self._decoder.feed(data, now_ns)
+        patience_ns = int(self.plan.timeout_ms * NS_PER_MS)
+        if now_ns > self._exchange.pulse.due_ns and self._exchange.pulse.gap_ns(now_ns) > patience_ns:
+            self._pass_on(requests, now_ns, STOOD_STILL)
+            self._decoder.reset()
+            requests = []
         if self._timer is not None:
             self._timer.arm(self._decoder.deadline_ns)
         self._pass_on(requests, now_ns)
+
+    def has_gone(self) -> bool:
+        """See ``ControllerPort``: nobody can tell on a wire."""
+        return False
 
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -173,13 +189,12 @@ class RtuControllerPort:
             self._timer.arm(self._decoder.deadline_ns)
         self._pass_on(requests, now_ns)
 
-    def _pass_on(self, requests: list[tuple[int, bytes]], now_ns: int) -> None:
+    def _pass_on(self, requests: list[tuple[int, bytes]], now_ns: int, why_all: str = "") -> None:
         last = len(requests) - 1
         for number, (unit_id, pdu) in enumerate(requests):
             # Who sends another request waits for this one no more; a broadcast is never waited for.
             is_given_up = number != last and unit_id != BROADCAST_UNIT_ID
-            self._exchange.request(
-                self, 0, unit_id, pdu, now_ns, why_given_up=SENT_ANOTHER if is_given_up else ""
-            )
+            why = why_all or (SENT_ANOTHER if is_given_up else "")
+            self._exchange.request(self, 0, unit_id, pdu, now_ns, why_given_up=why)
         if requests:
             self.asked_ns = now_ns

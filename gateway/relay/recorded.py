@@ -67,6 +67,10 @@ class _RecordedPort:
         """See ``ControllerPort``."""
         return self._port.stamps
 
+    def has_gone(self) -> bool:
+        """See ``ControllerPort``."""
+        return self._port.has_gone()
+
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
         self._recorder.put(traffic.Answered(self._line, self.number, transaction_id, unit_id, pdu.hex()))

@@ -5,13 +5,20 @@ Everything that reaches the exchange comes through here, so its next deadline is
 
 import asyncio
 from collections.abc import Sequence
+from typing import Final
 
+from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
 from gateway.exchange import control
 from gateway.exchange.control import Limits, TableChange
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
+from gateway.relay.pulse import Pulse
+from gateway.times import NS_PER_MS
 from gateway.transport.timer import Timer
+
+LATE_NS: Final = 20 * NS_PER_MS
+"""A time-out that is judged so late was not waited for: the process stood still."""
 
 
 class TimedExchange:
@@ -20,6 +27,7 @@ class TimedExchange:
     def __init__(self, exchange: LineExchange) -> None:
         self._exchange = exchange
         self._timer = Timer(self._tick)
+        self.pulse = Pulse(exchange.note_standstill)
         self._idle: asyncio.Future[None] | None = None
 
     @property
@@ -136,8 +144,9 @@ class TimedExchange:
             await asyncio.wait([self._idle], timeout=timeout_s)
 
     def close(self) -> None:
-        """Give the timer back."""
+        """Give the timers back."""
         self._timer.close()
+        self.pulse.close()
 
     def _settle(self) -> None:
         self._timer.arm(self._exchange.deadline_ns)
@@ -145,5 +154,13 @@ class TimedExchange:
             self._idle.set_result(None)
 
     def _tick(self, now_ns: int) -> None:
+        if self.late_ns(now_ns) > LATE_NS:
+            # What the drives have said meanwhile is there, and is read in this turn of the loop: first that.
+            asyncio.get_running_loop().call_soon(self._tick_now)
+            return
         self._exchange.tick(now_ns)
+        self._settle()
+
+    def _tick_now(self) -> None:
+        self._exchange.tick(boot_ns())
         self._settle()

@@ -20,6 +20,10 @@ class Channel(Protocol):
         """Send at once; never blocks, never raises. A loss is told by ``Receiver.closed``, later."""
         ...
 
+    def has_gone(self) -> bool:
+        """Whether the other end has closed or broken off the connection, as far as the system knows."""
+        ...
+
     def close(self) -> None:
         """Close after what was written has left."""
         ...

@@ -68,6 +68,10 @@ class MemoryChannel:
             self._arrive(self._glued)
             self._glued = b""
 
+    def has_gone(self) -> bool:
+        """See ``Channel``."""
+        return not self.is_open
+
     def close(self) -> None:
         """See ``Channel``. Both ends are told."""
         if self.is_open:

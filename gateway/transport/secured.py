@@ -173,6 +173,10 @@ class SecuredConnection:
             return
         self._channel.write(self._outgoing.read())
 
+    def has_gone(self) -> bool:
+        """See ``Channel``."""
+        return self._channel is None or self._channel.has_gone()
+
     def close(self) -> None:
         """See ``Channel``."""
         if self._tls is not None and self._receiver is not None:

@@ -76,6 +76,10 @@ class SerialChannel:
             self._loop.add_writer(self._fd, self._writable)
         self._unsent += data
 
+    def has_gone(self) -> bool:
+        """See ``Channel``: nobody can tell on a wire."""
+        return False
+
     def close(self) -> None:
         """Close at once. What the driver has taken already still goes out on the wire."""
         self._end("closed")

@@ -27,6 +27,8 @@ from gateway.transport.stopping import stop_serving
 RECEIVE_BYTES: Final = 4096
 """More than fifteen of the largest Modbus/TCP frames (260 bytes)."""
 CONNECT_TIMEOUT_S: Final = 3.0
+TCP_ESTABLISHED: Final = 1
+"""``tcpi_state``, the first byte of ``struct tcp_info`` (``include/net/tcp_states.h`` of the kernel)."""
 KEEPALIVE_IDLE_S: Final = 10
 KEEPALIVE_INTERVAL_S: Final = 3
 KEEPALIVE_COUNT: Final = 3
@@ -44,6 +46,7 @@ class TcpChannel(asyncio.BufferedProtocol):
         self._receiver = receiver
         self._buffer = memoryview(bytearray(RECEIVE_BYTES))
         self._transport: asyncio.Transport | None = None
+        self._socket: socket.socket | None = None
         self.peer = "?"
         self.bytes_received = 0
         self.lost: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -52,7 +55,8 @@ class TcpChannel(asyncio.BufferedProtocol):
         """See ``asyncio.BaseProtocol``."""
         self._transport = cast("asyncio.Transport", transport)  # uvloop's are no subclass
         self.peer = _name(transport.get_extra_info("peername"))
-        _tune(transport.get_extra_info("socket"))
+        self._socket = transport.get_extra_info("socket")
+        _tune(self._socket)
         self._receiver.opened(self, boot_ns())
 
     def get_buffer(self, sizehint: int) -> memoryview:
@@ -86,6 +90,16 @@ class TcpChannel(asyncio.BufferedProtocol):
         """See ``Channel``."""
         if self._transport is not None and not self._transport.is_closing():
             self._transport.write(data)
+
+    def has_gone(self) -> bool:
+        """See ``Channel``: a FIN or RST that has come counts, though it was not read yet."""
+        if self._transport is None or self._socket is None:
+            return True
+        try:
+            state = self._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)
+        except OSError:
+            return True
+        return state[0] != TCP_ESTABLISHED
 
     def close(self) -> None:
         """See ``Channel``."""

@@ -98,6 +98,7 @@ class RunningDrive:
         self.follower.words[HOMED] = 1
         self.follower.write(COMMAND.address, COMMAND.pack(50_000))
         self.told: list[float] = []
+        self.writes: list[bytes] = []
         self._place, self._at_s = 50_000.0, time.monotonic()
         self._counts_per_ms = counts_per_ms
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -133,6 +134,8 @@ class RunningDrive:
             pdu = connection.recv(int.from_bytes(head[4:6], "big") - 1, socket.MSG_WAITALL)
             self._move()
             reply = Memory.answer(self.follower, pdu)
+            if pdu[0] in (6, 16):
+                self.writes.append(pdu)
             if pdu[0] == 16:
                 self.told.append(COMMAND.unpack(pdu[6:]))
             connection.sendall(encode_mbap(int.from_bytes(head[:2], "big"), head[6], reply))
@@ -142,11 +145,12 @@ class Machine:
     """A relay between a controller and that drive."""
 
     def __init__(self, folder: Path, drive: RunningDrive, referenced: str) -> None:
-        self.config, self._port, self.drive = folder / "gateway.toml", free_port(), drive
+        self.config, self.port, self.drive = folder / "gateway.toml", free_port(), drive
+        self.log = folder / "log"
         (folder / "tables").mkdir()
         (folder / "tables" / "x.tab").write_text(TABLE)
         values: dict[str, Any] = {"settable": "", "more": ""} | MORE[referenced]
-        text = CONFIG.format(drives=drive.port, port=self._port, referenced=referenced, **values)
+        text = CONFIG.format(drives=drive.port, port=self.port, referenced=referenced, **values)
         self.config.write_text(text)
         compiling = [*PROGRAM, "check", "--compile", str(self.config)]
         subprocess.run(compiling, cwd=ROOT, check=True, capture_output=True)
@@ -156,12 +160,13 @@ class Machine:
         self.connection: socket.socket | None = None
 
     def run(self) -> None:
-        process = started([*PROGRAM, "relay", str(self.config)], stderr=subprocess.DEVNULL, cwd=ROOT)
+        log = self._stack.enter_context(self.log.open("a"))
+        process = started([*PROGRAM, "relay", str(self.config)], stderr=log, cwd=ROOT)
         self.process = self._stack.enter_context(process)
         until_s = time.monotonic() + SECONDS
         while True:
             try:
-                self.connection = socket.create_connection(("127.0.0.1", self._port), timeout=SECONDS)
+                self.connection = socket.create_connection(("127.0.0.1", self.port), timeout=SECONDS)
                 break
             except OSError:
                 assert time.monotonic() < until_s

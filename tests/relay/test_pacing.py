@@ -20,6 +20,9 @@ class Wire:
     def write(self, data: bytes) -> None:
         self.written.append((data, boot_ns()))
 
+    def has_gone(self) -> bool:
+        return False
+
     def close(self) -> None:
         pass
 

@@ -129,6 +129,9 @@ class End:
     def write(self, data: bytes) -> None:
         raise AssertionError
 
+    def has_gone(self) -> bool:
+        return False
+
     def close(self) -> None:
         self.is_closed = True
 
