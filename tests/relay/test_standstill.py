@@ -29,6 +29,14 @@ def stopped(each: Machine, seconds: float, frames: list[bytes], *, closes: bool)
     each.process.send_signal(signal.SIGCONT)
 
 
+def wait_for(each: Machine, words: str) -> None:
+    """Wait for words in the log, which is written by and by."""
+    until_s = time.monotonic() + 10.0
+    while words not in each.log.read_text():
+        assert time.monotonic() < until_s
+        time.sleep(0.01)
+
+
 def again(each: Machine) -> list[bytes]:
     """Connect anew, ask something, and return every write that the drive got so far."""
     if each.connection is not None:
@@ -54,10 +62,7 @@ def test_w5_what_waited_for_longer_than_its_controller_is_not_sent_but_for_a_sto
             while each.connection.recv(300):  # whatever it says, it ends
                 pass
         assert again(each)[before:] == [STOP]
-        until_s = time.monotonic() + 10.0
-        while "the relay stood still for 1." not in each.log.read_text():
-            assert time.monotonic() < until_s
-            time.sleep(0.01)  # what is told is written by and by
+        wait_for(each, "the relay stood still for 1.")
 
 
 def test_w5_what_its_controller_has_closed_behind_it_is_not_sent(tmp_path: Path) -> None:
@@ -66,7 +71,7 @@ def test_w5_what_its_controller_has_closed_behind_it_is_not_sent(tmp_path: Path)
         before = len(each.drive.writes)
         stopped(each, 0.3, [write(COMMAND, 90_000), STOP], closes=True)
         assert again(each)[before:] == [STOP]
-        assert "its controller closed the connection" in each.log.read_text()
+        wait_for(each, "its controller closed the connection")
 
 
 def test_a_short_standstill_delays_and_loses_nothing(tmp_path: Path) -> None:
