@@ -17,7 +17,7 @@ from gateway.compensation.readback import Readback
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Form
-from gateway.exchange.arrival import Arrival
+from gateway.exchange.arrival import Arrival, Stage
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
 from gateway.exchange.hold import Hold
@@ -486,15 +486,16 @@ class AxisExchange:
     def accept(self, rendering: Rendering, now_ns: int) -> None:
         """The axis goes to a target, or has gone there, whatever its registers hold by now."""
         assert rendering.move is not None
-        is_reached = self.arrival.is_proven
-        compensation, before = self.compensation, self.compensation.state.travel.direction
-        if not compensation.is_stream and before is not rendering.move.state.travel.direction:
+        compensation, stage = self.compensation, self.arrival.stage
+        is_stream, is_reached = compensation.is_stream, stage is Stage.ARRIVED
+        if not is_stream and compensation.state.travel.direction is not rendering.move.state.travel.direction:
             self._note_branch_change(now_ns)
         compensation.commit(rendering.move, rendering.corrected_counts, is_reached=is_reached)
         self.is_branch_known = True
         self.last_shadow = rendering.shadow
         self.unproven = None
         self.motion.runs_stored = False
-        self.arrival.begin(now_ns)
+        if not is_stream or stage is not Stage.UNDER_WAY:
+            self.arrival.begin(now_ns)
         self.held = None
         self.is_moving = None

@@ -384,8 +384,7 @@ class LineExchange:
 
     def _start_request(self, exchange: Exchange, now_ns: int) -> None:
         port = exchange.port
-        is_gone = port is not None and not exchange.is_stop and port.has_gone()
-        if is_gone and not self._units.stops_of(exchange.unit_id, exchange.pdu):
+        if port is not None and port.has_gone() and not self._units.stops_of(exchange.unit_id, exchange.pdu):
             self._ends.withdrawn(exchange, "its controller closed the connection")
             return
         if exchange.known is None and not self._deadlines.may_be_late(exchange, now_ns):

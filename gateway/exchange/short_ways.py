@@ -13,6 +13,7 @@ from gateway.counts import Counts
 from gateway.exchange.access import ACCESS, Access
 from gateway.exchange.aliases import ANY_TCP_DRIVE
 from gateway.exchange.answering import READS_BITS, note_bits
+from gateway.exchange.arrival import Stage
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.draft import Place
 from gateway.exchange.life import Exchange
@@ -25,6 +26,8 @@ from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable, PositionField
 
+ARRIVED: Final = Stage.ARRIVED
+MAY_HAVE_LEFT: Final = Stage.MAY_HAVE_LEFT
 NOBODY: Final[frozenset[str]] = frozenset()
 """Names of the axes that a read sends somewhere."""
 
@@ -155,7 +158,7 @@ class WriteWay(Way):
                 return None
             raw = self._unpack(words, 0)
             nominal_counts = raw if self._scale == 1.0 else raw * self._scale
-            steady = compensation.plan_steady(nominal_counts, now_ns, axis.arrival.is_proven)
+            steady = compensation.plan_steady(nominal_counts, now_ns, axis.arrival.stage is ARRIVED)
             if steady is None:
                 return None
             raw += round(steady[1] / self._scale)
@@ -184,7 +187,7 @@ class WriteWay(Way):
                 return False
         if not axis.compensation.is_stream and axis.has_branches and axis.is_unseen(now_ns):
             return False
-        if axis.unproven is not None or axis.arrival.may_have_left or self._shadow.is_torn:
+        if axis.unproven is not None or axis.arrival.stage is MAY_HAVE_LEFT or self._shadow.is_torn:
             return False
         return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
 

@@ -56,7 +56,6 @@ class RtuReplyDecoder(RtuDecoder):
         "_heard",
         "_is_answered",
         "_lone_echo",
-        "_refusals",
         "_refused_reads",
         "_request",
         "_stray",
@@ -73,8 +72,6 @@ class RtuReplyDecoder(RtuDecoder):
     ) -> None:
         super().__init__(silence_ns, give_up_ns)
         self._refused_reads = refused_reads
-        self._refusals: tuple[int, int] = (0, 0)
-        """Function bytes of an exception to what is expected."""
         self._has_echo = echo
         self._echo = b""
         self._lone_echo = b""
@@ -100,9 +97,6 @@ class RtuReplyDecoder(RtuDecoder):
             self.cancel()
         self._unit_id = unit_id
         self._request = request_pdu
-        own = request_pdu[0] | EXCEPTION_BIT
-        of_reads = self._refused_reads.get(unit_id, REFUSED_READ) if request_pdu[0] in READS else 0
-        self._refusals = (own, of_reads or own)
         self._stray = b""
         self._lone_echo = b""
         if self._has_echo:
@@ -141,7 +135,14 @@ class RtuReplyDecoder(RtuDecoder):
         if len(data) < start + 2 or data[start] != self._unit_id or not self._request:
             return False
         function = data[start + 1]
-        return function == self._request[0] or function in self._refusals
+        return function == self._request[0] or (function >= EXCEPTION_BIT and self._is_refusal(function))
+
+    def _is_refusal(self, function: int) -> bool:
+        """Whether a function byte is that of an exception to what is expected."""
+        asked = self._request[0]
+        if function == asked | EXCEPTION_BIT:
+            return True
+        return asked in READS and function == self._refused_reads.get(self._unit_id, REFUSED_READ)
 
     def _fits(self, data: bytes, start: int = 0) -> bool:
         """Whether a reply to a read has as many bytes as were asked for.
