@@ -16,6 +16,9 @@ from gateway.ipc.state_folder import LARGEST_CONFIGURATION
 _PLACE: Final = re.compile(
     r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
 )
+DEEPEST: Final = 50
+"""No key lies so deep, and what copies or compares such a document would run out of stack."""
+TOO_DEEP: Final = ("tables or arrays nested beyond reason", "write the keys that the reference lists")
 _TWICE: Final = re.compile("overwrite|declare|duplicate|namespace", re.IGNORECASE)
 """How the standard reader speaks of keys and tables that are given twice."""
 
@@ -50,12 +53,27 @@ def parse_document(path: Path, text: str, sha256: str = "") -> Document:
     try:
         tables = tomllib.loads(text)
     except RecursionError:
-        raise _refuse(
-            path, "tables or arrays nested beyond reason", "write the keys that the reference lists"
-        ) from None
+        raise _refuse(path, *TOO_DEEP) from None
     except ValueError as error:
         raise _syntax_error(path, text, error) from None
+    if (line := _too_deep_at(tables, text)) is not None:
+        raise _refuse(path, *TOO_DEEP, line)
     return Document(path, tables, key_lines(text), sha256, text)
+
+
+def _too_deep_at(tables: Mapping[str, Any], text: str) -> int | None:
+    """Return the first line with tables or arrays deeper than any key; None where there are none."""
+    waiting: list[tuple[object, int]] = [(tables, 0)]
+    while waiting:
+        here, depth = waiting.pop()
+        if depth > DEEPEST:
+            dots = (
+                number for number, line in enumerate(text.split("\n"), start=1) if line.count(".") > DEEPEST
+            )
+            return next(dots, 1)
+        inside = here.values() if isinstance(here, dict) else here if isinstance(here, list) else ()
+        waiting += ((each, depth + 1) for each in inside)
+    return None
 
 
 def _read_text(path: Path, what: str) -> tuple[str, str]:

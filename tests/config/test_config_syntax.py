@@ -71,6 +71,9 @@ def test_a_number_without_end_is_refused(tmp_path: Path) -> None:
 
 def test_nesting_beyond_reason_is_refused(tmp_path: Path) -> None:
     assert "nested" in problem_of(tmp_path / "gateway.toml", b"a = " + b"[" * 20_000).found
+    dotted = b"[axis.x]\n" + b".".join([b"a"] * 30_000) + b" = 1\n"
+    found = problem_of(tmp_path / "gateway.toml", dotted)
+    assert ("nested" in found.found, found.line) == (True, 2)
 
 
 def test_a_file_too_large_to_be_a_configuration_is_refused(tmp_path: Path) -> None:
