@@ -146,7 +146,8 @@ def compile_in(folder: Path, *, is_only_c: bool) -> None:
     )
     # What is compiled says where its parts lay, which is another temporary folder each time.
     source = Path(mypyc.__file__).parent.parent
-    os.environ["CFLAGS"] = f"{os.environ.get('CFLAGS', '')} -ffile-prefix-map={source}=."
+    renamed = shlex.quote(f"-ffile-prefix-map={source}=.")
+    os.environ["CFLAGS"] = f"{os.environ.get('CFLAGS', '')} {renamed}"
     os.chdir(folder)
     # The caller's own settings for mypy have nothing to say here.
     options = ["--config-file=", "--ignore-missing-imports", "--explicit-package-bases"]

@@ -76,7 +76,7 @@ def setpoints(seed: int, number: int = 240) -> list[int]:
     rng, at, sense = random.Random(seed), 50_000, 1
     found: list[int] = []
     while len(found) < number:
-        if not rng.randrange(40):
+        if not rng.randrange(40) or not 20_000 < at + sense * STEP < 80_000:
             sense = -sense
         at += 0 if not rng.randrange(10) else sense * STEP
         found.append(at)
