@@ -34,7 +34,6 @@ from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.remembering import note_leaving
 from gateway.exchange.rest import Rest
-from gateway.exchange.seldom import Bursts, times
 from gateway.exchange.silence import SilentUnits
 from gateway.exchange.writers import Writers
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, MAX_PDU, ExceptionCode, is_exception
@@ -76,7 +75,6 @@ class LineExchange:
         """Whether there is a way to the drives."""
         self._is_stopping = False
         self._silent = SilentUnits(self._units, self._news, on_event)
-        self._refusals = Bursts()
         self._arrived_ns = 0
         self._gaps = Gaps(timing)
         self._monitor_due_ns: int | None = None
@@ -407,9 +405,7 @@ class LineExchange:
             self._deadlines.check(exchange, now_ns)
             added, pdu = self._units.next_to_send(exchange, now_ns)
         except RefusedRequestError as refusal:
-            if count := self._refusals.due((refusal.kind.value, refusal.axis), now_ns):
-                detail = f"{refusal.reason}{times(count)}"
-                self._on_event(Event(refusal.kind, refusal.axis or None, detail))
+            self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason))
             self._ends.refuse_unsent(exchange, refusal.code)
             return
         exchange.added = added

@@ -6,8 +6,6 @@ from gateway.times import NS_PER_S
 
 EVERY_NS: Final = 60 * NS_PER_S
 """Whoever is refused tries again at once, for ever."""
-FEW: Final = 10
-"""Of what may come 500 times in a millisecond; each of the first may have a reason of its own."""
 KINDS: Final = 256
 """So many kinds are told apart, all others together: what somebody sends must not fill the memory."""
 
@@ -29,26 +27,6 @@ class Seldom:
         self._told_ns[kind] = now_ns
         self._counts[kind] = 0
         return count
-
-
-class Bursts:
-    """Lets the first few of a kind in each second be told, and counts the rest."""
-
-    def __init__(self) -> None:
-        self._since_ns: dict[tuple[str, str], int] = {}
-        self._told: dict[tuple[str, str], int] = {}
-        self._untold: dict[tuple[str, str], int] = {}
-
-    def due(self, kind: tuple[str, str], now_ns: int) -> int:
-        """Count one; return how many there were since the last that was told, 0 where this is not told."""
-        if now_ns - self._since_ns.get(kind, -NS_PER_S) >= NS_PER_S:
-            self._since_ns[kind] = now_ns
-            self._told[kind] = 0
-        if self._told[kind] >= FEW:
-            self._untold[kind] = self._untold.get(kind, 0) + 1
-            return 0
-        self._told[kind] += 1
-        return 1 + self._untold.pop(kind, 0)
 
 
 def times(count: int) -> str:

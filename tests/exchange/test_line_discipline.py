@@ -12,7 +12,6 @@ from tests.exchange.line_bench import (
     axis_plan,
     monitor,
     read,
-    stream_plan,
     write,
 )
 
@@ -304,14 +303,3 @@ def test_deadlines_lie_ahead_and_end_with_the_exchange() -> None:
     assert bench.line.deadline_ns == bench.now_ns + 1000 * MS
     bench.serve()
     assert bench.line.deadline_ns is None
-
-
-def test_a_flood_of_refused_setpoints_is_told_of_and_fills_no_log() -> None:
-    bench = Bench(stream_plan(travel=(0.0, 10.0), max_correction=0.1, travel_margin=0.1, home_approach=1))
-    bench.ask(write(COMMAND, 5_000))
-    for number in range(500):
-        assert bench.ask(write(COMMAND, 20_000 + number)) == bytes.fromhex("90 04")
-    assert bench.kinds().count("refused-value") == 10
-    bench.wait(1100)
-    bench.ask(write(COMMAND, 20_000))
-    assert bench.events[-1].detail.endswith(", 491 times since the last note")
