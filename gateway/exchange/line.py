@@ -381,10 +381,6 @@ class LineExchange:
             self._start_request(exchange, now_ns)
 
     def _start_request(self, exchange: Exchange, now_ns: int) -> None:
-        port = exchange.port
-        if port is not None and port.has_gone() and not self._units.stops_of(exchange.unit_id, exchange.pdu):
-            self._ends.withdrawn(exchange, "its controller closed the connection")
-            return
         if exchange.known is None and not self._deadlines.may_be_late(exchange, now_ns):
             way = self._units.way_of(exchange.unit_id, exchange.pdu)
             sent_pdu = None if way is None else way.sent(exchange, now_ns)

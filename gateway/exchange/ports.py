@@ -30,10 +30,6 @@ class Unmeasured:
     writer = ""
     gate: Gate | None = UNSEEN
 
-    def has_gone(self) -> bool:
-        """See ``ControllerPort``."""
-        return False
-
 
 def writer_name(controller: str, peer: str) -> str:
     """Return what a controller at a host is known by: it stays the same when it connects again.
@@ -68,10 +64,6 @@ class ControllerPort(Protocol):
     @property
     def writer(self) -> str:
         """See :func:`writer_name`."""
-        ...
-
-    def has_gone(self) -> bool:
-        """Whether its other end has closed, or broken off, the connection by now."""
         ...
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:

@@ -23,6 +23,7 @@ from gateway.transport.timer import Timer
 
 TOO_SLOW: Final = "it came in pieces for longer than its controller's timeout_ms"
 STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while the relay stood still"
+HAS_GONE: Final = "its controller closed the connection"
 SENT_ANOTHER: Final = "its controller sent another request"
 
 
@@ -72,6 +73,8 @@ class MbapControllerPort:
         why_given_up = TOO_SLOW if requests and now_ns - began_ns > self._patience_ns else ""
         if now_ns > self._exchange.pulse.due_ns and self._exchange.pulse.gap_ns(now_ns) > self._patience_ns:
             why_given_up = STOOD_STILL
+        if requests and not why_given_up and channel.has_gone():
+            why_given_up = HAS_GONE
         for transaction_id, unit_id, pdu in requests:
             self._exchange.request(self, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
         if requests:
@@ -83,10 +86,6 @@ class MbapControllerPort:
         if self._decoder.broken_by or why_given_up:
             channel.close()
             self._channel = None
-
-    def has_gone(self) -> bool:
-        """See ``ControllerPort``."""
-        return self._channel is not None and self._channel.has_gone()
 
     def _refuse(self, head: bytes, peer: str) -> None:
         """Answer a request whose length cannot be, where it can be answered."""
@@ -121,6 +120,7 @@ class RtuControllerPort:
         self._exchange = exchange
         self._decoder = decoder
         self._gap_ns = gap_ns
+        self._channel: Channel | None = None
         self._timer: Timer | None = None
         self._sender: PacedSender | None = None
         self.stamps = Stamps()
@@ -140,6 +140,7 @@ class RtuControllerPort:
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
         self._decoder.reset()
+        self._channel = channel
         self.peer = host_of(channel.peer)
         self.writer = writer_name(self.plan.name, self.peer)
         self._timer = Timer(self._silent)
@@ -157,20 +158,19 @@ class RtuControllerPort:
             self._pass_on(requests, now_ns, STOOD_STILL)
             self._decoder.reset()
             requests = []
+        if requests and self._channel is not None and self._channel.has_gone():
+            self._pass_on(requests, now_ns, HAS_GONE)
+            requests = []
         if self._timer is not None:
             self._timer.arm(self._decoder.deadline_ns)
         self._pass_on(requests, now_ns)
-
-    def has_gone(self) -> bool:
-        """See ``ControllerPort``: nobody can tell on a wire."""
-        return False
 
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
         if self._timer is not None and self._sender is not None:
             self._timer.close()
             self._sender.close()
-        self._timer = self._sender = None
+        self._timer = self._sender = self._channel = None
         self._exchange.controller_gone(self, now_ns)
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:

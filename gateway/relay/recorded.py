@@ -67,10 +67,6 @@ class _RecordedPort:
         """See ``ControllerPort``."""
         return self._port.stamps
 
-    def has_gone(self) -> bool:
-        """See ``ControllerPort``."""
-        return self._port.has_gone()
-
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
         self._recorder.put(traffic.Answered(self._line, self.number, transaction_id, unit_id, pdu.hex()))
@@ -197,10 +193,10 @@ class RecordedExchange(TimedExchange):
         self._recorder.put(traffic.Temperature(self._line, now_ns, axis, celsius))
         return super().set_temperature(axis, celsius, now_ns)
 
-    def _tick(self, now_ns: int) -> None:
+    def _due(self, now_ns: int) -> None:
         if self.is_due(now_ns):
             self._recorder.put(traffic.Tick(self._line, now_ns))
-        super()._tick(now_ns)
+        super()._due(now_ns)
 
     def _port(self, port: ControllerPort) -> _RecordedPort:
         recorded = self._ports.get(port)

@@ -156,11 +156,13 @@ class TimedExchange:
     def _tick(self, now_ns: int) -> None:
         if self.late_ns(now_ns) > LATE_NS:
             # What the drives have said meanwhile is there, and is read in this turn of the loop: first that.
-            asyncio.get_running_loop().call_soon(self._tick_now)
+            asyncio.get_running_loop().call_soon(self._due_now)
             return
-        self._exchange.tick(now_ns)
-        self._settle()
+        self._due(now_ns)
 
-    def _tick_now(self) -> None:
-        self._exchange.tick(boot_ns())
+    def _due_now(self) -> None:
+        self._due(boot_ns())
+
+    def _due(self, now_ns: int) -> None:
+        self._exchange.tick(now_ns)
         self._settle()

@@ -48,6 +48,9 @@ class Wires(Unmeasured):
     def write(self, data: bytes) -> None:
         self.replies += data
 
+    def has_gone(self) -> bool:
+        return False
+
     def close(self) -> None:
         self.is_closed = True
 
