@@ -16,9 +16,9 @@ DONE_BIT: Final = "done"
 MOVING_BIT: Final = "moving"
 ALARM_BIT: Final = "alarm"
 
-DEFAULT_WRITER_HOLD_S: Final = 5.0
 DEFAULT_UNSEEN_MS: Final = 500.0
 DEFAULT_DONE_DROP_MS: Final = 1000.0
+DEFAULT_WRITER_HOLD_S: Final = 5.0
 """Longer than a program pauses between two moves and than a controller takes to connect again; shorter than
 the way from one panel to the next."""
 

@@ -162,7 +162,8 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
         if rendering is None:
             return None
         known.runs[name] = rendering
-    if axis.passes_unchanged and not rendering.shadow.may_be_corrected:
+    is_as_written = rendering.corrected_words == rendering.nominal_words
+    if axis.passes_unchanged and is_as_written and not rendering.shadow.may_be_corrected:
         return None
     return _restage(rendering)
 

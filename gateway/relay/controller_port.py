@@ -71,7 +71,7 @@ class MbapControllerPort:
         began_ns = self.unfinished_ns or now_ns
         requests = self._decoder.feed(data)
         why_given_up = TOO_SLOW if requests and now_ns - began_ns > self._patience_ns else ""
-        if now_ns > self._exchange.pulse.due_ns and self._exchange.pulse.gap_ns(now_ns) > self._patience_ns:
+        if self._exchange.pulse.stood_still(now_ns, self._patience_ns):
             why_given_up = STOOD_STILL
         if requests and not why_given_up and channel.has_gone():
             why_given_up = HAS_GONE
@@ -120,6 +120,7 @@ class RtuControllerPort:
         self._exchange = exchange
         self._decoder = decoder
         self._gap_ns = gap_ns
+        self._patience_ns = int(plan.timeout_ms * NS_PER_MS)
         self._channel: Channel | None = None
         self._timer: Timer | None = None
         self._sender: PacedSender | None = None
@@ -153,8 +154,7 @@ class RtuControllerPort:
         if self._sender is not None:
             self._sender.heard(now_ns)
         requests = self._decoder.feed(data, now_ns)
-        patience_ns = int(self.plan.timeout_ms * NS_PER_MS)
-        if now_ns > self._exchange.pulse.due_ns and self._exchange.pulse.gap_ns(now_ns) > patience_ns:
+        if self._exchange.pulse.stood_still(now_ns, self._patience_ns):
             self._pass_on(requests, now_ns, STOOD_STILL)
             self._decoder.reset()
             requests = []

@@ -20,14 +20,14 @@ WORTH_TELLING_NS: Final = 500 * NS_PER_MS
 class Pulse:
     """Beats on the loop; ``on_standstill`` is told, in ns, how long a beat was late that was worth it."""
 
-    __slots__ = ("_gap_ns", "_on_standstill", "_timer", "_until_ns", "due_ns")
+    __slots__ = ("_due_ns", "_gap_ns", "_on_standstill", "_timer", "_until_ns")
 
     def __init__(self, on_standstill: Callable[[int], None]) -> None:
         self._on_standstill = on_standstill
         self._gap_ns = 0
         self._until_ns = 0
         self._timer = Timer(self._beat)
-        self.due_ns = NEVER_NS
+        self._due_ns = NEVER_NS
         """When the next beat is due: later than that, it is late. Not before the loop has begun to turn."""
         self._timer.arm(boot_ns())
 
@@ -35,17 +35,19 @@ class Pulse:
         """Beat no more."""
         self._timer.close()
 
-    def gap_ns(self, now_ns: int) -> int:
-        """Return how long the process had stood still before what is read now; 0 or less: it had not."""
-        late_ns = now_ns - self.due_ns
-        return self._gap_ns if now_ns < self._until_ns and self._gap_ns > late_ns else late_ns
+    def stood_still(self, now_ns: int, longer_than_ns: int) -> bool:
+        """Whether what is read now may have waited while the process stood still for longer than that.
+
+        The beat may come before what had waited is read, or after it: both are of one turn of the loop.
+        """
+        return now_ns - self._due_ns > longer_than_ns or (
+            now_ns < self._until_ns and self._gap_ns > longer_than_ns
+        )
 
     def _beat(self, now_ns: int) -> None:
-        late_ns = 0 if self.due_ns == NEVER_NS else now_ns - self.due_ns
-        self.due_ns = now_ns + EVERY_NS
-        self._timer.arm(self.due_ns)
+        late_ns = 0 if self._due_ns == NEVER_NS else now_ns - self._due_ns
+        self._due_ns = now_ns + EVERY_NS
+        self._timer.arm(self._due_ns)
         if late_ns >= WORTH_TELLING_NS:
             self._gap_ns, self._until_ns = late_ns, now_ns + AFTERWARDS_NS
             self._on_standstill(late_ns)
-        elif now_ns >= self._until_ns:
-            self._gap_ns = 0

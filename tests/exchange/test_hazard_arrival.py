@@ -323,6 +323,24 @@ def test_m9_a_held_target_moves_nothing_when_the_reference_goes_and_comes() -> N
     assert told(bench) == 80_410
 
 
+@pytest.mark.parametrize("is_staged_again", [True, False])
+def test_m9_a_held_target_is_run_again_as_it_was_when_the_reference_is_gone(is_staged_again: bool) -> None:
+    bench = StagedBench(staged_plan(table=WORN, referenced=Reference.DRIVE_BIT))
+    bench.go_to(60_000)
+    assert bench.drive.moves[-1][1] == 60_410
+    bench.drive.set_bits(is_done=True, is_homed=False)
+    bench.poll()
+    if is_staged_again:
+        bench.stage(60_000)
+    bench.trigger()
+    assert bench.drive.moves[-1][1] == 60_410
+    bench.drive.set_bits(is_done=True, is_homed=False)  # the drive on the bench shows it with each move
+    bench.poll()
+    bench.stage(70_000)
+    bench.trigger()
+    assert bench.drive.moves[-1][1] == 70_000
+
+
 def test_m9_a_target_after_homing_is_a_new_one() -> None:
     bench = StagedBench(staged_plan(table=WORN, referenced=Reference.HOMING))
     bench.line.axes[0].declare_referenced()

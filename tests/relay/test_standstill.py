@@ -41,6 +41,7 @@ def again(each: Machine) -> list[bytes]:
     """Connect anew, ask something, and return every write that the drive got so far."""
     if each.connection is not None:
         each.connection.close()
+    time.sleep(0.05)  # who comes just now may have come while nobody looked, and is sent away
     each.connection = socket.create_connection(("127.0.0.1", each.port), timeout=20)
     for number in (98, 99):
         each.connection.sendall(encode_mbap(number, 1, bytes.fromhex("03 0078 0001")))

@@ -1,0 +1,26 @@
+"""A loop that stood still is noticed, whether the beat comes before what had waited is read or after it."""
+
+import asyncio
+import time
+
+from gateway.clock import boot_ns
+from gateway.relay.pulse import Pulse
+
+MS = 1_000_000
+
+
+async def test_what_is_read_before_and_after_the_late_beat_had_waited() -> None:
+    told: list[int] = []
+    pulse = Pulse(told.append)
+    await asyncio.sleep(0.05)  # until it beats
+    assert not pulse.stood_still(boot_ns(), 100 * MS)
+    time.sleep(0.8)  # noqa: ASYNC251 - the loop is to stand still
+    assert pulse.stood_still(boot_ns(), 500 * MS)
+    while not told:  # noqa: ASYNC110 - one turn after the other, and no longer
+        await asyncio.sleep(0)
+    after_ns = boot_ns()
+    assert pulse.stood_still(after_ns, 500 * MS)
+    assert not pulse.stood_still(after_ns, 2000 * MS)
+    assert not pulse.stood_still(after_ns + 25 * MS, 500 * MS)
+    assert 600 * MS < told[0] < 2000 * MS
+    pulse.close()
