@@ -5,9 +5,9 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from gateway.config.home import folder_of
 from gateway.config.load import Loaded
 from gateway.config.problems import key_text
+from gateway.config.tables_folder import folder_of
 from gateway.config.toml_lines import KeyPath
 from gateway.ipc.compiled_plan import TablesFolder, write_plan
 from gateway.ipc.folder_problems import problem_of

@@ -10,14 +10,14 @@ from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_S
 
 
-def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, now_ns: int) -> Actual | None:
-    """Note an actual position as the drive reported it; None where it is no number."""
+def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, asked_ns: int) -> Actual | None:
+    """Note an actual position as it was when asked at ``asked_ns``; None where it is no number."""
     raw = field_.unpack(words)
     if not isfinite(raw):
         return None
-    before, now = axis.actual, Actual(counts_of(field_, raw), now_ns)
+    before, now = axis.actual, Actual(counts_of(field_, raw), asked_ns)
     axis.actual = now
-    axis.heard_ns = now_ns
+    axis.heard_ns = asked_ns
     if axis.memory is not None and axis.memory.recalled is not None:
         axis.memory.decide(now)
     _prove(axis, before, now)
@@ -64,12 +64,12 @@ def prove_distance(axis: AxisExchange, now: Actual) -> None:
         axis.go_nowhere()
 
 
-def observe_bit(axis: AxisExchange, name: str, now_ns: int, *, is_set: bool) -> None:
-    """Note one of the drive's status bits, asked for at ``now_ns``."""
-    axis.heard_ns = now_ns
+def observe_bit(axis: AxisExchange, name: str, asked_ns: int, *, is_set: bool) -> None:
+    """Note one of the drive's status bits, as it was when asked at ``asked_ns``."""
+    axis.heard_ns = asked_ns
     was_referenced = axis.is_referenced
     if name == DONE_BIT:
-        observe_done(axis, now_ns, is_done=is_set)
+        observe_done(axis, asked_ns, is_done=is_set)
     elif name == MOVING_BIT:
         axis.is_moving = is_set
     elif name == ALARM_BIT:
@@ -77,9 +77,9 @@ def observe_bit(axis: AxisExchange, name: str, now_ns: int, *, is_set: bool) -> 
             _observe_alarm(axis)
         axis.is_alarmed = is_set
     elif name == HOMED_BIT and axis.reference.follows_bit:
-        axis.see_homed_bit(now_ns, is_set=is_set)
+        axis.see_homed_bit(asked_ns, is_set=is_set)
     if name == axis.homed_bit:
-        axis.reference.see_end_of_homing(now_ns, is_set=is_set)
+        axis.reference.see_end_of_homing(asked_ns, is_set=is_set)
         axis.follow_reference(was_referenced=was_referenced)
 
 

@@ -20,7 +20,7 @@ from gateway.exchange.effects import MOVES_OTHERWISE, note_unknown
 from gateway.exchange.events import EventKind
 from gateway.exchange.plan import AxisPlan
 from gateway.exchange.record_layout import RecordSlots, Remembered, Specs
-from gateway.exchange.restoring import Finding, Look, find, why_not_restored
+from gateway.exchange.restoring import Finding, find, why_not_restored
 from gateway.exchange.rewriting import Rewriting
 from gateway.exchange.shadow import Shadow
 
@@ -118,7 +118,7 @@ class AxisMemory:
                 self.drop("the axis is not referenced now")
             return
         found = find(axis, recalled, self._first or actual, actual)
-        if isinstance(found, Look):
+        if found is None:
             self._first = self._first or actual
         elif isinstance(found, str):
             self.drop(found)
@@ -146,7 +146,7 @@ class AxisMemory:
         if reason:
             self.drop(reason)
             return
-        self.recalled, self.fate = None, Fate.TAKEN
+        self._decided(Fate.TAKEN)
         settings, state = axis.plan.settings, axis.compensation.state
         offset = settings.machine_offset
         read_back = axis.compensation.machine_position(axis.nominal_of(actual.counts)) - offset
@@ -157,9 +157,13 @@ class AxisMemory:
             f"{state.progress:.3g}, of a change-over {state.change:.3g}, generation {recalled.generation}",
         )
 
+    def _decided(self, fate: Fate) -> None:
+        """Note what became of the record; it is there only as long as that is open."""
+        self.fate, self.recalled, self._finding = fate, None, None
+
     def drop(self, reason: str) -> None:
         """The record of the run before does not count."""
-        self.recalled, self.fate = None, Fate.DROPPED
+        self._decided(Fate.DROPPED)
         self._clear()
         self._axis.tell(EventKind.RECORD_NOT_USED, f"{reason}; it starts without its record")
         for peer in self._axis.peers:

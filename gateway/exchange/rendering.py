@@ -1,4 +1,7 @@
-"""From a commanded position to the words that the drive is told (M2 to M6, M8). Nothing is changed here."""
+"""From a commanded position to the words that the drive is told (M2 to M6, M8).
+
+Nothing is changed here but with what a stream begins (:func:`take_offset`).
+"""
 
 from math import isfinite
 from typing import Final, NamedTuple

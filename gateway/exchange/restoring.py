@@ -1,7 +1,6 @@
 """An axis taken up from its record, where the drive stands as the record says (DESIGN 7)."""
 
 from collections.abc import Callable
-from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table, with_line
@@ -33,13 +32,6 @@ LONGEST_LOOK_NS: Final = 100 * NS_PER_MS
 """So long it is watched whether the drive comes nearer."""
 
 
-class Look(Enum):
-    """What else the first position of a drive may lead to."""
-
-    AGAIN = "again"
-    """It has to be read once more."""
-
-
 class Finding(NamedTuple):
     """Where the drive was found, told from what the record allows."""
 
@@ -54,8 +46,10 @@ class _TableNotFoundError(Exception):
     """A table that a record names is not to be had."""
 
 
-def find(axis: AxisExchange, record: Remembered, first: Actual, now: Actual) -> Finding | Look | str:
-    """Compare where the drive is with where its record says that it may be; a sentence where it may not.
+def find(axis: AxisExchange, record: Remembered, first: Actual, now: Actual) -> Finding | str | None:
+    """Compare where the drive is with where its record says that it may be.
+
+    Returns a sentence where it may not be there, and None where it has to be read once more.
 
     Of a stream the drive lags behind: one that comes nearer to the last setpoint is on its way there, however
     far it lags, if the record is no older than some seconds.
@@ -73,7 +67,7 @@ def find(axis: AxisExchange, record: Remembered, first: Actual, now: Actual) -> 
         if _has_come_nearer(axis, record, first.counts, now.counts):
             return Finding(is_at_target=False, has_arrived=None, is_at_unproven=False)
         if now.seen_ns - first.seen_ns <= LONGEST_LOOK_NS:
-            return Look.AGAIN
+            return None
     low, high = record.way
     if record.was_at_target or low == high:
         said = f"at {record.corrected_counts:.10g}"

@@ -10,10 +10,10 @@ from typing import Any, Final
 
 from gateway.config.compile import compile_into_state, keys_of, sources_of
 from gateway.config.document import parse_document, read_document
-from gateway.config.home import folder_of, what_is_strange
 from gateway.config.last_good import Settled, Source, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
+from gateway.config.tables_folder import folder_of, what_is_strange
 from gateway.exchange.control import limits_of
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
