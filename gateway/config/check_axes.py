@@ -26,6 +26,9 @@ from gateway.drives.registers import (
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
+LARGEST_EXACT_COUNTS: Final = 2.0**53
+"""Beyond it a double does not hold every whole count."""
+
 
 def check_axes(findings: Findings, sections: Sections) -> None:
     """Check every axis for itself and against the others on its unit."""
@@ -40,6 +43,7 @@ def check_axes(findings: Findings, sections: Sections) -> None:
         path = ("axis", name)
         _check_modulo(findings, path, axis)
         _check_travel(findings, path, axis)
+        _check_counts(findings, path, axis)
         _check_steps(findings, path, axis)
     _check_shared_registers(findings, sections.axes)
 
@@ -213,21 +217,20 @@ def _check_travel(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
         _check_travel_fits(findings, path, axis, axis.registers, axis.travel)
 
 
-LARGEST_EXACT_COUNTS: Final = 2.0**53
-"""Beyond it a double does not hold every whole count."""
+def _check_counts(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    largest = max(abs(axis.zero_counts + axis.counts_per_unit * end) for end in axis.travel or (0.0,))
+    if largest > LARGEST_EXACT_COUNTS:
+        key = "zero_counts" if abs(axis.zero_counts) > LARGEST_EXACT_COUNTS else "counts_per_unit"
+        findings.refuse(
+            (*path, key),
+            f"positions of up to {largest:.3g} counts: beyond 2^53 not every count can be told",
+            "move the drive's zero near the travel, or command it in coarser counts",
+        )
 
 
 def _check_travel_fits(
     findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap, travel: tuple[float, float]
 ) -> None:
-    largest = max(abs(axis.zero_counts + axis.counts_per_unit * end) for end in travel)
-    if largest > LARGEST_EXACT_COUNTS:
-        findings.refuse(
-            (*path, "zero_counts" if abs(axis.zero_counts) > LARGEST_EXACT_COUNTS else "counts_per_unit"),
-            f"positions of up to {largest:.3g} counts: beyond 2^53 they cannot be told to the count",
-            "move the drive's zero near the travel, or command it in coarser counts",
-        )
-        return
     for index, position in enumerate(registers.command):
         for end in travel:
             counts = axis.zero_counts + axis.counts_per_unit * end

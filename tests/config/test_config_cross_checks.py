@@ -223,6 +223,24 @@ def test_a_homed_bit_that_may_not_be_read_is_warned_of(tmp_path: Path, text: str
     assert "uncorrected until a controller reads" in warning.remedy
 
 
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ([("counts_per_unit = 1000.0", "counts_per_unit = 1000.0\nzero_counts = 4.6e18")], "zero_counts"),
+        (
+            [("counts_per_unit = 1000.0", "counts_per_unit = 1e12"), ("-300.0, 0.0", "-3e5, 0.0")],
+            "counts_per_unit",
+        ),
+    ],
+)
+def test_counts_that_a_double_cannot_tell_are_refused(
+    tmp_path: Path, changes: list[tuple[str, str]], key: str
+) -> None:
+    # 2^53 is some 9.007e15.
+    text = edited(*changes, ('0x0606, type = "int32"', '0x0606, type = "int64"'))
+    assert "beyond 2^53" in only(refused(tmp_path, text), f"axis.x.{key}").found
+
+
 def test_travel_must_fit_the_command_register(tmp_path: Path) -> None:
     # -300 mm × 1000 counts/mm = -300 000 counts: an int16 ends at -32 768.
     text = edited(('0x0606, type = "int32"', '0x0606, type = "int16"'))

@@ -143,6 +143,15 @@ def test_a_stream_that_needs_a_trigger_for_each_setpoint_is_warned_of(tmp_path: 
     assert loaded(tmp_path, stream).warnings == ()
 
 
+def test_a_done_bit_that_says_nothing_of_arrival_is_warned_of(tmp_path: Path) -> None:
+    text = edited(ABSOLUTE, WITHOUT_ACTUAL) + 'done_means = "in-position"\n'
+    [warning] = [each for each in loaded(tmp_path, text).warnings if each.key.endswith("done_means")]
+    assert warning.line == line_of(text, "done_means")
+    assert "map actual" in warning.remedy
+    keys = [each.key for each in loaded(tmp_path, edited(ABSOLUTE) + 'done_means = "in-position"\n').warnings]
+    assert "axis.x.registers.done_means" not in keys
+
+
 # --- stops ---------------------------------------------------------------------------------------------
 
 
