@@ -24,17 +24,15 @@ from gateway.compensation.units import Units
 from gateway.ipc.client import ask
 from gateway.ipc.messages import SetReference
 from gateway.modbus.mbap import encode_mbap
-from gateway.modbus.registers import PositionField, RegisterType
 from tests.child import started
-from tests.exchange.line_bench import Memory, stream_plan, write
+from tests.exchange.line_bench import stream_plan, write
 from tests.exchange.test_kills_in_a_stream import STEP, Follower, Line, setpoints
 from tests.ports import free_port
+from tests.relay.test_kill_and_restart import ACTUAL, COMMAND, Drive
 from tests.soak import IS_FULL
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
-COMMAND = PositionField(100, RegisterType.INT32)
-ACTUAL = PositionField(110, RegisterType.INT32)
 HOMED = 120
 SECONDS = 20.0
 KILLS = 125 if IS_FULL else 3
@@ -89,55 +87,35 @@ MORE: dict[str, dict[str, str]] = {
 }
 
 
-class RunningDrive:
-    """A drive that goes on moving while nobody talks to it, and answers whoever connects."""
+class RunningDrive(Drive):
+    """A drive that goes on moving while nobody talks to it."""
 
     def __init__(self, counts_per_ms: float | None) -> None:
-        self.follower = Follower(counts_per_ms, 50_000)
-        self.follower.words.clear()
-        self.follower.words[HOMED] = 1
-        self.follower.write(COMMAND.address, COMMAND.pack(50_000))
-        self.told: list[float] = []
         self.writes: list[bytes] = []
         self._place, self._at_s = 50_000.0, time.monotonic()
         self._counts_per_ms = counts_per_ms
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port: int = self._listener.getsockname()[1]
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
-        self._thread.join(SECONDS)
+        super().__init__()
+        self.memory.words[HOMED] = 1
+        self.memory.put(COMMAND, 50_000)
 
     def _move(self) -> None:
-        memory, now_s = self.follower, time.monotonic()
-        target = COMMAND.unpack(memory.read(COMMAND.address, 2))
-        way = target - self._place
-        most = (
-            abs(way) if self._counts_per_ms is None else self._counts_per_ms * (now_s - self._at_s) * 1000.0
-        )
+        now_s = time.monotonic()
+        way = self.memory.get(COMMAND) - self._place
+        elapsed_ms = (now_s - self._at_s) * 1000.0
+        most = abs(way) if self._counts_per_ms is None else self._counts_per_ms * elapsed_ms
         self._place += max(-most, min(most, way))
         self._at_s = now_s
-        memory.write(ACTUAL.address, ACTUAL.pack(round(self._place)))
-
-    def _serve(self) -> None:
-        with contextlib.suppress(OSError):
-            while True:
-                connection, _ = self._listener.accept()
-                with connection, contextlib.suppress(OSError):
-                    self._answer(connection)
+        self.memory.put(ACTUAL, round(self._place))
 
     def _answer(self, connection: socket.socket) -> None:
         while head := connection.recv(7, socket.MSG_WAITALL):
             pdu = connection.recv(int.from_bytes(head[4:6], "big") - 1, socket.MSG_WAITALL)
             self._move()
-            reply = Memory.answer(self.follower, pdu)
+            reply = self.memory.answer(pdu)
             if pdu[0] in (6, 16):
                 self.writes.append(pdu)
             if pdu[0] == 16:
-                self.told.append(COMMAND.unpack(pdu[6:]))
+                self.told.append(self.memory.get(COMMAND))
             connection.sendall(encode_mbap(int.from_bytes(head[:2], "big"), head[6], reply))
 
 

@@ -9,7 +9,8 @@ import pytest
 
 from gateway.modbus.mbap import encode_mbap
 from tests.exchange.line_bench import write
-from tests.relay.test_kills_at_any_instant import COMMAND, Machine, machine
+from tests.relay.test_kill_and_restart import COMMAND
+from tests.relay.test_kills_at_any_instant import Machine, machine
 
 STOP = bytes.fromhex("06 0082 0008")
 PATIENCE_S = 1.0
