@@ -191,6 +191,24 @@ async def test_a_retained_command_is_not_obeyed_and_that_is_said_once(tmp_path: 
     assert f"mosquitto_pub -r -n -t {ROOT}/command/disable," in said["detail"]
 
 
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("it's; reboot", f"""-t '{ROOT}/command/it'"'"'s; reboot',"""),
+        ("n" * 300, "which is no name to type ('pitch-gateway/mill-1/command/nnn"),
+    ],
+)
+async def test_a_stranger_s_topic_can_be_typed_or_is_not_shown_as_a_command(
+    tmp_path: Path, name: str, shown: str
+) -> None:
+    with broker_in(tmp_path) as broker:
+        async with watching(broker.port, f"{ROOT}/event") as watcher:
+            await command(watcher, name, {}, retain=True)
+            async with publishing(settings(broker.port, tmp_path, commands=True), tmp_path) as site:
+                said = await site.until_said("mqtt-command-ignored")
+    assert shown in said["detail"]
+
+
 async def test_with_version_5_the_answer_goes_where_the_asker_wants_it(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, version="5", commands=True)
