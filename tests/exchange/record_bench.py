@@ -7,7 +7,7 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan
 from gateway.exchange.record_layout import RECORD_SIZE, RecordSlots, Remembered
 from gateway.exchange.remembering import AxisMemory, digest_of_axis
-from tests.exchange.line_bench import MS, Bench, Memory
+from tests.exchange.line_bench import MS, Bench, Link, Memory
 
 BOOT_ID = bytes(range(16))
 FindTable = Callable[[bytes], CorrectionTable | None]
@@ -52,6 +52,7 @@ class RecordBench(Bench):
         find_table: FindTable | None = None,
         groups: Iterable[Iterable[str]] = (),
         start_ns: int = 1_000 * MS,
+        link: Link | None = None,
     ) -> None:
         self.plans = plans
         self.records = records or Records()
@@ -60,7 +61,7 @@ class RecordBench(Bench):
             self.now_ns = start_ns
             self.records.attach(line, find_table)
 
-        super().__init__(*plans, memory=memory, groups=groups, before_up=attach)
+        super().__init__(*plans, memory=memory, groups=groups, before_up=attach, link=link)
 
     def restarted(self, *plans: AxisPlan, find_table: FindTable | None = None) -> "RecordBench":
         """Return another gateway in front of another drive, both as they are here and now."""
