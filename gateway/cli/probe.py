@@ -36,7 +36,8 @@ def probe(
 
     Reads the positions and bits that the register maps name, one request at a time and with the silences that
     the drives want: does each drive answer, do the words stand in the right order, is the axis inside its
-    travel and its table, do commanded and actual position agree.
+    travel and its table, do commanded and actual position agree. Behind Modbus/TCP a unit id that nothing is
+    known of is asked too: where it is not answered for, other_units may have to name further devices.
 
     Not while the gateway runs: a line belongs to one program only. Exit code 1 when anything is wrong.
 
@@ -92,7 +93,7 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
 
 
 async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str]) -> "list[AxisReadings]":
-    from gateway.cli.probing.readings import read_axis
+    from gateway.cli.probing.readings import ask_unused_unit, read_axis
     from gateway.transport.errors import TransportError
     from gateway.transport.framing import endpoint_key
     from gateway.transport.master import ModbusMaster
@@ -103,7 +104,9 @@ async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str])
         master = ModbusMaster(line.drives, timing.response_timeout_ms, timing.gap_ms, timing.drain_ms)
         try:
             async with master:
-                found += [await read_axis(master, plan) for plan in line.axes if axis in (None, plan.name)]
+                of_line = [await read_axis(master, plan) for plan in line.axes if axis in (None, plan.name)]
+                found += of_line
+                await ask_unused_unit(master, line, of_line[0])
         except TransportError as error:
             problems.append(f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}")
     return found
@@ -138,7 +141,7 @@ def _report(found: "AxisReadings") -> dict[str, Any]:
 
 
 def _text(found: "AxisReadings") -> "Iterator[str]":
-    from gateway.cli.probing.judgement import findings_of, position_of
+    from gateway.cli.probing.judgement import Weight, findings_of, position_of
 
     plan = found.plan
     units = plan.settings.units.value
@@ -156,7 +159,7 @@ def _text(found: "AxisReadings") -> "Iterator[str]":
         )
     findings = findings_of(found)
     yield from (_line(finding) for finding in findings)
-    if not findings:
+    if all(finding.weight is Weight.NOTE for finding in findings):
         yield "  nothing is wrong"
 
 

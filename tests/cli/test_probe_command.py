@@ -44,7 +44,7 @@ def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def answer(drive: socket.socket, asked: list[bytes], counts: int) -> None:
+def answer(drive: socket.socket, asked: list[bytes], counts: int, looks_at_unit_ids: bool = False) -> None:
     """Be a drive whose every 32-bit position is ``counts``, high word first."""
     try:
         connection, _ = drive.accept()
@@ -52,7 +52,9 @@ def answer(drive: socket.socket, asked: list[bytes], counts: int) -> None:
         return  # nobody came before the test was over
     with connection:
         while data := connection.recv(300):
-            asked.append(data[7:])
+            asked.append(data[6:])
+            if looks_at_unit_ids and data[6] != 1:
+                continue
             connection.sendall(data[:4] + bytes((0, 7)) + data[6:8] + b"\x04" + counts.to_bytes(4, "big"))
 
 
@@ -78,13 +80,35 @@ def test_a_good_axis_is_shown_and_the_code_is_0(tmp_path: Path, drive: tuple[str
     assert "actual     raw 50000, machine position 50 mm; nominal 50 forward, 50 backward" in result.stdout
     assert "nothing is wrong" in result.stdout
     assert "Before the first move:" in result.stdout
-    assert {pdu[0] for pdu in drive[1]} == {3}
+    assert {frame[1] for frame in drive[1]} == {3}
 
 
 @pytest.mark.parametrize("drive", [809_042_123], indirect=True)
 def test_large_counts_are_shown_to_the_last_digit(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
     result = typed(str(configured(tmp_path, drive[0])))
     assert "actual     raw 809042123, machine position 809042.123 mm; nominal 809042.123" in result.stdout
+
+
+def test_a_drive_that_does_not_look_at_unit_ids_is_told_of(
+    tmp_path: Path, drive: tuple[str, list[bytes]]
+) -> None:
+    result = typed(str(configured(tmp_path, drive[0])))
+    assert result.returncode == 0
+    assert "note: the drive answers for unit id 247 too, which it was not given" in result.stdout
+    assert [frame.hex() for frame in drive[1]][-1] == "f703006e0002"
+
+
+def test_where_unit_ids_are_looked_at_other_units_is_proposed(tmp_path: Path) -> None:
+    asked: list[bytes] = []
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        threading.Thread(target=answer, args=(listening, asked, 50_000, True), daemon=True).start()
+        place = f'tcp = "127.0.0.1:{listening.getsockname()[1]}" }}\nother_units = [247, 246]\n#{{'
+        result = typed(str(configured(tmp_path, place)), "--json")
+    findings = json.loads(result.stdout)["axes"]["x"]["findings"]
+    assert (result.returncode, [finding["weight"] for finding in findings]) == (0, ["note"])
+    assert "nobody answers for unit id 245" in findings[0]["text"]
+    assert "Name their unit ids in the line, as in other_units = [7, 8]" in findings[0]["text"]
+    assert [frame[0] for frame in asked] == [1, 1, 1, 245]
 
 
 def test_a_wrong_word_order_ends_with_code_1(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:

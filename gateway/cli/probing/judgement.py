@@ -20,6 +20,7 @@ class Weight(Enum):
 
     ERROR = "error"
     WARNING = "warning"
+    NOTE = "note"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,11 @@ def findings_of(found: AxisReadings) -> list[Finding]:
         reading = found.of(name)
         if reading is not None:
             findings += _place_of(found, reading)
-    return [*findings, *_order_untold(found), *_agreement(found), *_steadiness(found)]
+    return [*findings, *_order_untold(found), *_agreement(found), *_steadiness(found), *_unit_ids(found)]
+
+
+def _note(text: str) -> Finding:
+    return Finding(Weight.NOTE, text)
 
 
 def _error(text: str) -> Finding:
@@ -249,4 +254,23 @@ def _steadiness(found: AxisReadings) -> Iterator[Finding]:
         yield _warning(
             f"{first.place} changed by {moved:.10g} {found.plan.settings.units.value} between two readings: "
             "the axis moves, or hysteresis is smaller than its jitter"
+        )
+
+
+def _unit_ids(found: AxisReadings) -> Iterator[Finding]:
+    """What the answer to an unused unit id says about ``other_units``."""
+    if found.unused is None:
+        return
+    unused, own = found.unused.unit_id, found.plan.unit_id
+    if found.unused.is_answered:
+        yield _note(
+            f"the drive answers for unit id {unused} too, which it was not given: it does not look at unit "
+            f"ids, and what a controller sends to another one than {own} reaches it. What would move it is "
+            "refused there, as long as other_units does not name that unit id"
+        )
+    else:
+        yield _note(
+            f"nobody answers for unit id {unused}, which has no axis: unit ids are looked at here. Has this "
+            "address further devices? Name their unit ids in the line, as in other_units = [7, 8]; else "
+            "writes to them are refused where they look like positions of this axis"
         )

@@ -8,10 +8,14 @@ from typing import Final, Protocol
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.plan import AxisPlan
+from gateway.ipc.plan import LinePlan
 from gateway.modbus.pdu import ExceptionCode, is_exception
 from gateway.modbus.registers import BitField, FieldAccess, PositionField
+from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.master import NoReplyError
 
+LAST_UNIT_ID: Final = 247
+"""Of one device: Modbus over serial line V1.02, section 2.2."""
 SILENT_READS: Final = 2
 """After so many reads without any reply a drive is not asked any more."""
 
@@ -65,6 +69,15 @@ class Reading:
         return bit.is_set(int.from_bytes(self.words, "big")) if self.words and bit is not None else None
 
 
+@dataclass(frozen=True, slots=True)
+class UnusedUnit:
+    """What came for a unit id of which nobody knows anything."""
+
+    unit_id: int
+    is_answered: bool
+    """The drive took the read for its own; else silence, or an exception."""
+
+
 @dataclass(slots=True)
 class AxisReadings:
     """Everything that was read of one axis."""
@@ -73,6 +86,8 @@ class AxisReadings:
     readings: dict[str, Reading] = field(default_factory=dict)
     again: Reading | None = None
     """The actual position once more, last of all."""
+    unused: UnusedUnit | None = None
+    """A unit id that nothing is known of, where it was asked."""
     left_out: list[str] = field(default_factory=list)
     """What was not read, and why."""
 
@@ -109,6 +124,26 @@ async def read_axis(master: Asking, plan: AxisPlan) -> AxisReadings:
     if actual is not None:
         found.again = await _read(master, axis, actual.place)
     return found
+
+
+async def ask_unused_unit(master: Asking, line: LinePlan, found: AxisReadings) -> None:
+    """Read what the axis has just told once more, of a unit id that nothing is known of.
+
+    Only where the answer decides something: on Modbus/TCP with one axis unit id (docs/wire-rules.md, W7).
+    """
+    axis_ids = {axis.unit_id for axis in line.axes}
+    is_mbap = isinstance(line.drives, TcpEndpoint) and not line.drives.rtu
+    told = next((reading for reading in found.readings.values() if reading.words), None)
+    if not is_mbap or len(axis_ids) != 1 or told is None:
+        return
+    known = axis_ids | line.other_units.unit_ids
+    unit_id = next(each for each in range(LAST_UNIT_ID, 0, -1) if each not in known)
+    frame = _frame(AxisExchange(found.plan), told.place)
+    try:
+        is_answered = not is_exception(await master.exchange(unit_id, frame.pdu))
+    except NoReplyError:
+        is_answered = False
+    found.unused = UnusedUnit(unit_id, is_answered=is_answered)
 
 
 def _places(found: AxisReadings) -> Iterator[Place]:
