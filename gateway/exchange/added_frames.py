@@ -16,7 +16,7 @@ from gateway.drives.motion import Form
 from gateway.exchange.access import MEI_HEAD, swapped
 from gateway.exchange.axis import Actual, AxisExchange, Rendering
 from gateway.exchange.field_counts import counts_of
-from gateway.exchange.known import Known
+from gateway.exchange.known import Known, Standing
 from gateway.exchange.observing import observe_actual, observe_bit, observe_done, prove_distance
 from gateway.exchange.plan import DONE_BIT
 from gateway.exchange.unit import FieldHit
@@ -242,14 +242,18 @@ def _learn_standing(read: AddedFrame, words: bytes | None, known: Known, asked_n
     axis = read.axis
     assert read.bit is not None
     if words is None:
-        known.is_standing[axis.plan.name] = None
+        known.standing[axis.plan.name] = Standing.UNTOLD
         return
     is_set = read.bit.is_set(_word(words))
-    if read.bit is axis.plan.bits.get(DONE_BIT):
+    is_done = read.bit is axis.plan.bits.get(DONE_BIT)
+    if is_done:
         observe_done(axis, asked_ns, is_done=is_set)
-        known.is_standing[axis.plan.name] = is_set
+    if is_set is not is_done:
+        known.standing[axis.plan.name] = Standing.MOVES
+    elif axis.arrival.has_started(asked_ns):
+        known.standing[axis.plan.name] = Standing.STANDS
     else:
-        known.is_standing[axis.plan.name] = not is_set
+        known.standing[axis.plan.name] = Standing.SAYS_SO
 
 
 def _word(words: bytes) -> int:

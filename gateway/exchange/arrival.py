@@ -41,6 +41,8 @@ class Sign(Enum):
     """It lies beside it, by no more than a correction."""
     AWAY = "away"
     """It lies elsewhere."""
+    AT_REST_AWAY = "at-rest-away"
+    """It lies elsewhere, and has not changed for a while."""
 
 
 AFTER: Final = {
@@ -49,6 +51,7 @@ AFTER: Final = {
     (Stage.UNDER_WAY, Sign.THERE): Stage.SEEN_THERE,
     (Stage.DONE_SAID, Sign.FELL): Stage.MAY_HAVE_LEFT,
     (Stage.DONE_SAID, Sign.THERE): Stage.ARRIVED,
+    (Stage.DONE_SAID, Sign.AWAY): Stage.UNDER_WAY,
     (Stage.SEEN_THERE, Sign.DONE): Stage.ARRIVED,
     (Stage.SEEN_THERE, Sign.DONE_ALONE): Stage.ARRIVED,
     (Stage.SEEN_THERE, Sign.AWAY): Stage.UNDER_WAY,
@@ -57,9 +60,10 @@ AFTER: Final = {
     (Stage.MAY_HAVE_LEFT, Sign.THERE): Stage.SEEN_THERE,
     (Stage.MAY_HAVE_LEFT, Sign.NEAR): Stage.SEEN_THERE,
     (Stage.MAY_HAVE_LEFT, Sign.AWAY): Stage.UNDER_WAY,
+    **{(stage, Sign.AT_REST_AWAY): Stage.UNDER_WAY for stage in Stage},
 }
 """What each sign makes of each stage; what is not here changes nothing."""
-WAS_THERE: Final = frozenset({Stage.SEEN_THERE, Stage.ARRIVED, Stage.MAY_HAVE_LEFT})
+WAS_THERE: Final = frozenset({Stage.DONE_SAID, Stage.SEEN_THERE, Stage.ARRIVED, Stage.MAY_HAVE_LEFT})
 """Stages from which an axis that is seen away has been moved by something else."""
 
 
@@ -92,10 +96,14 @@ class Arrival:
         return self.stage is not Stage.UNDER_WAY
 
     def begin(self, now_ns: int) -> None:
-        """A target was acknowledged, or nobody knows any more where the axis goes."""
+        """The drive was made to move, or may have been."""
         self.stage = Stage.UNDER_WAY
         self._since_ns = now_ns
         self._has_fallen = False
+
+    def lose_place(self) -> None:
+        """Nobody knows any more where the axis goes; how long ago it was sent there stays."""
+        self.stage = Stage.UNDER_WAY
 
     def resume(self, stage: Stage) -> None:
         """Go on where another run of the gateway left off."""
@@ -126,7 +134,7 @@ class Arrival:
             return False
         was_there = self.stage in WAS_THERE
         self._take(sign)
-        return was_there and sign is Sign.AWAY
+        return sign is Sign.AT_REST_AWAY or (was_there and sign is Sign.AWAY)
 
     def _take(self, sign: Sign) -> None:
         self.stage = AFTER.get((self.stage, sign), self.stage)

@@ -368,7 +368,7 @@ class AxisExchange:
         """
         self.is_branch_known &= keeps_branch
         self.compensation.forget_target()
-        self.arrival.begin(0)
+        self.arrival.lose_place()
         self.is_moving = None
         self.unproven = self.held = None
 

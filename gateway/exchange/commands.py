@@ -6,7 +6,7 @@ from gateway.drives.motion import Action, Addressing
 from gateway.exchange.axis import AxisExchange, Rendering
 from gateway.exchange.effects import MOVES_OTHERWISE
 from gateway.exchange.events import EventKind
-from gateway.exchange.known import Known
+from gateway.exchange.known import Known, Standing
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.parts import nominal_words, written_part
 from gateway.exchange.refusal import RefusedRequestError
@@ -163,8 +163,8 @@ def render_relative(
         return render_distance(axis, number, words, base, seen(request, axis), is_passing=is_passing)
     if is_passing:
         return None
-    is_standing = request.known.is_standing.get(axis.plan.name)
-    why = "the axis moves" if is_standing is False else "nothing tells where the axis is"
+    is_moving = request.known.standing.get(axis.plan.name) is Standing.MOVES
+    why = "the axis moves" if is_moving else "nothing tells where the axis is"
     if axis.motion.plan.passes_unknown_relative:
         axis.tell(EventKind.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
         return None

@@ -87,6 +87,7 @@ def note_done(meaning: Meaning, now_ns: int) -> None:
         _move_otherwise(meaning, now_ns)
     elif meaning.is_doubtful:
         axis.forget_place(keeps_branch=True)  # the reading counts on it already
+        axis.arrival.begin(now_ns)
     is_whole = all(hit.place.shadow and not hit.place.shadow.is_torn for hit in meaning.commands)
     if meaning.commands and is_whole and motion.release(meaning.losses):
         axis.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
@@ -109,6 +110,7 @@ def note_failed(
             _move_otherwise(meaning, now_ns, is_certain=False)
         elif meaning.runs_alone and not is_run_known:
             axis.forget_place()
+            axis.arrival.begin(now_ns)
     if not (is_broadcast or (axis.passes_unchanged and is_refusal)):
         block(meaning, code)
 
@@ -163,6 +165,8 @@ def _move_otherwise(meaning: Meaning, now_ns: int, *, is_certain: bool = True) -
     is_at_rest = axis.is_moving is not True
     was_referenced = axis.is_referenced
     axis.forget_place(keeps_branch=action is Action.STOP)
+    if action is not Action.STOP:
+        axis.arrival.begin(now_ns)
     if action in (Action.HOME, Action.SET_POSITION):
         axis.doubt_words()
         axis.actual = None  # it was counted from another zero

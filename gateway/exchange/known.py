@@ -1,9 +1,20 @@
 """What was read for one request before it could be rendered."""
 
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Final
 
 from gateway.exchange.axis import Actual, Rendering
+
+
+class Standing(Enum):
+    """What a drive's status bit says of an axis that is to go a distance."""
+
+    UNTOLD = "untold"
+    MOVES = "moves"
+    SAYS_SO = "says-so"
+    """It stands, but the bit may still be that of the time before its last move."""
+    STANDS = "stands"
 
 
 @dataclass(slots=True)
@@ -14,7 +25,7 @@ class Known:
     """By axis."""
     commanded: dict[str, float | None] = field(default_factory=dict)
     """The drive's own commanded position in counts, by axis."""
-    is_standing: dict[str, bool | None] = field(default_factory=dict)
+    standing: dict[str, Standing] = field(default_factory=dict)
     """By axis."""
     command_words: dict[int, bytes | None] = field(default_factory=dict)
     """Nominal words by identity of the shadow they belong to."""

@@ -1,13 +1,17 @@
 """What a drive's positions and status bits say about where its axis is."""
 
 from math import isfinite
+from typing import Final
 
 from gateway.exchange.arrival import Sign
 from gateway.exchange.axis import Actual, AxisExchange
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT
 from gateway.modbus.registers import PositionField
-from gateway.times import NS_PER_S
+from gateway.times import NS_PER_MS, NS_PER_S
+
+RESTED_NS: Final = 200 * NS_PER_MS
+"""A motion that is under way moves an axis out of its in-position window in this time."""
 
 
 def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, asked_ns: int) -> Actual | None:
@@ -23,7 +27,7 @@ def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, aske
     _prove(axis, before, now)
     axis.compensation.observe(now.counts)
     is_at_rest = axis.arrival.is_at_rest
-    _watch(axis, now)
+    _watch(axis, before, now)
     if before is not None and is_at_rest:
         _watch_for_jump(axis, before, now)
     return now
@@ -66,7 +70,8 @@ def prove_distance(axis: AxisExchange, now: Actual) -> None:
 
 def observe_bit(axis: AxisExchange, name: str, asked_ns: int, *, is_set: bool) -> None:
     """Note one of the drive's status bits, as it was when asked at ``asked_ns``."""
-    axis.heard_ns = asked_ns
+    if not axis.is_unseen(asked_ns):  # whoever looks again does not see by it where the axis has been since
+        axis.heard_ns = asked_ns
     was_referenced = axis.is_referenced
     if name == DONE_BIT:
         observe_done(axis, asked_ns, is_done=is_set)
@@ -95,7 +100,17 @@ def _observe_alarm(axis: AxisExchange) -> None:
     axis.lose()
 
 
-def _watch(axis: AxisExchange, actual: Actual) -> None:
+def _has_rested(axis: AxisExchange, before: Actual | None, now: Actual) -> bool:
+    """Whether an axis that has had the time to start has not moved for a while."""
+    return (
+        before is not None
+        and axis.arrival.has_started(before.seen_ns)
+        and now.seen_ns - before.seen_ns >= RESTED_NS
+        and abs(now.counts - before.counts) <= axis.plan.settings.in_position_counts
+    )
+
+
+def _watch(axis: AxisExchange, before: Actual | None, actual: Actual) -> None:
     """Notice that the axis has come to its target, or that something else moved it away from there (M4)."""
     accepted = axis.compensation.accepted
     if accepted is None:
@@ -106,6 +121,8 @@ def _watch(axis: AxisExchange, actual: Actual) -> None:
         sign = Sign.THERE
     elif abs(actual.counts - accepted.corrected_counts) <= settings.max_correction_counts:
         sign = Sign.NEAR
+    elif _has_rested(axis, before, actual):
+        sign = Sign.AT_REST_AWAY
     if axis.arrival.see_place(actual.seen_ns, sign):
         axis.compensation.forget_target()
         axis.is_branch_known = False

@@ -8,7 +8,7 @@ from gateway.counts import Counts
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
 from gateway.exchange.axis import AxisExchange
-from gateway.exchange.known import Known
+from gateway.exchange.known import Known, Standing
 from gateway.exchange.plan import DONE_BIT, MOVING_BIT
 from gateway.exchange.rendering import Base
 
@@ -18,7 +18,7 @@ def next_base_read(axis: AxisExchange, action: Action, known: Known) -> AddedFra
     if not axis.may_read or base_of(axis, action, known) is not None:
         return None
     name, bits = axis.plan.name, axis.plan.bits
-    if name not in known.is_standing:
+    if name not in known.standing:
         for bit_name in (DONE_BIT, MOVING_BIT):
             if bit_name in bits:
                 return read_bit(axis, Purpose.STANDING, bits[bit_name])
@@ -41,31 +41,34 @@ def base_of(axis: AxisExchange, action: Action, known: Known) -> Base | None:
     if accepted is not None and (action is Action.RELATIVE or is_certain):
         return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=axis.arrival.is_proven)
     name = axis.plan.name
-    is_standing = known.is_standing.get(name)
+    standing = known.standing.get(name, Standing.UNTOLD)
     if _counts_from_commanded(axis, action):
         counts = known.commanded.get(name)
-        return None if counts is None else _base_at(axis, counts, is_standing, tolerance=0.0)
+        return None if counts is None else _base_at(axis, counts, standing, tolerance=0.0)
     actual = known.actual.get(name)
     if actual is None:
         return None
     settings = axis.plan.settings
     tolerance = settings.hysteresis * abs(settings.counts_per_unit)
     if action is Action.RELATIVE_TO_ACTUAL:
-        return _base_at(axis, actual.counts, is_standing, tolerance=0.0)
-    return _base_at(axis, actual.counts, is_standing, tolerance=tolerance)
+        return _base_at(axis, actual.counts, standing, tolerance=0.0)
+    return _base_at(axis, actual.counts, standing, tolerance=tolerance)
 
 
 def _counts_from_commanded(axis: AxisExchange, action: Action) -> bool:
     return bool(axis.plan.commanded) and action is not Action.RELATIVE_TO_ACTUAL
 
 
-def _base_at(
-    axis: AxisExchange, counts: Counts, is_standing: bool | None, *, tolerance: float
-) -> Base | None:
-    """Return the base at a position that the drive reported."""
+def _base_at(axis: AxisExchange, counts: Counts, standing: Standing, *, tolerance: float) -> Base | None:
+    """Return the base at a position that the drive reported.
+
+    A bit that may be that of the time before the last move counts only beside a position at the end of it.
+    """
     accepted = axis.compensation.accepted
-    if accepted is not None and abs(counts - accepted.corrected_counts) <= tolerance:
+    beside = None if accepted is None else abs(counts - accepted.corrected_counts)
+    if accepted is not None and beside is not None and beside <= tolerance:
         return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=True)
-    if not is_standing:
+    is_at_end = beside is not None and beside <= axis.plan.settings.in_position_counts
+    if standing is not Standing.STANDS and not (standing is Standing.SAYS_SO and is_at_end):
         return None
     return Base(round(axis.nominal_of(counts)), counts, is_standing=True)

@@ -5,17 +5,17 @@ of the loop between the last byte of a request and the write towards the drive.
 """
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
 
 from gateway.clock import boot_ns
 from gateway.exchange.gate import UNSEEN, Gate
 from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import Stamps, writer_name
+from gateway.exchange.ports import ControllerPort, Stamps, writer_name
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap, too_long
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
-from gateway.relay.timed import TimedExchange
+from gateway.relay.pulse import Beats
 from gateway.times import NS_PER_MS
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import host_of
@@ -27,13 +27,39 @@ HAS_GONE: Final = "its controller closed the connection"
 SENT_ANOTHER: Final = "its controller sent another request"
 
 
+class Requests(Protocol):
+    """Where whole requests go: the exchange of a line."""
+
+    @property
+    def pulse(self) -> Beats:
+        """What tells whether the process stood still."""
+        ...
+
+    def request(
+        self,
+        port: ControllerPort,
+        transaction_id: int,
+        unit_id: int,
+        pdu: bytes,
+        now_ns: int,
+        *,
+        why_given_up: str = "",
+    ) -> None:
+        """Take a whole request; see ``LineExchange``."""
+        ...
+
+    def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
+        """Note that a controller's connection or port was lost."""
+        ...
+
+
 class MbapControllerPort:
     """One Modbus/TCP connection of a controller."""
 
     def __init__(
         self,
         plan: ControllerPlan,
-        exchange: TimedExchange,
+        exchange: Requests,
         counters: MbapCounters,
         on_malformed: Callable[[str], None],
     ) -> None:
@@ -114,7 +140,7 @@ class RtuControllerPort:
     """
 
     def __init__(
-        self, plan: ControllerPlan, exchange: TimedExchange, decoder: RtuRequestDecoder, gap_ns: int
+        self, plan: ControllerPlan, exchange: Requests, decoder: RtuRequestDecoder, gap_ns: int
     ) -> None:
         self.plan = plan
         self._exchange = exchange

@@ -17,23 +17,16 @@ AFTERWARDS_NS: Final = 20 * NS_PER_MS
 WORTH_TELLING_NS: Final = 500 * NS_PER_MS
 
 
-class Pulse:
-    """Beats on the loop; ``on_standstill`` is told, in ns, how long a beat was late that was worth it."""
+class Beats:
+    """When the last beats came, and what their lateness says. Nothing here waits or looks at a clock."""
 
-    __slots__ = ("_due_ns", "_gap_ns", "_on_standstill", "_timer", "_until_ns")
+    __slots__ = ("_due_ns", "_gap_ns", "_until_ns")
 
-    def __init__(self, on_standstill: Callable[[int], None]) -> None:
-        self._on_standstill = on_standstill
+    def __init__(self) -> None:
         self._gap_ns = 0
         self._until_ns = 0
-        self._timer = Timer(self._beat)
         self._due_ns = NEVER_NS
-        """When the next beat is due: later than that, it is late. Not before the loop has begun to turn."""
-        self._timer.arm(boot_ns())
-
-    def close(self) -> None:
-        """Beat no more."""
-        self._timer.close()
+        """When the next beat is due: later than that, it is late. Not before the first one has come."""
 
     def stood_still(self, now_ns: int, longer_than_ns: int) -> bool:
         """Whether what is read now may have waited while the process stood still for longer than that.
@@ -44,10 +37,31 @@ class Pulse:
             now_ns < self._until_ns and self._gap_ns > longer_than_ns
         )
 
-    def _beat(self, now_ns: int) -> None:
+    def beat(self, now_ns: int) -> int:
+        """Take note of a beat; return how late it was, in ns, where that is worth telling: else 0."""
         late_ns = 0 if self._due_ns == NEVER_NS else now_ns - self._due_ns
         self._due_ns = now_ns + EVERY_NS
-        self._timer.arm(self._due_ns)
-        if late_ns >= WORTH_TELLING_NS:
-            self._gap_ns, self._until_ns = late_ns, now_ns + AFTERWARDS_NS
+        self._gap_ns, self._until_ns = late_ns, now_ns + AFTERWARDS_NS
+        return late_ns if late_ns >= WORTH_TELLING_NS else 0
+
+
+class Pulse(Beats):
+    """Beats on the loop; ``on_standstill`` is told, in ns, how long a beat was late that was worth it."""
+
+    __slots__ = ("_on_standstill", "_timer")
+
+    def __init__(self, on_standstill: Callable[[int], None]) -> None:
+        super().__init__()
+        self._on_standstill = on_standstill
+        self._timer = Timer(self._beat)
+        self._timer.arm(boot_ns())
+
+    def close(self) -> None:
+        """Beat no more."""
+        self._timer.close()
+
+    def _beat(self, now_ns: int) -> None:
+        late_ns = self.beat(now_ns)
+        self._timer.arm(now_ns + EVERY_NS)
+        if late_ns:
             self._on_standstill(late_ns)

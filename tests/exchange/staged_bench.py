@@ -47,6 +47,12 @@ BITS = {
 }
 
 
+def relative_by(base: Action, **changes: object) -> MotionPlan:
+    """The same drive with another base for its distances."""
+    deeds = {**STAGED.triggers[0].deeds, 2: Deed(base)}
+    return MotionPlan(is_staged=True, triggers=(TriggerPlan(TRIGGER, deeds=deeds),), **changes)  # type: ignore[arg-type]
+
+
 def sticky(**changes: Any) -> MotionPlan:
     """A staged drive whose mode register says how a target is meant; its trigger only starts."""
     mode = ModePlan(MODE, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE, 3: Action.OTHER_MOTION})

@@ -6,11 +6,20 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.drives.motion import Action
 from gateway.exchange.arrival import AFTER, WAS_THERE, Arrival, Sign, Stage
 from gateway.exchange.plan import Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
-from tests.exchange.staged_bench import HOME_PDU, RUN_PDU, RUN_RELATIVE_PDU, StagedBench, staged_plan
+from tests.exchange.staged_bench import (
+    HOME_PDU,
+    JOG_PDU,
+    RUN_PDU,
+    RUN_RELATIVE_PDU,
+    StagedBench,
+    relative_by,
+    staged_plan,
+)
 
 DONE = BitField(0x0031, 0)
 READ_DONE = bytes.fromhex("03 0031 0001")
@@ -105,7 +114,7 @@ def test_every_stage_takes_every_sign() -> None:
         else:
             was_moved = arrival.see_place(1, sign)
         assert arrival.stage is AFTER.get((stage, sign), stage)
-        assert was_moved is (sign is Sign.AWAY and stage in WAS_THERE)
+        assert was_moved is (sign is Sign.AT_REST_AWAY or (sign is Sign.AWAY and stage in WAS_THERE))
         arrival.begin(2)
         assert arrival.stage is Stage.UNDER_WAY
         arrival.see_done(1, is_done=True)  # of before
@@ -193,6 +202,51 @@ def test_m6_who_polls_is_not_looked_for_and_streams_never_are() -> None:
     assert bench.seen[frames:] == [write(COMMAND, 100_410)]
 
 
+def test_m6_a_done_bit_that_is_read_after_a_pause_does_not_tell_where_the_axis_is() -> None:
+    """The jog is over by then, and the bit looks as it did before. Who polled it all the time saw it fall."""
+    bench = jogged()
+    done(bench, is_set=True)
+    frames = len(bench.seen)
+    bench.ask(write(COMMAND, 120_000))
+    assert bench.seen[frames:] == [read(ACTUAL), write(COMMAND, 119_740)]
+    for _ in range(4):
+        bench.wait(400)
+        done(bench, is_set=True)
+    frames = len(bench.seen)
+    bench.ask(write(COMMAND, 120_000))
+    assert bench.seen[frames:] == [write(COMMAND, 119_740)]
+
+
+@pytest.mark.parametrize("sees", ["done once", "rest"])
+def test_m6_an_axis_that_is_seen_elsewhere_is_not_on_its_way_any_more(sees: str) -> None:
+    """Sent to 100 mm, jogged to 150 mm: nobody saw it arrive; it is done and elsewhere, or stands there."""
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
+    bench.ask(write(COMMAND, 100_000))
+    bench.wait(1100)
+    if sees == "done once":
+        done(bench, is_set=True)
+    bench.memory.put(ACTUAL, 150_000)
+    bench.actual()
+    if sees == "rest":
+        bench.wait(200)
+        bench.actual()
+    bench.ask(write(COMMAND, 100_000))
+    assert told(bench) == 99_740
+    assert not unsure(bench)
+
+
+def test_m4_an_axis_that_is_on_its_way_gets_the_same_words_again() -> None:
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
+    bench.ask(write(COMMAND, 100_000))
+    bench.wait(1100)
+    for counts in (90_000, 90_100, 90_200):  # half a millimetre in a second
+        bench.memory.put(ACTUAL, counts)
+        bench.actual()
+        bench.wait(200)
+    bench.ask(write(COMMAND, 100_000))
+    assert told(bench) == 100_410
+
+
 def test_the_look_does_not_count_towards_the_deadline() -> None:
     bench = jogged(deadline_ms=5.0, late=Late.REJECT)
     bench.send(write(COMMAND, 120_000))
@@ -260,6 +314,36 @@ def test_m5_before_the_drive_has_had_the_time_to_start_there_is_no_base() -> Non
     bench.drive.arrive()
     bench.poll()
     assert bench.actual() == 55_000
+
+
+@pytest.mark.parametrize("base", [Action.RELATIVE_TO_ACTUAL, Action.RELATIVE_TO_COMMANDED])
+def test_m5_a_done_bit_left_from_the_move_before_makes_no_base(base: Action) -> None:
+    """The drive says done until it has started: where it passes by is no place to count from."""
+    bench = StagedBench(staged_plan(table=SCREW, motion=relative_by(base), commanded=()))
+    bench.go_to(45_000)
+    bench.stage(60_000)
+    bench.trigger(RUN_PDU)
+    bench.drive.put(ACTUAL, 50_000)
+    bench.drive.set_bits(is_done=True)
+    moves = len(bench.drive.moves)
+    bench.stage(1_000)
+    assert bench.refused(RUN_RELATIVE_PDU) == 6
+    bench.drive.put(ACTUAL, 60_480 - 8)  # 60.000 forward, eight counts off: there
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert len(bench.drive.moves) == moves + 1
+
+
+def test_m5_after_a_motion_of_its_own_a_done_bit_needs_its_time_too() -> None:
+    bench = StagedBench(staged_plan(table=SCREW, commanded=()))
+    bench.go_to(45_000)
+    bench.trigger(JOG_PDU)
+    bench.drive.put(ACTUAL, 50_000)
+    bench.drive.set_bits(is_done=True)
+    bench.stage(1_000)
+    assert bench.refused(RUN_RELATIVE_PDU) == 6
+    bench.wait(1000)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert bench.drive.moves[-1][0] == "relative"
 
 
 @pytest.mark.parametrize("stands_at", [50_000, 56_000])

@@ -6,16 +6,16 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, MotionPlan
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
 from tests.exchange.staged_bench import (
     COMMANDED,
     HOME_PDU,
     JOG_PDU,
     RUN_RELATIVE_PDU,
-    STAGED,
     STOP_PDU,
     StagedBench,
+    relative_by,
     staged_plan,
 )
 
@@ -27,11 +27,6 @@ BASES = {
     "commanded": Action.RELATIVE_TO_COMMANDED,
     "actual": Action.RELATIVE_TO_ACTUAL,
 }
-
-
-def relative_by(base: Action, **changes: object) -> MotionPlan:
-    deeds = {**STAGED.triggers[0].deeds, 2: Deed(base)}
-    return MotionPlan(is_staged=True, triggers=(TriggerPlan(0x050E, deeds=deeds),), **changes)  # type: ignore[arg-type]
 
 
 def by(bench: StagedBench, distance: int) -> None:

@@ -1,4 +1,4 @@
-"""The controllers: real masters that ignore exceptions, lose patience, repeat themselves and pipeline."""
+"""The controllers: real masters that ignore exceptions, lose patience and repeat themselves."""
 
 import random
 from collections import deque
@@ -7,11 +7,10 @@ from collections.abc import Callable
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import Unmeasured
-from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from tests.ledger.clock import MS, Clock
 from tests.ledger.exchanges import Controller
-from tests.ledger.frames import mbap, open_mbap, open_rtu, rtu
+from tests.ledger.frames import open_rtu, rtu
 from tests.ledger.habits import Step
 from tests.ledger.ledger import Ledger
 
@@ -31,25 +30,37 @@ class Master(Unmeasured):
         self._is_rest = is_rest
         """It looks on every now and then, and mostly does nothing."""
         self.is_ending = False
-        self.book = Controller(
-            plan.name,
-            is_serial=plan.serial,
-            timeout_ns=int(plan.timeout_ms * MS),
-            role=plan.role,
-        )
-        ledger.controllers.append(self.book)
+        self.book = self._new_book()
 
-    def _next_step(self) -> Step | None:
-        """Return the next request, or None after a pause was made."""
-        if not self._steps:
-            if self.is_ending:
-                return None
+    def _new_book(self) -> Controller:
+        plan = self.plan
+        book = Controller(
+            plan.name, is_serial=plan.serial, timeout_ns=int(plan.timeout_ms * MS), role=plan.role
+        )
+        self._ledger.controllers.append(book)
+        return book
+
+    def _look_ahead(self) -> None:
+        if not self._steps and not self.is_ending:
             self._steps.extend(self._script())
-        step = self._steps.popleft()
+
+    def _is_request_next(self) -> bool:
+        """Whether the next step of the program is a request, and there is one."""
+        self._look_ahead()
+        return bool(self._steps) and isinstance(self._steps[0], tuple)
+
+    def _next_step(self) -> tuple[int, bytes] | None:
+        """Return the next request, or None after a pause was made."""
+        self._look_ahead()
+        step = self._steps.popleft() if self._steps else None
+        if step is None or isinstance(step, tuple):
+            return step
         if isinstance(step, float):
             self._clock.after(step, self.go_on)
-            return None
-        return step
+        else:
+            step()
+            self._clock.after(0.0, self.go_on)
+        return None
 
     def _pause_ms(self) -> float:
         return self._rng.uniform(20, 120) if self._is_rest else self._rng.uniform(0.5, 8.0)
@@ -81,7 +92,6 @@ class SerialMaster(Master):
         step = self._next_step()
         if step is None:
             return
-        assert not isinstance(step, float)
         self._number += 1
         self._step = step
         data = encode_rtu(*step)
@@ -107,7 +117,7 @@ class SerialMaster(Master):
 
     def _take(self, frames: list[tuple[int, bytes]]) -> None:
         for unit_id, pdu in frames:
-            self._ledger.arrived(self.book, 0, unit_id, pdu)
+            self._ledger.arrived(self.book, 0, unit_id, pdu, self._clock.now_ns)
             self._line.request(self, 0, unit_id, pdu, self._clock.now_ns)
 
     def _lost_patience(self, number: int) -> None:
@@ -130,64 +140,3 @@ class SerialMaster(Master):
         if pdu[0] >= 0x80:
             self._after_trouble(step)
         self._clock.after(self._pause_ms(), self.go_on)
-
-
-class TcpMaster(Master):
-    """Modbus/TCP: several requests at once, answered by their numbers."""
-
-    def __init__(self, *args: object, **others: object) -> None:
-        super().__init__(*args, **others)  # type: ignore[arg-type]
-        self._decoder = MbapDecoder()
-        self._last_id = 0
-        self._open: dict[int, tuple[int, bytes]] = {}
-        self._burst = 0
-
-    def go_on(self) -> None:
-        """Send the next requests, as many as are pipelined this time."""
-        self._burst += 1
-        many = 1 if self._is_rest else self._rng.choice([1, 1, 2, 3, 5, 8])
-        data = b""
-        for _ in range(many):
-            if data and self._steps and isinstance(self._steps[0], float):
-                break  # a pause waits for the replies
-            step = self._next_step()
-            if step is None:
-                break
-            assert not isinstance(step, float)
-            self._last_id = self._last_id % 0xFFFF + 1
-            self._open[self._last_id] = step
-            data += encode_mbap(self._last_id, *step)
-        if data:
-            burst = self._burst
-            self._clock.after(self.plan.timeout_ms + 1, lambda: self._lost_patience(burst))
-            self._feed(data)
-
-    def _feed(self, data: bytes) -> None:
-        cut = self._rng.randrange(len(data) + 1) if self._rng.random() < 0.1 else len(data)
-        for part in (data[:cut], data[cut:]):
-            for transaction_id, unit_id, pdu in self._decoder.feed(part) if part else ():
-                self._ledger.arrived(self.book, transaction_id, unit_id, pdu)
-                self._line.request(self, transaction_id, unit_id, pdu, self._clock.now_ns)
-
-    def _lost_patience(self, burst: int) -> None:
-        if burst != self._burst or not self._open:
-            return
-        step = next(iter(self._open.values()))
-        self._open.clear()
-        self._after_trouble(step)
-        self.go_on()
-
-    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
-        """See ``ControllerPort``."""
-        frame = encode_mbap(transaction_id, unit_id, pdu)
-        assert open_mbap(frame) == (transaction_id, unit_id, pdu)
-        assert frame == mbap(transaction_id, unit_id, pdu)
-        self._ledger.replied(self.book, transaction_id, unit_id, pdu)
-        step = self._open.pop(transaction_id, None)
-        if step is None:
-            return
-        if pdu[0] >= 0x80:
-            self._after_trouble(step)
-        if not self._open:
-            self._burst += 1
-            self._clock.after(self._pause_ms(), self.go_on)

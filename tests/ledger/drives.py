@@ -75,8 +75,13 @@ class Deed(NamedTuple):
 class Drive:
     """The registers of one unit id."""
 
-    def __init__(self, layout: Layout, position: int, speed_mm_s: float) -> None:
+    def __init__(self, layout: Layout, position: int, speed_mm_s: float, lag_ms: float = 0.0) -> None:
+        """``lag_ms``: for so long after a move began the status bits still say what they said before."""
         self.layout = layout
+        self._lag_ns = int(lag_ms * MS)
+        self._says_so_ns = 0
+        self.hushed_ns = 0
+        """Until then nobody looks at its status: it is being moved from its own panel."""
         self.motor = Motor(position, speed_mm_s * abs(layout.counts_per_unit))
         self.words: dict[int, int] = {}
         self._last_target = position
@@ -120,7 +125,8 @@ class Drive:
         if layout.commanded is not None and layout.commanded <= address < layout.commanded + 2:
             return layout.split(motor.at(now_ns))[address - layout.commanded]
         if address == layout.status:
-            return 1 << MOVING_BIT if motor.is_moving(now_ns) else 1 << DONE_BIT
+            is_seen_moving = motor.is_moving(now_ns) and now_ns >= self._says_so_ns
+            return 1 << MOVING_BIT if is_seen_moving else 1 << DONE_BIT
         return self.words.get(address, (address * 7919) & 0xFFFF)
 
     def _write(self, request: Parsed, now_ns: int) -> list[Deed]:
@@ -157,13 +163,7 @@ class Drive:
         if value == STOP:
             return [self._stop(now_ns)]
         if value == JOG:
-            was_at, was_moving = self.motor.at(now_ns), self.motor.is_moving(now_ns)
-            end_before = self.motor.end
-            middle = self.layout.counts(TRAVEL_MM / 2)
-            end = was_at + (JOG_COUNTS if was_at < middle else -JOG_COUNTS)
-            self.motor.go(end, now_ns)
-            self._last_target = end
-            return [Deed("jog", was_at, was_moving, was_at, end, end_before)]
+            return [self.jog(now_ns)]
         if self.layout.style is Style.TRIGGERED and value in (RUN, RUN_RELATIVE):
             if value == RUN_RELATIVE and self.layout.basis is None:
                 return []
@@ -172,11 +172,25 @@ class Drive:
             return [self._run(now_ns, is_relative=self.mode == MODE_RELATIVE)]
         return []
 
+    def jog(self, now_ns: int) -> Deed:
+        """Go a little further, as by a command or by its panel."""
+        was_at, was_moving = self.motor.at(now_ns), self.motor.is_moving(now_ns)
+        end_before = self.motor.end
+        middle = self.layout.counts(TRAVEL_MM / 2)
+        end = was_at + (JOG_COUNTS if was_at < middle else -JOG_COUNTS)
+        self._go(end, now_ns)
+        return Deed("jog", was_at, was_moving, was_at, end, end_before)
+
+    def _go(self, end: int, now_ns: int) -> None:
+        if not self.motor.is_moving(now_ns):
+            self._says_so_ns = now_ns + self._lag_ns
+        self.motor.go(end, now_ns)
+        self._last_target = end
+
     def _stop(self, now_ns: int) -> Deed:
         was_at, was_moving = self.motor.at(now_ns), self.motor.is_moving(now_ns)
         end_before = self.motor.end
-        self.motor.go(was_at, now_ns)
-        self._last_target = was_at
+        self._go(was_at, now_ns)
         return Deed("stop", was_at, was_moving, was_at, was_at, end_before)
 
     def _run(self, now_ns: int, *, is_relative: bool) -> Deed:
@@ -185,8 +199,7 @@ class Drive:
         if is_relative:
             base = self._last_target if self.layout.basis is Basis.TARGET else was_at
         end = base + self.target
-        self.motor.go(end, now_ns)
-        self._last_target = end
+        self._go(end, now_ns)
         return Deed("relative" if is_relative else "absolute", was_at, was_moving, base, end, end_before)
 
 

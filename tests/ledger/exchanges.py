@@ -18,6 +18,8 @@ class Controller:
         self.timeout_ns = timeout_ns
         self.is_motion = role is Role.MOTION
         self.may_write = role is not Role.MONITOR
+        self.is_closed = False
+        """By either end: nobody waits for anything of it."""
         self.pending: list[Request] = []
         """Not on the wire yet, oldest first."""
         self.unanswered: dict[int, Request] = {}
@@ -30,6 +32,7 @@ class Request:
     __slots__ = (
         "arrived_ns",
         "controller",
+        "is_foreign",
         "is_lost",
         "is_stop",
         "parsed",
@@ -37,10 +40,18 @@ class Request:
         "restaged",
         "transaction_id",
         "unit",
+        "written_ns",
     )
 
     def __init__(
-        self, controller: Controller, transaction_id: int, unit: int, pdu: bytes, arrived_ns: int
+        self,
+        controller: Controller,
+        transaction_id: int,
+        unit: int,
+        pdu: bytes,
+        arrived_ns: int,
+        *,
+        written_ns: int,
     ) -> None:
         self.controller = controller
         self.transaction_id = transaction_id
@@ -48,7 +59,12 @@ class Request:
         self.pdu = pdu
         self.parsed = parse(pdu)
         self.arrived_ns = arrived_ns
+        """When the gateway had read all of it."""
+        self.written_ns = written_ns
+        """When its controller sent its first byte."""
         self.is_stop = self.is_lost = False
+        self.is_foreign = False
+        """It is for a unit id that no drive was given, on a line whose drive does not look at them."""
         self.restaged = 0
 
 

@@ -2,8 +2,9 @@
 
 import random
 from collections.abc import Callable
+from typing import Final
 
-from tests.ledger.clock import Clock
+from tests.ledger.clock import MS, Clock
 from tests.ledger.drives import Drive, settle_ms
 from tests.ledger.frames import exchange_pdu, read_pdu, single_pdu, write_pdu
 from tests.ledger.layouts import (
@@ -20,15 +21,28 @@ from tests.ledger.layouts import (
 )
 from tests.ledger.screws import TRAVEL_MM
 
-Step = tuple[int, bytes] | float
-"""Unit id and PDU, or a pause in milliseconds."""
+Step = tuple[int, bytes] | float | Callable[[], None]
+"""Unit id and PDU, a pause in milliseconds, or something that somebody does at the machine."""
+FOREIGN: Final = (17, 99, 254)
+"""Unit ids that no drive was given."""
+UNSEEN_MS: Final = 510.0
 
 
 class Habits:
     """One controller's program for one axis."""
 
-    def __init__(self, clock: Clock, drive: Drive, rng: random.Random) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        drive: Drive,
+        rng: random.Random,
+        *,
+        jog: Callable[[], None],
+        strays: bool = False,
+    ) -> None:
+        """``jog``: somebody jogs the axis on its panel. ``strays``: other unit ids are used too."""
         self._clock, self._drive, self._rng = clock, drive, rng
+        self._jog, self._strays = jog, strays
         self._layout = drive.layout
         self._target = drive.target
         self._has_begun = False
@@ -39,6 +53,8 @@ class Habits:
         if rng.random() < 0.06:
             return [self._step(b"\x41" + rng.randbytes(rng.randint(1, 6)))]
         places = [layout.actual, layout.actual, layout.command, layout.status, layout.trigger]
+        if self._clock.now_ns < self._drive.hushed_ns:
+            return [self._step(read_pdu(layout.command, 2))]
         if layout.commanded is not None:
             places.append(layout.commanded)
         place = rng.choice(places)
@@ -57,6 +73,10 @@ class Habits:
         rng, style = self._rng, self._layout.style
         if not self._has_begun:
             return self._move()
+        if self._strays and rng.random() < 0.15:
+            return self._stray()
+        if rng.random() < 0.02:
+            return self._jog_on_the_panel()
         if style is Style.IMAGE:
             return self._cycle_image()
         chance = rng.random()
@@ -194,6 +214,42 @@ class Habits:
                 ]
             )
         ]
+
+    def _stray(self) -> list[Step]:
+        """Ask, or write, under a unit id that the drive was not given."""
+        rng, layout, unit = self._rng, self._layout, self._rng.choice(FOREIGN)
+        words = layout.split(self._position())
+        return [
+            (
+                unit,
+                rng.choice(
+                    [
+                        write_pdu(layout.command, words),
+                        write_pdu(layout.command - 1, [rng.randrange(0x10000), *words]),
+                        single_pdu(layout.command, words[0]),
+                        exchange_pdu(layout.actual, 2, layout.command, words),
+                        single_pdu(layout.trigger, RUN),
+                        single_pdu(layout.trigger, JOG),
+                        read_pdu(layout.actual, 2),
+                        read_pdu(layout.command, 2),
+                        read_pdu(layout.status, 1),
+                        single_pdu(0x0800 + rng.randrange(4), rng.randrange(0x10000)),
+                    ]
+                ),
+            )
+        ]
+
+    def _jog_on_the_panel(self) -> list[Step]:
+        """Let the axis come to rest, have it jogged beside the line, and stay away for a while."""
+        rest_ms = settle_ms(self._drive, self._clock.now_ns) + self._rng.uniform(50, 700)
+
+        def jog() -> None:
+            quiet_ms = UNSEEN_MS + self._rng.uniform(0, 300)
+            self._drive.hushed_ns = self._clock.now_ns + int((quiet_ms + 200) * MS)
+            self._jog()
+
+        look = self._step(read_pdu(self._layout.actual, 2))
+        return [rest_ms, look, 5.0, jog, UNSEEN_MS + self._rng.uniform(0, 400), *self._move()]
 
     def _maybe(self, what: Callable[[], list[Step]]) -> list[Step]:
         return what() if self._rng.random() < 0.3 else []

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from tests.ledger.clock import MS
 from tests.ledger.events import Book
 from tests.ledger.exchanges import Frame, Request
 from tests.ledger.layouts import (
@@ -13,7 +14,6 @@ from tests.ledger.layouts import (
     RUN,
     RUN_RELATIVE,
     STOP,
-    Basis,
     Style,
 )
 from tests.ledger.registers import Belief
@@ -21,6 +21,7 @@ from tests.ledger.screws import TRAVEL_MM
 from tests.ledger.witness import Intent, Witness
 
 NO_CONNECTION: Final = 0x0A
+DONE_DROP_NS: Final = 1_000 * MS
 
 
 class Judge:
@@ -283,8 +284,10 @@ class Judge:
         nominal, place = self.belief.nominal, self.witness.place
         assert nominal is not None
         if is_relative:
+            # So soon after it was sent off or stopped a done bit proves nothing, nor a moving axis' place.
+            is_fresh = self.witness.now_ns - self.witness.began_ns < DONE_DROP_NS
             is_moving = self.witness.drive.motor.arrives_ns > request.arrived_ns
-            if place is None or (is_moving and self.layout.basis is not Basis.TARGET):
+            if place is None or is_fresh or is_moving:
                 return
             nominal += place[0]
         if self._is_inside(nominal):

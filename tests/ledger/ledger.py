@@ -40,7 +40,9 @@ truly did and when. It takes nothing from the exchange. What it demands (numbers
 Not accepted as an excuse: that a drive refused, delayed, lost or garbled something earlier.
 """
 
-from tests.ledger.clock import Clock
+from gateway.relay.controller_port import HAS_GONE, STOOD_STILL, TOO_SLOW
+from gateway.relay.pulse import AFTERWARDS_NS, EVERY_NS
+from tests.ledger.clock import MS, Clock
 from tests.ledger.drives import Deed
 from tests.ledger.events import Book
 from tests.ledger.exchanges import Controller, Frame, Request, Sample, may_become
@@ -48,6 +50,7 @@ from tests.ledger.frames import native_success
 from tests.ledger.judging import Judge
 from tests.ledger.layouts import CONTROL_ENABLE, STOP, Style
 from tests.ledger.replies import check_reply
+from tests.ledger.stillness import Stillness
 from tests.ledger.witness import Witness
 
 NO_CONNECTION = b"\x0a"
@@ -62,7 +65,10 @@ class Ledger:
         self.clock, self.book = clock, book
         self.witnesses = witnesses
         self.judges = {unit: Judge(witness, book) for unit, witness in witnesses.items()}
+        self._alone = next(iter(witnesses.values())) if len(witnesses) == 1 else None
+        """The axis of a drive that answers to any unit id."""
         self.controllers: list[Controller] = []
+        self._arrived_ns = 0
         self.on_wire: Frame | None = None
         self._delivering: Frame | None = None
         self._expiring: Frame | None = None
@@ -72,12 +78,17 @@ class Ledger:
 
     # --- controllers ------------------------------------------------------------------------------------
 
-    def arrived(self, controller: Controller, transaction_id: int, unit: int, pdu: bytes) -> None:
-        """A controller's request has reached the gateway."""
-        request = Request(controller, transaction_id, unit, pdu, self.clock.now_ns)
+    def arrived(
+        self, controller: Controller, transaction_id: int, unit: int, pdu: bytes, written_ns: int
+    ) -> Request:
+        """A controller's request has reached the gateway whole."""
+        # No two come at one instant: in their order they are told apart, by age too.
+        self._arrived_ns = max(self.clock.now_ns, self._arrived_ns + 1)
+        request = Request(controller, transaction_id, unit, pdu, self._arrived_ns, written_ns=written_ns)
+        request.is_foreign = unit not in self.judges
         request.is_stop = controller.may_write and self._is_stop(request)
         self.book.seen["requests"] += 1
-        self.witnesses[unit].journal.note(f"{controller.name}: request", pdu, f"#{transaction_id}")
+        self.witness(unit).journal.note(f"{controller.name}: request", pdu, f"#{transaction_id}")
         if controller.is_serial:
             controller.unanswered.clear()
             for old in controller.pending:
@@ -85,12 +96,55 @@ class Ledger:
                     self._lost(old, "withdrawn: its controller went on")
             controller.pending = [old for old in controller.pending if old.is_stop]
         if request.is_stop:
-            self._stopped_ns = self.clock.now_ns
+            self._stopped_ns = request.arrived_ns
             self._take_the_place_of_given_up(request)
         controller.pending.append(request)
         controller.unanswered[transaction_id] = request
         if self.is_down:
-            self._give_up_serial(controller)
+            self._give_up_untold(controller)
+        return request
+
+    def is_to_be_sent(self, request: Request, stillness: Stillness) -> None:
+        """The gateway means to send a request: does its controller still wait for it?"""
+        now_ns, timeout_ns = self.clock.now_ns, request.controller.timeout_ns
+        waited_ns = now_ns - request.written_ns
+        has_slept = stillness.woke_ns == now_ns and stillness.slept_ns > timeout_ns + EVERY_NS
+        if request.controller.is_closed:
+            self._breach("W5-sender-has-gone", request, "its connection is closed")
+        elif has_slept and request.written_ns < now_ns:
+            self._breach("W5-waited-while-it-slept", request, f"for {waited_ns / MS:.1f} ms")
+        elif stillness.woke_ns < request.written_ns and waited_ns > timeout_ns:
+            self._breach("W5-came-in-pieces", request, f"for {waited_ns / MS:.1f} ms")
+
+    def is_to_be_given_up(self, request: Request, why: str, stillness: Stillness) -> None:
+        """The gateway means not to send a request: has its controller given it up?"""
+        now_ns, timeout_ns = self.clock.now_ns, request.controller.timeout_ns
+        has_slept = now_ns - stillness.woke_ns <= AFTERWARDS_NS and stillness.slept_ns > timeout_ns
+        is_right = {
+            HAS_GONE: request.controller.is_closed,
+            STOOD_STILL: has_slept,
+            TOO_SLOW: now_ns - request.written_ns > timeout_ns,
+        }
+        self.book.seen[f"given up: {why}"] += 1
+        if not is_right[why]:
+            self._breach("given-up-for-nothing", request, why)
+
+    def given_up(self, request: Request, why: str) -> None:
+        """The gateway has dealt with a request that its controller gave up: only a stop of it is sent."""
+        if request in request.controller.pending and (self.is_down or not request.is_stop):
+            request.controller.pending.remove(request)
+            self._lost(request, why)
+
+    def gone(self, controller: Controller) -> None:
+        """The gateway has seen that a connection is closed."""
+        controller.unanswered.clear()
+        for request in list(controller.pending):
+            if not request.is_stop:
+                controller.pending.remove(request)
+                self._lost(request, "its connection closed")
+
+    def _breach(self, kind: str, request: Request, detail: str) -> None:
+        self.book.violation(kind, f"{request.pdu.hex(' ')}: {detail}", self.witness(request.unit).journal)
 
     def _take_the_place_of_given_up(self, stop: Request) -> None:
         """A stop for which nobody waits any more needs not go out beside a new one."""
@@ -103,19 +157,27 @@ class Ledger:
             ]
 
     def _is_stop(self, request: Request) -> bool:
-        layout, write = self.witnesses[request.unit].layout, request.parsed.write
-        if write is None or not 0 <= layout.trigger - write[0] < len(write[1]):
+        layout, write = self.witness(request.unit).layout, request.parsed.write
+        if write is None or request.is_foreign or not 0 <= layout.trigger - write[0] < len(write[1]):
             return False
         word = write[1][layout.trigger - write[0]]
         return not word & CONTROL_ENABLE if layout.style is Style.IMAGE else word == STOP
+
+    def witness(self, unit: int) -> Witness:
+        """Return who knows the axis that a unit id reaches."""
+        found = self.witnesses.get(unit, self._alone)
+        assert found is not None
+        return found
 
     def _lost(self, request: Request, why: str) -> None:
         if request.is_lost:
             return
         request.is_lost = True
-        judge = self.judges[request.unit]
-        judge.witness.journal.note("  never sent", request.pdu, why)
+        self.witness(request.unit).journal.note("  never sent", request.pdu, why)
         self.book.seen["never sent"] += 1
+        if request.is_foreign:
+            return
+        judge = self.judges[request.unit]
         if request.controller.may_write and request.parsed.write:
             judge.lost_unsent(request)
 
@@ -124,14 +186,17 @@ class Ledger:
     def sent(self, unit: int, pdu: bytes) -> Frame:
         """The gateway sends a frame: find out whose it is, and whether it is what it has to be."""
         frame = Frame(unit, pdu)
-        judge = self.judges[unit]
         if self.on_wire is not None:
-            self.book.violation("W6-two-at-a-time", pdu.hex(" "), judge.witness.journal)
+            self.book.violation("W6-two-at-a-time", pdu.hex(" "), self.witness(unit).journal)
         self.on_wire = frame
         self.book.seen["frames"] += 1
         self._check_stops(frame)
         self._expire()
         found = [r for r in self._next_ones(unit) if self._may_become(r, frame)]
+        if unit not in self.judges:
+            self._sent_elsewhere(frame, found)
+            return frame
+        judge = self.judges[unit]
         if frame.parsed.write is None:
             frame.candidates = found
             frame.may_be_added = any(r.parsed.write for r in self._next_ones(unit))
@@ -147,6 +212,20 @@ class Ledger:
             judge.check_restaging(frame, self._next_ones(unit))
         return frame
 
+    def _sent_elsewhere(self, frame: Frame, found: list[Request]) -> None:
+        """A frame goes to a unit id that no drive was given: a controller's, and it moves nothing (W7)."""
+        self.book.seen["frames to unit ids without an axis"] += 1
+        witness, write = self.witness(frame.unit), frame.parsed.write
+        witness.journal.note(f"to unit id {frame.unit}", frame.pdu)
+        if not found:
+            self.book.violation("W8-invented-frame", frame.pdu.hex(" "), witness.journal)
+            return
+        self._resolve(found[0], frame)
+        layout = witness.layout
+        precious = {layout.command, layout.command + 1, layout.actual, layout.actual + 1, layout.trigger}
+        if write is not None and precious & set(range(write[0], write[0] + len(write[1]))):
+            self.book.violation("W7-past-the-correction", frame.pdu.hex(" "), witness.journal)
+
     def _expire(self) -> None:
         """What is older than its controller's patience is lost, whether or not it will be answered yet."""
         for controller in self.controllers:
@@ -159,10 +238,12 @@ class Ledger:
         stops = [r for c in self.controllers if c.may_write for r in c.pending if r.is_stop]
         if stops and not any((r.unit, r.pdu) == (frame.unit, frame.pdu) for r in stops):
             detail = f"{frame.pdu.hex(' ')} went before {stops[0].pdu.hex(' ')}"
-            self.book.violation("M3-stop-waits", detail, self.witnesses[stops[0].unit].journal)
+            self.book.violation("M3-stop-waits", detail, self.witness(stops[0].unit).journal)
 
     def _may_become(self, request: Request, frame: Frame) -> bool:
-        layout = self.witnesses[request.unit].layout
+        if request.is_foreign:
+            return request.pdu == frame.pdu
+        layout = self.witness(request.unit).layout
         return may_become(request.parsed, request.pdu, frame, layout)
 
     def _next_ones(self, unit: int) -> list[Request]:
@@ -198,19 +279,26 @@ class Ledger:
                 continue
             if not self._is_too_old(old):
                 detail = f"{old.pdu.hex(' ')} was passed over by {request.pdu.hex(' ')}"
-                self.book.violation("W1-out-of-order", detail, self.witnesses[old.unit].journal)
+                self.book.violation("W1-out-of-order", detail, self.witness(old.unit).journal)
             controller.pending.remove(old)
             controller.unanswered.pop(old.transaction_id, None)
             self._lost(old, "too old")
 
     def did(self, frame: Frame, deeds: list[Deed]) -> None:
         """A drive has taken a frame."""
-        witness = self.witnesses[frame.unit]
+        witness = self.witness(frame.unit)
         motor, now_ns = witness.drive.motor, self.clock.now_ns
         frame.has_moved = bool(deeds)
         for deed in deeds:
             witness.did(deed, frame.intent)
         frame.sample = Sample(motor.at(now_ns), not motor.is_moving(now_ns), witness.faded)
+
+    def jogged(self, unit: int) -> None:
+        """Somebody jogs an axis on its own panel, beside the line."""
+        witness = self.witness(unit)
+        self.book.seen["jogs on the panel"] += 1
+        witness.did(witness.drive.jog(self.clock.now_ns), None)
+        witness.moved(is_acknowledged=True, has_moved=True, is_interruption=True)
 
     # --- back from the drives ------------------------------------------------------------------------------
 
@@ -219,14 +307,15 @@ class Ledger:
         frame = self.on_wire
         assert frame is not None
         if answered is not frame:
-            self.book.violation("W6-reply-to-another", pdu.hex(" "), self.witnesses[frame.unit].journal)
+            self.book.violation("W6-reply-to-another", pdu.hex(" "), self.witness(frame.unit).journal)
         self.on_wire, self._delivering = None, frame
         frame.reply = pdu
-        self.witnesses[frame.unit].journal.note("from the drive", pdu)
+        self.witness(frame.unit).journal.note("from the drive", pdu)
         is_native = native_success(frame.pdu, pdu)
         if not is_native:
             self._troubled_ns = self.clock.now_ns
-        self.judges[frame.unit].answered(frame, is_native=is_native, is_exception=pdu[0] >= 0x80)
+        if frame.unit in self.judges:
+            self.judges[frame.unit].answered(frame, is_native=is_native, is_exception=pdu[0] >= 0x80)
 
     def delivered(self) -> None:
         """The gateway has dealt with a reply."""
@@ -242,8 +331,9 @@ class Ledger:
         self._expiring = frame
         self._troubled_ns = self.clock.now_ns
         self.book.seen["time-outs"] += 1
-        self.witnesses[frame.unit].journal.note("given up on", frame.pdu)
-        self.judges[frame.unit].answered(frame, is_native=False, is_exception=False)
+        self.witness(frame.unit).journal.note("given up on", frame.pdu)
+        if frame.unit in self.judges:
+            self.judges[frame.unit].answered(frame, is_native=False, is_exception=False)
 
     def dropping(self) -> None:
         """The connection to the drives is lost: nobody knows what happens to them meanwhile."""
@@ -252,13 +342,13 @@ class Ledger:
         self.book.seen["connections lost"] += 1
         self.is_down = True
         for controller in self.controllers:
-            self._give_up_serial(controller)
+            self._give_up_untold(controller)
         for judge in self.judges.values():
             judge.doubt_all()
 
-    def _give_up_serial(self, controller: Controller) -> None:
-        """Nothing of a serial controller waits for a connection that is lost; nobody tells it (W7)."""
-        if controller.is_serial:
+    def _give_up_untold(self, controller: Controller) -> None:
+        """Nothing waits for a connection that is lost; on serial lines (W7) and who has gone is not told."""
+        if controller.is_serial or controller.is_closed:
             for request in controller.pending:
                 self._lost(request, "no connection")
             controller.pending.clear()
@@ -275,14 +365,16 @@ class Ledger:
         request = controller.unanswered.pop(transaction_id, None)
         if request is None or request.unit != unit:
             detail = f"{controller.name} #{transaction_id} {pdu.hex(' ')}"
-            self.book.violation("W6-reply-to-nothing", detail, self.witnesses[unit].journal)
+            self.book.violation("W6-reply-to-nothing", detail, self.witness(unit).journal)
             return
-        judge = self.judges[unit]
-        judge.witness.journal.note(f"{controller.name}: reply", pdu, f"#{transaction_id}")
+        self.witness(unit).journal.note(f"{controller.name}: reply", pdu, f"#{transaction_id}")
         self.book.seen["replies"] += 1
         if self._is_of(self._delivering, request):
             assert self._delivering is not None
-            check_reply(judge, request, self._delivering, pdu, self.book)
+            if not request.is_foreign:
+                check_reply(self.judges[unit], request, self._delivering, pdu, self.book)
+            elif pdu != self._delivering.reply:
+                self._wrong(request, pdu, "nothing of it is changed under another unit id")
         elif pdu[1:] != NO_CONNECTION and self._is_of(self._expiring, request):
             if pdu != bytes((request.pdu[0] | 0x80, 0x0B)):
                 self._wrong(request, pdu, "a drive that does not answer is 0x0B")
@@ -309,14 +401,25 @@ class Ledger:
             self._pass_over(request)
         controller.pending.remove(request)
         self.book.seen[f"refused with {pdu[1]:#04x}"] += 1
-        if controller.may_write:
+        if request.is_foreign:
+            self._check_foreign_refusal(request, pdu[1])
+        elif controller.may_write:
             is_excused = self._troubled_ns >= request.arrived_ns or self._is_stopped(request)
             self.judges[request.unit].check_refusal(request, pdu[1], is_excused=is_excused)
         self._lost(request, f"refused with {pdu[1]:#04x}")
+
+    def _check_foreign_refusal(self, request: Request, code: int) -> None:
+        is_excused = self._troubled_ns >= request.arrived_ns or self._is_stopped(request)
+        if self.is_down:
+            return
+        if code == NO_CONNECTION[0] and request.parsed.write is not None:
+            self.book.seen["writes to unit ids without an axis refused"] += 1
+        elif not is_excused:
+            self._breach("refused-for-nothing", request, f"with {code}")
 
     def _is_stopped(self, request: Request) -> bool:
         return self._stopped_ns >= request.arrived_ns
 
     def _wrong(self, request: Request, pdu: bytes, why: str) -> None:
         detail = f"{request.pdu.hex(' ')} was answered {pdu.hex(' ')}: {why}"
-        self.book.violation("wrong-reply", detail, self.witnesses[request.unit].journal)
+        self.book.violation("wrong-reply", detail, self.witness(request.unit).journal)

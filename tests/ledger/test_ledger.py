@@ -8,6 +8,14 @@ import pytest
 from tests.ledger.world import play
 
 SEEDS = (1, 2, 3, 4)
+HAPPENS = (
+    "connections closed by controllers",
+    "connections closed by the gateway",
+    "half requests",
+    "jogs on the panel",
+    "standstills",
+    "writes to unit ids without an axis refused",
+)
 REQUESTS = 20_000
 
 
@@ -30,6 +38,7 @@ def test_no_write_is_lost_doubled_or_invented_and_every_axis_stands_where_it_sho
     assert seen["settled axes"] > 500
     assert seen["exact readbacks"] > 2_000
     assert seen["restaged"] > 100
+    assert all(seen[what] > 50 for what in HAPPENS)
 
 
 def test_the_same_seed_is_the_same_ledger() -> None:

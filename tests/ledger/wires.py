@@ -12,6 +12,7 @@ from tests.ledger.exchanges import Frame
 from tests.ledger.faults import EXCEPTION_CODES, IS_DONE, Fault, choose, stale_reply
 from tests.ledger.frames import mbap, open_mbap, open_rtu, rtu
 from tests.ledger.ledger import Ledger
+from tests.ledger.stillness import Stillness
 
 TIMEOUT_MS = 150.0
 DRAIN_MS = 80.0
@@ -25,9 +26,19 @@ class Wire(Unmeasured):
     is_serial = True
 
     def __init__(
-        self, clock: Clock, ledger: Ledger, drives: dict[int, Drive], rng: random.Random, fault_share: float
+        self,
+        clock: Clock,
+        ledger: Ledger,
+        drives: dict[int, Drive],
+        rng: random.Random,
+        fault_share: float,
+        *,
+        stillness: Stillness,
     ) -> None:
         self._clock, self._ledger, self._drives, self._rng = clock, ledger, drives, rng
+        self._alone = next(iter(drives.values())) if len(drives) == 1 else None
+        """Does not look at unit ids."""
+        self._stillness = stillness
         self._fault_share = fault_share
         self._taken_ns = 0
         self.line: LineExchange | None = None
@@ -57,7 +68,7 @@ class Wire(Unmeasured):
         """See ``DriveLink``."""
         frame = self._ledger.sent(unit_id, pdu)
         frame.connection = self._connection
-        drive = self._drives[unit_id]
+        drive = self._drive(unit_id)
         fault = choose(
             self._rng,
             self._fault_share,
@@ -67,7 +78,7 @@ class Wire(Unmeasured):
             fault = ON_TCP.get(fault, fault)
         if fault is not Fault.NONE:
             self._ledger.book.seen[f"fault: {fault.value}"] += 1
-            self._ledger.witnesses[unit_id].journal.note(f"fault: {fault.value}")
+            self._ledger.witness(unit_id).journal.note(f"fault: {fault.value}")
         data = self._framed(unit_id, pdu)
         if fault is Fault.REQUEST_LOST:
             return
@@ -79,13 +90,18 @@ class Wire(Unmeasured):
         self._taken_ns = max(self._taken_ns, taken_ns)
         self._clock.at(self._taken_ns, lambda: self._taken(data, frame, fault))
 
+    def _drive(self, unit_id: int) -> Drive:
+        drive = self._drives.get(unit_id, self._alone)
+        assert drive is not None
+        return drive
+
     def _taken(self, data: bytes, frame: Frame, fault: Fault) -> None:
         opened = self._opened(data)
         if opened is None:
             return
         key, unit_id, pdu = opened
         if fault in IS_DONE or fault is Fault.NONE:
-            reply, deeds = self._drives[unit_id].execute(pdu, self._clock.now_ns)
+            reply, deeds = self._drive(unit_id).execute(pdu, self._clock.now_ns)
             self._ledger.did(frame, deeds)
         else:
             reply = pdu[:5]
@@ -119,6 +135,9 @@ class Wire(Unmeasured):
             self._clock.at(at_ns, lambda: self._heard(data, frame))
 
     def _heard(self, data: bytes, frame: Frame) -> None:
+        self._stillness.reaches(self, lambda: self._read(data, frame))
+
+    def _read(self, data: bytes, frame: Frame) -> None:
         if frame.connection == self._connection and self._is_open:
             self._heard_for = frame
             self._received(data)
@@ -159,9 +178,16 @@ class RtuWire(Wire):
     is_serial = True
 
     def __init__(
-        self, clock: Clock, ledger: Ledger, drives: dict[int, Drive], rng: random.Random, fault_share: float
+        self,
+        clock: Clock,
+        ledger: Ledger,
+        drives: dict[int, Drive],
+        rng: random.Random,
+        fault_share: float,
+        *,
+        stillness: Stillness,
     ) -> None:
-        super().__init__(clock, ledger, drives, rng, fault_share)
+        super().__init__(clock, ledger, drives, rng, fault_share, stillness=stillness)
         self._decoder = RtuReplyDecoder()
 
     def _reset(self) -> None:
@@ -194,7 +220,7 @@ class RtuWire(Wire):
 
     def _pass_on(self, replies: list[tuple[int, bytes]]) -> None:
         if self._decoder.deadline_ns is not None:
-            self._clock.at(self._decoder.deadline_ns, self._silent)
+            self._clock.at(self._decoder.deadline_ns, lambda: self._stillness.reaches(self, self._silent))
         for unit_id, pdu in replies:
             self._deliver(unit_id, pdu)
 
@@ -210,9 +236,16 @@ class TcpWire(Wire):
     is_serial = False
 
     def __init__(
-        self, clock: Clock, ledger: Ledger, drives: dict[int, Drive], rng: random.Random, fault_share: float
+        self,
+        clock: Clock,
+        ledger: Ledger,
+        drives: dict[int, Drive],
+        rng: random.Random,
+        fault_share: float,
+        *,
+        stillness: Stillness,
     ) -> None:
-        super().__init__(clock, ledger, drives, rng, fault_share)
+        super().__init__(clock, ledger, drives, rng, fault_share, stillness=stillness)
         self._decoder = MbapDecoder()
         self._last_id = rng.randrange(0x10000)
         self._awaited: int | None = None

@@ -79,7 +79,9 @@ class Witness:
         """The same when the present motion began."""
         self._begun_at = 0
         self._was_moving = False
-        """The present motion began on the way."""
+        """The present motion began on the way, or elsewhere than where the gateway saw the axis last."""
+        self.began_ns = 0
+        """When the drive was made to move last."""
         self._left = 0.0
         """What of that was left when a move arrived and nobody looked: it comes back on the way back."""
         self._run_range: Range | None = None
@@ -140,7 +142,9 @@ class Witness:
         now_ns = self._clock.now_ns
         self.journal.note(f"drive: {deed.kind}", b"", f"{deed.was_at} -> {deed.end}, base {deed.base}")
         self.book.seen[f"drive {deed.kind}"] += 1
-        self.done_seen, self._was_moving = False, deed.was_moving
+        self.began_ns = now_ns
+        has_come_further = self._sample is not None and self._sample[1] != deed.was_at
+        self.done_seen, self._was_moving = False, deed.was_moving or has_come_further
         if deed.kind in ("stop", "jog"):
             self._interrupted(deed)
             return

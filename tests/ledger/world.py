@@ -2,24 +2,29 @@
 
 import random
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan, LineTiming, Role
 from tests.ledger.clock import Clock
-from tests.ledger.controllers import Master, Script, SerialMaster, TcpMaster
+from tests.ledger.connections import TcpMaster
+from tests.ledger.controllers import Master, Script, SerialMaster
 from tests.ledger.drives import Drive
 from tests.ledger.events import KEPT, Book
 from tests.ledger.habits import Habits, Step
 from tests.ledger.layouts import MAX_SPEED_MM_S, Basis, Layout, Style, axis_plan, block, image
 from tests.ledger.ledger import Ledger
 from tests.ledger.screws import TRAVEL_MM, random_screw
+from tests.ledger.stillness import Stillness
 from tests.ledger.wires import DRAIN_MS, TIMEOUT_MS, RtuWire, TcpWire, Wire
 from tests.ledger.witness import Witness
 
 PATIENCE_MS: Final = TIMEOUT_MS
 CONNECTED_MS: Final = 6_000.0
 """Between two losses of the connection, in the mean."""
+AWAKE_MS: Final = 3_000.0
+"""Between two standstills, in the mean."""
 LAST_REPLIES_NS: Final = 3_000_000_000
 
 
@@ -69,6 +74,12 @@ SETUPS: Final = (
         has_serial_controller=False,
         has_operator=True,
     ),
+    Setup(
+        "tcp alone",
+        (Layout("triggered-alone", 1, Style.TRIGGERED, Basis.TARGET),),
+        has_serial_drives=False,
+        has_serial_controller=False,
+    ),
 )
 
 
@@ -87,8 +98,11 @@ class World:
             for layout in setup.layouts
         }
         self.ledger = Ledger(self.clock, book, witnesses)
+        self.stillness = Stillness(self.clock, self._rng, book)
         kind = RtuWire if setup.has_serial_drives else TcpWire
-        self.wire: Wire = kind(self.clock, self.ledger, self.drives, self._rng, fault_share)
+        self.wire: Wire = kind(
+            self.clock, self.ledger, self.drives, self._rng, fault_share, stillness=self.stillness
+        )
         plans = [axis_plan(layout, screws[layout.unit]) for layout in setup.layouts]
         timing = LineTiming(response_timeout_ms=TIMEOUT_MS, drain_ms=DRAIN_MS)
         self.line = LineExchange(plans, timing, self.wire, lambda event: None)
@@ -100,6 +114,8 @@ class World:
     def run(self, requests: int) -> None:
         """Play until so many requests were sent, and let the last ones be answered."""
         self._open()
+        if not self.setup.has_serial_controller:
+            self.clock.after(self._rng.expovariate(1 / AWAKE_MS), self._stand_still)
         for number, master in enumerate(self.masters):
             self.clock.after(1.0 + number, master.go_on)
         last = self.book.seen["requests"] + requests
@@ -117,8 +133,17 @@ class World:
         self.wire.open()
         self.clock.after(self._rng.expovariate(1 / CONNECTED_MS), self._drop)
 
-    def _drop(self) -> None:
+    def _stand_still(self) -> None:
+        """Now and then the process stands still: shorter than a controller waits, or longer."""
         if not self._is_ending:
+            ms = self._rng.uniform(0.1, 4.0) * PATIENCE_MS
+            self.stillness.stand_still(ms)
+            self.clock.after(ms + self._rng.expovariate(1 / AWAKE_MS), self._stand_still)
+
+    def _drop(self) -> None:
+        if self.stillness.is_still:
+            self.clock.after(10.0, self._drop)
+        elif not self._is_ending:
             self.wire.drop()
             self.clock.after(self._rng.uniform(1, 400), self._open)
 
@@ -127,7 +152,7 @@ class World:
         deadline_ns = self.line.deadline_ns
         if deadline_ns is not None and deadline_ns != self._ticked_ns:
             self._ticked_ns = deadline_ns
-            self.clock.at(deadline_ns, self._tick)
+            self.clock.at(deadline_ns, lambda: self.stillness.after_reading(self._tick))
         return went_on
 
     def _tick(self) -> None:
@@ -138,15 +163,20 @@ class World:
         for controller in self.ledger.controllers:
             for request in controller.unanswered.values():
                 if not controller.is_serial and request not in controller.pending:
-                    journal = self.ledger.witnesses[request.unit].journal
+                    journal = self.ledger.witness(request.unit).journal
                     self.book.violation("never-answered", request.pdu.hex(" "), journal)
 
     def _drive(self, layout: Layout) -> Drive:
         position = layout.counts(self._rng.uniform(5, TRAVEL_MM - 5))
-        return Drive(layout, position, self._rng.uniform(30, MAX_SPEED_MM_S))
+        speed_mm_s, lag_ms = self._rng.uniform(30, MAX_SPEED_MM_S), self._rng.choice([0.0, 20.0, 300.0])
+        return Drive(layout, position, speed_mm_s, lag_ms)
 
     def _masters(self) -> list[Master]:
-        habits = [Habits(self.clock, drive, self._rng) for drive in self.drives.values()]
+        strays = len(self.drives) == 1
+        habits = [
+            Habits(self.clock, drive, self._rng, jog=partial(self.ledger.jogged, unit), strays=strays)
+            for unit, drive in self.drives.items()
+        ]
 
         def work() -> list[Step]:
             return self._rng.choice(habits).act()
@@ -168,10 +198,11 @@ class World:
 
     def _master(self, name: str, role: Role, script: Script, *, is_serial: bool = False) -> Master:
         plan = ControllerPlan(name, role=role, timeout_ms=PATIENCE_MS, serial=is_serial)
-        kind = SerialMaster if is_serial else TcpMaster
-        return kind(
-            self.clock, self.line, self.ledger, plan, script, rng=self._rng, is_rest=role is not Role.MOTION
-        )
+        parts = (self.clock, self.line, self.ledger, plan, script)
+        is_rest = role is not Role.MOTION
+        if is_serial:
+            return SerialMaster(*parts, rng=self._rng, is_rest=is_rest)
+        return TcpMaster(*parts, rng=self._rng, is_rest=is_rest, stillness=self.stillness)
 
 
 def play(

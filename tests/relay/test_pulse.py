@@ -4,9 +4,20 @@ import asyncio
 import time
 
 from gateway.clock import boot_ns
-from gateway.relay.pulse import Pulse
+from gateway.relay.pulse import Beats, Pulse
 
 MS = 1_000_000
+
+
+def test_what_waited_longer_than_an_impatient_controller_waits_is_old_however_short_the_standstill() -> None:
+    """Beats are due every 100 ms. 200 ms late is not worth an event; 150 ms are over all the same."""
+    beats = Beats()
+    assert beats.beat(1000 * MS) == 0
+    assert beats.stood_still(1300 * MS, 150 * MS)
+    assert beats.beat(1300 * MS) == 0
+    assert beats.stood_still(1300 * MS, 150 * MS)
+    assert not beats.stood_still(1300 * MS, 250 * MS)
+    assert not beats.stood_still(1325 * MS, 150 * MS)
 
 
 async def test_what_is_read_before_and_after_the_late_beat_had_waited() -> None:

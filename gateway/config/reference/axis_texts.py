@@ -131,7 +131,8 @@ AXIS: Final[Texts] = {
             "`targets`: where neither the axis was read nor a command sent to it for longer than "
             "this, its actual position is read once before the next target, repeat or distance: "
             "somebody may have jogged it at the drive's own panel. That read does not count towards "
-            "`deadline_ms`. Where nothing may be read the direction is flagged"
+            "`deadline_ms`. A status bit keeps an axis in sight only where it is read again within "
+            "this. Where nothing may be read the direction is flagged"
         ),
     ),
     "lost_ms": Said(

@@ -55,7 +55,8 @@ REGISTERS: Final[Texts] = {
     "done_drop_ms": Said(
         meaning=(
             "so long after a target was acknowledged `bits.done` may still be that of the move "
-            "before. Sooner it counts as arrival only after it was seen to fall"
+            "before. Sooner it counts as arrival, or as rest before a distance, only after it was "
+            "seen to fall"
         ),
     ),
     "refused_read": Said(

@@ -1,0 +1,200 @@
+"""Controllers over Modbus/TCP, through the port of the gateway: they pipeline, drip and hang up."""
+
+from collections import deque
+from typing import Final
+
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import ControllerPlan
+from gateway.exchange.ports import ControllerPort
+from gateway.modbus.mbap import MbapCounters, encode_mbap
+from gateway.relay.controller_port import MbapControllerPort
+from gateway.relay.pulse import Beats
+from tests.ledger.controllers import Master
+from tests.ledger.exchanges import Controller
+from tests.ledger.frames import mbap, open_mbap
+from tests.ledger.ledger import Ledger
+from tests.ledger.stillness import Stillness
+
+NOTICED_MS: Final = 5.0
+"""After so long a controller has seen that its connection is closed, and connects again."""
+
+
+class Doorway:
+    """The way from one connection's port to the exchange, past the ledger."""
+
+    def __init__(self, line: LineExchange, ledger: Ledger, book: Controller, stillness: Stillness) -> None:
+        self._line, self._ledger, self._book, self._stillness = line, ledger, book, stillness
+        self.written_ns: deque[int] = deque()
+        """When each request's first byte was sent."""
+
+    @property
+    def pulse(self) -> Beats:
+        """See ``Requests``."""
+        return self._stillness.beats
+
+    def request(
+        self,
+        port: ControllerPort,
+        transaction_id: int,
+        unit_id: int,
+        pdu: bytes,
+        now_ns: int,
+        *,
+        why_given_up: str = "",
+    ) -> None:
+        """See ``Requests``."""
+        written_ns = self.written_ns.popleft()
+        request = self._ledger.arrived(self._book, transaction_id, unit_id, pdu, written_ns)
+        if why_given_up:
+            self._ledger.is_to_be_given_up(request, why_given_up, self._stillness)
+        else:
+            self._ledger.is_to_be_sent(request, self._stillness)
+        self._line.request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
+        if why_given_up:
+            self._ledger.given_up(request, why_given_up)
+
+    def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
+        """See ``Requests``."""
+        self._line.controller_gone(port, now_ns)
+        self._ledger.gone(self._book)
+
+
+class Connection:
+    """A TCP connection of a controller, as the gateway's port has it (``Channel``)."""
+
+    wire_ns_per_byte = 0
+    peer = "192.168.0.7:40000"
+
+    def __init__(self, master: "TcpMaster", plan: ControllerPlan, doorway: Doorway, now_ns: int) -> None:
+        self._master = master
+        self.doorway = doorway
+        self.is_closed = False
+        """By either end."""
+        self.port = MbapControllerPort(plan, doorway, MbapCounters(), lambda peer: None)
+        self.port.opened(self, now_ns)
+
+    def write(self, data: bytes) -> None:
+        """See ``Channel``."""
+        if not self.is_closed:
+            self._master.heard(data)
+
+    def has_gone(self) -> bool:
+        """See ``Channel``."""
+        return self.is_closed
+
+    def close(self) -> None:
+        """See ``Channel``."""
+        self._master.was_closed(self)
+
+
+class TcpMaster(Master):
+    """Modbus/TCP: several requests at once, answered by their numbers."""
+
+    def __init__(self, *args: object, stillness: Stillness, **others: object) -> None:
+        super().__init__(*args, **others)  # type: ignore[arg-type]
+        self._stillness = stillness
+        self._last_id = 0
+        self._open: dict[int, tuple[int, bytes]] = {}
+        self._burst = 0
+        self._connection = self._connected()
+
+    def _connected(self) -> Connection:
+        """Connect: requests of one connection are never those of another."""
+        self.book = self._new_book()
+        doorway = Doorway(self._line, self._ledger, self.book, self._stillness)
+        return Connection(self, self.plan, doorway, self._clock.now_ns)
+
+    def go_on(self) -> None:
+        """Send the next requests, as many as are pipelined this time."""
+        if self._connection.is_closed:
+            self._connection = self._connected()
+        self._burst += 1
+        many = 1 if self._is_rest else self._rng.choice([1, 1, 2, 3, 5, 8])
+        frames: list[bytes] = []
+        for _ in range(many):
+            if frames and not self._is_request_next():
+                break  # a pause waits for the replies
+            step = self._next_step()
+            if step is None:
+                break
+            self._last_id = self._last_id % 0xFFFF + 1
+            self._open[self._last_id] = step
+            frames.append(encode_mbap(self._last_id, *step))
+        if frames:
+            self._write(frames)
+
+    def _write(self, frames: list[bytes]) -> None:
+        """Write frames as one; or the last of them in two parts, at once, late or too late."""
+        burst, chance, rest_ms = self._burst, self._rng.random(), 0.0
+        data = b"".join(frames)
+        cut = len(data) - self._rng.randrange(1, len(frames[-1])) if chance < 0.12 else len(data)
+        if chance < 0.02:
+            rest_ms = self._rng.uniform(0.1, 2.5) * self.plan.timeout_ms
+            self._ledger.book.seen["half requests"] += 1
+        now_ns = self._clock.now_ns
+        self._connection.doorway.written_ns.extend([now_ns] * len(frames))
+        self._send(data[:cut])
+        if cut < len(data):
+            connection = self._connection
+            self._clock.after(rest_ms, lambda: self._send(data[cut:], connection))
+        self._clock.after(rest_ms + self.plan.timeout_ms + 1, lambda: self._lost_patience(burst))
+
+    def _send(self, data: bytes, connection: Connection | None = None) -> None:
+        connection = connection or self._connection
+        if connection.is_closed:
+            return
+        port = connection.port
+        self._stillness.reaches(port, lambda: port.received(data, self._clock.now_ns))
+
+    def _lost_patience(self, burst: int) -> None:
+        if burst != self._burst or not self._open:
+            return
+        step = next(iter(self._open.values()))
+        self._open.clear()
+        if self._rng.random() < 0.3:
+            self._close()
+        self._after_trouble(step)
+        self.go_on()
+
+    def _close(self) -> None:
+        """Close the connection, as many clients do after a time-out."""
+        connection = self._connection
+        self._ledger.book.seen["connections closed by controllers"] += 1
+        connection.is_closed = self.book.is_closed = True
+        port = connection.port
+        self._stillness.reaches(port, lambda: port.closed("closed", self._clock.now_ns))
+
+    def was_closed(self, connection: Connection) -> None:
+        """The gateway has closed a connection."""
+        if connection.is_closed:
+            return
+        self._ledger.book.seen["connections closed by the gateway"] += 1
+        connection.is_closed = self.book.is_closed = True
+        port, burst = connection.port, self._burst
+        port.closed("closed here", self._clock.now_ns)
+        self._clock.after(NOTICED_MS, lambda: self._saw_it_closed(burst))
+
+    def _saw_it_closed(self, burst: int) -> None:
+        if burst != self._burst:
+            return
+        step = next(iter(self._open.values()), None)
+        self._open.clear()
+        if step is not None:
+            self._after_trouble(step)
+            self.go_on()
+
+    def heard(self, frame: bytes) -> None:
+        """Take a reply."""
+        opened = open_mbap(frame)
+        assert opened is not None
+        transaction_id, unit_id, pdu = opened
+        assert frame == mbap(transaction_id, unit_id, pdu)
+        self._ledger.replied(self.book, transaction_id, unit_id, pdu)
+        step = self._open.pop(transaction_id, None)
+        if step is None:
+            return
+        if pdu[0] >= 0x80:
+            self._after_trouble(step)
+        if not self._open:
+            self._burst += 1
+            self._clock.after(self._pause_ms(), self.go_on)
