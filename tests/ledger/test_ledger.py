@@ -9,6 +9,8 @@ from tests.ledger.world import play
 
 SEEDS = (1, 2, 3, 4)
 HAPPENS = (
+    "held setpoints",
+    "setpoints after a whole way",
     "connections closed by controllers",
     "connections closed by the gateway",
     "half requests",

@@ -13,6 +13,7 @@ from tests.ledger.controllers import Master, Script, SerialMaster
 from tests.ledger.drives import Drive
 from tests.ledger.events import KEPT, Book
 from tests.ledger.habits import Habits, Step
+from tests.ledger.held import HeldStream
 from tests.ledger.layouts import MAX_SPEED_MM_S, Basis, Layout, Style, axis_plan, block, image
 from tests.ledger.ledger import Ledger
 from tests.ledger.screws import TRAVEL_MM, random_screw
@@ -21,6 +22,8 @@ from tests.ledger.wires import DRAIN_MS, TIMEOUT_MS, RtuWire, TcpWire, Wire
 from tests.ledger.witness import Witness
 
 PATIENCE_MS: Final = TIMEOUT_MS
+HELD: Final = "held"
+"""The line of :mod:`tests.ledger.held`."""
 CONNECTED_MS: Final = 6_000.0
 """Between two losses of the connection, in the mean."""
 AWAKE_MS: Final = 3_000.0
@@ -217,6 +220,10 @@ def play(
     """Play one seed on every line, or on those whose name begins so, and return its book."""
     book = Book(seed, stops_at_first=stops_at_first, kept=kept)
     setups = [setup for setup in SETUPS if setup.name.startswith(only)]
+    is_held = HELD.startswith(only)
+    each = requests // (len(setups) + is_held)
     for setup in setups:
-        World(setup, seed, book, fault_share).run(requests // len(setups))
+        World(setup, seed, book, fault_share).run(each)
+    if is_held:
+        HeldStream(seed, book).run(each)
     return book
