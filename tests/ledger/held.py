@@ -24,7 +24,7 @@ from gateway.compensation.units import Units
 from gateway.exchange.control import TableChange, set_gain, set_tables, switch
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, stream_plan, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, read, stream_plan, write
 from tests.exchange.record_bench import RecordBench, Records
 from tests.ledger.clock import Clock
 from tests.ledger.events import Book, Journal
@@ -246,7 +246,7 @@ class HeldStream:
         return gain * self.screws[self.number].correction_mm(counts / 1000, is_forward=is_forward)
 
     def _steepest(self) -> float:
-        """Return by how much a step may be off, as a share of it: slope, change-over and reversal, each sin²."""
+        """Return by how much a step may be off, as a share of it: slope, and change-over and reversal in sin²."""
         return 0.005 + pi / 2 * 0.7 / RELOAD_MM + pi / 2 * 0.07 / REVERSAL_MM
 
     def _violation(self, kind: str, detail: str) -> None:
