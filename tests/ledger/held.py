@@ -246,7 +246,7 @@ class HeldStream:
         return gain * self.screws[self.number].correction_mm(counts / 1000, is_forward=is_forward)
 
     def _steepest(self) -> float:
-        """Return by how much a step may be off, as a share of it: slope, and change-over and reversal in sin²."""
+        """Return by how much a step may be off, as a share of it: slope, change-over, reversal."""
         return 0.005 + pi / 2 * 0.7 / RELOAD_MM + pi / 2 * 0.07 / REVERSAL_MM
 
     def _violation(self, kind: str, detail: str) -> None:
