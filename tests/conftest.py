@@ -21,22 +21,39 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(needs)
 
 
-def _take_out_of_collections() -> None:
-    """Spare the garbage collections of a test the thousands of tests that were collected.
+class _Thawing:
+    """Spares the garbage collections of a test the thousands of tests that were collected."""
 
-    Only what lately came is looked through first, which is where a test leaves its rings.
-    """
-    gc.collect(1)
-    gc.freeze()
+    def __init__(self) -> None:
+        self.unfreeze = gc.unfreeze
+        self.has_thawed = True
+        gc.unfreeze = self.thawed
+
+    def thawed(self) -> None:
+        """A relay in this process puts all of it back at its end."""
+        self.has_thawed = True
+        self.unfreeze()
+
+    def freeze(self) -> None:
+        """Take it out again where it was put back; to ask gc for it would walk through all of it.
+
+        Only what lately came is looked through first, which is where a test leaves its rings.
+        """
+        if self.has_thawed:
+            gc.collect(1)
+            gc.freeze()
+            self.has_thawed = False
+
+
+_thawing = _Thawing()
 
 
 def pytest_collection_finish() -> None:
-    _take_out_of_collections()
+    _thawing.freeze()
 
 
 def pytest_runtest_logfinish() -> None:
-    if gc.get_freeze_count() == 0:  # a relay in this process puts all of it back at its end
-        _take_out_of_collections()
+    _thawing.freeze()
 
 
 def pytest_sessionfinish() -> None:
