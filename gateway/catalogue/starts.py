@@ -67,6 +67,11 @@ STARTS: Final = (
     StartEntry("… has … bytes, and the path of a socket", "a deep state folder", "choose a shorter path"),
     StartEntry("… is a link to …", "the state folder is a link that leads nowhere", _ANOTHER_FOLDER),
     StartEntry("… is …, and no folder", "a file is in place of the state folder", _ANOTHER_FOLDER),
+    StartEntry(
+        "… is another folder than the one that the gateway uses",
+        "somebody put another state folder in the place of the one in use (told while it runs)",
+        "put the first one back, or start the gateway anew",
+    ),
     StartEntry("every user may write to …", "the mode of the state folder", "take the right away: chmod o-w"),
     StartEntry(
         "… belongs to user …",

@@ -70,6 +70,16 @@ WATCHING_BY_LOOKS: Final = EventEntry(
     "a network file system, or too many inotify watches",
     "raise `fs.inotify.max_user_watches` on a local disk; on a network nothing has to be done",
 )
+STATE_FOLDER_UNUSABLE: Final = EventEntry(
+    "state-folder-unusable",
+    Severity.ERROR,
+    "nothing can be kept in the state folder: the relay goes on, but a start would not find what it needs",
+    "the folder was taken away, its disk is full or read-only, or somebody changed its permissions",
+    "do what it says before the gateway is stopped or the machine switched off",
+)
+STATE_FOLDER_USABLE: Final = EventEntry(
+    "state-folder-usable", Severity.INFO, "the state folder can be used again", "what was wrong is mended"
+)
 ENABLED: Final = EventEntry(
     "enabled", Severity.INFO, "the compensation of these axes was switched on", "a command"
 )

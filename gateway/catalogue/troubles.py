@@ -140,6 +140,13 @@ TABLES_FOLDER: Final = TroubleEntry(
     "a network file system that hangs, a state folder that is full, a relay that did not take a table",
     "do what it says: it is tried again every few seconds, and what was in force stays",
 )
+STATE_FOLDER: Final = TroubleEntry(
+    "state_folder",
+    Severity.WARNING,
+    "nothing can be kept in the state folder: the relay goes on, but a start would not find what it needs",
+    "the folder was taken away, its disk is full or read-only, or somebody changed its permissions",
+    "do what it says before the gateway is stopped or the machine switched off",
+)
 HTTP: Final = TroubleEntry(
     "http",
     Severity.WARNING,
@@ -161,5 +168,5 @@ TROUBLES: Final[Mapping[str, TroubleEntry]] = {
 """Every kind of trouble, in the order of this file."""
 OF_COMPENSATION: Final = (BLOCKED, UNREFERENCED, OFF, SHADOW, OUTSIDE)
 """Those that are called as a state of the compensation, and say nothing but what that means."""
-OF_SUPERVISOR: Final = (CONFIGURATION, TABLES_FOLDER, HTTP, MQTT)
+OF_SUPERVISOR: Final = (CONFIGURATION, TABLES_FOLDER, STATE_FOLDER, HTTP, MQTT)
 """Those that are called as the key of ``supervisor`` in the status that has their ``problem``."""

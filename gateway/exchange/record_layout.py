@@ -12,7 +12,7 @@ never holds with the tail of another one.
 """
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 from zlib import crc32
 
@@ -139,7 +139,7 @@ class RecordSlots:
     """Writes the newest record over the older slot of a buffer, and finds the newest good one.
 
     The buffer has :data:`RECORD_SIZE` bytes; ``scale_digest`` belongs to the axis as it is configured now,
-    ``boot_id`` to the machine.
+    ``boot_id`` to the machine. ``may_store`` is asked before each store: a mapped file may have been cut.
     """
 
     __slots__ = (
@@ -149,14 +149,22 @@ class RecordSlots:
         "_generation",
         "_has_tail",
         "_is_boot_known",
+        "_may_store",
         "_specs",
         "_specs_bytes",
         "_tilts",
         "_views",
     )
 
-    def __init__(self, buffer: memoryview, scale_digest: bytes, boot_id: bytes = bytes(16)) -> None:
+    def __init__(
+        self,
+        buffer: memoryview,
+        scale_digest: bytes,
+        boot_id: bytes = bytes(16),
+        may_store: Callable[[], bool] | None = None,
+    ) -> None:
         self._buffer = buffer
+        self._may_store = may_store
         self._boot_id = boot_id
         self._is_boot_known = False
         self._digest = scale_digest
@@ -207,6 +215,10 @@ class RecordSlots:
             newest, _TILTS.unpack_from(tail)[1:], is_of_this_boot=self._is_of_this_boot(newest)
         )
 
+    def begin_anew(self) -> None:
+        """The buffer was emptied by somebody else: what stands in it once is to be written again."""
+        self._is_boot_known = False
+
     def _is_of_this_boot(self, body: bytes) -> bool:
         stamp = bytes(self._buffer[HEADER.size : HEADER.size + BOOT.size])
         boot_id, first = BOOT.unpack(stamp)
@@ -221,6 +233,8 @@ class RecordSlots:
     def _store(
         self, is_known: bool, base: tuple[object, ...], move: tuple[object, ...] | None, specs: bytes
     ) -> None:
+        if self._may_store is not None and not self._may_store():
+            return
         if not self._is_boot_known:
             self._store_boot()
         generation = self._generation = self._generation + 1

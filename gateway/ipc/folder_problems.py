@@ -10,6 +10,8 @@ from typing import Final
 from gateway.files import kind_of
 
 ANOTHER: Final = "choose another folder with [gateway] state"
+LEAST_FREE_BYTES: Final = 64 * 1024
+"""With less on its disk a folder is full: a compiled plan has some ten kilobytes."""
 _REMEDIES: Final = {
     errno.ENOSPC: "free space on its disk",
     errno.EDQUOT: "free space: this user may have no more on its disk",
@@ -69,6 +71,39 @@ def why_no_folder(folder: Path) -> FolderProblem | None:
             return None
         kind = "a file" if stat.S_ISREG(mode) else kind_of(mode)
         return FolderProblem(f"{path} is {kind}, and no folder", _with_another("move it away"))
+    return None
+
+
+def identity_of(folder: Path) -> tuple[int, int] | None:
+    """Return what tells a folder from another one of its name; None where there is none."""
+    try:
+        status = folder.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def why_not_usable(folder: Path, known: tuple[int, int] | None = None) -> FolderProblem | None:
+    """Return why nothing can be kept any more in a folder that is in use, None where it can. Writes nothing.
+
+    ``known``: its identity when it was taken into use.
+    """
+    try:
+        status = folder.stat()
+        disk = os.statvfs(folder)
+    except OSError as error:
+        return problem_of(error, folder)
+    if not stat.S_ISDIR(status.st_mode):
+        return why_no_folder(folder)
+    if known is not None and known != (status.st_dev, status.st_ino):
+        found = f"{folder} is another folder than the one that the gateway uses"
+        return FolderProblem(found, "put that one back, or start the gateway anew")
+    if disk.f_flag & os.ST_RDONLY:
+        return problem_of(OSError(errno.EROFS, os.strerror(errno.EROFS)), folder)
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return problem_of(OSError(errno.EACCES, os.strerror(errno.EACCES)), folder)
+    if disk.f_bavail * disk.f_frsize < LEAST_FREE_BYTES or (disk.f_files and not disk.f_favail):
+        return problem_of(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), folder)
     return None
 
 

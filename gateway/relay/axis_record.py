@@ -1,8 +1,10 @@
-"""The record of an axis in a file of its own, mapped into memory: writing it is no system call.
+"""The record of an axis in a file of its own, mapped into memory: writing it waits for no disk.
 
 What the kernel holds survives the death of the process at any instruction; a machine that loses its power may
 lose the last half minute, and the record then does not fit where the drive stands. A file that cannot be used
-is no reason not to start: the relay says so, and the axis begins without a record.
+is no reason not to start: the relay says so, and the axis begins without a record. One that somebody cuts
+while it is in use, as when a backup is put back over it, would end the process with the next store (SIGBUS):
+so each store asks how long it is.
 """
 
 import mmap
@@ -50,8 +52,12 @@ class AxisRecord:
     def __init__(self, axis: AxisExchange, path: Path) -> None:
         self.path = path
         self._axis = axis
+        self._tell: Tell = _tell_nobody
+        self._fd = -1
         self._map: mmap.mmap | None = None
         self._slots: RecordSlots | None = None
+        self._is_lost = False
+        """It was cut, and cannot be made whole again."""
 
     def open(self, tell: Tell, find_table: FindTable | None = None, *, is_used: bool = True) -> None:
         """Map the file, made where it is missing, and let the axis keep its record in it.
@@ -66,16 +72,16 @@ class AxisRecord:
         if why_none and not self.path.exists():
             return
         try:
-            mapped, wrong = _mapped(self.path, axis.plan.name)
+            self._fd, mapped, wrong = _mapped(self.path, axis.plan.name)
         except OSError as error:
             why = error.strerror or str(error)
             tell(f"{self.path}: {why}; no record is kept, and a restart begins without one")
             return
         if wrong:
             tell(f"{self.path}: {wrong}; it is made anew, and the axis starts without its record")
-        self._map = mapped
+        self._map, self._tell = mapped, tell
         digest = digest_of_axis(axis.plan)
-        slots = self._slots = RecordSlots(memoryview(mapped), digest, boot_id())
+        slots = self._slots = RecordSlots(memoryview(mapped), digest, boot_id(), self._may_store)
         recalled, reason = slots.read(), ""
         if recalled is None and slots.is_damaged and not wrong:
             reason = "both of its copies are damaged"
@@ -100,11 +106,38 @@ class AxisRecord:
             with suppress(OSError):
                 self._map.flush()
             self._map.close()
+            os.close(self._fd)
         self._slots = self._map = None
 
+    def _may_store(self) -> bool:
+        """Whether the file is as long as what is stored into its mapping; made so again where it was cut."""
+        if os.lseek(self._fd, 0, os.SEEK_END) >= RECORD_SIZE:
+            return True
+        return not self._is_lost and self._make_whole()
 
-def _mapped(path: Path, name: str) -> tuple[mmap.mmap, str]:
-    """Map a record; return what was wrong with it before, "" for nothing.
+    def _make_whole(self) -> bool:
+        assert self._map is not None
+        assert self._slots is not None
+        try:
+            os.posix_fallocate(self._fd, 0, RECORD_SIZE)
+        except OSError as error:
+            self._is_lost = True
+            why = error.strerror or str(error)
+            self._tell(f"{self.path} was cut, and {why}: no record is kept, and a restart begins without one")
+            return False
+        name = header(self._axis.plan.name)
+        self._map[: len(name)] = name
+        self._slots.begin_anew()
+        self._tell(f"{self.path} was cut while it was in use; it is made anew, and holds from now on")
+        return True
+
+
+def _tell_nobody(why: str) -> None:
+    """Nothing is open yet."""
+
+
+def _mapped(path: Path, name: str) -> tuple[int, mmap.mmap, str]:
+    """Map a record; return its file, its mapping, and what was wrong with it before, "" for nothing.
 
     Every block of the file is there before it is mapped: a full disk is an error here, and never one later,
     in the middle of a store.
@@ -121,7 +154,8 @@ def _mapped(path: Path, name: str) -> tuple[mmap.mmap, str]:
             os.ftruncate(fd, 0)
         os.posix_fallocate(fd, 0, RECORD_SIZE)
         mapped = mmap.mmap(fd, RECORD_SIZE)
-    finally:
+    except BaseException:
         os.close(fd)
+        raise
     mapped[: len(header(name))] = header(name)
-    return mapped, wrong
+    return fd, mapped, wrong

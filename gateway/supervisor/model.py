@@ -28,8 +28,8 @@ def whole_model(
         is_relay_up: whether the relay is connected.
         snapshot_age_s: how old the snapshot is.
         tables: what is known of the table files, by axis.
-        supervisor: what the supervisor says of itself: ``configuration``, ``tables_folder``, ``http`` and
-            ``mqtt``, each with a ``problem`` that is None where all is well.
+        supervisor: what the supervisor says of itself: ``configuration``, ``tables_folder``,
+            ``state_folder``, ``http`` and ``mqtt``, each with a ``problem`` that is None where all is well.
     """
     relay_gateway = {} if snapshot is None else snapshot["gateway"]
     axes = {} if snapshot is None else snapshot["axes"]

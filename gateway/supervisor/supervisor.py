@@ -15,6 +15,8 @@ from gateway.catalogue.table_events import (
     CONFIGURATION_CHANGED,
     NOTHING_TO_RELOAD,
     RELOAD_REFUSED,
+    STATE_FOLDER_UNUSABLE,
+    STATE_FOLDER_USABLE,
     TABLE_HANDED_OVER,
     TABLE_MENDED,
     TABLE_REJECTED,
@@ -24,6 +26,7 @@ from gateway.catalogue.table_events import (
 from gateway.compensation.settings import AxisSettings
 from gateway.config.load import Loaded
 from gateway.ipc.client import ask
+from gateway.ipc.folder_problems import FolderProblem, identity_of, why_not_usable
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, note_of
 from gateway.ipc.place import socket_path
@@ -47,6 +50,9 @@ TICK_S: Final = 1.0
 RETRY_S: Final = 5.0
 """After this is tried again what could not be done, as with a full disk; no file has to change for it."""
 
+STATE_EVERY_S: Final = 5.0
+"""So often is looked whether anything can be kept in the state folder."""
+
 
 class Supervisor:
     """Follows the relay of a state folder and the tables of a configuration.
@@ -60,6 +66,7 @@ class Supervisor:
         self.feeds = Feeds()
         """The status model and the events, for whoever shows them."""
         self._config = config
+        self._state = state
         self._write = write
         self._tells_events = tells_events
         self._link = Link(socket_path(state), self._reached, self._lost, self._happened, self._publish)
@@ -77,6 +84,8 @@ class Supervisor:
         """Whether it is to be tried again by itself."""
         self._problems: tuple[str, ...] = ()
         """Why not all tables are where they belong."""
+        self._state_identity: tuple[int, int] | None = None
+        self._state_problem: FolderProblem | None = None
         self._rejected: dict[str, str] = {}
         self._waker: asyncio.Task[None] | None = None
         self._http = HttpService(Window(self.feeds, state, self._settings_of, self.reload, self._say))
@@ -93,6 +102,7 @@ class Supervisor:
             self._keep_up(),
             self._keep_watching(),
             self._keep_publishing(),
+            self._keep_an_eye_on_state(),
             self._http.run(),
             self._mqtt.run(),
             self._temperatures.run(),
@@ -137,6 +147,18 @@ class Supervisor:
         while True:
             self._publish()
             await asyncio.sleep(TICK_S)
+
+    async def _keep_an_eye_on_state(self) -> None:
+        """Tell when nothing can be kept in the state folder: else a start would be the first to notice."""
+        self._state_identity = await aside(partial(identity_of, self._state))
+        while True:
+            found = await aside(partial(why_not_usable, self._state, self._state_identity))
+            before, self._state_problem = self._state_problem, found
+            if found is not None and before is None:
+                self._say(STATE_FOLDER_UNUSABLE, detail=str(found))
+            elif found is None and before is not None:
+                self._say(STATE_FOLDER_USABLE, folder=str(self._state))
+            await asyncio.sleep(STATE_EVERY_S)
 
     async def _keep_up(self) -> None:
         while True:
@@ -277,6 +299,10 @@ class Supervisor:
         return {
             "configuration": {"file": str(self._config), "problem": "; ".join(self._refused) or None},
             "tables_folder": {"folder": str(self._watch.folder), "problem": "; ".join(problems) or None},
+            "state_folder": {
+                "folder": str(self._state),
+                "problem": str(self._state_problem) if self._state_problem else None,
+            },
             "http": self._http.status,
             "mqtt": self._mqtt.status(),
         }

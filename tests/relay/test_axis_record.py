@@ -1,5 +1,6 @@
 """The file of a record: whatever is wrong with it, the relay starts, says so, and begins without it."""
 
+import os
 import resource
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -104,6 +105,31 @@ def test_a_spoilt_file_is_made_anew_and_the_axis_begins_without_it(
     again = Opened(path)
     assert (again.recalled, again.told) == (None, [])
     again.record.close()
+
+
+@pytest.mark.parametrize("size", [0, 1, SLOTS_AT[1] - 1])
+def test_a_file_that_is_cut_in_use_is_made_anew_and_holds_from_then_on(path: Path, size: int) -> None:
+    """A store into what is no part of the file any more would end the process."""
+    told: list[str] = []
+    record: list[AxisRecord] = []
+
+    def attach(line: LineExchange) -> None:
+        record.append(AxisRecord(line.axes[0], path))
+        record[0].open(told.append)
+
+    bench = LineBench(axis_plan(), before_up=attach)
+    bench.memory.put(ACTUAL, 19_990)
+    bench.move(30_000)
+    os.truncate(path, size)
+    bench.move(40_000)
+    assert [line for line in told if "was cut" in line] == [
+        f"{path} was cut while it was in use; it is made anew, and holds from now on"
+    ]
+    record[0].close()
+    opened = Opened(path)
+    assert opened.recalled is not None
+    assert opened.recalled.nominal_counts == 40_000
+    opened.record.close()
 
 
 def _a_folder(path: Path) -> None:

@@ -21,7 +21,7 @@ from gateway.supervisor.feeds import Feeds
 
 US_PER_S: Final = 1e6
 TABLE_STATES: Final = (*(state.value for state in FileState), "none")
-COMPONENTS: Final = ("configuration", "tables_folder", "http", "mqtt")
+COMPONENTS: Final = ("configuration", "tables_folder", "state_folder", "http", "mqtt")
 LINE_COUNTERS: Final = {
     "exchanges": "Exchanges with the drives.",
     "timeouts": "Exchanges that a drive did not answer in time.",

@@ -111,6 +111,7 @@ TERMS: dict[str, Any] = {
 WELL = {
     "configuration": {"file": "gateway.toml", "problem": None},
     "tables_folder": {"folder": "tables", "problem": None},
+    "state_folder": {"folder": "state", "problem": None},
     "http": {"problem": None, "certificates": [CERTIFICATE]},
     "mqtt": {"problem": None},
 }

@@ -25,6 +25,7 @@ ROOT = "pitch-gateway/mill-1"
 OWN = {
     "configuration": {"file": "gateway.toml", "problem": None},
     "tables_folder": {"folder": "tables", "problem": None},
+    "state_folder": {"folder": "state", "problem": None},
     "http": {"problem": None},
     "mqtt": STATUS_WITHOUT,
 }

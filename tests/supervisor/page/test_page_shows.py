@@ -55,10 +55,15 @@ def test_the_machine_moves_on_its_curve(visit: Visit) -> None:
 
 
 def test_it_glides_there_in_several_frames(visit: Visit) -> None:
+    """A browser on a busy machine may draw but one of them: then it has another chance."""
     count_moves(visit)
-    visit.stage.show(model({"x": standing_at(-30.0)}))
-    visit.until_along(0.9)
-    assert visit.page.evaluate("window.moves") > 1
+    for position in (-30.0, -270.0) * 10:
+        visit.page.evaluate("window.moves = 0")
+        visit.stage.show(model({"x": standing_at(position)}))
+        visit.until_along(round((position + 300.0) / 300.0, 2))
+        if visit.page.evaluate("window.moves") > 1:
+            return
+    pytest.fail("it never glided")
 
 
 @pytest.mark.parametrize("visit", [{"reduced_motion": "reduce"}], indirect=True)
