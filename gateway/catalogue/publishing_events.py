@@ -78,6 +78,13 @@ MQTT_COMMAND_IGNORED: Final = EventEntry(
     "it was published with the retain flag",
     "take it away as the detail says, and publish commands without retain",
 )
+MQTT_COMMANDS_TOO_MANY: Final = EventEntry(
+    "mqtt-commands-too-many",
+    Severity.WARNING,
+    "commands came faster than they are taken, and were not carried out: how many, and the last of them",
+    "a program in a loop, or somebody who means harm",
+    "find out who publishes them; give the last one again if it is to hold",
+)
 MQTT_TOPICS_NOT_NOTED: Final = EventEntry(
     "mqtt-topics-not-noted",
     Severity.WARNING,

@@ -10,8 +10,16 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
 from gateway.catalogue.entry import Severity
-from gateway.catalogue.publishing_events import MQTT_COMMAND, MQTT_COMMAND_IGNORED
-from gateway.supervisor.mqtt.commands import BURST, PER_S, Allowance, Answer, Orders, carry_out
+from gateway.catalogue.publishing_events import MQTT_COMMAND, MQTT_COMMAND_IGNORED, MQTT_COMMANDS_TOO_MANY
+from gateway.supervisor.mqtt.commands import (
+    BURST,
+    PER_S,
+    Allowance,
+    Answer,
+    Orders,
+    carry_out,
+    shown_payload,
+)
 from gateway.supervisor.mqtt.messages import encode
 from gateway.supervisor.mqtt.topics import COMMANDS, Topics
 from gateway.supervisor.saying import Say
@@ -20,6 +28,9 @@ LONGEST_SHOWN: Final = 256
 """Of a topic that a stranger chose."""
 FAILURE: Final = 0x80
 """From here on a reason code says no (MQTT 5.0, 2.4; MQTT 3.1.1, 3.9.3)."""
+
+TELL_AFTER_S: Final = 2.0
+"""So long after a command that came too soon is told what became of it and of those after it."""
 
 
 class Commander:
@@ -33,6 +44,9 @@ class Commander:
         self._orders = orders
         self._say = say
         self._allowance = Allowance()
+        self._too_many = 0
+        """Commands that were not carried out, and are not told of yet."""
+        self._last_of_them = ""
         self._retained_seen: set[str] = set()
 
     async def subscribe(self, client: aiomqtt.Client) -> str | None:
@@ -57,11 +71,23 @@ class Commander:
             return
         missed = self._allowance.ignored
         if not self._allowance.takes(asyncio.get_running_loop().time()):
+            self._note_too_many(f"{command[:64]} {shown_payload(message.payload)}".strip())
             if not missed:  # one answer for all that follow
                 text = f"more than {BURST} at once and {PER_S:g} a second: this and what follows is ignored"
                 await self._answer(client, message, Answer(command[:64], None, problems=(text,)))
             return
         await self._answer(client, message, await carry_out(command, message.payload, self._orders), missed)
+
+    def _note_too_many(self, last: str) -> None:
+        """Tell of commands that nobody carries out, and which was the last: it is not what holds."""
+        self._too_many += 1
+        self._last_of_them = last
+        if self._too_many == 1:
+            asyncio.get_running_loop().call_later(TELL_AFTER_S, self._tell_of_too_many)
+
+    def _tell_of_too_many(self) -> None:
+        count, self._too_many = self._too_many, 0
+        self._say(MQTT_COMMANDS_TOO_MANY, count=count, last=self._last_of_them)
 
     async def _answer(
         self, client: aiomqtt.Client, message: aiomqtt.Message, answer: Answer, ignored: int = 0

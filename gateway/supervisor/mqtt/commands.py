@@ -122,7 +122,7 @@ class Allowance:
 
 async def carry_out(command: str, payload: bytes, orders: Orders) -> Answer:
     """Do what a message asks for; what is wrong with it, or with doing it, is in the answer."""
-    answer = Answer(command, _shown(payload))
+    answer = Answer(command, shown_payload(payload))
     if command not in _FORMS:
         answer.problems = (f"there is no command {command[:LONGEST_SHOWN]}; there are {', '.join(COMMANDS)}",)
         return answer
@@ -162,5 +162,6 @@ async def _do(asked: _Asked, command: str, orders: Orders, answer: Answer) -> No
         answer.problems = (f"answered by {type(reply).__name__}",)
 
 
-def _shown(payload: bytes) -> str:
+def shown_payload(payload: bytes) -> str:
+    """Return the beginning of what a stranger sent, as text."""
     return payload[:LONGEST_SHOWN].decode(errors="replace")

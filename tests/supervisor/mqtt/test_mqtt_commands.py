@@ -247,10 +247,13 @@ async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch:
             async with asyncio.timeout(PATIENCE_S):
                 while allowance.ignored < 20:  # noqa: ASYNC110 - nothing is told of these
                     await asyncio.sleep(0)
+            await site.until_said("mqtt-commands-too-many")
             allowance._left = 1.0  # a second has gone by
             await command(watcher, "enable", {"axes": "all", "id": "after"})
             after = await answer_to(watcher, "after")
     assert len(site.asked) == 11
     assert flooded["problems"][0].startswith("more than 10 at once")
     assert after["ignored_before"] == 20
+    [told] = site.said("mqtt-commands-too-many")
+    assert (told["count"], told["last"]) == (20, 'enable {"axes": "all", "id": 29}')
     assert len(site.said("mqtt-command")) == 12
