@@ -238,7 +238,7 @@ class AxisExchange:
         if is_referenced is was_referenced:
             return
         held = self._target_that_holds()
-        self.forget_place()
+        self.forget_place(keeps_branch=self.compensation.is_stream)  # a stream keeps its offset
         self.held = held
         self.doubt_words()
         if is_referenced:

@@ -114,9 +114,11 @@ class AxisMemory:
         axis, recalled = self._axis, self.recalled
         assert recalled is not None
         if not axis.is_referenced:
-            if axis.reference.is_known and not axis.reference.is_found:
+            if not axis.reference.is_known or axis.reference.is_found:
+                return
+            if not (axis.compensation.is_stream and recalled.is_of_this_boot):
                 self.drop("the axis is not referenced now")
-            return
+                return
         found = find(axis, recalled, self._first or actual, actual)
         if found is None:
             self._first = self._first or actual
@@ -146,6 +148,8 @@ class AxisMemory:
         if reason:
             self.drop(reason)
             return
+        if not axis.is_referenced:
+            axis.compensation.lose_reference()  # what a stream has passed with stays, and fades (M9)
         self._decided(Fate.TAKEN)
         settings, state = axis.plan.settings, axis.compensation.state
         offset = settings.machine_offset

@@ -34,6 +34,8 @@ HOMED: Final = BitField(0x0031, 5)
 LOW_COUNTS, HIGH_COUNTS = 1_000, int(TRAVEL_MM * 1000) - 1_000
 RELOAD_MM, REVERSAL_MM = 3.0, 1.5
 SCREWS: Final = 4
+STEPS: Final = (1, 3, 20, 100, 400)
+"""Counts from one setpoint to the next."""
 ROUNDING: Final = 1.0 + 1e-6
 CYCLE_MS: Final = 4.0
 GAINS: Final = (Gain(1.0, 1.0), Gain(0.5, 0.5), Gain(0.0, 1.0), Gain(1.0, 0.0))
@@ -118,7 +120,7 @@ class HeldStream:
         """One to several setpoints on, mostly the same way."""
         if self.rng.random() < 0.05:
             self.sense, self.way = -self.sense, 0
-        step = self.rng.choice([1, 3, 20, 100, 400])
+        step = self.rng.choice(STEPS)
         for _ in range(self.rng.randint(1, 12)):
             setpoint = self.setpoint + self.sense * step
             if not LOW_COUNTS <= setpoint <= HIGH_COUNTS:
@@ -134,8 +136,8 @@ class HeldStream:
             self._violation("a-step-is-no-step", f"{self.told} became {told} for a step of {step}")
         self.setpoint, self.told = setpoint, told
         self.way += abs(step)
-        # One change-over is brought to its end before the next one begins.
-        if self.way > 1000 * (2 * RELOAD_MM + REVERSAL_MM) + 10:
+        # One change-over is brought to its end before the next one begins, and each takes whole steps.
+        if self.way > 1000 * (2 * RELOAD_MM + REVERSAL_MM) + 4 * STEPS[-1]:
             self._check_place()
 
     def _check_place(self) -> None:
