@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from gateway.catalogue import process_events as events
 from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.exchange_events import RECORD_NOT_USED, RESTORED, STREAM_BEGAN
 from gateway.compiled import is_compiled
 from gateway.exchange.plan import CompensationMode
 from gateway.ipc.children import RELOADS
@@ -32,6 +33,8 @@ names, write a recording and write the log; the default of 5 ms would be fifty e
 WRITE_EVERY_S: Final = 0.2
 AT_ONCE_S: Final = 0.5
 """So long the end by a second signal waits for the reader of the log."""
+AT_ONCE: Final = frozenset(entry.name for entry in (RESTORED, RECORD_NOT_USED, STREAM_BEGAN))
+"""What is told once by each start, and is not left to the next waking of the log."""
 AXIS_FIELDS: Final = (
     "compensation",
     "direction",
@@ -99,9 +102,23 @@ def run_relay(
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         log = LogThread(write)
         service = service or Service(ServiceManager())
-        relay = Relay(plan, log.put, state=state, recorder=recorder, keeping=service.keeping)
+        relay = Relay(plan, noting(log), state=state, recorder=recorder, keeping=service.keeping)
         serving = _serve(relay, plan, _Log(log), service, status_every_s=status_every_s, on_ready=on_ready)
         runner.run(_with_log(log, serving))
+
+
+def noting(log: LogThread) -> Callable[[Note], None]:
+    """Return what takes the notes of a relay: for the price of an append, and at once what a start is about.
+
+    A relay that is killed in its first tenth of a second would else not say what it made of its records.
+    """
+
+    def note(made: Note) -> None:
+        log.put(made)
+        if made.event in AT_ONCE:
+            log.wake()
+
+    return note
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
