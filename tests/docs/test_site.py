@@ -95,7 +95,7 @@ def test_a_browser_reads_and_searches_it_without_a_server_and_asks_nobody(site: 
         page.get_by_role("link", name="The first corrected move").first.click()
         page.wait_for_url("**/docs/tutorial.html")
         page.goto(f"{(site / 'search.html').as_uri()}?q=backlash")
-        page.wait_for_selector("#search-results li a")
+        page.wait_for_selector("#search-results .search-summary >> text=/Search finished/")
         found = page.locator("#search-results li a").all_inner_texts()
     assert len(found) > 10
     assert "Configuration" in found
