@@ -2,8 +2,8 @@
 VENV := .venv
 BIN := $(VENV)/bin
 TOOLS := build/tools
-# Three at a time, because most of the long ones wait for programs that they started.
-PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
+# More than cores, because most of the long ones wait for programs that they started.
+PYTEST := $(BIN)/python -m pytest --numprocesses $(shell expr $$(nproc) + 2) --dist loadfile --no-loadscope-reorder
 
 # Hundreds of interpreters start in a run: without compiled modules each would compile the program again.
 unexport PYTHONDONTWRITEBYTECODE

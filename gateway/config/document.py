@@ -19,6 +19,11 @@ _PLACE: Final = re.compile(
 DEEPEST: Final = 50
 """No key lies so deep, and what copies or compares such a document would run out of stack."""
 TOO_DEEP: Final = ("tables or arrays nested beyond reason", "write the keys that the reference lists")
+_PART: Final = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
+_DOTTED: Final = re.compile(
+    rf"(?:^|[{{,])[ \t\[]*{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST}}}", re.MULTILINE
+)
+"""A key of more parts than any has: the standard reader takes the square of their number over it."""
 _TWICE: Final = re.compile("overwrite|declare|duplicate|namespace", re.IGNORECASE)
 """How the standard reader speaks of keys and tables that are given twice."""
 
@@ -50,6 +55,8 @@ def parse_document(path: Path, text: str, sha256: str = "") -> Document:
     Raises:
         ConfigErrors: it is not TOML; with line and column.
     """
+    if (dotted := _DOTTED.search(text)) is not None:
+        raise _refuse(path, *TOO_DEEP, text.count("\n", 0, dotted.start()) + 1)
     try:
         tables = tomllib.loads(text)
     except RecursionError:
