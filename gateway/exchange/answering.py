@@ -155,7 +155,7 @@ def _turn_back(rewriting: Rewriting, reply: bytes) -> bytes:
                 _turn_field_back(hit, rewriting, data)
     except RegisterRangeError:
         return exception_pdu(rewriting.request.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
-    note_bits(rewriting.read_hits.bits, data, written_by(rewriting), rewriting.request.arrived_ns)
+    note_bits(rewriting.read_hits.bits, data, written_by(rewriting), rewriting.request.now_ns)
     if access.is_mei:
         return reply[:head] + swapped(bytes(data)) if rewriting.read_hits.fields else reply
     skip = 2 * (access.read_address - rewriting.read_span.address)
@@ -172,7 +172,7 @@ def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray) -> No
         readback = axis.compensation.readback  # FC23 writes before it reads
     if place.role is FieldRole.ACTUAL and place.number == 0:
         was_undecided = axis.memory is not None and axis.memory.recalled is not None
-        observe_actual(axis, place.field, words, rewriting.request.arrived_ns)  # as old as its request
+        observe_actual(axis, place.field, words, rewriting.request.now_ns)  # as old as its request
         if was_undecided and readback is not None:
             readback = axis.compensation.readback  # nothing else was in force when the request was sent
     if readback is None:

@@ -52,7 +52,7 @@ class Endings:
         self._counters.exceptions += is_exception(pdu)
         if not exchange.rewritings:
             self.reply(exchange, pdu)
-            note_discrete(self._units.get(exchange.unit_id), exchange.pdu, pdu, exchange.arrived_ns)
+            note_discrete(self._units.get(exchange.unit_id), exchange.pdu, pdu, exchange.sent_ns)
             return
         for rewriting in exchange.rewritings:
             answer(rewriting, pdu, now_ns, partial(self.reply, exchange))

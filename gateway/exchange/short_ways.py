@@ -84,7 +84,7 @@ class ReadWay(Way):
                 axis, role, is_first_actual, number, shadow, field, start, end = read
                 words = reply[start:end]
                 if is_first_actual:
-                    observe_actual(axis, field, words, exchange.arrived_ns)  # as old as its request
+                    observe_actual(axis, field, words, exchange.sent_ns)  # as old as its request
                 if readback is None:
                     continue
                 if role is FieldRole.COMMAND and shadow is not None:
@@ -96,7 +96,7 @@ class ReadWay(Way):
         except RegisterRangeError:
             return exception_pdu(reply[0], ExceptionCode.SERVER_DEVICE_FAILURE)
         if self._hits.bits:
-            note_bits(self._hits.bits, data[2:], NOBODY, exchange.arrived_ns)
+            note_bits(self._hits.bits, data[2:], NOBODY, exchange.sent_ns)
         return bytes(data)
 
 

@@ -10,7 +10,7 @@ from gateway.drives.motion import Action
 from gateway.exchange.arrival import AFTER, WAS_THERE, Arrival, Sign, Stage
 from gateway.exchange.plan import Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, monitor, read, write
 from tests.exchange.staged_bench import (
     HOME_PDU,
     JOG_PDU,
@@ -93,6 +93,27 @@ def test_m6_a_sample_is_as_old_as_its_request() -> None:
     bench.serve()
     bench.port.replies.clear()
     assert bench.line.axes[0].arrival.stage is Stage.UNDER_WAY
+
+
+def test_m9_a_read_that_waited_behind_another_one_is_no_jump() -> None:
+    """It came before the other one and was sent after it: samples follow each other as they were sent."""
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}), serial=False)
+    bench.move(60_000)
+    bench.actual()
+    panel = monitor()
+    bench.send(READ_DONE)
+    bench.send(read(ACTUAL), port=panel)
+    bench.now_ns += 30 * MS
+    bench.send(read(ACTUAL))
+    bench.serve()
+    bench.wait(300)
+    bench.serve()
+    assert bench.seen[-3:] == [READ_DONE, read(ACTUAL), read(ACTUAL)]
+    bench.port.replies.clear()
+    assert ACTUAL.unpack(panel.take()[2:]) == 60_000
+    bench.ask(write(COMMAND, 60_003))
+    assert told(bench) == 60_413
+    assert not unsure(bench)
 
 
 def test_m6_in_position_alone_never_is_arrival() -> None:
