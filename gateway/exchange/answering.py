@@ -65,14 +65,14 @@ def _settle(rewriting: Rewriting, reply: bytes, now_ns: int, *, is_acknowledged:
         rendering.axis.commit(rendering, now_ns, rewriting.losses.get(id(rendering.shadow)))
         rendering.axis.tell_beginning()
     for axis, shadow in rewriting.touched_blindly:
-        axis.forget_place()
+        axis.forget_place(now_ns)
         shadow.forget()
     for axis in rewriting.moved_unknown:
-        axis.forget_place()
+        axis.forget_place(now_ns)
     for meaning in rewriting.request.meanings:
         note_done(meaning, now_ns)
         if meaning.runs_alone and not _is_run_known(rewriting, meaning):
-            meaning.axis.forget_place()
+            meaning.axis.forget_place(now_ns)
     _conclude(rewriting)
 
 
@@ -101,7 +101,7 @@ def fail(rewriting: Rewriting, code: int, now_ns: int, *, is_refusal: bool) -> N
     for staging in rewriting.stagings:
         staging.shadow.forget()
     for axis, shadow in rewriting.touched_blindly:
-        axis.forget_place()
+        axis.forget_place(now_ns)
         shadow.forget()
     for meaning in rewriting.request.meanings:
         is_run_known = _is_run_known(rewriting, meaning)
@@ -118,7 +118,7 @@ def note_broadcast(rewriting: Rewriting, now_ns: int) -> None:
     for staging in rewriting.stagings:
         staging.shadow.forget()
     for axis, shadow in rewriting.touched_blindly:
-        axis.forget_place()
+        axis.forget_place(now_ns)
         shadow.forget()
     for meaning in rewriting.request.meanings:
         is_run_known = _is_run_known(rewriting, meaning)

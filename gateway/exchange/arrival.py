@@ -41,8 +41,6 @@ class Sign(Enum):
     """It lies beside it, by no more than a correction."""
     AWAY = "away"
     """It lies elsewhere."""
-    AT_REST_AWAY = "at-rest-away"
-    """It lies elsewhere, and has not changed for a while."""
 
 
 AFTER: Final = {
@@ -60,7 +58,6 @@ AFTER: Final = {
     (Stage.MAY_HAVE_LEFT, Sign.THERE): Stage.SEEN_THERE,
     (Stage.MAY_HAVE_LEFT, Sign.NEAR): Stage.SEEN_THERE,
     (Stage.MAY_HAVE_LEFT, Sign.AWAY): Stage.UNDER_WAY,
-    **{(stage, Sign.AT_REST_AWAY): Stage.UNDER_WAY for stage in Stage},
 }
 """What each sign makes of each stage; what is not here changes nothing."""
 WAS_THERE: Final = frozenset({Stage.DONE_SAID, Stage.SEEN_THERE, Stage.ARRIVED, Stage.MAY_HAVE_LEFT})
@@ -105,9 +102,9 @@ class Arrival:
         """Nobody knows any more where the axis goes; how long ago it was sent there stays."""
         self.stage = Stage.UNDER_WAY
 
-    def resume(self, stage: Stage) -> None:
-        """Go on where another run of the gateway left off."""
-        self.begin(0)
+    def resume(self, stage: Stage, since_ns: int = 0) -> None:
+        """Go on where another run of the gateway left off; ``since_ns``: when it sent the axis there."""
+        self.begin(since_ns)
         self.stage = stage
 
     def has_started(self, asked_ns: int) -> bool:
@@ -117,6 +114,10 @@ class Arrival:
     def may_stand(self, asked_ns: int) -> bool:
         """Whether a position that was asked for then may be that of an axis that has come to rest."""
         return self.has_started(asked_ns) and not (self._has_fallen and self.stage is Stage.UNDER_WAY)
+
+    def see_motion(self, asked_ns: int) -> None:
+        """Take note that the drive says that it moves: from now on done is not that of the move before."""
+        self._has_fallen |= asked_ns >= self._since_ns
 
     def see_done(self, asked_ns: int, *, is_done: bool) -> None:
         """Take note of the done bit."""
@@ -134,7 +135,7 @@ class Arrival:
             return False
         was_there = self.stage in WAS_THERE
         self._take(sign)
-        return sign is Sign.AT_REST_AWAY or (was_there and sign is Sign.AWAY)
+        return was_there and sign is Sign.AWAY
 
     def _take(self, sign: Sign) -> None:
         self.stage = AFTER.get((self.stage, sign), self.stage)

@@ -361,14 +361,18 @@ class AxisExchange:
         for shadow in self.shadows:
             shadow.corrected_words = None
 
-    def forget_place(self, *, keeps_branch: bool = False) -> None:
+    def forget_place(self, moved_ns: int | None = None, *, keeps_branch: bool = False) -> None:
         """Something else than the last target decides where the axis is (M5).
 
-        ``keeps_branch``: it came there by the last target all the same, as after a stop.
+        ``moved_ns``: since when it may be on a new way; None: it is on none. ``keeps_branch``: it came there
+        by the last target all the same, as after a stop.
         """
         self.is_branch_known &= keeps_branch
         self.compensation.forget_target()
-        self.arrival.lose_place()
+        if moved_ns is None:
+            self.arrival.lose_place()
+        else:
+            self.arrival.begin(moved_ns)
         self.is_moving = None
         self.unproven = self.held = None
 
@@ -400,10 +404,9 @@ class AxisExchange:
 
     def fail_run(self, rendering: Rendering, now_ns: int) -> None:
         """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
-        self.forget_place()
+        self.forget_place(now_ns)
         if rendering.move is not None:
             self.unproven = rendering
-            self.arrival.begin(now_ns)
 
     def go_nowhere(self) -> None:
         """A distance that was not acknowledged did not run: the axis stands where it would have started."""

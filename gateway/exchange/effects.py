@@ -86,8 +86,7 @@ def note_done(meaning: Meaning, now_ns: int) -> None:
     if action in MOVES_OTHERWISE:
         _move_otherwise(meaning, now_ns)
     elif meaning.is_doubtful:
-        axis.forget_place(keeps_branch=True)  # the reading counts on it already
-        axis.arrival.begin(now_ns)
+        axis.forget_place(now_ns, keeps_branch=True)  # the reading counts on it already
     is_whole = all(hit.place.shadow and not hit.place.shadow.is_torn for hit in meaning.commands)
     if meaning.commands and is_whole and motion.release(meaning.losses):
         axis.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
@@ -109,8 +108,7 @@ def note_failed(
         if meaning.action in MOVES_OTHERWISE:
             _move_otherwise(meaning, now_ns, is_certain=False)
         elif meaning.runs_alone and not is_run_known:
-            axis.forget_place()
-            axis.arrival.begin(now_ns)
+            axis.forget_place(now_ns)
     if not (is_broadcast or (axis.passes_unchanged and is_refusal)):
         block(meaning, code)
 
@@ -164,9 +162,8 @@ def _move_otherwise(meaning: Meaning, now_ns: int, *, is_certain: bool = True) -
     axis, action = meaning.axis, meaning.action
     is_at_rest = axis.is_moving is not True
     was_referenced = axis.is_referenced
-    axis.forget_place(keeps_branch=action is Action.STOP)
-    if action is not Action.STOP:
-        axis.arrival.begin(now_ns)
+    moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
+    axis.forget_place(moved_ns, keeps_branch=action is Action.STOP)
     if action in (Action.HOME, Action.SET_POSITION):
         axis.doubt_words()
         axis.actual = None  # it was counted from another zero

@@ -1,17 +1,13 @@
 """What a drive's positions and status bits say about where its axis is."""
 
 from math import isfinite
-from typing import Final
 
-from gateway.exchange.arrival import Sign
+from gateway.exchange.arrival import Sign, Stage
 from gateway.exchange.axis import Actual, AxisExchange
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT
 from gateway.modbus.registers import PositionField
-from gateway.times import NS_PER_MS, NS_PER_S
-
-RESTED_NS: Final = 200 * NS_PER_MS
-"""A motion that is under way moves an axis out of its in-position window in this time."""
+from gateway.times import NS_PER_S
 
 
 def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, asked_ns: int) -> Actual | None:
@@ -27,7 +23,7 @@ def observe_actual(axis: AxisExchange, field_: PositionField, words: bytes, aske
     _prove(axis, before, now)
     axis.compensation.observe(now.counts)
     is_at_rest = axis.arrival.is_at_rest
-    _watch(axis, before, now)
+    _watch(axis, now)
     if before is not None and is_at_rest:
         _watch_for_jump(axis, before, now)
     return now
@@ -77,6 +73,8 @@ def observe_bit(axis: AxisExchange, name: str, asked_ns: int, *, is_set: bool) -
         observe_done(axis, asked_ns, is_done=is_set)
     elif name == MOVING_BIT:
         axis.is_moving = is_set
+        if is_set:
+            axis.arrival.see_motion(asked_ns)
     elif name == ALARM_BIT:
         if is_set and not axis.is_alarmed:
             _observe_alarm(axis)
@@ -89,9 +87,11 @@ def observe_bit(axis: AxisExchange, name: str, asked_ns: int, *, is_set: bool) -
 
 
 def observe_done(axis: AxisExchange, asked_ns: int, *, is_done: bool) -> None:
-    """Note the drive's done bit; of an axis that goes nowhere we know it says nothing."""
+    """Note the drive's done bit; of an axis that goes nowhere we know it says no more than that it moves."""
     if axis.compensation.accepted is not None or axis.unproven is not None:
         axis.arrival.see_done(asked_ns, is_done=is_done)
+    elif not is_done:
+        axis.arrival.see_motion(asked_ns)
 
 
 def _observe_alarm(axis: AxisExchange) -> None:
@@ -100,17 +100,7 @@ def _observe_alarm(axis: AxisExchange) -> None:
     axis.lose()
 
 
-def _has_rested(axis: AxisExchange, before: Actual | None, now: Actual) -> bool:
-    """Whether an axis that has had the time to start has not moved for a while."""
-    return (
-        before is not None
-        and axis.arrival.has_started(before.seen_ns)
-        and now.seen_ns - before.seen_ns >= RESTED_NS
-        and abs(now.counts - before.counts) <= axis.plan.settings.in_position_counts
-    )
-
-
-def _watch(axis: AxisExchange, before: Actual | None, actual: Actual) -> None:
+def _watch(axis: AxisExchange, actual: Actual) -> None:
     """Notice that the axis has come to its target, or that something else moved it away from there (M4)."""
     accepted = axis.compensation.accepted
     if accepted is None:
@@ -121,8 +111,8 @@ def _watch(axis: AxisExchange, before: Actual | None, actual: Actual) -> None:
         sign = Sign.THERE
     elif abs(actual.counts - accepted.corrected_counts) <= settings.max_correction_counts:
         sign = Sign.NEAR
-    elif _has_rested(axis, before, actual):
-        sign = Sign.AT_REST_AWAY
+    elif axis.compensation.is_stream and axis.arrival.stage is Stage.DONE_SAID:
+        return  # a stream lags behind its setpoints, done or not
     if axis.arrival.see_place(actual.seen_ns, sign):
         axis.compensation.forget_target()
         axis.is_branch_known = False

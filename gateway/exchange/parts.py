@@ -88,6 +88,6 @@ def note_lost(hit: FieldHit, pdu: bytes, access: Access, arrived_ns: int) -> Non
     if shadow is None:
         return
     if hit.is_whole or access.is_mask or not access.is_consistent:
-        shadow.tear()
+        shadow.tear(arrived_ns)
     else:
         shadow.lose(*written_part(hit, pdu, access), arrived_ns)

@@ -54,6 +54,11 @@ class Fate(Enum):
     DROPPED = "dropped"
 
 
+def _lacks_reference(axis: AxisExchange) -> bool:
+    """Whether it is certain that an axis does not know where it is."""
+    return axis.reference.is_known and not axis.reference.is_found
+
+
 class AxisMemory:
     """Keeps the record of one axis, and takes the axis up from it once.
 
@@ -114,10 +119,12 @@ class AxisMemory:
         axis, recalled = self._axis, self.recalled
         assert recalled is not None
         if not axis.is_referenced:
-            if not axis.reference.is_known or axis.reference.is_found:
+            lacking = [each for each in (axis, *axis.peers) if _lacks_reference(each)]
+            if not lacking:
                 return
             if not (axis.compensation.is_stream and recalled.is_of_this_boot):
-                self.drop("the axis is not referenced now")
+                if axis in lacking:
+                    self.drop("the axis is not referenced now")
                 return
         found = find(axis, recalled, self._first or actual, actual)
         if found is None:

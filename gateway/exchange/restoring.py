@@ -179,7 +179,10 @@ def _restore(axis: AxisExchange, record: Remembered, state: State, *, is_at_targ
     compensation.resume(state, accepted, record.anchor_counts, fade)
     compensation.way = record.way
     axis.is_branch_known = True
-    axis.arrival.resume(_stage(record) if is_at_target else Stage.UNDER_WAY)
+    axis.arrival.resume(
+        _stage(record) if is_at_target else Stage.UNDER_WAY,
+        state.at_ns if record.is_of_this_boot else 0,
+    )
     shadow = axis.last_shadow = axis.shadows[record.number]
     if accepted is not None and record.knows_words:
         field = axis.plan.command[record.number]

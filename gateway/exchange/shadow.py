@@ -71,8 +71,9 @@ class Shadow:
         """Nobody knows any more what the drive holds."""
         self.nominal_words = self.corrected_words = None
 
-    def tear(self) -> None:
-        """Note that a whole write was lost: from now on every word has to come again."""
+    def tear(self, arrived_ns: int = 0) -> None:
+        """Note that a whole write was lost, and when it had come: every word has to come again."""
+        self._lost_ns = max(self._lost_ns, arrived_ns)
         self.losses += 1
         self._pending = bytearray(2 * self._all_words.bit_length())
         self._missing = self._all_words

@@ -102,7 +102,9 @@ def why_not_usable(folder: Path, known: tuple[int, int] | None = None) -> Folder
         return problem_of(OSError(errno.EROFS, os.strerror(errno.EROFS)), folder)
     if not os.access(folder, os.W_OK | os.X_OK):
         return problem_of(OSError(errno.EACCES, os.strerror(errno.EACCES)), folder)
-    if disk.f_bavail * disk.f_frsize < LEAST_FREE_BYTES or (disk.f_files and not disk.f_favail):
+    free_blocks = disk.f_bfree if os.geteuid() == 0 else disk.f_bavail
+    is_full = bool(disk.f_blocks) and free_blocks * disk.f_frsize < LEAST_FREE_BYTES
+    if is_full or (disk.f_files and not disk.f_ffree):
         return problem_of(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), folder)
     return None
 

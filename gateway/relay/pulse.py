@@ -10,7 +10,8 @@ from gateway.clock import boot_ns
 from gateway.times import NS_PER_MS
 from gateway.transport.timer import Timer
 
-EVERY_NS: Final = 100 * NS_PER_MS
+EVERY_NS: Final = 20 * NS_PER_MS
+"""A standstill may be longer than it is taken for by as much."""
 NEVER_NS: Final = 2**63 - 1
 AFTERWARDS_NS: Final = 20 * NS_PER_MS
 """So long after the first beat that comes late, what is read may still be what had waited."""

@@ -16,6 +16,8 @@ from tests.exchange.staged_bench import (
     JOG_PDU,
     RUN_PDU,
     RUN_RELATIVE_PDU,
+    STOP_PDU,
+    ZERO_PDU,
     StagedBench,
     relative_by,
     staged_plan,
@@ -135,7 +137,7 @@ def test_every_stage_takes_every_sign() -> None:
         else:
             was_moved = arrival.see_place(1, sign)
         assert arrival.stage is AFTER.get((stage, sign), stage)
-        assert was_moved is (sign is Sign.AT_REST_AWAY or (sign is Sign.AWAY and stage in WAS_THERE))
+        assert was_moved is (sign is Sign.AWAY and stage in WAS_THERE)
         arrival.begin(2)
         assert arrival.stage is Stage.UNDER_WAY
         arrival.see_done(1, is_done=True)  # of before
@@ -238,22 +240,29 @@ def test_m6_a_done_bit_that_is_read_after_a_pause_does_not_tell_where_the_axis_i
     assert bench.seen[frames:] == [write(COMMAND, 119_740)]
 
 
-@pytest.mark.parametrize("sees", ["done once", "rest"])
-def test_m6_an_axis_that_is_seen_elsewhere_is_not_on_its_way_any_more(sees: str) -> None:
-    """Sent to 100 mm, jogged to 150 mm: nobody saw it arrive; it is done and elsewhere, or stands there."""
+def test_m6_an_axis_that_says_done_elsewhere_is_not_on_its_way_any_more() -> None:
+    """Sent to 100 mm, jogged to 150 mm: nobody saw it arrive; it has been done, and is elsewhere."""
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
     bench.ask(write(COMMAND, 100_000))
     bench.wait(1100)
-    if sees == "done once":
-        done(bench, is_set=True)
+    done(bench, is_set=True)
     bench.memory.put(ACTUAL, 150_000)
     bench.actual()
-    if sees == "rest":
-        bench.wait(200)
-        bench.actual()
     bench.ask(write(COMMAND, 100_000))
     assert told(bench) == 99_740
     assert not unsure(bench)
+
+
+def test_m4_an_axis_that_is_held_or_creeps_gets_the_same_words_over_a_switch() -> None:
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
+    bench.ask(write(COMMAND, 100_000))
+    bench.memory.put(ACTUAL, 50_000)
+    for _ in range(4):
+        bench.wait(400)
+        bench.actual()
+    bench.line.axes[0].enable(is_wanted=False)
+    bench.ask(write(COMMAND, 100_000))
+    assert told(bench) == 100_410
 
 
 def test_m4_an_axis_that_is_on_its_way_gets_the_same_words_again() -> None:
@@ -365,6 +374,55 @@ def test_m5_after_a_motion_of_its_own_a_done_bit_needs_its_time_too() -> None:
     bench.wait(1000)
     bench.trigger(RUN_RELATIVE_PDU)
     assert bench.drive.moves[-1][0] == "relative"
+
+
+def test_m5_a_jog_whose_end_was_seen_needs_no_time() -> None:
+    bench = StagedBench(staged_plan(table=SCREW, commanded=()))
+    bench.go_to(45_000)
+    bench.trigger(JOG_PDU)
+    bench.drive.set_bits(is_done=False)
+    bench.poll()
+    bench.trigger(STOP_PDU)
+    bench.drive.put(ACTUAL, 50_000)
+    bench.drive.set_bits(is_done=True)
+    bench.poll()
+    bench.stage(1_000)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert bench.drive.moves[-1][0] == "relative"
+
+
+def test_m5_a_position_that_is_set_moves_nothing() -> None:
+    bench = StagedBench(staged_plan(table=SCREW, commanded=(), referenced=Reference.SET_POSITION))
+    bench.drive.put(ACTUAL, 50_000)
+    bench.wait(5000)
+    bench.trigger(ZERO_PDU)
+    bench.wait(50)
+    bench.poll()
+    bench.stage(1_000)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert bench.drive.moves[-1][0] == "relative"
+
+
+def test_m5_a_distance_that_passed_unchanged_is_a_motion_too() -> None:
+    plan = staged_plan(
+        table=SCREW,
+        motion=relative_by(Action.RELATIVE_TO_ACTUAL, passes_unknown_relative=True),
+        commanded=(),
+    )
+    bench = StagedBench(plan)
+    bench.trigger(JOG_PDU)
+    bench.drive.put(ACTUAL, 52_000)
+    bench.drive.set_bits(is_done=False)
+    bench.wait(3000)
+    bench.stage(10_000)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert bench.memory.get(COMMAND) == 10_000
+    bench.wait(20)
+    bench.drive.put(ACTUAL, 52_000)
+    bench.drive.set_bits(is_done=True)  # still that of before
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert bench.kinds().count("base-unknown") == 2
+    assert bench.memory.get(COMMAND) == 10_000
 
 
 @pytest.mark.parametrize("stands_at", [50_000, 56_000])

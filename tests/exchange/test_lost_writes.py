@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.exchange.plan import ControllerPlan
+from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.modbus.registers import PositionField, RegisterType
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
 
@@ -63,6 +63,21 @@ def test_a_withdrawn_half_is_joined_with_the_one_that_withdrew_it_and_not_with_w
     bench.serve()
     assert bench.port.take() == LOW_4
     assert bench.memory.get(COMMAND) == 65_550
+
+
+def test_a_half_is_not_joined_with_one_that_was_lost_before_a_newer_whole_one() -> None:
+    """The half waits for a read, the whole one behind it; both are withdrawn, the newer one first."""
+    bench = Bench(axis_plan(), timing=LineTiming(response_timeout_ms=50), serial=False, tcp_drive=True)
+    bench.send(HIGH_1)
+    assert bench.link.sent[-1][1][0] == 3  # for the other half
+    bench.send(write(COMMAND, 50_000))
+    bench.line.controller_gone(bench.port, bench.now_ns)
+    bench.link.sent.clear()
+    bench.wait(60)
+    port = Port(ControllerPlan("cnc"))
+    bench.send(LOW_4, port)
+    bench.serve()
+    assert (bench.seen, port.take()) == ([], REFUSED)
 
 
 def test_a_half_that_a_full_queue_refused_is_lost_until_the_other_follows() -> None:
