@@ -7,6 +7,8 @@ from typing import Final
 from tests.ledger.frames import native_success, parse
 
 EXCEPTION_CODES: Final = (1, 2, 3, 4, 6, 0x27, 0x35)
+OF_WHAT_MAY_BE_DONE: Final = EXCEPTION_CODES[1:]
+"""Who does not know a function has not carried it out (M7)."""
 
 
 class Fault(Enum):

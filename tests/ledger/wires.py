@@ -9,7 +9,7 @@ from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from tests.ledger.clock import MS, Clock
 from tests.ledger.drives import Drive
 from tests.ledger.exchanges import Frame
-from tests.ledger.faults import EXCEPTION_CODES, IS_DONE, Fault, choose, stale_reply
+from tests.ledger.faults import EXCEPTION_CODES, IS_DONE, OF_WHAT_MAY_BE_DONE, Fault, choose, stale_reply
 from tests.ledger.frames import mbap, open_mbap, open_rtu, rtu
 from tests.ledger.ledger import Ledger
 from tests.ledger.stillness import Stillness
@@ -106,7 +106,8 @@ class Wire(Unmeasured):
         else:
             reply = pdu[:5]
         if fault in (Fault.REFUSED, Fault.REFUSED_DONE):
-            reply = bytes((pdu[0] | 0x80, self._rng.choice(EXCEPTION_CODES)))
+            codes = EXCEPTION_CODES if fault is Fault.REFUSED else OF_WHAT_MAY_BE_DONE
+            reply = bytes((pdu[0] | 0x80, self._rng.choice(codes)))
         elif fault in (Fault.STALE, Fault.STALE_NOT_DONE):
             stale = stale_reply(pdu, reply, self._rng)
             if stale is None and fault is Fault.STALE_NOT_DONE:
