@@ -10,7 +10,7 @@ States of the line:
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, Final
 
 from gateway.exchange import control
 from gateway.exchange.added_frames import Purpose, reads_at_start
@@ -34,10 +34,14 @@ from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.remembering import note_leaving
 from gateway.exchange.rest import Rest
+from gateway.exchange.seldom import Seldom, times
 from gateway.exchange.silence import SilentUnits
 from gateway.exchange.writers import Writers
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, MAX_PDU, ExceptionCode, is_exception
 from gateway.times import NS_PER_MS, NS_PER_S
+
+REFUSALS_TOLD: Final = 10
+"""So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
 
 class LineExchange:
@@ -75,6 +79,7 @@ class LineExchange:
         """Whether there is a way to the drives."""
         self._is_stopping = False
         self._silent = SilentUnits(self._units, self._news, on_event)
+        self._refusals = Seldom(NS_PER_S, REFUSALS_TOLD)
         self._arrived_ns = 0
         self._gaps = Gaps(timing)
         self._monitor_due_ns: int | None = None
@@ -401,7 +406,7 @@ class LineExchange:
             self._deadlines.check(exchange, now_ns)
             added, pdu = self._units.next_to_send(exchange, now_ns)
         except RefusedRequestError as refusal:
-            self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason))
+            self._tell_refusal(refusal, now_ns)
             self._ends.refuse_unsent(exchange, refusal.code)
             return
         exchange.added = added
@@ -411,6 +416,12 @@ class LineExchange:
         self.counters.unknown_modes += sum(map(note_leaving, exchange.rewritings))
         self._send(exchange, pdu, exchange.unit_id, now_ns)
         self._writers.moved(exchange, now_ns)
+
+    def _tell_refusal(self, refusal: RefusedRequestError, now_ns: int) -> None:
+        """Tell why a request was refused, and of many like it how many there were."""
+        count = self._refusals.due((refusal.kind.value, refusal.axis), now_ns)
+        if count:
+            self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason + times(count)))
 
     def _note_unknown_unit(self, unit_id: int) -> None:
         """Count a request to a unit id of which nobody knows anything, and tell of the first one."""

@@ -1,4 +1,4 @@
-"""What is told seldom: the first of a kind, and then one a minute with how many there were."""
+"""What is told seldom: the first of a kind, and then few in a while with how many there were."""
 
 from typing import Final
 
@@ -11,10 +11,12 @@ KINDS: Final = 256
 
 
 class Seldom:
-    """Counts what happens, by kind."""
+    """Counts what happens, by kind; ``burst`` of each may be told in ``every_ns``."""
 
-    def __init__(self) -> None:
-        self._told_ns: dict[tuple[str, str], int] = {}
+    def __init__(self, every_ns: int = EVERY_NS, burst: int = 1) -> None:
+        self._every_ns, self._burst = every_ns, burst
+        self._told: dict[tuple[str, str], tuple[int, int]] = {}
+        """Since when, and how often since then."""
         self._counts: dict[tuple[str, str], int] = {}
 
     def due(self, kind: tuple[str, str], now_ns: int) -> int:
@@ -22,9 +24,12 @@ class Seldom:
         if kind not in self._counts and len(self._counts) >= KINDS:
             kind = ("", "")
         count = self._counts[kind] = self._counts.get(kind, 0) + 1
-        if kind in self._told_ns and now_ns - self._told_ns[kind] < EVERY_NS:
+        since_ns, told = self._told.get(kind, (now_ns, 0))
+        if now_ns - since_ns >= self._every_ns:
+            since_ns, told = now_ns, 0
+        if told >= self._burst:
             return 0
-        self._told_ns[kind] = now_ns
+        self._told[kind] = (since_ns, told + 1)
         self._counts[kind] = 0
         return count
 

@@ -29,8 +29,14 @@ from tests.processes.bench import (
 )
 
 SMALLEST_PIPE = 4096
-REFUSED = CAPACITY + 500
-"""Events of some 220 bytes: the pipe holds twenty of them, the gateway a thousand; the rest is dropped."""
+MOVES, MANY_MOVES = 1500, 10_000
+MANY_NOTES = ("--status-every", "0.003")
+"""Notes of some 400 bytes: the pipe holds ten of them, the gateway a thousand; the rest is dropped."""
+TOO_FAR = 200_000
+"""Twice as far as the axis goes, in counts of 1/1000 mm; behind the end of the table its last 0.1 mm hold."""
+WHY_TOO_FAR = (
+    "corrected machine position 200.1 leaves the travel 0 to 100 by more than travel_margin = 0.5 mm"
+)
 
 
 @pytest.fixture
@@ -81,60 +87,63 @@ def is_line_up(site: Site) -> bool:
     return bool(reply.status["lines"]["xyz"]["state"] == "up")
 
 
-def all_answered(site: Site, count: int = REFUSED) -> None:
-    """Command positions that pass, each after one that is refused, which is an event."""
+def all_answered(site: Site, count: int = MOVES) -> None:
+    """Command positions that pass, each after one that is refused."""
     passed_before = len(site.drive.told)
     with contextlib.closing(site.master()) as master:
         for number in range(count):
-            assert master.is_refused(position_refused(number))
+            assert master.is_refused(TOO_FAR)
             # 0.1 % of the position: 50 000 becomes 50 050.
             assert master.move(50_000 + 1000 * (number % 2)) == 50_050 + 1001 * (number % 2)
     assert len(site.drive.told) - passed_before == count
 
 
-def position_refused(number: int) -> int:
-    """Twice as far as the axis goes, in counts of 1/1000 mm."""
-    return 200_000 + number
-
-
-def detail_of(number: int) -> str:
-    """Behind the end of the table its last correction holds: 0.1 mm."""
-    return (
-        f"corrected machine position {200.1 + number / 1000:g} leaves the travel 0 to 100 "
-        "by more than travel_margin = 0.5 mm"
-    )
-
-
 def test_nobody_reads_all_frames_pass_and_what_was_dropped_is_counted_in_its_place(site: Site) -> None:
-    with unread("relay", site) as relay:
+    with unread("relay", site, *MANY_NOTES) as relay:
         relay.until("line-up")
-        all_answered(site)
+        with contextlib.closing(site.master()) as master:
+            for number in range(MANY_MOVES):
+                assert master.move(50_000 + 1000 * (number % 2)) == 50_050 + 1001 * (number % 2)
         # Only now somebody reads again.
-        relay.until(detail_of(REFUSED - 1))
+        relay.until("notes-dropped")
+        relay.until(f'"exchanges": {MANY_MOVES}')
         relay.process.send_signal(signal.SIGTERM)
         relay.lines += relay.log.readlines()
         assert relay.process.wait(SECONDS) == 0
     notes = relay.notes()
     events = [note["event"] for note in notes]
     assert events[:4] == ["starting", "line", "axis", "ready"]
-    assert events[-2:] == ["stopping", "stopped"]
-    numbers = {detail_of(number): number for number in range(REFUSED)}
-    following, run = 0, 0
-    for note in notes[events.index("line-up") + 1 : -2]:
+    assert events[-1] == "stopped"
+    following = dropped = 0
+    for note in notes[events.index("line-up") + 1 : events.index("stopping")]:
         if note["event"] == "notes-dropped":
             assert note["count"] > 0
-            following, run = following + note["count"], 0
+            following, dropped = following + note["count"], dropped + note["count"]
         else:
-            assert numbers[note["detail"]] == following
-            following, run = following + 1, run + 1
-    assert following == REFUSED
-    assert run == CAPACITY  # the newest, behind the last hole
+            # Of the axis and of the line in turn: each hole has as many as it says.
+            assert (note["event"], "axis" in note) == ("status", following % 2 == 0)
+            following += 1
+    assert dropped > 0
+    assert following > CAPACITY
     times = [note["timestamp"] for note in notes]
     assert times == sorted(times)
 
 
+def test_a_flood_of_refused_targets_is_a_few_notes(site: Site) -> None:
+    with unread("relay", site) as relay:
+        relay.until("line-up")
+        with contextlib.closing(site.master()) as master:
+            assert all(master.is_refused(TOO_FAR) for _ in range(500))
+        relay.process.send_signal(signal.SIGTERM)
+        relay.lines += relay.log.readlines()
+        assert relay.process.wait(SECONDS) == 0
+    told = [note["detail"] for note in relay.notes() if note["event"] == "refused-value"]
+    assert told[0] == WHY_TOO_FAR
+    assert 10 <= len(told) < 250  # ten in a second, however long a busy machine takes for them
+
+
 def test_status_lines_that_nobody_reads_keep_no_frame(site: Site) -> None:
-    with unread("relay", site, "--status-every", "0.01") as relay:
+    with unread("relay", site, *MANY_NOTES) as relay:
         relay.until("line-up")
         all_answered(site, 2000)
         relay.until("notes-dropped")
