@@ -34,7 +34,7 @@ def next_base_read(axis: AxisExchange, action: Action, known: Known) -> AddedFra
 
 def base_of(axis: AxisExchange, action: Action, known: Known) -> Base | None:
     """Return where a relative move starts, as far as is known by now; None where it is not."""
-    if axis.is_distance_unproven:
+    if axis.is_distance_unproven or _is_lookless(axis, known):
         return None
     accepted = axis.compensation.accepted
     is_certain = axis.arrival.is_proven and action is not Action.RELATIVE_TO_ACTUAL
@@ -53,6 +53,11 @@ def base_of(axis: AxisExchange, action: Action, known: Known) -> Base | None:
     if action is Action.RELATIVE_TO_ACTUAL:
         return _base_at(axis, actual.counts, standing, tolerance=0.0)
     return _base_at(axis, actual.counts, standing, tolerance=tolerance)
+
+
+def _is_lookless(axis: AxisExchange, known: Known) -> bool:
+    """Whether the drive was asked where it is, and did not say: it may have been jogged (M6)."""
+    return axis.plan.name in known.actual and known.actual[axis.plan.name] is None
 
 
 def _counts_from_commanded(axis: AxisExchange, action: Action) -> bool:

@@ -425,6 +425,21 @@ def test_m5_a_distance_that_passed_unchanged_is_a_motion_too() -> None:
     assert bench.memory.get(COMMAND) == 10_000
 
 
+def test_m5_where_the_look_is_not_answered_a_distance_has_no_base() -> None:
+    """Somebody may have jogged it, and the drive counts from there."""
+    bench = StagedBench(staged_plan(table=SCREW, commanded=(), motion=relative_by(Action.RELATIVE)))
+    bench.go_to(45_000)
+    bench.stage(10_000)
+    bench.wait(1200)
+    moves = list(bench.drive.moves)
+    bench.send(RUN_RELATIVE_PDU)
+    assert bench.link.take() == read(ACTUAL)
+    bench.line.reply(1, bytes.fromhex("83 06"), bench.now_ns)
+    bench.serve()
+    assert bench.port.take() == bytes.fromhex("86 06")
+    assert bench.drive.moves == moves
+
+
 @pytest.mark.parametrize("stands_at", [50_000, 56_000])
 def test_m5_at_neither_end_there_is_no_base(stands_at: int) -> None:
     bench = standing_with_done()

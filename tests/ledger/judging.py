@@ -21,6 +21,7 @@ from tests.ledger.screws import TRAVEL_MM
 from tests.ledger.witness import Intent, Witness
 
 NO_CONNECTION: Final = 0x0A
+UNSEEN_NS: Final = 500 * MS
 DONE_DROP_NS: Final = 1_000 * MS
 
 
@@ -244,6 +245,10 @@ class Judge:
         if read == (layout.mode, 1) and frame.may_be_added and frame.reply is not None:
             self.belief.know_mode(int.from_bytes(frame.reply[2:4], "big"))
         if covers:
+            is_look = (
+                not frame.candidates and witness.now_ns - max(witness.seen_ns, witness.began_ns) > UNSEEN_NS
+            )
+            witness.is_branch_lost |= is_look and not frame.sample.is_standing
             witness.told(frame.sample.at, is_for_a_move=frame.may_be_added)
         if layout.has_bits and read[0] <= layout.status < read[0] + read[1] and frame.sample.is_standing:
             witness.done_seen = True

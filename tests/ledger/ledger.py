@@ -131,8 +131,13 @@ class Ledger:
 
     def given_up(self, request: Request, why: str) -> None:
         """The gateway has dealt with a request that its controller gave up: only a stop of it is sent."""
-        if request in request.controller.pending and (self.is_down or not request.is_stop):
-            request.controller.pending.remove(request)
+        pending = request.controller.pending
+        # Its connection ends with it: what came before it is lost before it.
+        for old in [each for each in pending if each is not request and not each.is_stop]:
+            pending.remove(old)
+            self._lost(old, "its connection ends")
+        if request in pending and (self.is_down or not request.is_stop):
+            pending.remove(request)
             self._lost(request, why)
 
     def gone(self, controller: Controller) -> None:

@@ -63,6 +63,12 @@ class Witness:
         """Something that may have moved the axis was not acknowledged; no absolute move since."""
         self.reading_failed = False
         """The gateway asked where the axis is and was not told."""
+        self.is_branch_lost = False
+        """The gateway looked where it is, as nobody had seen it for long, and it was on its way (M6)."""
+        self.seen_ns = 0
+        """When the gateway was told last where it is."""
+        self._was_unsure = False
+        """The last move was made although the gateway had asked where the axis is and was not told."""
         self.done_seen = False
         self.place_before: Range | None = None
         self.was_jogged = self._was_nothing = self._fades = False
@@ -192,7 +198,8 @@ class Witness:
         low, high = self._destination(deed, intent)
         ways = self._ways(low, high, deed, intent)
         tolerance = ONE_COUNT if intent.is_relative else ROUNDING
-        if self._must_repeat(low, high, intent):
+        # What was unsure may be made right, or stay as it was.
+        if self._is_again(low, high, intent) and (not self._was_unsure or deed.end == deed.end_before):
             self.book.seen["repeats"] += 1
             if abs(deed.end - deed.end_before) > (ONE_COUNT if intent.is_relative else 0):
                 self._violation("M4-not-the-same-words", f"{deed.end_before} became {deed.end} for {low}")
@@ -204,6 +211,7 @@ class Witness:
                 [low] if low == high and self.is_one_of(deed.end, low) else []
             )
             self.book.seen["unsure moves"] += 1
+        self._was_unsure = self.reading_failed
         if not fitting:
             self._complain(deed, low, high, ways, tolerance)
         self._is_directed = len(ways) == 1 and not self.reading_failed
@@ -222,11 +230,13 @@ class Witness:
         low, high = intent.place or self.band(deed.base)
         return low + intent.nominal, high + intent.nominal
 
-    def _must_repeat(self, low: int, high: int, intent: Intent) -> bool:
+    def _is_again(self, low: int, high: int, intent: Intent) -> bool:
         return low == high and self.is_from_run and intent.place == (low, low)
 
     def _ways(self, low: int, high: int, deed: Deed, intent: Intent) -> tuple[bool, ...]:
         """Directions in which the move may be taken to go: one where it is certain."""
+        if self.is_branch_lost:
+            return (True, False)
         sign = self.layout.machine_sign
         places = self._places(deed.was_at, intent)
         if intent.place is not None and not deed.was_moving and len(places) == 1:
@@ -295,6 +305,7 @@ class Witness:
         if is_interruption:
             self.is_in_doubt |= self.was_jogged
             return
+        self.is_branch_lost = False
         if not self._was_nothing:
             self.is_from_run = self._run_range is not None
         self.place = self._run_range
@@ -318,6 +329,7 @@ class Witness:
         What it was told in passing it may use only while the axis cannot have passed the target meanwhile.
         """
         self._sample = (self._clock.now_ns, corrected) if is_for_a_move else None
+        self.seen_ns = self._clock.now_ns
         if not self.drive.motor.is_moving(self.now_ns):
             self._left = 0.0
         self.reading_failed = False
