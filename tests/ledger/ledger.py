@@ -395,6 +395,8 @@ class Ledger:
 
     def _refused(self, request: Request, pdu: bytes) -> None:
         controller = request.controller
+        if request.is_lost and len(pdu) == 2 and pdu[0] == request.pdu[0] | 0x80:
+            return  # a stop behind it overtook it just before its connection ended
         if request not in controller.pending:
             self._wrong(request, pdu, "it was sent and not answered by its drive")
             return
