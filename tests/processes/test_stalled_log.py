@@ -145,16 +145,16 @@ def test_a_flood_of_refused_targets_is_a_few_notes(site: Site) -> None:
 def test_status_lines_that_nobody_reads_keep_no_frame(site: Site) -> None:
     with unread("relay", site, *MANY_NOTES) as relay:
         relay.until("line-up")
-        all_answered(site, 2000)
+        all_answered(site, MANY_MOVES)
         relay.until("notes-dropped")
-        relay.until('"exchanges": 2000')
+        relay.until(f'"exchanges": {MANY_MOVES}')
         relay.process.send_signal(signal.SIGTERM)
         relay.lines += relay.log.readlines()
         assert relay.process.wait(SECONDS) == 0
     notes = relay.notes()
     assert notes[-1]["event"] == "stopped"
     [*_, line] = [note for note in notes if note["event"] == "status" and "line" in note]
-    assert (line["exchanges"], line["refused"]) == (2000, 2000)
+    assert (line["exchanges"], line["refused"]) == (MANY_MOVES, MANY_MOVES)
 
 
 @pytest.mark.parametrize("log_format", ["json", "console"])
