@@ -248,6 +248,8 @@ def _learn_standing(read: AddedFrame, words: bytes | None, known: Known, asked_n
     is_done = read.bit is axis.plan.bits.get(DONE_BIT)
     if is_done:
         observe_done(axis, asked_ns, is_done=is_set)
+    else:
+        axis.arrival.hear(asked_ns, moves=is_set)
     if is_set is not is_done:
         known.standing[axis.plan.name] = Standing.MOVES
     elif axis.arrival.has_started(asked_ns):

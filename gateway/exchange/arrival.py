@@ -1,7 +1,7 @@
 """How far the move to the last accepted target has come, as far as anybody can tell.
 
 A done bit that was left from the move before looks like arrival, and so does a position that is passed by.
-A sample is as old as its request, and counts only if it was asked for after the target was acknowledged. The
+A sample is as old as the sending of its request, and counts only if that was after the acknowledgement. The
 done bit counts only after it was seen to fall, or once the drive has had the time to let it fall; where the
 actual position is mapped, that has to lie in the in-position window too.
 """
@@ -43,6 +43,16 @@ class Sign(Enum):
     """It lies elsewhere."""
 
 
+class Said(Enum):
+    """What the drive has said since the last motion began: the end of an old one and of this look alike."""
+
+    NOTHING = "nothing"
+    """Nothing that could not be of the time before."""
+    MOVES = "moves"
+    STOOD = "stood"
+    """It moved, and then stood."""
+
+
 AFTER: Final = {
     (Stage.UNDER_WAY, Sign.DONE): Stage.DONE_SAID,
     (Stage.UNDER_WAY, Sign.DONE_ALONE): Stage.ARRIVED,
@@ -67,14 +77,14 @@ WAS_THERE: Final = frozenset({Stage.DONE_SAID, Stage.SEEN_THERE, Stage.ARRIVED, 
 class Arrival:
     """The move of one axis. Times are monotonic, in ns; a sample carries that of its request."""
 
-    __slots__ = ("_drop_ns", "_has_actual", "_has_fallen", "_is_in_position_only", "_since_ns", "stage")
+    __slots__ = ("_drop_ns", "_has_actual", "_is_in_position_only", "_said", "_since_ns", "stage")
 
     def __init__(self, done_drop_ms: float, *, has_actual: bool, is_in_position_only: bool) -> None:
         self._drop_ns = int(done_drop_ms * NS_PER_MS)
         self._has_actual = has_actual
         self._is_in_position_only = is_in_position_only
         self._since_ns = 0
-        self._has_fallen = False
+        self._said = Said.NOTHING
         self.stage = Stage.UNDER_WAY
 
     @property
@@ -96,7 +106,7 @@ class Arrival:
         """The drive was made to move, or may have been."""
         self.stage = Stage.UNDER_WAY
         self._since_ns = now_ns
-        self._has_fallen = False
+        self._said = Said.NOTHING
 
     def lose_place(self) -> None:
         """Nobody knows any more where the axis goes; how long ago it was sent there stays."""
@@ -109,22 +119,28 @@ class Arrival:
 
     def has_started(self, asked_ns: int) -> bool:
         """Whether a done bit that was asked for then is not that of the move before."""
-        return asked_ns >= self._since_ns and (self._has_fallen or asked_ns - self._since_ns >= self._drop_ns)
+        is_new = self._said is not Said.NOTHING or asked_ns - self._since_ns >= self._drop_ns
+        return is_new and asked_ns >= self._since_ns
 
     def may_stand(self, asked_ns: int) -> bool:
         """Whether a position that was asked for then may be that of an axis that has come to rest."""
-        return self.has_started(asked_ns) and not (self._has_fallen and self.stage is Stage.UNDER_WAY)
+        return self.has_started(asked_ns) and self._said is not Said.MOVES
 
-    def see_motion(self, asked_ns: int) -> None:
-        """Take note that the drive says that it moves: from now on done is not that of the move before."""
-        self._has_fallen |= asked_ns >= self._since_ns
+    def hear(self, asked_ns: int, *, moves: bool) -> None:
+        """Take note of the drive's word that it moves, or stands, wherever it goes."""
+        if asked_ns < self._since_ns:
+            return
+        if moves:
+            self._said = Said.MOVES
+        elif self._said is Said.MOVES:
+            self._said = Said.STOOD
 
     def see_done(self, asked_ns: int, *, is_done: bool) -> None:
         """Take note of the done bit."""
         if asked_ns < self._since_ns:
             return
+        self.hear(asked_ns, moves=not is_done)
         if not is_done:
-            self._has_fallen = True
             self._take(Sign.FELL)
         elif self.has_started(asked_ns) and (self._has_actual or not self._is_in_position_only):
             self._take(Sign.DONE if self._has_actual else Sign.DONE_ALONE)

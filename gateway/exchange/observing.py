@@ -73,8 +73,8 @@ def observe_bit(axis: AxisExchange, name: str, asked_ns: int, *, is_set: bool) -
         observe_done(axis, asked_ns, is_done=is_set)
     elif name == MOVING_BIT:
         axis.is_moving = is_set
-        if is_set:
-            axis.arrival.see_motion(asked_ns)
+        if DONE_BIT not in axis.plan.bits:  # a done bit may be older than this one
+            axis.arrival.hear(asked_ns, moves=is_set)
     elif name == ALARM_BIT:
         if is_set and not axis.is_alarmed:
             _observe_alarm(axis)
@@ -87,11 +87,11 @@ def observe_bit(axis: AxisExchange, name: str, asked_ns: int, *, is_set: bool) -
 
 
 def observe_done(axis: AxisExchange, asked_ns: int, *, is_done: bool) -> None:
-    """Note the drive's done bit; of an axis that goes nowhere we know it says no more than that it moves."""
+    """Note the drive's done bit; of an axis that goes nowhere we know it only says whether it moves."""
     if axis.compensation.accepted is not None or axis.unproven is not None:
         axis.arrival.see_done(asked_ns, is_done=is_done)
-    elif not is_done:
-        axis.arrival.see_motion(asked_ns)
+    else:
+        axis.arrival.hear(asked_ns, moves=not is_done)
 
 
 def _observe_alarm(axis: AxisExchange) -> None:

@@ -12,6 +12,7 @@ from gateway.exchange.plan import Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, monitor, read, write
 from tests.exchange.staged_bench import (
+    BITS,
     HOME_PDU,
     JOG_PDU,
     RUN_PDU,
@@ -116,6 +117,16 @@ def test_m9_a_read_that_waited_behind_another_one_is_no_jump() -> None:
     bench.ask(write(COMMAND, 60_003))
     assert told(bench) == 60_413
     assert not unsure(bench)
+
+
+def test_m6_a_moving_bit_makes_no_done_bit_newer() -> None:
+    moving = BitField(DONE.address, 1)
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE, "moving": moving}, actual=()))
+    bench.ask(write(COMMAND, 60_000))
+    for _ in range(2):
+        bench.memory.words[DONE.address] = 0b11  # it moves; done is still that of the move before
+        bench.ask(READ_DONE)
+    assert bench.line.axes[0].arrival.stage is Stage.UNDER_WAY
 
 
 def test_m6_in_position_alone_never_is_arrival() -> None:
@@ -331,6 +342,30 @@ def distance(bench: StagedBench, reply: str, *, has_run: bool) -> None:
     else:
         bench.line.reply(1, bytes.fromhex("86 04"), bench.now_ns)
     bench.port.take()
+
+
+def test_m5_a_moving_bit_alone_tells_that_a_distance_has_ended() -> None:
+    plan = staged_plan(table=SCREW, commanded=(), bits={"moving": BITS["moving"]})
+    bench = StagedBench(plan, serial=False, tcp_drive=True)
+    bench.drive.put(ACTUAL, 44_000)
+    bench.go_to(60_000)
+    bench.go_to(45_000)
+    bench.stage(10_000)
+    bench.send(RUN_RELATIVE_PDU)
+    while (pdu := bench.link.take()) != RUN_RELATIVE_PDU:
+        bench.line.reply(1, bench.memory.answer(pdu), bench.now_ns)
+    bench.memory.answer(pdu)
+    bench.wait(1000)
+    bench.port.take()
+    bench.drive.set_bits(is_done=False)
+    bench.poll()
+    bench.actual()
+    assert bench.line.axes[0].is_distance_unproven
+    bench.drive.arrive()
+    bench.poll()
+    bench.wait(1100)
+    assert bench.actual() == 55_000
+    assert not bench.line.axes[0].is_distance_unproven
 
 
 def test_m5_before_the_drive_has_had_the_time_to_start_there_is_no_base() -> None:
