@@ -15,7 +15,7 @@ from gateway.exchange.rendering import Base
 
 def next_base_read(axis: AxisExchange, action: Action, known: Known) -> AddedFrame | None:
     """Return what must be read next to know where a relative move starts; None when no reading helps."""
-    if not axis.may_read or base_of(axis, action, known) is not None:
+    if not axis.may_read or _is_place_untold(axis, known) or base_of(axis, action, known) is not None:
         return None
     name, bits = axis.plan.name, axis.plan.bits
     if name not in known.standing:
@@ -34,7 +34,7 @@ def next_base_read(axis: AxisExchange, action: Action, known: Known) -> AddedFra
 
 def base_of(axis: AxisExchange, action: Action, known: Known) -> Base | None:
     """Return where a relative move starts, as far as is known by now; None where it is not."""
-    if axis.is_distance_unproven or _is_lookless(axis, known):
+    if axis.is_distance_unproven or _is_place_untold(axis, known):
         return None
     accepted = axis.compensation.accepted
     is_certain = axis.arrival.is_proven and action is not Action.RELATIVE_TO_ACTUAL
@@ -55,7 +55,7 @@ def base_of(axis: AxisExchange, action: Action, known: Known) -> Base | None:
     return _base_at(axis, actual.counts, standing, tolerance=tolerance)
 
 
-def _is_lookless(axis: AxisExchange, known: Known) -> bool:
+def _is_place_untold(axis: AxisExchange, known: Known) -> bool:
     """Whether the drive was asked where it is, and did not say: it may have been jogged (M6)."""
     return axis.plan.name in known.actual and known.actual[axis.plan.name] is None
 
@@ -70,10 +70,9 @@ def _base_at(axis: AxisExchange, counts: Counts, standing: Standing, *, toleranc
     A bit that may be that of the time before the last move counts only beside a position at the end of it.
     """
     accepted = axis.compensation.accepted
-    beside = None if accepted is None else abs(counts - accepted.corrected_counts)
-    if accepted is not None and beside is not None and beside <= tolerance:
+    if accepted is not None and abs(counts - accepted.corrected_counts) <= tolerance:
         return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=True)
-    is_at_end = beside is not None and beside <= axis.plan.settings.in_position_counts
-    if standing is not Standing.STANDS and not (standing is Standing.SAYS_SO and is_at_end):
+    is_certain = standing is Standing.STANDS or (standing is Standing.SAYS_SO and axis.is_at_target(counts))
+    if not is_certain:
         return None
     return Base(round(axis.nominal_of(counts)), counts, is_standing=True)

@@ -98,15 +98,17 @@ def why_not_usable(folder: Path, known: tuple[int, int] | None = None) -> Folder
     if known is not None and known != (status.st_dev, status.st_ino):
         found = f"{folder} is another folder than the one that the gateway uses"
         return FolderProblem(found, "put that one back, or start the gateway anew")
-    if disk.f_flag & os.ST_RDONLY:
-        return problem_of(OSError(errno.EROFS, os.strerror(errno.EROFS)), folder)
-    if not os.access(folder, os.W_OK | os.X_OK):
-        return problem_of(OSError(errno.EACCES, os.strerror(errno.EACCES)), folder)
     free_blocks = disk.f_bfree if os.geteuid() == 0 else disk.f_bavail
     is_full = bool(disk.f_blocks) and free_blocks * disk.f_frsize < LEAST_FREE_BYTES
-    if is_full or (disk.f_files and not disk.f_ffree):
-        return problem_of(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), folder)
-    return None
+    if disk.f_flag & os.ST_RDONLY:
+        code = errno.EROFS
+    elif not os.access(folder, os.W_OK | os.X_OK):
+        code = errno.EACCES
+    elif is_full or (disk.f_files and not disk.f_ffree):
+        code = errno.ENOSPC
+    else:
+        return None
+    return problem_of(OSError(code, os.strerror(code)), folder)
 
 
 def why_open_to_others(folder: Path, owners: frozenset[int] | None) -> FolderProblem | None:

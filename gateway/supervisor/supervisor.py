@@ -84,7 +84,6 @@ class Supervisor:
         """Whether it is to be tried again by itself."""
         self._problems: tuple[str, ...] = ()
         """Why not all tables are where they belong."""
-        self._state_identity: tuple[int, int] | None = None
         self._state_problem: FolderProblem | None = None
         self._rejected: dict[str, str] = {}
         self._waker: asyncio.Task[None] | None = None
@@ -150,9 +149,9 @@ class Supervisor:
 
     async def _keep_an_eye_on_state(self) -> None:
         """Tell when nothing can be kept in the state folder: else a start would be the first to notice."""
-        self._state_identity = await aside(partial(identity_of, self._state))
+        identity = await aside(partial(identity_of, self._state))
         while True:
-            found = await aside(partial(why_not_usable, self._state, self._state_identity))
+            found = await aside(partial(why_not_usable, self._state, identity))
             before, self._state_problem = self._state_problem, found
             if found is not None and before is None:
                 self._say(STATE_FOLDER_UNUSABLE, detail=str(found))

@@ -46,6 +46,11 @@ class Wire(Unmeasured):
         """The frame that the bytes on their way in answer."""
         self._connection = 0
         self._is_open = False
+        self._begin()
+
+    def _begin(self) -> None:
+        """Make what one framing needs beside all that."""
+        raise NotImplementedError
 
     def open(self) -> None:
         """Connect the gateway with the drives."""
@@ -178,17 +183,7 @@ class RtuWire(Wire):
 
     is_serial = True
 
-    def __init__(
-        self,
-        clock: Clock,
-        ledger: Ledger,
-        drives: dict[int, Drive],
-        rng: random.Random,
-        fault_share: float,
-        *,
-        stillness: Stillness,
-    ) -> None:
-        super().__init__(clock, ledger, drives, rng, fault_share, stillness=stillness)
+    def _begin(self) -> None:
         self._decoder = RtuReplyDecoder()
 
     def _reset(self) -> None:
@@ -236,19 +231,9 @@ class TcpWire(Wire):
 
     is_serial = False
 
-    def __init__(
-        self,
-        clock: Clock,
-        ledger: Ledger,
-        drives: dict[int, Drive],
-        rng: random.Random,
-        fault_share: float,
-        *,
-        stillness: Stillness,
-    ) -> None:
-        super().__init__(clock, ledger, drives, rng, fault_share, stillness=stillness)
+    def _begin(self) -> None:
         self._decoder = MbapDecoder()
-        self._last_id = rng.randrange(0x10000)
+        self._last_id = self._rng.randrange(0x10000)
         self._awaited: int | None = None
 
     def _reset(self) -> None:

@@ -137,7 +137,9 @@ async def ask_unused_unit(master: Asking, line: LinePlan, found: AxisReadings) -
     if not is_mbap or len(axis_ids) != 1 or told is None:
         return
     known = axis_ids | line.other_units.unit_ids
-    unit_id = next(each for each in range(LAST_UNIT_ID, 0, -1) if each not in known)
+    unit_id = next((each for each in range(LAST_UNIT_ID, 0, -1) if each not in known), None)
+    if unit_id is None:
+        return
     frame = _frame(AxisExchange(found.plan), told.place)
     try:
         is_answered = not is_exception(await master.exchange(unit_id, frame.pdu))
