@@ -32,8 +32,14 @@ truly did and when. It takes nothing from the exchange. What it demands (numbers
   came.
 
 - *Stops* go before everything that waits (M3) and are never refused while there is a connection.
+- *Given up.* What came in pieces for longer than its controller waits, waited longer while the process stood
+  still, or is of a connection that is closed, is not sent, but for stops; nothing else is given up (W5).
+- *Elsewhere.* Where one drive does not look at unit ids, nothing that would move it goes out under another
+  one; what does is the controller's own, and so is its reply (W7).
 - *Continuity.* From one reading to the next a position moves as the axis does, but for what fades out; a
   standing axis never jumps. Not asked of motions that began on the way, nor in doubt.
+- *Unseen.* Where nobody had seen the axis for a while and it is found on its way, its branch is lost; a run
+  that was unsure may be made right by the next one, or stay as it was.
 - *Unknown.* After a lost connection nothing is believed of a drive: its mode may be read, a half completed
   with what it holds. A target whose mode nobody knows runs with the controller's own words.
 
