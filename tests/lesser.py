@@ -79,8 +79,10 @@ def lesser() -> Iterator[Lesser]:
 
 
 def _serve() -> None:
-    for name in ("gateway.cli.main", "gateway.config.load"):  # those that are forked have them then
-        importlib.import_module(name)
+    from gateway.cli.main import COMMANDS
+
+    for name in (*(f"gateway.cli.{command}" for command in COMMANDS), "gateway.config.load"):
+        importlib.import_module(name)  # those that are forked have them then
     for line in sys.stdin:
         before, words = json.loads(line)
         with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:

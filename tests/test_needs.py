@@ -1,7 +1,6 @@
 """What is quick is found by itself, and held to it: ``tests/needs.py``."""
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -99,9 +98,8 @@ def test_an_import_over_several_lines_is_followed(tmp_path: Path) -> None:
     assert needs_of(other) == {"another program"}
 
 
-@pytest.mark.timeout(600)
-def test_at_least_4000_tests_are_quick() -> None:
-    last = pytest_said("--collect-only", "-m", "quick").stdout.splitlines()[-1]
-    found = re.match(r"(\d+)/(\d+) tests collected", last)
-    assert found is not None, last
-    assert int(found[1]) >= 4000
+def test_at_least_4000_tests_are_quick(request: pytest.FixtureRequest) -> None:
+    items = request.session.items
+    if len({item.path for item in items}) < len(list((ROOT / "tests").rglob("test_*.py"))):
+        pytest.skip("only some of the files were asked for: of all of them is counted")
+    assert sum(item.get_closest_marker("quick") is not None for item in items) >= 4000

@@ -1,72 +1,85 @@
 """``pitch-gateway``: the commands, each in a file of its own."""
 
 import sys
-from typing import Annotated
+from collections import UserDict
+from importlib import import_module
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_group
 
 from gateway import __version__
-from gateway.cli import (
-    budget,
-    certificate,
-    check,
-    demo,
-    disable,
-    drives,
-    enable,
-    explain,
-    init,
-    measure,
-    probe,
-    record,
-    reference,
-    relay,
-    reload,
-    replay,
-    run,
-    service,
-    signtest,
-    simulate,
-    status,
-    supervise,
-    table,
-    token,
-)
 from gateway.cli.standard_streams import Output, OutputLostError
 from gateway.compiled import is_compiled
 
+COMMANDS: Final = (
+    "demo",
+    "run",
+    "relay",
+    "supervise",
+    "check",
+    "budget",
+    "probe",
+    "measure",
+    "signtest",
+    "status",
+    "explain",
+    "enable",
+    "disable",
+    "reference",
+    "reload",
+    "record",
+    "replay",
+    "init",
+    "token",
+    "service",
+    "simulate",
+    "table",
+    "drives",
+    "certificate",
+)
+"""In the order of ``--help``. Each has its module in ``gateway.cli``, and there a function of its name; or an
+``app``, where it has commands of its own."""
+
+
+class _Loaded(UserDict[str, Any]):
+    """The commands by name, each loaded when it is first asked for: none waits for what the others import."""
+
+    def __init__(self) -> None:
+        super().__init__(dict.fromkeys(COMMANDS))
+
+    def __getitem__(self, name: str) -> Any:
+        if (command := super().__getitem__(name)) is None:
+            command = self.data[name] = _load(name)
+        return command
+
+
+def _load(name: str) -> Any:
+    module = import_module(f"gateway.cli.{name}")
+    one = typer.Typer(rich_markup_mode="rich")
+    if hasattr(module, "app"):
+        one.add_typer(module.app, name=name)
+    else:
+        one.command(name)(getattr(module, name))
+    return get_group(one).commands[name]
+
+
+class _Group(TyperGroup):
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Loaded()
+
+
 app = typer.Typer(
     name="pitch-gateway",
+    cls=_Group,
     help="Leadscrew error compensation in the Modbus cable between a motion controller and its drives.",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("demo")(demo.demo)
-app.command("run")(run.run)
-app.command("relay")(relay.relay)
-app.command("supervise")(supervise.supervise)
-app.command("check")(check.check)
-app.command("budget")(budget.budget)
-app.command("probe")(probe.probe)
-app.command("measure")(measure.measure)
-app.command("signtest")(signtest.signtest)
-app.command("status")(status.status)
-app.command("explain")(explain.explain)
-app.command("enable")(enable.enable)
-app.command("disable")(disable.disable)
-app.command("reference")(reference.reference)
-app.command("reload")(reload.reload)
-app.command("record")(record.record)
-app.command("replay")(replay.replay)
-app.command("init")(init.init)
-app.command("token")(token.token)
-app.command("service")(service.service)
-app.command("simulate")(simulate.simulate)
-app.add_typer(table.app, name="table")
-app.add_typer(drives.app, name="drives")
-app.add_typer(certificate.app, name="certificate")
 
 
 def _show_version(value: bool) -> None:

@@ -1,9 +1,8 @@
 """The registers of one drive: ``[axis.NAME.registers]``, and the body of a drive profile."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
-from itertools import combinations
 from typing import Annotated, Final
 
 from pydantic import Field, model_validator
@@ -385,10 +384,18 @@ def clashes(registers: RegisterMap) -> list[tuple[Span, Span]]:
 
     Of the many positions that one key can stand for only the first pair is told.
     """
-    positions: Sequence[Span] = position_spans(registers)
-    others = (*bit_spans(registers), *rule_spans(registers))
-    pairs = [*combinations(positions, 2), *((p, other) for p in positions for other in others)]
-    return first_of_keys((one, other) for one, other in pairs if share_register(one, other))
+    positions = position_spans(registers)
+    spans = [*positions, *bit_spans(registers), *rule_spans(registers)]
+    found: list[tuple[bool, int, int]] = []
+    reaching: list[int] = []
+    for place in sorted(range(len(spans)), key=lambda place: spans[place].first):
+        reaching = [each for each in reaching if spans[each].last >= spans[place].first]
+        for each in reaching:
+            one, other = sorted((each, place))
+            if one < len(positions) and share_register(spans[one], spans[other]):
+                found.append((other >= len(positions), one, other))
+        reaching.append(place)
+    return first_of_keys((spans[one], spans[other]) for _, one, other in sorted(found))
 
 
 def first_of_keys(pairs: Iterable[tuple[Span, Span]]) -> list[tuple[Span, Span]]:

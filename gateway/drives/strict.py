@@ -8,7 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field
 class StrictModel(BaseModel):
     """A table of a TOML file. Unknown keys, wrong types, nan and inf are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    # Deferred: else each part is built once for itself and once more in the whole, at every start.
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)
 
 
 Element = TypeVar("Element")

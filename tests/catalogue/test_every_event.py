@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -11,11 +12,6 @@ from gateway.catalogue.events import EVENTS, GROUPS
 from gateway.exchange.events import EventKind
 
 PACKAGE = Path(__file__).parents[2] / "gateway"
-SOURCES = {
-    path: ast.parse(path.read_text())
-    for path in sorted(PACKAGE.rglob("*.py"))
-    if PACKAGE / "catalogue" not in path.parents
-}
 CONSTANTS = {
     name: value for group in GROUPS for name, value in vars(group).items() if isinstance(value, EventEntry)
 }
@@ -23,6 +19,16 @@ MAKERS = {"ipc/notes.py", "supervisor/supervisor.py"}
 """Who may make a note from a name: the one place where entries become notes, and the supervisor, for what the
 relay told it."""
 TELLERS = {"note", "say", "_say", "_note", "note_of"}
+
+
+@cache
+def sources() -> dict[Path, ast.Module]:
+    """The modules that use the catalogue; read when asked, for every run imports this file."""
+    return {
+        path: ast.parse(path.read_text())
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if PACKAGE / "catalogue" not in path.parents
+    }
 
 
 def calls(tree: ast.AST) -> Iterator[tuple[str, ast.Call]]:
@@ -67,7 +73,7 @@ def test_whatever_the_exchange_tells_of_is_in_the_catalogue() -> None:
 def test_a_note_is_made_of_an_entry_everywhere() -> None:
     makers = {
         str(path.relative_to(PACKAGE))
-        for path, tree in SOURCES.items()
+        for path, tree in sources().items()
         for called, _ in calls(tree)
         if called == "Note"
     }
@@ -78,7 +84,7 @@ def test_nobody_tells_of_an_event_by_a_text() -> None:
     """mypy refuses it too, but not where an interface says Any."""
     texts = [
         f"{path.relative_to(PACKAGE)}:{call.lineno}: {call.args[0].value!r}"
-        for path, tree in SOURCES.items()
+        for path, tree in sources().items()
         if path.parts[len(PACKAGE.parts)] in {"relay", "supervisor", "ipc"} or path.name == "processes.py"
         for called, call in calls(tree)
         if called in TELLERS and call.args and isinstance(call.args[0], ast.Constant)
@@ -87,10 +93,10 @@ def test_nobody_tells_of_an_event_by_a_text() -> None:
 
 
 def test_every_event_is_told_of_somewhere() -> None:
-    used = {name for tree in SOURCES.values() for name in used_names(tree)}
+    used = {name for tree in sources().values() for name in used_names(tree)}
     kinds = {
         node.attr
-        for path, tree in SOURCES.items()
+        for path, tree in sources().items()
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "EventKind"
     }
@@ -103,7 +109,7 @@ def test_every_event_is_told_of_somewhere() -> None:
 def test_a_severity_of_one_s_own_is_only_given_where_the_catalogue_leaves_it_open() -> None:
     given = {
         call.args[0].id
-        for tree in SOURCES.values()
+        for tree in sources().values()
         for called, call in calls(tree)
         if called in TELLERS
         and len(call.args) == 2

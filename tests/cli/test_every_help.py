@@ -12,18 +12,19 @@ from typer.testing import CliRunner
 
 from gateway.cli.main import app
 
+APP: Any = typer.main.get_command(app)  # typer brings a click of its own
 
-def _commands(app: typer.Typer, *before: str) -> Iterator[tuple[str, ...]]:
+
+def _commands(command: Any, *before: str) -> Iterator[tuple[str, ...]]:
     """Yield every command that does something, by the words that a person types."""
-    for command in app.registered_commands:
-        yield (*before, str(command.name or getattr(command.callback, "__name__", "")))
-    for group in app.registered_groups:
-        assert group.name is not None
-        assert group.typer_instance is not None
-        yield from _commands(group.typer_instance, *before, group.name)
+    if hasattr(command, "commands"):
+        for name, each in command.commands.items():
+            yield from _commands(each, *before, name)
+    else:
+        yield before
 
 
-COMMANDS = tuple(_commands(app))
+COMMANDS = tuple(_commands(APP))
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
@@ -37,7 +38,7 @@ def test_the_help_of_a_command_shows_examples_of_it(command: tuple[str, ...]) ->
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_nothing_of_a_help_is_lost_on_its_way_to_the_terminal(command: tuple[str, ...]) -> None:
     """A word in brackets would be taken for a style, and nothing shown of it."""
-    found: Any = typer.main.get_command(app)  # typer brings a click of its own
+    found = APP
     for name in command:
         found = found.commands[name]
     result = CliRunner().invoke(app, [*command, "--help"], env={"COLUMNS": "250"})
@@ -86,3 +87,18 @@ def test_without_arguments_the_help_is_shown_as_wrong_usage(arguments: list[str]
     )
     assert process.returncode == 2
     assert "Commands" in process.stdout + process.stderr
+
+
+def test_a_command_waits_for_nothing_that_only_others_need() -> None:
+    program = (
+        "import sys\n"
+        "from gateway.cli.main import main\n"
+        "try:\n    main()\n"
+        "except SystemExit:\n    print(*(name for name in sys.modules if name.startswith('gateway.')))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, "token", "--help"], capture_output=True, text=True, check=True
+    )
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert "gateway.cli.token" in loaded
+    assert not loaded & {"gateway.tabfile", "gateway.config.load", "gateway.cli.table", "gateway.exchange"}
