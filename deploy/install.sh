@@ -235,7 +235,8 @@ make_release() {
     folder="$root/opt/$release"
     mkdir -p "$root/opt"
     mkdir -p "$root$RELEASES"
-    trap 'rm -rf "$folder"; say "install.sh: nothing was changed" >&2' EXIT # $folder is no local one for this
+    # $folder is no local one for this.
+    trap 'rm -rf "$folder"; rmdir --ignore-fail-on-non-empty "$root$RELEASES"; say "install.sh: nothing was changed" >&2' EXIT
     environment --at "/opt/$release" "${links[@]}" "$folder" || exit 1
     printf '%s\n' "$wanted" > "$folder/share/$NAME/origin"
     "$folder/bin/python3" "$folder/bin/$NAME" --version >/dev/null || die "the new release does not start"

@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 
 from rich.console import Console
 from rich.markup import escape
@@ -37,8 +37,13 @@ FETCHED = (RUN, BUILD, TOOLS)
 SPACE_MB = 800
 SPACE_WITH_DEBS_MB = 5000
 """Needed beside the checkout, rounded up: packages, archives of two systems, and one of them unpacked."""
+SPACE_FOR_TEMPORARY_MB = 200
+"""Needed where pip unpacks and the compiler writes, rounded up."""
 CHANGING = ("CFLAGS", "CPPFLAGS", "CXXFLAGS", "LDFLAGS", "CC", "PYTHONPATH", "PITCH_GATEWAY_COMPILED")
 """Settings of a person's shell that would change what is made."""
+FULL = "No space left on device"
+"""What programs say of a full disk, wherever it is: in the checkout, in dist/ or in the temporary folder."""
+NO_ROOM = "release: the disk is full, here or in the folder of temporary files: make room. dist/ is as it was"
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
@@ -125,11 +130,12 @@ def must_be_possible(*, has_compiled: bool, has_debs: bool) -> None:
     if has_compiled and (lacking := compiled.missing()):
         raise RefusedError(f"no compiled wheel: {lacking}; RELEASE=--without-compiled makes the rest")
     space = SPACE_WITH_DEBS_MB if has_debs else SPACE_MB
-    free = shutil.disk_usage(ROOT).free // 1_000_000
-    if free < space:
-        raise RefusedError(
-            f"the disk is full: {ROOT} has {free} MB left and {space} MB are needed; make room"
-        )
+    for folder, needed in ((ROOT, space), (Path(gettempdir()), SPACE_FOR_TEMPORARY_MB)):
+        free = shutil.disk_usage(folder).free // 1_000_000
+        if free < needed:
+            raise RefusedError(
+                f"the disk is full: {folder} has {free} MB left and {needed} MB are needed; make room"
+            )
 
 
 @contextmanager
@@ -156,6 +162,8 @@ def fetch(*, has_debs: bool) -> None:
             for packages in (BUILDING, INSTALLED):
                 bare_debian.seed(suite, packages)
     except FailedError as failed:
+        if FULL in str(failed):
+            raise
         last = str(failed).strip().splitlines()[-1]
         raise RefusedError(
             f"packages could not be fetched ({last}): is there a network? "
@@ -262,6 +270,8 @@ def works(installed: Path, folder: Path, version: str) -> None:
 
 def try_packages(out: Path) -> None:
     """Install each package in a bare Debian of its own, run it and remove it again, as the tests do."""
+    if shutil.which("lintian") is None:
+        console.print("not checked with lintian, which is not here (Debian: apt-get install lintian)")
     tests = ROOT / "tests" / "package" / "test_in_a_bare_debian.py"
     command = [
         sys.executable,
@@ -338,15 +348,15 @@ def main() -> int:
         console.print(f"release: {escape(str(refused))}")
         return 1
     except FailedError as failed:
-        if "No space left on device" in str(failed):
-            console.print("release: the disk is full; make room. dist/ is as it was")
+        if FULL in str(failed):
+            console.print(NO_ROOM)
         else:
             console.print(f"{escape(str(failed))}\nrelease: failed, see above; dist/ is as it was")
         return 1
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise
-        console.print("release: the disk is full; make room. dist/ is as it was")
+        console.print(NO_ROOM)
         return 1
     except KeyboardInterrupt:
         console.print("release: interrupted; dist/ is as it was")

@@ -199,7 +199,7 @@ ATTACKS = [
         "pipelining flood, 10 000 requests of a monitor that reads no replies",
         pipelining,
         "request-refused",
-        with_panel('role = "monitor"'),
+        with_panel('role = "monitor"', "timeout_ms = 10_000"),
     ),
     Attack(
         "oversize and lying lengths",

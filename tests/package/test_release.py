@@ -110,6 +110,9 @@ def left(folder: Path) -> set[str]:
     }
 
 
+NO_ROOM = "release: the disk is full, here or in the folder of temporary files: make room. dist/ is as it was"
+
+
 @pytest.mark.parametrize("names", [["notes.txt"], ["notes.txt", "other.txt"]])
 def test_what_is_not_committed_is_no_release(own: Path, names: list[str]) -> None:
     for name in names:
@@ -214,7 +217,7 @@ def test_what_is_stopped_leaves_nothing(own: Path, stop: signal.Signals) -> None
     [
         # Sixty megabytes; and room enough, but for some thousand files, of which the tools alone have more.
         ("size=60m", "release: the disk is full: {} has [0-9]+ MB left and 800 MB are needed; make room"),
-        ("size=2g,nr_inodes=7000", "release: the disk is full; make room. dist/ is as it was"),
+        ("size=2g,nr_inodes=7000", NO_ROOM),
     ],
 )
 def test_a_full_disk_leaves_what_was_there(own: Path, tmp_path: Path, disk: str, said: str) -> None:
@@ -232,6 +235,23 @@ def test_a_full_disk_leaves_what_was_there(own: Path, tmp_path: Path, disk: str,
     assert done.returncode == 1, done.stdout + done.stderr
     assert re.fullmatch(said.format(f"{small}/checkout"), done.stderr.splitlines()[-1]), done.stderr
     assert done.stdout == "build:\nkept\n\ndist:\nbefore\n"
+
+
+@pytest.mark.skipif(bool(bare_debian.why_not()), reason="only root can make a small disk")
+def test_a_small_folder_of_temporary_files_is_named_before_anything_is_made(
+    own: Path, tmp_path: Path
+) -> None:
+    script = f'mount -t tmpfs -o size=60m tmpfs "$TMPDIR" && exec "$0" -m tools.release {" ".join(QUICK)}'
+    command = ["unshare", "--mount", "sh", "-c", script, sys.executable]
+    small = tmp_path / "small"
+    small.mkdir()
+    before = left(own)
+    environment = os.environ | {"TMPDIR": str(small)}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=own, env=environment)
+    assert done.returncode == 1, done.stdout + done.stderr
+    said = f"release: the disk is full: {small} has [0-9]+ MB left and 200 MB are needed; make room\n"
+    assert re.fullmatch(said, done.stderr), done.stderr
+    assert left(own) == before
 
 
 @pytest.fixture(scope="module")

@@ -146,11 +146,11 @@ class Bench:
         return end
 
     async def raw_pair(
-        self, controller: str, drives: str, script: Script | None = None
+        self, controller: str, drives: str, script: Script | None = None, timeout_ms: float = 2000.0
     ) -> tuple[RawEnd, RawEnd, Relay]:
         """A raw controller and a raw drive with a relay without axes between them."""
         drive, where = await self.drive(drives, script)
-        link, device = self.controller_link(controller)
+        link, device = self.controller_link(controller, timeout_ms=timeout_ms)
         relay = await self.relay(where, (link,))
         await until_up(relay)
         if device:
@@ -158,7 +158,7 @@ class Bench:
         return await self.connect(relay.address("line", "cnc")), drive, relay
 
     def controller_link(
-        self, kind: str, name: str = "cnc", role: Role = Role.MOTION, timeout_ms: float = 200.0
+        self, kind: str, name: str = "cnc", role: Role = Role.MOTION, timeout_ms: float = 2000.0
     ) -> tuple[ControllerLink, str]:
         """A controller of the relay; with the device of its other end where it is a serial one."""
         plan = ControllerPlan(name, role, timeout_ms=timeout_ms, serial=kind == "rtu")

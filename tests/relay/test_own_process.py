@@ -124,9 +124,9 @@ async def test_garbage_is_not_looked_for_while_an_exchange_is_on_the_wire(
     link, _ = bench.controller_link("tcp")
     relay = await bench.relay(where, (link,))
     await tools.until_up(relay)
-    near = await bench.connect(relay.address("line", "cnc"))
     relay.take_process()
     assert not gc.isenabled()
+    near = await bench.connect(relay.address("line", "cnc"))
     near.write(encode_mbap(3, 1, READ))
     await silent.until(lambda end: bool(end.data))
     for _ in range(1000):

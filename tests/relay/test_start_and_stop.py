@@ -114,10 +114,10 @@ async def test_the_exchange_on_the_wire_is_finished_before_the_stop(bench: "Benc
 
 
 async def test_a_stop_waits_for_a_silent_drive_no_longer_than_its_time_out(bench: "Bench") -> None:
-    near, far, relay = await bench.raw_pair("tcp", "rtu")
+    near, far, relay = await bench.raw_pair("tcp", "rtu", timeout_ms=200.0)
     near.write(encode_mbap(5, 1, READ))
     await far.until(lambda end: bool(end.data))
-    async with asyncio.timeout(1):  # the time-out is 0.2 s
+    async with asyncio.timeout(2):  # the time-out is 0.2 s; without one it would wait for good
         await relay.stop()
 
 
