@@ -21,12 +21,17 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(needs)
 
 
+FREEZE_EVERY = 50
+"""Tests: what they leave would make full collections take seconds, for which a relay stands still."""
+
+
 class _Thawing:
     """Spares the garbage collections of a test the thousands of tests that were collected."""
 
     def __init__(self) -> None:
         self.unfreeze = gc.unfreeze
         self.has_thawed = True
+        self.tests = 0
         gc.unfreeze = self.thawed
 
     def thawed(self) -> None:
@@ -39,7 +44,8 @@ class _Thawing:
 
         Only what lately came is looked through first, which is where a test leaves its rings.
         """
-        if self.has_thawed:
+        self.tests += 1
+        if self.has_thawed or self.tests % FREEZE_EVERY == 0:
             gc.collect(1)
             gc.freeze()
             self.has_thawed = False

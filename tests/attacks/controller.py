@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass, field
 UNIT_ID = 1
 ADDRESS = 100
 CYCLE_S = 0.005
-PATIENCE_S = 5.0
+PATIENCE_S = 15.0
 LOWEST, HIGHEST, STEP = 10_000, 90_000, 1_000
 """Counts. The table of ``tests.processes.bench`` adds a thousandth: 10 000 counts become 10 010."""
 

@@ -31,7 +31,7 @@ from gateway.ipc.messages import (
 from gateway.ipc.sealed_memory import NotSealedError, map_sealed, seal
 from gateway.ipc.server import ControlServer, Desk
 
-PATIENCE_S = 10.0
+PATIENCE_S = 20.0
 TABLE = TableFor("x", "x.tab", "centroid-3", "0" * 64)
 
 

@@ -31,7 +31,7 @@ from gateway.ipc.messages import (
 from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.server import ControlServer
 
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 
 
 def echo(request: Request) -> Reply:

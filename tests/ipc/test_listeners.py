@@ -25,7 +25,7 @@ from gateway.ipc.messages import (
 )
 from gateway.ipc.server import MAX_LISTENERS, ControlServer, Desk
 
-PATIENCE_S = 10.0
+PATIENCE_S = 20.0
 SLOW = Subscribe(interval_s=60.0)
 """One snapshot at once, and none after it while a test lasts."""
 

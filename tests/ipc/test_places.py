@@ -33,7 +33,7 @@ from gateway.ipc.sealed_memory import seal
 from gateway.ipc.server import MAX_CLIENTS, MAX_LISTENERS, NO_PLACE, ControlServer, Desk
 from gateway.ipc.session import GAVE_WAY
 
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 USER = f"a client (user {os.geteuid()})"
 
 

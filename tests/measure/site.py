@@ -142,11 +142,17 @@ class Machine:
 
 
 @contextlib.asynccontextmanager
-async def gateway(machine: Machine) -> AsyncIterator[asyncio.subprocess.Process]:
-    """The gateway that runs the machine's configuration, until it reaches the drive and then to the end."""
-    process = await asyncio.create_subprocess_exec(
-        *COMMAND, "run", str(machine.config), "--log-format", "json", cwd=ROOT, stderr=asyncio.subprocess.PIPE
-    )
+async def gateway(
+    machine: Machine, *, has_supervisor: bool = False
+) -> AsyncIterator[asyncio.subprocess.Process]:
+    """The gateway that runs the machine's configuration, until it reaches the drive and then to the end.
+
+    ``measure`` asks the relay alone, which starts in half the time.
+    """
+    if not has_supervisor:
+        await run_command("check", "--compile", str(machine.config))
+    command = [*COMMAND, "run" if has_supervisor else "relay", str(machine.config), "--log-format", "json"]
+    process = await asyncio.create_subprocess_exec(*command, cwd=ROOT, stderr=asyncio.subprocess.PIPE)
     try:
         assert process.stderr is not None
         ready: set[str] = set()
@@ -244,7 +250,9 @@ async def measuring(machine: Machine, *arguments: str, stdin: int | None = None)
 
 async def run_command(*arguments: str) -> None:
     """Run another command of ours, which has to be good."""
-    process = await asyncio.create_subprocess_exec(*COMMAND, *arguments, cwd=ROOT)
+    process = await asyncio.create_subprocess_exec(
+        *COMMAND, *arguments, cwd=ROOT, stdout=asyncio.subprocess.DEVNULL
+    )
     assert await asyncio.wait_for(process.wait(), SECONDS) == 0
 
 

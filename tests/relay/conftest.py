@@ -21,7 +21,7 @@ from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector, TcpListener
 
-PATIENCE_S = 5.0
+PATIENCE_S = 30.0
 LOOPBACK = TcpEndpoint("127.0.0.1", 0)
 KINDS = ("tcp", "rtu")
 TIMING = LineTiming(response_timeout_ms=200.0, drain_ms=20.0, turnaround_ms=5.0)

@@ -108,7 +108,7 @@ class Site:
         with contextlib.suppress(OSError):
             reader, writer = await self.connect(shown, context)
             writer.write(encode_mbap(1, 1, READ))
-            async with asyncio.timeout(5):
+            async with asyncio.timeout(30):
                 with contextlib.suppress(OSError):
                     assert await reader.read(100) == b""
             writer.close()
@@ -120,7 +120,7 @@ class Site:
 async def ask(stream: tuple[asyncio.StreamReader, asyncio.StreamWriter], pdu: bytes) -> bytes:
     reader, writer = stream
     writer.write(encode_mbap(7, 1, pdu))
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(30):
         head = await reader.readexactly(7)
         assert head[:4] == b"\0\x07\0\0"
         return await reader.readexactly(int.from_bytes(head[4:6], "big") - 1)

@@ -28,7 +28,7 @@ class Wire:
 
 
 async def drained(sender: PacedSender) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(30):
         await sender.drained()
 
 

@@ -101,7 +101,7 @@ async def test_it_says_ready_serves_and_stops_cleanly(
         assert status["compensation"] == "no-table"
         process.send_signal(number)
         await event(process, "stopped")
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(30):
             assert await process.wait() == 0
 
 
@@ -128,7 +128,7 @@ async def test_a_second_signal_ends_at_once_and_says_what_was_not_finished(
         ended = await event(process, "stopped-at-once")
         assert ended["lines"] == ["xyz"]
         assert "an exchange was not finished" in ended["detail"]
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(30):
             assert await process.wait() == 1
         assert process.stderr is not None
         assert await process.stderr.read() == b""
@@ -155,7 +155,7 @@ async def test_the_log_is_in_the_order_of_its_times_and_status_lines_count_every
             notes.append(await event(process, "status"))
         process.send_signal(signal.SIGTERM)
         assert process.stderr is not None
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(30):
             notes += [json.loads(line) async for line in process.stderr]
     notes = [note for note in notes if note.get("process") != "supervisor"]  # it writes when it likes
     [*_, line] = [note for note in notes if note["event"] == "status" and note.get("line") == "xyz"]

@@ -32,7 +32,7 @@ def stopped(each: Machine, seconds: float, frames: list[bytes], *, closes: bool)
 
 def wait_for(each: Machine, words: str) -> None:
     """Wait for words in the log, which is written by and by."""
-    until_s = time.monotonic() + 10.0
+    until_s = time.monotonic() + 30.0
     while words not in each.log.read_text():
         assert time.monotonic() < until_s
         time.sleep(0.01)

@@ -108,7 +108,7 @@ async def test_the_exchange_on_the_wire_is_finished_before_the_stop(bench: "Benc
     assert not stopping.done()
     far.write(encode_rtu(1, REPLY))
     await near.receives(encode_mbap(5, 1, REPLY) if controller == "tcp" else encode_rtu(1, REPLY))
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(30):
         await stopping
     assert far.data == encode_rtu(1, READ)
 

@@ -155,7 +155,7 @@ def test_a_restart_by_hand_never_refuses_a_connection(mill: Mill) -> None:
     while mill.machine.property(RELAY, "MainPID") in {"0", before} or (
         mill.machine.property(RELAY, "ActiveState") != "active"
     ):
-        socket.create_connection(("127.0.0.1", mill.port), timeout=5).close()  # or ConnectionRefusedError
+        socket.create_connection(("127.0.0.1", mill.port), timeout=30).close()  # or ConnectionRefusedError
     mill.machine.until(RELAY, "StatusText", "1 of 1 lines up, 1 axes")
     assert mill.moved(50_000) == 50_050
 

@@ -19,12 +19,12 @@ from tests.relay.conftest import LOOPBACK, RawEnd
 
 @contextlib.contextmanager
 def knocking(where: TcpEndpoint) -> Iterator[None]:
-    with socket.create_connection((where.host, where.port), timeout=5):
+    with socket.create_connection((where.host, where.port), timeout=30):
         yield
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(30):
         while not condition():  # noqa: ASYNC110 - nothing tells of it
             await asyncio.sleep(0)
 
@@ -56,7 +56,7 @@ async def test_the_watchdog_is_fed_while_nothing_is_stuck_and_again_afterwards(t
         told: list[str] = []
         heart = Heart(manager, lambda now_ns: why[0], told.append, lambda: "all is well")
         loop = asyncio.get_running_loop()
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(30):
             assert await loop.sock_recv(ear, 300) == b"WATCHDOG=1\nSTATUS=all is well"
             assert await loop.sock_recv(ear, 300) == b"WATCHDOG=1"
             why[0] = "line xyz: nothing moves"

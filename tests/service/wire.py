@@ -13,7 +13,7 @@ MOVE = bytes.fromhex("10 0064 0002 04") + (50_050).to_bytes(4, "big")
 
 def moved_on_wire(port: int, wire: int) -> bytes:
     """Command a position; returns what came over the wire, and acknowledges it."""
-    with socket.create_connection(("127.0.0.1", port), timeout=10) as controller:
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as controller:
         controller.sendall(encode_mbap(1, 1, REQUEST))
         heard = b""
         end_s = time.monotonic() + 10

@@ -75,12 +75,12 @@ class Cable:
     async def pymodbus(self) -> ModbusBaseClient:
         client: ModbusBaseClient
         if self.pty is not None:
-            client = AsyncModbusSerialClient(self.pty.path, baudrate=115200, timeout=2, retries=0)
+            client = AsyncModbusSerialClient(self.pty.path, baudrate=115200, timeout=20, retries=0)
         else:
             assert self.tcp is not None
             framer = FramerType.RTU if self.tcp.rtu else FramerType.SOCKET
             port = self.tcp.port
-            client = AsyncModbusTcpClient("127.0.0.1", port=port, framer=framer, timeout=2, retries=0)
+            client = AsyncModbusTcpClient("127.0.0.1", port=port, framer=framer, timeout=20, retries=0)
         assert await client.connect()
         self.exits.callback(client.close)
         return client
@@ -218,7 +218,7 @@ async def test_a_port_in_use_is_named() -> None:
 async def test_who_connected_just_before_the_end_is_not_left_hanging(turns: int) -> None:
     server = TcpDriveServer(two_axes(), SteppedClock())
     await server.start()
-    with socket.create_connection(("127.0.0.1", server.port), timeout=5.0) as there:
+    with socket.create_connection(("127.0.0.1", server.port), timeout=30) as there:
         for _ in range(turns):
             await asyncio.sleep(0)
         await server.stop()

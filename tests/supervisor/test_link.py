@@ -11,7 +11,7 @@ from gateway.ipc.place import socket_path
 from gateway.ipc.server import ControlServer, Desk
 from gateway.supervisor.link import Link
 
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 STATUS = {"gateway": {"name": "mill-1", "relay": "up", "snapshot_age_s": 0.0}, "lines": {}, "axes": {}}
 
 

@@ -14,7 +14,7 @@ from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector, TcpListener
 
-PATIENCE_S = 5.0
+PATIENCE_S = 30.0
 Eventually = Callable[[Callable[[], bool]], Awaitable[None]]
 
 

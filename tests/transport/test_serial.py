@@ -177,7 +177,7 @@ async def test_bytes_that_do_not_fit_are_sent_when_there_is_room(make_recorder: 
     near.write(block)
     near.write(b"end")
     arrived = b""
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(30):
         while len(arrived) < len(block) + 3:
             await asyncio.sleep(0)
             try:

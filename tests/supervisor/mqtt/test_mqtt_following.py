@@ -39,7 +39,7 @@ async def test_it_can_be_left_out_and_come_back(tmp_path: Path) -> None:
                 assert site.status["state"] == "connected"
                 site.service.follow(None)
                 await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"offline")
-                async with asyncio.timeout(10):
+                async with asyncio.timeout(30):
                     while site.service.publisher is not None:  # noqa: ASYNC110 - nothing is told of this
                         await asyncio.sleep(0)
                 assert site.status == STATUS_WITHOUT
