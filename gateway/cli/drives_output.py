@@ -7,6 +7,7 @@ from typing import Any, Final
 from gateway.drives import library
 from gateway.drives.motion import Action
 from gateway.drives.profile import Evidence, Profile, entries, evidence_of
+from gateway.drives.public import Kind, public_traffic
 
 WIDTH: Final = 110
 ADDRESSES: Final = ("address", "block", "coil")
@@ -63,8 +64,12 @@ def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def profile_data(name: str, profile: Profile) -> dict[str, Any]:
-    """Return everything a profile says as plain data."""
-    return {"name": name, **profile.model_dump(mode="json", exclude_unset=True)}
+    """Return everything a profile says as plain data, and how often which traffic was found in public."""
+    data = {"name": name, **profile.model_dump(mode="json", exclude_unset=True)}
+    if library.is_name(name):
+        kinds = [each.kind for each in public_traffic(name)]
+        data["public_traffic"] = {kind.value: kinds.count(kind) for kind in Kind}
+    return data
 
 
 def profile_lines(name: str, profile: Profile) -> Iterator[str]:
@@ -81,7 +86,24 @@ def profile_lines(name: str, profile: Profile) -> Iterator[str]:
         yield from _wrapped(trap.what, f"{number:3}. ")
         if trap.check:
             yield from _wrapped(f"Check: {trap.check}", "     ")
+    if library.is_name(name):
+        yield ""
+        yield "public traffic: what programs and manuals send, tried through the gateway"
+        yield from _traffic_lines(name)
     yield from _source_lines(profile)
+
+
+def _traffic_lines(name: str) -> Iterator[str]:
+    """Yield the kinds of sequences that were found, with their sources, and those that nobody published."""
+    found = public_traffic(name)
+    for kind in Kind:
+        sources = sorted({each.source for each in found if each.kind is kind})
+        if sources:
+            number = sum(each.kind is kind for each in found)
+            yield f"  {kind.value:<12}  {number} [{', '.join(sources)}]"
+    never = [kind.value for kind in Kind if all(each.kind is not kind for each in found)]
+    if never:
+        yield from _wrapped(", ".join(never), "  never seen in public traffic: ")
 
 
 def _facts(profile: Profile) -> Iterator[str]:

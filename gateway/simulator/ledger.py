@@ -56,6 +56,8 @@ class Ledger:
     moves: "deque[MoveRecord]" = field(default_factory=lambda: deque(maxlen=LEDGER_LENGTH))
     """Kept by the drives that are simulated by name, not by the plain one."""
     requests: "Counter[int]" = field(default_factory=Counter)
+    unheard_of: "deque[str]" = field(default_factory=lambda: deque(maxlen=LEDGER_LENGTH))
+    """Values that a drive simulated by name was told and does not know, each as a sentence."""
 
     def writes_to(self, unit_id: int, address: int) -> list[WriteRecord]:
         """Writes that began at an address of a drive."""

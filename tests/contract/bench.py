@@ -37,7 +37,8 @@ class DriveBench:
 
     @property
     def moves(self) -> tuple[tuple[MoveKind, int | None], ...]:
-        """What the drive was made to do."""
+        """What the drive was made to do; it knew all that it was told."""
+        assert not self.bus.ledger.unheard_of
         return tuple(self.bus.ledger.moves_of(self.session.unit_id))
 
     async def serve(self) -> TcpEndpoint | SerialEndpoint:

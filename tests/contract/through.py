@@ -14,7 +14,6 @@ from gateway.relay.gateway import Relay
 from gateway.simulator.master import Master, RtuMaster
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.contract.bench import COUNTS_PER_MM, LOOPBACK, PATIENCE_S, DriveBench
-from tests.contract.script import Session
 
 MACHINE_SPEED_MM_S: Final = 1e6
 """The script's clock runs much faster than the gateway's: readings grow old at once."""
@@ -30,12 +29,12 @@ def table_of(forward_mm: float, backward_mm: float, slope: float = 0.0) -> Corre
     return make_table(TRAVEL_MM, forward, backward, Units.MM)
 
 
-def axis_plan(session: Session, table: CorrectionTable) -> AxisPlan:
+def axis_plan(drive: str, unit_id: int, table: CorrectionTable) -> AxisPlan:
     """Return the axis with the registers of the drive's shipped profile."""
-    registers = shipped(session.drive).registers
+    registers = shipped(drive).registers
     return AxisPlan(
         name="x",
-        unit_id=session.unit_id,
+        unit_id=unit_id,
         settings=AxisSettings(Units.MM, COUNTS_PER_MM, travel=TRAVEL_MM, max_speed=MACHINE_SPEED_MM_S),
         table=table,
         compensation=CompensationMode.ON,
@@ -58,14 +57,14 @@ def axis_plan(session: Session, table: CorrectionTable) -> AxisPlan:
         safe_read=registers.safe_read,
         refused_read=registers.refused_read,
         done_drop_ms=registers.done_drop_ms,
-        drive=session.drive,
+        drive=drive,
     )
 
 
 async def master_through_gateway(bench: DriveBench, exits: AsyncExitStack, table: CorrectionTable) -> Master:
     """Put a gateway in front of the drive; the controller has the same kind of cable as the drive."""
     drives = await bench.serve()
-    axis = axis_plan(bench.session, table)
+    axis = axis_plan(bench.session.drive, bench.session.unit_id, table)
     if isinstance(drives, TcpEndpoint):
         relay = await _start(axis, drives, TcpEndpoint(LOOPBACK, 0), exits)
         return await bench.master(relay.address("l", "cnc"))

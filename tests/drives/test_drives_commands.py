@@ -68,6 +68,8 @@ def test_a_profile_can_be_copied(tmp_path: Path, name: str) -> None:
 def test_a_profile_as_data_is_the_profile() -> None:
     data = json.loads(run("show", "tl-r", "--json").stdout)
     assert data.pop("name") == "tl-r"
+    seen = data.pop("public_traffic")
+    assert (seen["stop"], seen["stored"]) == (2, 0)
     assert Profile.model_validate(data) == library.shipped("tl-r")
 
 

@@ -277,7 +277,7 @@ def test_tl_r_is_written_word_by_word() -> None:
     assert library.shipped("tl-r").registers.write is Form.FC06
     assert deeds("tl-r", 78, 0x0003) == {Action.ABSOLUTE}
     assert deeds("tl-r", 78, 0x0001) == {Action.RELATIVE_TO_COMMANDED}
-    assert deeds("tl-r", 78, 0x0003, before=0x0003) == set()
+    assert deeds("tl-r", 78, 0x0003, before=0x0003) == {Action.ABSOLUTE}
 
 
 def test_festo_images_hold_start_and_stop() -> None:

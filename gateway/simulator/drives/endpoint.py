@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from enum import Enum
+from logging import getLogger
 from typing import Final
 
 from gateway.simulator.drives.motor import Motor
@@ -10,6 +11,8 @@ from gateway.simulator.ledger import MoveKind, MoveRecord
 from gateway.simulator.server import RegisterServer
 
 WORD: Final = 0x10000
+LOG: Final = getLogger(__name__)
+"""Without a handler it goes to stderr."""
 
 
 class Order(Enum):
@@ -63,6 +66,12 @@ class MotorDrive(RegisterServer):
 
     def _log(self, axis: str, kind: MoveKind, target: int | None, distance: int | None) -> None:
         self.ledger.moves.append(MoveRecord(self.unit_id, axis, kind, target, self._now_s, distance))
+
+    def unheard_of(self, address: int, value: int) -> None:
+        """Say that a command came that this drive, as it is simulated, does not know: it does nothing."""
+        said = f"unit {self.unit_id}: {value:#06x} in {address:#06x} means nothing to this simulated drive"
+        self.ledger.unheard_of.append(said)
+        LOG.warning(said)
 
     def get32(self, address: int) -> int:
         """Return a signed number of two registers."""

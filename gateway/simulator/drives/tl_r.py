@@ -5,7 +5,8 @@ hardware.
 
 The firmware takes no more than four registers out of a longer FC16 and says nothing about it. Bit 4 of the
 state is documented as "enabled" and was measured to be 0 then. A start while the axis moves is refused with
-04 unless the interrupt bit is set. Not simulated: jog, speeds.
+04 unless the interrupt bit is set. A bit of the control register acts as often as it is written (3.1.3); the
+auxiliary register takes one command at a time. Not simulated: jog, speeds, stored paths.
 """
 
 from typing import Final
@@ -19,7 +20,11 @@ POSITION: Final = 8
 TARGET: Final = 55
 CONTROL: Final = 78
 AUXILIARY: Final = 79
+CLEAR_ALARM: Final = 0x0300
 SET_ZERO: Final = 0x0400
+RELEASE: Final = 0x0600
+NO_MOTION: Final = frozenset({0x0000, 0x0200, 0x0500})
+"""Nothing; save; motor on."""
 START: Final = 1 << 0
 ABSOLUTE: Final = 1 << 1
 INTERRUPT: Final = 1 << 2
@@ -52,23 +57,32 @@ class TlR(MotorDrive):
 
     def written(self, before: dict[int, int], now_s: float) -> None:
         """See :class:`MotorDrive`."""
-        if AUXILIARY in before and self.image.word(AUXILIARY) & SET_ZERO & ~before[AUXILIARY]:
-            self.motor.set_position(0, now_s)
+        if AUXILIARY in before:
+            self._auxiliary(self.image.word(AUXILIARY), now_s)
         if CONTROL in before:
-            word = self.image.word(CONTROL)
-            self._control(word, word & ~before[CONTROL], now_s)
+            self._control(self.image.word(CONTROL), now_s)
 
-    def _control(self, word: int, risen: int, now_s: float) -> None:
-        if risen & STOPS:
+    def _auxiliary(self, command: int, now_s: float) -> None:
+        if command == SET_ZERO:
+            self.motor.set_position(0, now_s)
+        elif command == RELEASE:
             self.motor.stop(now_s)
-        elif risen & HOME:
+        elif command == CLEAR_ALARM:
+            self.motor.mechanics.alarm = False
+        elif command not in NO_MOTION:
+            self.unheard_of(AUXILIARY, command)
+
+    def _control(self, word: int, now_s: float) -> None:
+        if word & STOPS:
+            self.motor.stop(now_s)
+        elif word & HOME:
             self.motor.home(now_s)
-        elif risen & START:
+        elif word & START:
             if self.motor.is_moving and not word & INTERRUPT:
                 raise RefusedError(EXECUTION_FAILED)
             if word & ABSOLUTE:
                 self.motor.absolute(self.get32(TARGET), now_s)
             else:
                 self.motor.relative(self.get32(TARGET), Basis.COMMANDED, now_s)
-        elif risen & JOG:
+        elif word & JOG:
             self.motor.other()

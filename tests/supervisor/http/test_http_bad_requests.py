@@ -2,6 +2,8 @@
 
 import asyncio
 import logging
+import resource
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -196,6 +198,16 @@ async def test_an_idle_connection_is_closed_after_a_while(tmp_path: Path) -> Non
         assert await line.rest() == b""
 
 
+@pytest.fixture
+def many_files() -> Iterator[None]:
+    """Both ends of a thousand connections are this process's: more than a person's session may open."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 8192)), hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+@pytest.mark.usefixtures("many_files")
 async def test_a_thousand_idle_connections_keep_nobody_out(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
         served.feeds.publish(model())

@@ -1,0 +1,75 @@
+"""What public programs and manuals send to a drive: frames, and what its motor does by the manual.
+
+Beside each profile there may be a file of the same name in ``traffic``. It is written from programs and
+manuals and never from the profile: the tests play it through the gateway, and find what the profile does not
+know.
+"""
+
+import tomllib
+from enum import Enum
+from functools import cache
+from importlib.resources import files
+from typing import Final
+
+from pydantic import Field
+
+from gateway.drives.library import SUFFIX
+from gateway.drives.strict import ByName, ListOf, StrictModel
+from gateway.drives.words import Address
+from gateway.modbus.registers import RegisterType, WordOrder
+
+FOLDER: Final = "traffic"
+
+
+class Kind(Enum):
+    """What a sequence of frames makes the motor do."""
+
+    ABSOLUTE = "absolute"
+    RELATIVE = "relative"
+    HOMING = "homing"
+    SET_POSITION = "set-position"
+    STOP = "stop"
+    JOG = "jog"
+    STORED = "stored"
+    ENABLE = "enable"
+    FAULT_RESET = "fault-reset"
+
+    @property
+    def moves_nothing(self) -> bool:
+        """Whether the motor stands, and stays where it is."""
+        return self in {Kind.ENABLE, Kind.FAULT_RESET}
+
+
+class Target(StrictModel):
+    """Where a sequence writes the place that the motor goes to, or how far it goes."""
+
+    address: Address = Field(description="first register, as in the frames")
+    type: ByName[RegisterType] = Field(default=RegisterType.INT32, description="how the number is stored")
+    words: ByName[WordOrder] = Field(default=WordOrder.HIGH_FIRST, description="which word comes first")
+    counts: int = Field(description="the number that the frames hold")
+
+
+class Sequence(StrictModel):
+    """Frames that a controller sends one after the other, and what comes of them."""
+
+    kind: ByName[Kind] = Field(description="what the motor does")
+    what: str = Field(description="the same in words")
+    source: str = Field(description="where it was read: a key of [sources] in the profile")
+    frames: ListOf[str] = Field(description="PDUs in hexadecimal, without unit id and check sum")
+    target: Target | None = Field(default=None, description="for absolute and relative moves")
+    refused: str = Field(default="", description="why the gateway refuses it on a corrected axis")
+
+
+class Traffic(StrictModel):
+    """A file of sequences."""
+
+    sequence: ListOf[Sequence] = Field(default=(), description="the sequences")
+
+
+@cache
+def public_traffic(name: str) -> tuple[Sequence, ...]:
+    """Return what is known to be sent to the drive of a shipped profile; nothing where none is public."""
+    file = files("gateway.drives") / FOLDER / f"{name}{SUFFIX}"
+    if not file.is_file():
+        return ()
+    return Traffic.model_validate(tomllib.loads(file.read_text(encoding="utf-8"))).sequence

@@ -1,0 +1,237 @@
+"""What public programs send to each drive, through the gateway and to a drive that is plain memory."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from gateway.drives.library import names, shipped
+from gateway.drives.public import Kind, Sequence, public_traffic
+from gateway.exchange.status import axes_status, line_status
+from gateway.modbus.registers import BitField, BitTable, PositionField
+from tests.contract.through import axis_plan, table_of
+from tests.exchange.line_bench import MOVE_MS, Bench, Memory, monitor
+
+CORRECTION_MM = 0.05
+CORRECTION_COUNTS = 50
+"""The same at every place, in both directions: 1000 counts make a millimetre."""
+
+
+class Replaying(Memory):
+    """Knows nothing of the drive: takes what it is told, and shows the state that a test gives it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.on: set[tuple[BitTable, int]] = set()
+
+    def answer(self, pdu: bytes) -> bytes:
+        function, address = pdu[0], int.from_bytes(pdu[1:3], "big")
+        if function in (1, 2):
+            table = BitTable.COIL if function == 1 else BitTable.INPUT
+            quantity = int.from_bytes(pdu[3:5], "big")
+            value = sum(1 << n for n in range(quantity) if (table, address + n) in self.on)
+            data = value.to_bytes((quantity + 7) // 8, "little")
+            return bytes((function, len(data))) + data
+        if function == 5:
+            (self.on.add if pdu[3] else self.on.discard)((BitTable.COIL, address))
+            return pdu
+        return super().answer(pdu)
+
+    def show(self, bit: BitField, value: bool) -> None:
+        """Show a bit of the drive's state."""
+        value ^= bit.is_inverted
+        if bit.table is not BitTable.REGISTER:
+            (self.on.add if value else self.on.discard)((bit.table, bit.address))
+            return
+        word = self.words.get(bit.address, 0) & ~(1 << bit.bit)
+        self.words[bit.address] = word | value << bit.bit
+
+
+class Machine(Bench):
+    """The gateway with a shipped profile, before a drive that stands at 0, is homed and has no alarm."""
+
+    def __init__(self, drive: str) -> None:
+        plan = axis_plan(drive, 1, table_of(CORRECTION_MM, CORRECTION_MM))
+        self.drive = Replaying()
+        self.actual_field = plan.actual[0] if plan.actual else None
+        self.bits = plan.bits
+        for name, bit in plan.bits.items():
+            self.drive.show(bit, name in {"homed", "done"})
+        super().__init__(plan, memory=self.drive)
+
+    def play(self, sequence: Sequence) -> None:
+        """Send its frames, each of which the drive acknowledges; what the motor does is over at the end."""
+        for frame in sequence.frames:
+            pdu = bytes.fromhex(frame)
+            reply = self.ask(pdu)
+            assert reply[0] == pdu[0], f"{frame} -> {reply.hex(' ')}"
+        if sequence.target is not None and sequence.kind is Kind.ABSOLUTE and self.actual_field is not None:
+            self.drive.put(self.actual_field, self.told(sequence))
+        self.wait(MOVE_MS)
+
+    def told(self, sequence: Sequence) -> int:
+        """Return what the drive was told, where the target of a sequence stands."""
+        target = sequence.target
+        assert target is not None
+        return round(self.drive.get(PositionField(target.address, target.type, target.words)))
+
+    @property
+    def counters(self) -> tuple[int, int]:
+        """What was not understood, and what was refused."""
+        status = line_status(self.line)
+        return status["unknown_modes"], status["refused"]  # type: ignore[return-value]
+
+
+def _all() -> Iterator[tuple[str, Sequence]]:
+    for name in names():
+        for sequence in public_traffic(name):
+            yield name, sequence
+
+
+def _of(kind: Kind) -> "pytest.MarkDecorator":
+    found = [(name, each) for name, each in _all() if each.kind is kind and not each.refused]
+    ids = [f"{name}-{each.what}" for name, each in found]
+    return pytest.mark.parametrize(("drive", "sequence"), found, ids=ids)
+
+
+def _first_absolute(drive: str) -> Sequence | None:
+    return next((each for each in public_traffic(drive) if each.kind is Kind.ABSOLUTE), None)
+
+
+def _go(machine: Machine, drive: str, expected: int = CORRECTION_COUNTS) -> None:
+    """Make an absolute move, which is corrected by so many counts."""
+    absolute = _first_absolute(drive)
+    if absolute is not None and absolute.target is not None:
+        machine.play(absolute)
+        assert machine.told(absolute) == absolute.target.counts + expected
+
+
+@pytest.mark.parametrize(("drive", "sequence"), list(_all()), ids=lambda each: getattr(each, "what", each))
+def test_a_sequence_is_whole(drive: str, sequence: Sequence) -> None:
+    assert sequence.source in shipped(drive).sources
+    assert (sequence.target is not None) is (sequence.kind in {Kind.ABSOLUTE, Kind.RELATIVE})
+    assert sequence.frames
+
+
+@_of(Kind.ABSOLUTE)
+def test_the_target_of_an_absolute_move_is_corrected(drive: str, sequence: Sequence) -> None:
+    machine = Machine(drive)
+    machine.play(sequence)
+    assert sequence.target is not None
+    assert machine.told(sequence) == sequence.target.counts + CORRECTION_COUNTS
+    assert _setpoint_counts(machine) == sequence.target.counts
+    assert machine.counters == (0, 0)
+
+
+@_of(Kind.RELATIVE)
+def test_a_distance_stays_where_the_correction_is_the_same(drive: str, sequence: Sequence) -> None:
+    machine = Machine(drive)
+    _go(machine, drive)
+    machine.play(sequence)
+    assert sequence.target is not None
+    assert machine.told(sequence) == sequence.target.counts
+    assert machine.counters == (0, 0)
+
+
+@_of(Kind.STOP)
+def test_a_stop_passes_as_it_is_and_the_next_target_is_corrected(drive: str, sequence: Sequence) -> None:
+    machine = Machine(drive)
+    _go(machine, drive)
+    before = len(machine.seen)
+    machine.play(sequence)
+    assert _written(machine.seen[before:]) == [bytes.fromhex(frame) for frame in sequence.frames]
+    _go(machine, drive)
+    assert machine.counters == (0, 0)
+
+
+@_of(Kind.STOP)
+def test_a_stop_goes_before_what_waits(drive: str, sequence: Sequence) -> None:
+    """Its first frame overtakes a panel's question that the line has no time for yet."""
+    machine = Machine(drive)
+    machine.send(bytes.fromhex("03 0000 0001"), monitor())
+    machine.send(bytes.fromhex("03 0001 0001"), monitor())
+    stop = bytes.fromhex(sequence.frames[0])
+    machine.send(stop)
+    machine.serve()
+    assert machine.seen[-2:] == [stop, bytes.fromhex("03 0001 0001")]
+
+
+@_of(Kind.ENABLE)
+def test_what_switches_the_motor_on_leaves_the_reference(drive: str, sequence: Sequence) -> None:
+    _nothing_moved(drive, sequence)
+
+
+@_of(Kind.FAULT_RESET)
+def test_what_resets_a_fault_leaves_the_reference(drive: str, sequence: Sequence) -> None:
+    _nothing_moved(drive, sequence)
+
+
+def _nothing_moved(drive: str, sequence: Sequence) -> None:
+    machine = Machine(drive)
+    _go(machine, drive)
+    before = len(machine.seen)
+    machine.play(sequence)
+    assert _written(machine.seen[before:]) == [bytes.fromhex(frame) for frame in sequence.frames]
+    _go(machine, drive)
+    assert machine.counters == (0, 0)
+
+
+@_of(Kind.SET_POSITION)
+def test_what_renames_the_place_ends_the_reference(drive: str, sequence: Sequence) -> None:
+    machine = Machine(drive)
+    _go(machine, drive)
+    machine.play(sequence)
+    assert not _is_referenced(machine)
+    _go(machine, drive, 0)
+    assert machine.counters == (0, 0)
+
+
+@_of(Kind.HOMING)
+def test_after_homing_nobody_says_where_the_axis_was_sent(drive: str, sequence: Sequence) -> None:
+    _went_elsewhere(drive, sequence)
+
+
+@_of(Kind.JOG)
+def test_after_a_jog_nobody_says_where_the_axis_was_sent(drive: str, sequence: Sequence) -> None:
+    _went_elsewhere(drive, sequence)
+
+
+@_of(Kind.STORED)
+def test_after_a_stored_move_nobody_says_where_the_axis_was_sent(drive: str, sequence: Sequence) -> None:
+    _went_elsewhere(drive, sequence)
+
+
+def _went_elsewhere(drive: str, sequence: Sequence) -> None:
+    machine = Machine(drive)
+    _go(machine, drive)
+    machine.play(sequence)
+    assert _setpoint_counts(machine) is None
+    assert machine.counters == (0, 0)
+    _go(machine, drive)
+
+
+@pytest.mark.parametrize(
+    ("drive", "sequence"),
+    [(d, s) for d, s in _all() if s.refused],
+    ids=lambda each: getattr(each, "what", each),
+)
+def test_what_would_move_a_stored_position_is_refused(drive: str, sequence: Sequence) -> None:
+    machine = Machine(drive)
+    replies = [machine.ask(bytes.fromhex(frame)) for frame in sequence.frames]
+    assert any(reply[0] & 0x80 for reply in replies)
+
+
+def _written(pdus: list[bytes]) -> list[bytes]:
+    """Leave out what only asks."""
+    return [pdu for pdu in pdus if pdu[0] not in {1, 2, 3, 4}]
+
+
+def _setpoint_counts(machine: Machine) -> int | None:
+    """Return where the gateway takes the axis to have been sent, in the controller's counts."""
+    [axis] = axes_status(machine.line, machine.now_ns).values()
+    setpoint_mm = axis["nominal_setpoint"]
+    return None if setpoint_mm is None else round(1000 * setpoint_mm)
+
+
+def _is_referenced(machine: Machine) -> bool:
+    [axis] = axes_status(machine.line, machine.now_ns).values()
+    return str(axis["compensation"]) != "unreferenced"
