@@ -47,6 +47,7 @@ class Target(StrictModel):
     type: ByName[RegisterType] = Field(default=RegisterType.INT32, description="how the number is stored")
     words: ByName[WordOrder] = Field(default=WordOrder.HIGH_FIRST, description="which word comes first")
     counts: int = Field(description="the number that the frames hold")
+    scale: float = Field(default=1.0, description="counts in one step of it, as of a position in a profile")
 
 
 class Sequence(StrictModel):

@@ -67,18 +67,14 @@ WAYS = {
     "applied-motion-32": "set-position",
     "igus-dryve-d1": "homing",
     "kollmorgen-akd2g": "absolute",
-    "leadshine-el7": "absolute",
     "makerbase-servo42d": "set-position",
     "mitsubishi-mr-je-c": "homing",
-    "stepperonline-ess-rs": "absolute",
 }
 """How drives without a lasting homed bit are known to be referenced."""
 NOTHING_STANDS = "neither bits.done nor bits.moving is mapped"
 EXPECTED = {
     "applied-motion-32": NOTHING_STANDS,
-    "leadshine-el7": NOTHING_STANDS,
     "makerbase-servo42d": NOTHING_STANDS,
-    "stepperonline-ess-rs": NOTHING_STANDS,
     "kollmorgen-akd2g": "no value is listed that stops the axis",
 }
 """What nothing public tells about a drive."""

@@ -212,6 +212,8 @@ MAKERBASE_SERVO42D: Final = Session(
     04 0031 0003 | =0000 0000 09C4
     10 00F5 0004 08 0002 012C FFFF FC18                        # to -1000
     04 0031 0003 | =FFFF FFFF FC18
+    04 00F1 0001 | =0001
+    06 00F3 0001                                               # motor on: nothing moves
     06 0092 0001                                               # zero
     04 0031 0003
     06 1234 0001                                               # refused with FFFF

@@ -65,7 +65,8 @@ class Machine(Bench):
             reply = self.ask(pdu)
             assert reply[0] == pdu[0], f"{frame} -> {reply.hex(' ')}"
         if sequence.target is not None and sequence.kind is Kind.ABSOLUTE and self.actual_field is not None:
-            self.drive.put(self.actual_field, self.told(sequence))
+            assert sequence.target is not None
+            self.drive.put(self.actual_field, round(self.told(sequence) * sequence.target.scale))
         self.wait(MOVE_MS)
 
     def told(self, sequence: Sequence) -> int:
@@ -102,7 +103,7 @@ def _go(machine: Machine, drive: str, expected: int = CORRECTION_COUNTS) -> None
     absolute = _first_absolute(drive)
     if absolute is not None and absolute.target is not None:
         machine.play(absolute)
-        assert machine.told(absolute) == absolute.target.counts + expected
+        assert machine.told(absolute) == _corrected(absolute, expected)
 
 
 @pytest.mark.parametrize(("drive", "sequence"), list(_all()), ids=lambda each: getattr(each, "what", each))
@@ -117,8 +118,8 @@ def test_the_target_of_an_absolute_move_is_corrected(drive: str, sequence: Seque
     machine = Machine(drive)
     machine.play(sequence)
     assert sequence.target is not None
-    assert machine.told(sequence) == sequence.target.counts + CORRECTION_COUNTS
-    assert _setpoint_counts(machine) == sequence.target.counts
+    assert machine.told(sequence) == _corrected(sequence)
+    assert _setpoint_counts(machine) == round(sequence.target.counts * sequence.target.scale)
     assert machine.counters == (0, 0)
 
 
@@ -223,6 +224,13 @@ def test_what_would_move_a_stored_position_is_refused(drive: str, sequence: Sequ
 def _written(pdus: list[bytes]) -> list[bytes]:
     """Leave out what only asks."""
     return [pdu for pdu in pdus if pdu[0] not in {1, 2, 3, 4}]
+
+
+def _corrected(sequence: Sequence, correction_counts: int = CORRECTION_COUNTS) -> int:
+    """Return what the drive has to be told for the target of a sequence."""
+    target = sequence.target
+    assert target is not None
+    return round((target.counts * target.scale + correction_counts) / target.scale)
 
 
 def _setpoint_counts(machine: Machine) -> int | None:

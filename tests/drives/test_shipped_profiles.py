@@ -8,6 +8,7 @@ import pytest
 from gateway.drives import library
 from gateway.drives.motion import Action, Addressing, Deed, Form, MotionPlan
 from gateway.drives.profile import Confidence, Profile, Tier, entries, evidence_of, faults
+from gateway.drives.public import public_traffic
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField
 
 TIER_A = {
@@ -67,6 +68,7 @@ def test_a_shipped_profile_is_whole(name: str) -> None:
 def test_every_source_is_used_and_public(name: str) -> None:
     profile = library.shipped(name)
     used = {source for evidence in profile.evidence.values() for source in evidence.sources}
+    used |= {sequence.source for sequence in public_traffic(name)}
     assert used == set(profile.sources)
     for source in profile.sources.values():
         assert source.note
@@ -154,12 +156,29 @@ def test_leadshine_runs_a_path_by_its_number() -> None:
         (0x0003, Action.HOME),
         (0x4101, Action.UNKNOWN),  # jumps to path 1 afterwards
         (0x0000, Action.UNKNOWN),
+        (0x0081, Action.UNKNOWN),  # on the servos a distance from the motor's place, here nobody says
+        (0x00C1, Action.UNKNOWN),
     ],
 )
 def test_leadshine_modes(word: int, action: Action) -> None:
     mode = motion("leadshine-pr").mode(0)
     assert mode is not None
     assert mode.action(word) is action
+
+
+def test_leadshine_servos_have_one_field_for_what_a_distance_counts_from() -> None:
+    mode = motion("leadshine-el7").mode(0)
+    assert mode is not None
+    actions = {word: mode.action(word) for word in (0x0001, 0x0041, 0x0081, 0x0091, 0x00C1, 0x0082, 0x4081)}
+    assert actions == {
+        0x0001: Action.ABSOLUTE,
+        0x0041: Action.RELATIVE_TO_COMMANDED,
+        0x0081: Action.RELATIVE_TO_ACTUAL,
+        0x0091: Action.RELATIVE_TO_ACTUAL,  # with interrupt
+        0x00C1: Action.UNKNOWN,
+        0x0082: Action.OTHER_MOTION,
+        0x4081: Action.UNKNOWN,  # jumps afterwards
+    }
 
 
 def test_oriental_values_stand_in_the_lower_words() -> None:
@@ -246,13 +265,16 @@ def test_applied_motion_tells_by_its_opcode(name: str, target: int) -> None:
 
 def test_mks_frames_are_commands_and_speed_zero_is_a_stop() -> None:
     # 01 10 00F5 0004 08 | acc 0002 | speed 012C | position 0002 8000
-    absolute, relative = fields("makerbase-servo42d", "command")
+    absolute, relative, pulses = fields("makerbase-servo42d", "command")
+    assert (pulses.block, pulses.address, pulses.scale) == (0x00FE, 0x0100, 16_384 / 3_200)
     assert (absolute.block, absolute.address) == (0x00F5, 0x00F7)
     assert (relative.block, relative.address) == (0x00F4, 0x00F6)
     plan = motion("makerbase-servo42d")
-    first, second = plan.mode(0), plan.mode(1)
+    first, second, third = plan.mode(0), plan.mode(1), plan.mode(2)
     assert first is not None
     assert second is not None
+    assert third is not None
+    assert (third.address, third.action(0), third.action(300)) == (0x00FF, Action.STOP, Action.ABSOLUTE)
     assert (first.address, first.action(0), first.action(300)) == (0x00F6, Action.STOP, Action.ABSOLUTE)
     assert second.action(300) is Action.RELATIVE_TO_COMMANDED
     assert library.shipped("makerbase-servo42d").registers.read is Form.FC04

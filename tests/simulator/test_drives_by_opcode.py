@@ -28,13 +28,37 @@ def test_mks_moves_as_the_frame_says() -> None:
     assert drive.moves == [(ABSOLUTE, 10_000), (RELATIVE, 9_995), (ABSOLUTE, -16_384)]
 
 
-@pytest.mark.parametrize("stop", ["10 00F5 0004 08 0002 0000 0000 0000", "06 00F7 0001"])
+@pytest.mark.parametrize(
+    "stop",
+    [
+        "10 00F4 0004 08 0002 0000 0000 0000",
+        "10 00F5 0004 08 0002 0000 0000 0000",
+        "10 00F6 0002 04 0002 0000",
+        "10 00FD 0004 08 0002 0000 0000 0000",
+        "10 00FE 0004 08 0002 0000 0000 0000",
+        "06 00F3 0000",
+        "06 00F7 0001",
+    ],
+)
 def test_mks_stops_where_the_position_of_the_frame_is_no_target(stop: str) -> None:
     drive = Drive("makerbase-servo42d")
     drive.does("10 00F5 0004 08 0002 012C 0000 2710")
     drive.wait(0.05)
     drive.does(stop)
     assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500)]
+
+
+def test_mks_tells_its_state_and_its_place_in_three_ways() -> None:
+    drive = Drive("makerbase-servo42d")
+    drive.does("10 00FE 0004 08 0002 012C 0000 12C0")  # one turn and a half
+    assert drive.read(0x00F1, function=4) == [4]
+    drive.wait()
+    assert drive.read(0x00F1, function=4) == [1]
+    assert mks_position(drive) == 24_576
+    assert drive.read(0x0030, 3, function=4) == [0, 1, 8_192]
+    assert drive.read(0x0033, 2, function=4) == [0, 4_800]
+    drive.does("06 0091 0001")
+    assert drive.read(0x00F1, function=4) == [5]
 
 
 def test_mks_homes_and_zeroes() -> None:
@@ -118,7 +142,7 @@ def test_ess_checks_its_block_before_it_runs_it() -> None:
     assert drive.read(0x0021, 5) == [0x64, 0x64, 0x12C, 0, 0x1388]
     drive.does("06 0027 0005")
     assert drive.moves == [(ABSOLUTE, 5_000)]
-    assert drive.read(0x0007) == [1]
+    assert drive.read(0x0007) == [0b0110]  # homed, running
     drive.wait(0.05)
     drive.does("06 0027 0100")
     drive.wait()
@@ -127,6 +151,26 @@ def test_ess_checks_its_block_before_it_runs_it() -> None:
     assert drive.moves == [(STOP, 2_500), (RELATIVE, 7_500)]
     assert drive.high(0x000A) == 7_500
     assert drive.read(0x0027) == [0]
+
+
+def test_ess_has_a_bit_for_each_command() -> None:
+    drive = Drive("stepperonline-ess-rs")
+    drive.does("10 0024 0002 04 0000 1388", "06 0027 0005", "06 0027 0005")
+    drive.does("10 0024 0002 04 0000 0BB8", "06 0027 000D")  # Only bit 3 interrupts.
+    drive.wait()
+    drive.does("06 002D 0012", "06 002D 0021", "06 0027 0010")
+    drive.wait()
+    drive.does("06 002D 0031")
+    assert drive.moves == [(ABSOLUTE, 5_000), (ABSOLUTE, 3_000), (HOME, None), (SET_POSITION, 0)]
+    assert drive.read(0x0007) == [0b0011]
+
+
+def test_a_command_that_nobody_knows_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    drive = Drive("stepperonline-ess-rs")
+    drive.does("06 002D 0099")
+    said = "unit 1: 0x0099 in 0x002d means nothing to this simulated drive"
+    assert list(drive.unit.ledger.unheard_of) == [said]
+    assert caplog.messages == [said]
 
 
 def test_ess_turns_its_words_round_on_demand() -> None:
@@ -142,7 +186,7 @@ def test_ess_refusals(request_pdu: str, reply: str) -> None:
     assert Drive("stepperonline-ess-rs").ask(request_pdu) == reply
 
 
-def test_tl_r_starts_on_an_edge() -> None:
+def test_tl_r_starts_as_often_as_it_is_told() -> None:
     drive = Drive("tl-r")
     drive.does("06 0034 0064", "06 0035 0064", "06 0036 012C", "06 0037 0000", "06 0038 2710", "06 004E 0003")
     assert drive.moves == [(ABSOLUTE, 10_000)]
@@ -150,10 +194,16 @@ def test_tl_r_starts_on_an_edge() -> None:
     drive.wait()
     assert drive.read(4) == [0b0011]
     assert drive.high(8) == 10_000
-    drive.does("06 004E 0001")  # The start bit did not rise.
-    assert drive.moves == []
+    drive.does("06 004E 0001")  # The start bit needs no edge.
+    drive.wait()
     drive.does("06 004E 0000", "06 004E 0001")
-    assert drive.moves == [(RELATIVE, 20_000)]
+    assert drive.moves == [(RELATIVE, 20_000), (RELATIVE, 30_000)]
+
+
+def test_tl_r_takes_one_command_at_a_time() -> None:
+    drive = Drive("tl-r")
+    drive.does("06 004F 0500", "06 004F 0300", "06 004F 0600", "06 004F 0400")
+    assert drive.moves == [(STOP, 0), (SET_POSITION, 0)]
 
 
 def test_tl_r_takes_four_registers_and_says_nothing() -> None:

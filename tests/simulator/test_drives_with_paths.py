@@ -89,7 +89,7 @@ def test_leadshine_state_bits() -> None:
 
 def test_el7_shows_its_state_elsewhere() -> None:
     drive = Drive("leadshine-el7")
-    assert drive.read(0x0B05) == [0b1_1001]
+    assert drive.read(0x0B05) == [0b1_1011]  # ready, on, homed, in position
     drive.does("06 6002 0020")
     assert drive.read(0x0B05) == [0b0_0011]
     assert drive.read(0x1003) == [0]

@@ -48,6 +48,10 @@ POSITION: Final = 1
 VELOCITY: Final = 2
 HOMING: Final = 3
 IS_RELATIVE: Final = 0x0040
+UNSAID: Final = 0x0080
+"""The manuals of the steppers say nothing of this bit of the mode."""
+NOTHING: Final = 0
+MOTOR_ON: Final = 0x000F
 
 KNOWN: Final = ((0x0000, 0x0FFF), (0x1000, 0x2FFF), (0x6000, 0x6FFF))
 TURNAROUND_MS: Final = {9600: 24.9, 19200: 13.34, 38400: 7.12, 115200: 3.08}
@@ -61,6 +65,10 @@ class LeadshinePr(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
+    auxiliaries: tuple[int, ...] = (AUXILIARY,)
+    """Registers of the control word."""
+    harmless = frozenset({NOTHING, 0x2244})
+    """Its values that do nothing to the motor, beside those that are simulated."""
     max_read = 97
     """Messages have at most 200 bytes: 5 of them are not data in the reply to a read …"""
     max_write = 95
@@ -128,8 +136,11 @@ class LeadshinePr(MotorDrive):
         for proxy in range(PROXIES, PROXIES + PROXY_COUNT):
             if proxy in before and self._target_of(proxy):
                 self.write_words(self._target_of(proxy), self.image.words(proxy, 1), now_s)
-        if AUXILIARY in before:
-            self._auxiliary(self.image.word(AUXILIARY))
+        for address in self.auxiliaries:
+            if address in before:
+                self._auxiliary(address, self.image.word(address))
+        if MOTOR_ON in before:
+            self._motor_on(self.image.word(MOTOR_ON), now_s)
         for address in (TRIGGER, TRIGGER_ALIAS):
             if address in before:
                 self._trigger(self.image.word(address), now_s)
@@ -137,13 +148,20 @@ class LeadshinePr(MotorDrive):
     def _target_of(self, proxy: int) -> int:
         return self.image.word(PROXY_TARGETS + proxy - PROXIES)
 
-    def _auxiliary(self, command: int) -> None:
+    def _auxiliary(self, address: int, command: int) -> None:
         if command == RESET_ALARM:
             self.motor.mechanics.alarm = False
         elif command == SAVE:
             self.image.set_word(SAVE_STATUS, SAVED)
         elif command in JOGS:
             self.motor.other()
+        elif command not in self.harmless:
+            self.unheard_of(address, command)
+
+    def _motor_on(self, value: int, now_s: float) -> None:
+        """Take the current away with 0: what the closed-loop models do whose enable input is off."""
+        if value == 0:
+            self.motor.stop(now_s)
 
     def _trigger(self, value: int, now_s: float) -> None:
         if RUN_PATH <= value < RUN_PATH + PATH_COUNT:
@@ -159,23 +177,33 @@ class LeadshinePr(MotorDrive):
             self._path = None
             self.motor.stop(now_s)
             self._show_trigger(QUICK_STOP)
+        elif value != NOTHING:
+            self.unheard_of(TRIGGER, value)
 
     def _run(self, path: int, now_s: float) -> None:
         mode = self.image.word(PATHS + PATH_STRIDE * path)
         target = self.get32(PATHS + PATH_STRIDE * path + 1)
         match mode & KIND_MASK:
-            case kind if kind == POSITION and mode & IS_RELATIVE:
-                self.motor.relative(target, Basis.COMMANDED, now_s)
             case kind if kind == POSITION:
-                self.motor.absolute(target, now_s)
+                self.go(mode, target, now_s)
             case kind if kind == VELOCITY:
                 self.motor.other()
             case kind if kind == HOMING:
                 self.motor.home(now_s)
             case _:
+                self.unheard_of(PATHS + PATH_STRIDE * path, mode)
                 return
         self._path = path
         self._show_trigger(RUNNING_PATH | path)
+
+    def go(self, mode: int, target: int, now_s: float) -> None:
+        """Start a move to a place or over a distance, as the mode of its path says."""
+        if mode & UNSAID:
+            self.unheard_of(PATHS, mode)
+        elif mode & IS_RELATIVE:
+            self.motor.relative(target, Basis.COMMANDED, now_s)
+        else:
+            self.motor.absolute(target, now_s)
 
     def _show_trigger(self, value: int) -> None:
         self.image.set_word(TRIGGER, value)

@@ -1,22 +1,36 @@
 """Makerbase MKS SERVO42D and 57D, firmware 1.0.9 with Modbus RTU.
 
-Source: Makerbase, MKS SERVO42&57D_Modbus RTU User Manual V1.0.9, pages 9 to 64.
+Source: Makerbase, MKS SERVO42&57D_Modbus RTU User Manual V1.0.9, pages 9 to 64, and the RS485 manual V1.0.5,
+part 8.
 
 An address is an opcode: a block of four registers at 0x00F4, 0x00F5 or 0x00FE is one command, and 0x00F5 is
-not the second register of 0x00F4. The drive knows no exceptions: it refuses FC06 with an echo of FFFF, FC16
-with a count of 0, everything else in silence. Counts are 1/16384 of a turn, pulses 1/3200. Not simulated:
-relative moves in pulses (0x00FD), whose sign the sources leave open; speed mode; the status registers.
+not the second register of 0x00F4. In each of them, and in 0x00FD and 0x00F6, speed 0 is a stop. The drive
+knows no exceptions: it refuses FC06 with an echo of FFFF, FC16 with a count of 0, everything else in silence.
+Counts are 1/16384 of a turn, pulses 1/3200. Not simulated: relative moves in pulses (0x00FD), whose sign the
+sources leave open, and speed mode turn nothing; settings.
 """
 
-from struct import unpack
+from struct import pack, unpack
 from typing import Final
 
 from gateway.simulator.drives.endpoint import MotorDrive
 from gateway.simulator.drives.motor import Basis
 from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, RefusedError
 
+CARRY: Final = 0x0030
+"""Turns, and behind them the place in the turn."""
 ACTUAL: Final = 0x0031
-ACTUAL_WORDS: Final = 3
+PULSES: Final = 0x0033
+STATE: Final = 0x00F1
+READINGS: Final = {CARRY: 3, ACTUAL: 3, PULSES: 2, STATE: 1}
+"""How many registers each reading has; they are no neighbours."""
+STOPPED: Final = 1
+AT_SPEED: Final = 4
+HOMING: Final = 5
+CLEAR_STALL: Final = 0x003D
+ENABLE: Final = 0x00F3
+SPEED: Final = 0x00F6
+SPEED_WORDS: Final = 2
 HOME: Final = 0x0091
 SET_ZERO: Final = 0x0092
 RELATIVE_COORDINATE: Final = 0x00F4
@@ -26,7 +40,9 @@ RELATIVE_PULSES: Final = 0x00FD
 ABSOLUTE_PULSES: Final = 0x00FE
 MOVES: Final = frozenset({RELATIVE_COORDINATE, ABSOLUTE_COORDINATE, RELATIVE_PULSES, ABSOLUTE_PULSES})
 MOVE_WORDS: Final = 4
-COMMANDS: Final = frozenset({HOME, SET_ZERO, EMERGENCY_STOP})
+COMMANDS: Final = frozenset({CLEAR_STALL, HOME, SET_ZERO, ENABLE, EMERGENCY_STOP})
+LENGTHS: Final = {SPEED: SPEED_WORDS} | dict.fromkeys(MOVES, MOVE_WORDS) | dict.fromkeys(COMMANDS, 1)
+"""Registers of each command."""
 GO: Final = 1
 COUNTS_PER_TURN: Final = 16_384
 PULSES_PER_TURN: Final = 3_200
@@ -48,43 +64,62 @@ class MakerbaseServo42d(MotorDrive):
 
     def has(self, address: int, count: int) -> bool:
         """See :class:`RegisterServer`."""
-        return (address, count) == (ACTUAL, ACTUAL_WORDS) or address in MOVES | COMMANDS
-
-    def show(self) -> None:
-        """See :class:`MotorDrive`: 48 bits, the highest word first."""
-        for index in range(ACTUAL_WORDS):
-            shift = 16 * (ACTUAL_WORDS - 1 - index)
-            self.image.set_word(ACTUAL + index, self.motor.actual_counts >> shift)
+        return READINGS.get(address) == count or address in LENGTHS
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
         """See :class:`RegisterServer`: an opcode comes with all of its data and nothing else."""
-        if count != (MOVE_WORDS if address in MOVES else 1):
-            raise RefusedError(ILLEGAL_VALUE)
-        if address == ACTUAL:
+        if address not in LENGTHS:
             raise RefusedError(ILLEGAL_ADDRESS)
+        if count != LENGTHS[address]:
+            raise RefusedError(ILLEGAL_VALUE)
 
     def read_words(self, address: int, count: int) -> bytes:
-        """See :class:`RegisterServer`: opcodes cannot be read."""
-        if address != ACTUAL:
+        """See :class:`RegisterServer`: opcodes cannot be read, and each reading stands for itself."""
+        if address not in READINGS:
             raise RefusedError(ILLEGAL_ADDRESS)
-        return super().read_words(address, count)
+        counts = self.motor.actual_counts
+        match address:
+            case reading if reading == ACTUAL:
+                return (counts % (1 << 48)).to_bytes(6)
+            case reading if reading == CARRY:
+                turns, place = divmod(counts, COUNTS_PER_TURN)
+                return pack(">iH", turns, place)
+            case reading if reading == PULSES:
+                return pack(">i", round(counts * PULSES_PER_TURN / COUNTS_PER_TURN))
+            case _:
+                return self._state().to_bytes(2)
+
+    def _state(self) -> int:
+        if self.motor.is_homing:
+            return HOMING
+        return AT_SPEED if self.motor.is_moving else STOPPED
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
         """Obey an opcode: nothing is stored."""
         if address in MOVES:
             _, speed, position = unpack(">HHi", data)
             self._move(address, speed, position, now_s)
+        elif address == SPEED:
+            _, speed = unpack(">HH", data)
+            if speed:
+                self.motor.other()
+            else:
+                self.motor.stop(now_s)
+        elif address == ENABLE:
+            if data == bytes(2):
+                self.motor.stop(now_s)
         elif data != GO.to_bytes(2):
             raise RefusedError(ILLEGAL_VALUE)
         elif address == HOME:
             self.motor.home(now_s)
         elif address == EMERGENCY_STOP:
             self.motor.stop(now_s)
+        elif address == CLEAR_STALL:
+            self.motor.mechanics.alarm = False
         elif self.motor.is_moving:
             raise RefusedError(ILLEGAL_VALUE)
         else:
             self.motor.set_position(0, now_s)
-        self.show()
 
     def _move(self, opcode: int, speed: int, position: int, now_s: float) -> None:
         if not speed:
