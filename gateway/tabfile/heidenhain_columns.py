@@ -117,6 +117,11 @@ def _cells(line: Line, number: int, names: Names) -> dict[str, str] | tuple[str,
                 f"{len(names.names)}, one for each column of line {names.line.number}; or fewer, each "
                 "beginning below the first letter of its column"
             )
+    if "NR" not in cells:
+        return (
+            f"no number in column NR in {shown(line.text)}",
+            f"NR {number}: rows are numbered through from 0",
+        )
     if cells["NR"] != str(number):
         return f"row {shown(cells['NR'])}", f"NR {number}: rows are numbered through from 0"
     return cells
