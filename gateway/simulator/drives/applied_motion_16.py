@@ -15,6 +15,8 @@ from gateway.simulator.drives.motor import Basis
 ALARM: Final = 0
 STATUS: Final = 1
 ENCODER: Final = 4
+COMMANDED: Final = 6
+"""Immediate absolute position (IP)."""
 DISTANCE: Final = 30
 OPCODE: Final = 124
 PARAMETERS: Final = 125
@@ -39,7 +41,7 @@ class AppliedMotion16(MotorDrive):
 
     functions = frozenset({3, 6, 16})
     distance = DISTANCE
-    positions: tuple[int, ...] = (ENCODER,)
+    positions: tuple[int, ...] = (ENCODER, COMMANDED)
     known = KNOWN
 
     is_enabled = True
@@ -99,3 +101,5 @@ class AppliedMotion16(MotorDrive):
             motor.home(now_s)
         elif opcode in {JOG, QUEUE_EXECUTE}:
             motor.other()
+        else:
+            self.unheard_of(OPCODE, opcode)
