@@ -4,16 +4,16 @@ Source: ASDA-A2 user manual (parameters, chapter on communication: function code
 manual (exception codes 27h to 29h).
 
 Each parameter Pg.n takes the two registers g × 0x100 + 2n, the low word first. The drive is commissioned:
-servo on, all paths absolute single moves (type 2). Not simulated: the option bits of a path's definition,
-which the sources leave open (a path with options, or of a type other than 2 and 3, starts nothing), the
-pause that a drive needs between target and trigger, EEPROM wear, paths above 49, setting the position.
+servo on, all paths absolute single moves (type 2). The option bits of a definition are those that a published
+SureServo2 program names. Not simulated: paths that run another one or count from a captured place, the pause
+that a drive needs between target and trigger, EEPROM wear, paths above 49.
 """
 
 from collections.abc import Sequence
 from typing import Final
 
 from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of
-from gateway.simulator.drives.motor import Motor
+from gateway.simulator.drives.motor import Basis, Motor
 from gateway.simulator.server import RefusedError
 
 ALARM: Final = 0x0002
@@ -32,8 +32,16 @@ HOME: Final = 0
 STOP: Final = 1000
 RUNNING: Final = 10_000
 DONE: Final = 20_000
-TYPE_MASK: Final = 0xFF
-ABSOLUTE_TYPES: Final = frozenset({2, 3})
+TYPE: Final = 0x000F
+SPEED: Final = 1
+POINTS: Final = frozenset({2, 3})
+"""A move to a place, and one that then goes on to the next path: no next one is simulated."""
+COMMAND: Final = 0x00C0
+ABSOLUTE: Final = 0x0000
+FROM_ACTUAL: Final = 0x0040
+FROM_TARGET: Final = 0x0080
+HOMING_MODE: Final = 0x0508
+DEFINE_ORIGIN: Final = 8
 
 LAST_GROUP: Final = 7
 LAST_REGISTER: Final = 2 * 99 + 1
@@ -117,7 +125,10 @@ class DeltaAsda(MotorDrive):
         value = self.image.word(TRIGGER)
         if value == HOME:
             self._path = 0
-            self.motor.home(now_s)
+            if self.image.word(HOMING_MODE) & TYPE == DEFINE_ORIGIN:
+                self.motor.set_position(0, now_s)
+            else:
+                self.motor.home(now_s)
         elif value == STOP:
             self._path = None
             self.motor.stop(now_s)
@@ -127,8 +138,17 @@ class DeltaAsda(MotorDrive):
             raise RefusedError(ILLEGAL_VALUE)
 
     def _run(self, path: int, now_s: float) -> None:
-        if self.image.word(DEFINITIONS + PATH_STRIDE * path) & TYPE_MASK not in ABSOLUTE_TYPES:
+        place = DEFINITIONS + PATH_STRIDE * path
+        definition, number = self.image.word(place), self.get32(TARGETS + PATH_STRIDE * path)
+        kind, command = definition & TYPE, definition & COMMAND
+        if kind == SPEED:
             self.motor.other()
-            return
-        self._path = path
-        self.motor.absolute(self.get32(TARGETS + PATH_STRIDE * path), now_s)
+        elif kind not in POINTS or command not in {ABSOLUTE, FROM_ACTUAL, FROM_TARGET}:
+            self.unheard_of(place, definition)
+        else:
+            self._path = path
+            if command == ABSOLUTE:
+                self.motor.absolute(number, now_s)
+            else:
+                basis = Basis.ACTUAL if command == FROM_ACTUAL else Basis.TARGET
+                self.motor.relative(number, basis, now_s)
