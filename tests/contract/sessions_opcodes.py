@@ -26,10 +26,11 @@ IAI_ROBO_CYLINDER: Final = Session(
     03 9000 0002
     10 9900 0002 04 0000 7530                                  # to 30 000
     wait 40
-    05 040A FF00                                               # pause after 0.05 s
+    05 042C FF00                                               # stop after 0.05 s
     03 9007 0001 | 0020=0000
     03 9000 0002
-    05 040A 0000
+    05 0407 FF00                                               # fault reset: nothing moves
+    05 0407 0000
     06 9900 0000                                               # to 15 000, word by word
     06 9901 3A98
     03 9005 0001 | 0008=0008

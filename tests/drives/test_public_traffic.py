@@ -197,8 +197,15 @@ def test_after_a_jog_nobody_says_where_the_axis_was_sent(drive: str, sequence: S
 
 
 @_of(Kind.STORED)
-def test_after_a_stored_move_nobody_says_where_the_axis_was_sent(drive: str, sequence: Sequence) -> None:
-    _went_elsewhere(drive, sequence)
+def test_a_stored_move_is_refused_for_it_carries_no_correction(drive: str, sequence: Sequence) -> None:
+    machine = Machine(drive)
+    _go(machine, drive)
+    *before, start = map(bytes.fromhex, sequence.frames)
+    for pdu in before:
+        assert machine.ask(pdu)[0] == pdu[0]
+    assert machine.ask(start) == bytes((start[0] | 0x80, 4))
+    assert start not in machine.seen
+    _go(machine, drive)
 
 
 def _went_elsewhere(drive: str, sequence: Sequence) -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.simulator.drive_bench import ABSOLUTE, HOME, RELATIVE, STOP, Drive
+from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, STOP, Drive
 
 IAI_ON = "05 0403 FF00"
 SMC_ON = ("05 0030 FF00", "05 0019 FF00")
@@ -76,12 +76,25 @@ def test_iai_pauses_homes_and_needs_its_servo() -> None:
     drive.wait(0.05)
     drive.does("05 040A FF00", "10 9900 0002 04 0000 0001")
     assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500)]
-    drive.does("05 040A 0000", "05 040B 0000", "05 040B FF00")
+    drive.does("05 040A 0000")  # It goes the rest of its way.
+    assert drive.moves == [(ABSOLUTE, 10_000)]
+    drive.does("05 040A FF00", "05 0407 FF00", "05 0407 0000", "05 040A 0000")  # The reset cancels the rest.
+    assert drive.moves == [(STOP, 2_500)]
+    drive.does("05 040B 0000", "05 040B FF00")
     assert drive.read(0x9005) == [1 << 12]
     drive.wait()
     assert drive.moves == [(HOME, None)]
     assert drive.read(0x9005) == [1 << 12 | 1 << 4 | 1 << 3]
     assert drive.high(0x9000) == 0
+
+
+def test_iai_runs_stored_positions_by_their_coils() -> None:
+    drive = Drive("iai-robo-cylinder")
+    drive.does(IAI_ON, "10 1020 0002 04 0000 01F4", "05 041D FF00")
+    assert drive.moves == [(ABSOLUTE, 500)]
+    drive.wait()
+    drive.does("05 0416 FF00", "05 0416 0000")
+    assert drive.moves == [(OTHER, None), (STOP, 500)]
 
 
 def test_iai_takes_its_coils_as_a_register_too() -> None:

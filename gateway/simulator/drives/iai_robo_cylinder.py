@@ -3,8 +3,9 @@
 Source: IAI, ROBO Cylinder series, serial communication manual for Modbus, pages 60 to 183 and 286.
 
 Positions are in 0.01 mm. Writing the low word of PCMD, VCMD, ACMD or PPOW starts a move; CTLF holds for one
-move. Simulated besides: servo on, homing, pause (STP, without going on when it is taken back), deceleration
-stop, stored positions by number. Not simulated: push mode's force, INP band, jog, positioning by CSTR.
+move. Simulated besides: servo on, homing, pause (taken back, the axis goes the rest of its way, unless the
+alarm was reset meanwhile), deceleration stop, stored positions by number and by coil. A jog is noted. Not
+simulated: push mode's force, INP band, positioning by CSTR, level operation of the start coils.
 """
 
 from typing import Final
@@ -33,6 +34,10 @@ SERVO_ON: Final = 0x0403
 ALARM_RESET: Final = 0x0407
 PAUSE: Final = 0x040A
 HOME: Final = 0x040B
+JOGS: Final = frozenset({0x0416, 0x0417})
+LAST_START: Final = 0x041F
+"""Starts position 0; the seven before it, in descending order, positions 1 to 7."""
+STARTS: Final = range(LAST_START - 7, LAST_START + 1)
 DECELERATION_STOP: Final = 0x042C
 STATUS_COILS: Final = 0x0100
 EXPANSION_COILS: Final = 0x0120
@@ -45,6 +50,8 @@ class IaiRoboCylinder(MotorDrive):
     """See the module."""
 
     functions = frozenset({1, 3, 5, 6, 16})
+    _rest: int | None = None
+    """Where a move goes that is paused."""
 
     def has(self, address: int, count: int) -> bool:
         """See :class:`RegisterServer`."""
@@ -83,11 +90,35 @@ class IaiRoboCylinder(MotorDrive):
             motor.stop(now_s)
         elif address == ALARM_RESET and on:
             motor.mechanics.alarm = False
-        elif address in {PAUSE, DECELERATION_STOP} and on:
+            self._rest = None
+        elif address == PAUSE:
+            self._pause(on=on, now_s=now_s)
+        elif address == DECELERATION_STOP and on:
             motor.stop(now_s)
+            self.image.set_coil(DECELERATION_STOP, False)
         elif address == HOME and on and self._may_move:
             motor.home(now_s)
+        elif address in JOGS:
+            if on:
+                motor.other()
+            else:
+                motor.stop(now_s)
+        elif address in STARTS and on and self._may_move:
+            self._go_to_number(LAST_START - address, now_s)
         self.show()
+
+    def _pause(self, *, on: bool, now_s: float) -> None:
+        motor = self.motor
+        if on:
+            self._rest = motor.target_counts if motor.is_moving and not motor.is_homing else None
+            motor.stop(now_s)
+        elif self._rest is not None:
+            rest, self._rest = self._rest, None
+            motor.absolute(rest, now_s)
+
+    def _go_to_number(self, number: int, now_s: float) -> None:
+        self.motor.absolute(self.get32(POSITION_TABLE + TABLE_STRIDE * number), now_s)
+        self.image.set_word(COMPLETED, number)
 
     @property
     def _may_move(self) -> bool:
@@ -98,9 +129,7 @@ class IaiRoboCylinder(MotorDrive):
         if DEVICE_CONTROL in before:
             self._device_control(self.image.word(DEVICE_CONTROL), now_s)
         if MOVE_TO_NUMBER in before and self._may_move:
-            number = self.image.word(MOVE_TO_NUMBER)
-            self.motor.absolute(self.get32(POSITION_TABLE + TABLE_STRIDE * number), now_s)
-            self.image.set_word(COMPLETED, number)
+            self._go_to_number(self.image.word(MOVE_TO_NUMBER), now_s)
         if STARTING & before.keys() and self._may_move:
             self._start(now_s)
 

@@ -5,7 +5,8 @@ it.
 
 Positions are in 0.01 mm. Nothing moves without the coils SVON and "serial drive mode", nor before the axis
 has been homed. SETUP (homing) must be taken back as soon as SETON is up: a start while it is still set is an
-alarm. RESET stops the axis. Not simulated: HOLD, DRIVE with step data by number, pushing.
+alarm. RESET stops the axis, and so does HOLD; taken back it does not let it go on, for no source says so. A jog
+is noted. Not simulated: DRIVE with step data by number, pushing.
 """
 
 from typing import Final
@@ -13,9 +14,11 @@ from typing import Final
 from gateway.simulator.drives.endpoint import MotorDrive, within
 from gateway.simulator.drives.motor import Basis
 
+HOLD: Final = 0x18
 SVON: Final = 0x19
 RESET: Final = 0x1B
 SETUP: Final = 0x1C
+JOGS: Final = frozenset({0x1D, 0x1E})
 SERIAL_MODE: Final = 0x30
 BUSY: Final = 0x48
 SVRE: Final = 0x49
@@ -66,8 +69,13 @@ class SmcLec(MotorDrive):
         if address == RESET and on:
             self.motor.mechanics.alarm = False
             self.motor.stop(now_s)
-        elif address == SVON and not on:
+        elif (address == SVON and not on) or (address == HOLD and on):
             self.motor.stop(now_s)
+        elif address in JOGS:
+            if on:
+                self.motor.other()
+            else:
+                self.motor.stop(now_s)
         elif address == SETUP and on and self.image.coil(SVON):
             self.motor.home(now_s)
         self.show()
@@ -87,3 +95,5 @@ class SmcLec(MotorDrive):
             self.motor.absolute(self.get32(TARGET), now_s)
         elif mode == RELATIVE:
             self.motor.relative(self.get32(TARGET), Basis.COMMANDED, now_s)
+        else:
+            self.unheard_of(MOVEMENT_MODE, mode)
