@@ -24,6 +24,8 @@ TARGET: Final = 0x4000
 FOLLOW: Final = 0x1000
 POSITION_MODE: Final = 1
 HOME_MODE: Final = 6
+OTHER_MODES: Final = frozenset({3, 4, 7, 0xFFFC, 0xFFFD})
+"""Speed, torque, interpolated; pulses, speed at once."""
 OBJECTS: Final = (
     *(0x0C10, 0x0C20, 0x0C30, 0x0C40, 0x0CF0, 0x0D00, 0x0D10, 0x0D20, 0x0D30),
     *(CONTROL, STATUS, MODE, ACTUAL, TARGET),
@@ -93,8 +95,10 @@ class KincoFd(MotorDrive):
         mode = self.image.word(MODE)
         if mode == HOME_MODE:
             self.motor.home(now_s)
-        elif mode != POSITION_MODE:
+        elif mode in OTHER_MODES:
             self.motor.other()
+        elif mode != POSITION_MODE:
+            self.unheard_of(MODE, mode)
         elif word & RELATIVE:
             self.motor.relative(self.get32(TARGET), Basis.COMMANDED, now_s)
         else:
