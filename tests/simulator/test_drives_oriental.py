@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, STOP, Drive
+from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, SET_POSITION, STOP, Drive
 
 S_ON = "10 007C 0002 04 0000 0001"
 NAMES = ["oriental-az", "oriental-blv-r"]
@@ -83,13 +83,39 @@ def test_continuous_operation_has_no_target() -> None:
     assert drive.moves == [(OTHER, None)]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_stored_data_run_on_a_rising_start(name: str) -> None:
+@pytest.mark.parametrize(("name", "start"), [("oriental-az", "0000 0009"), ("oriental-blv-r", "0040 0001")])
+def test_stored_data_run_on_a_rising_start(name: str, start: str) -> None:
     drive = excited(name)
-    drive.does("10 1800 0004 08 0000 0001 FFFF FC18", "10 007C 0002 04 0000 0009")
+    drive.does("10 1800 0004 08 0000 0001 FFFF FC18", f"10 007C 0002 04 {start}")
     assert drive.moves == [(ABSOLUTE, -1_000)]
-    drive.does("10 007C 0002 04 0000 0009", "10 007C 0002 04 0000 0001")
+    drive.does(f"10 007C 0002 04 {start}", "10 007C 0002 04 0000 0001")
     assert drive.moves == []
+
+
+def test_blv_r_has_inputs_of_its_own() -> None:
+    drive = excited("oriental-blv-r")
+    drive.does("06 007C 0010", "06 007C 0000")
+    drive.wait()
+    drive.does("06 007C 0004", "06 007C 0000")
+    drive.does("10 18C0 0004 08 0000 0001 0000 01F4", "06 007C 0300", "06 007C 0340")
+    drive.wait()
+    for stop in ("0009", "0011", "0021", "0041"):  # CLR, QSTOP, STOP, FREE
+        drive.does(f"06 007D {stop}", "06 007D 0001")
+    assert drive.moves == [(HOME, None), (OTHER, None), (STOP, 0), (ABSOLUTE, 500), *[(STOP, 500)] * 4]
+
+
+def test_blv_r_presets_its_position() -> None:
+    drive = excited("oriental-blv-r")
+    drive.does("10 038C 0002 04 0000 0064", "10 018A 0002 04 0000 0001")
+    assert drive.moves == [(SET_POSITION, 100)]
+
+
+@pytest.mark.parametrize("trigger", ["0000 0002", "0000 0003", "0000 0013"])
+def test_blv_r_starts_by_more_than_one_trigger(trigger: str) -> None:
+    drive = excited("oriental-blv-r")
+    drive.does("10 005A 0004 08 0000 0001 0000 2710", f"10 0066 0002 04 {trigger}")
+    drive.does("10 005A 0004 08 0000 0000 0000 0000", "10 0066 0002 04 0000 0001")  # type 0 stops
+    assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 0)]
 
 
 @pytest.mark.parametrize("name", NAMES)

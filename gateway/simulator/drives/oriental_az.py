@@ -108,13 +108,13 @@ class OrientalAz(MotorDrive):
     def written(self, before: dict[int, int], now_s: float) -> None:
         """Act. Data are stored before the drive refuses to run them: an exception proves nothing."""
         if INPUT in before:
-            self._inputs(self.image.word(INPUT), before[INPUT], now_s)
+            self.inputs(self.image.word(INPUT), before[INPUT], now_s)
         trigger = self.trigger()
         if TRIGGER + 1 in before and trigger == ALL_DATA:
             self.consume_trigger(before)
         elif trigger not in FIELDS or not {FIELDS[trigger], FIELDS[trigger] + 1} & before.keys():
             return
-        self._run(self.get32(TYPE), self.get32(POSITION), now_s)
+        self.run(self.get32(TYPE), self.get32(POSITION), now_s)
 
     def trigger(self) -> int:
         """Return the trigger in force."""
@@ -124,24 +124,27 @@ class OrientalAz(MotorDrive):
         """Clear a trigger that has been obeyed."""
         self.put32(TRIGGER, 0)
 
-    def _inputs(self, word: int, before: int, now_s: float) -> None:
+    def inputs(self, word: int, before: int, now_s: float) -> None:
+        """Act on the driver's inputs that were switched."""
         risen = word & ~before
         if risen & ALARM_RESET:
             self.motor.mechanics.alarm = False
         if risen & (STOP | FREE):
             self.motor.stop(now_s)
         elif risen & START:
-            self._run(self.get32(STORED_TYPE), self.get32(STORED_POSITION), now_s)
+            self.run(self.get32(STORED_TYPE), self.get32(STORED_POSITION), now_s)
         elif risen & ZHOME:
-            self._check_ready()
+            self.check_ready()
             self.motor.home(now_s)
 
-    def _check_ready(self) -> None:
+    def check_ready(self) -> None:
+        """Refuse to move without current, with an alarm, or while STOP is on."""
         if not self.is_excited or self.motor.has_alarm or self.image.word(INPUT) & STOP:
             raise RefusedError(EXECUTION_FAILED)
 
-    def _run(self, operation_type: int, position: int, now_s: float) -> None:
-        self._check_ready()
+    def run(self, operation_type: int, position: int, now_s: float) -> None:
+        """Start an operation."""
+        self.check_ready()
         if operation_type in self.absolute:
             self.motor.absolute(position, now_s)
         elif operation_type in self.relative:
@@ -149,6 +152,7 @@ class OrientalAz(MotorDrive):
         elif operation_type in self.continuous:
             self.motor.other()
         else:
+            self.unheard_of(TYPE + 1, operation_type)
             raise RefusedError(EXECUTION_FAILED)
 
 

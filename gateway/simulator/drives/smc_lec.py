@@ -5,8 +5,8 @@ it.
 
 Positions are in 0.01 mm. Nothing moves without the coils SVON and "serial drive mode", nor before the axis
 has been homed. SETUP (homing) must be taken back as soon as SETON is up: a start while it is still set is an
-alarm. RESET stops the axis, and so does HOLD; taken back it does not let it go on: no source says so. A jog is
-noted. Not simulated: DRIVE with step data by number, pushing.
+alarm. RESET stops the axis, and so does HOLD; taken back it does not let it go on: no source says so. A jog
+is noted. Not simulated: DRIVE with step data by number, pushing.
 """
 
 from typing import Final
