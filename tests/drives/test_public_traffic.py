@@ -171,7 +171,8 @@ def _nothing_moved(drive: str, sequence: Sequence) -> None:
     _go(machine, drive)
     before = len(machine.seen)
     machine.play(sequence)
-    assert _written(machine.seen[before:]) == [bytes.fromhex(frame) for frame in sequence.frames]
+    written = [_without_target(drive, pdu) for pdu in _written(machine.seen[before:])]
+    assert written == [_without_target(drive, bytes.fromhex(frame)) for frame in sequence.frames]
     _go(machine, drive)
     assert machine.counters == (0, 0)
 
@@ -226,6 +227,17 @@ def test_what_would_move_a_stored_position_is_refused(drive: str, sequence: Sequ
     machine = Machine(drive)
     replies = [machine.ask(bytes.fromhex(frame)) for frame in sequence.frames]
     assert any(reply[0] & 0x80 for reply in replies)
+
+
+def _without_target(drive: str, pdu: bytes) -> bytes:
+    """Blot out the target where a frame holds it: an image carries it along in whatever it says."""
+    absolute = _first_absolute(drive)
+    if absolute is None or absolute.target is None or pdu[0] != 16:
+        return pdu
+    target = absolute.target
+    at = 6 + 2 * (target.address - int.from_bytes(pdu[1:3], "big"))
+    end = at + 2 * target.type.words
+    return pdu[:at] + bytes(end - at) + pdu[end:] if at >= 6 and end <= len(pdu) else pdu
 
 
 def _written(pdus: list[bytes]) -> list[bytes]:

@@ -2,14 +2,14 @@
 
 import pytest
 
-from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, STOP, Drive
+from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, SET_POSITION, STOP, Drive
 
 READY = 0x043F
 TASK = 0x047F
 REFERENCE = 0x0C3F
 
 
-def cmmt_image(stw1: int, mode: int = 0x0100, target: str = "2710 0000") -> str:
+def cmmt_image(stw1: int, mode: int = 0x8100, target: str = "2710 0000") -> str:
     """The output image of 28 registers, the target's low word first."""
     return f"10 0000 001C 38 {stw1:04X} {mode:04X} 0000 0000 4000 {target}" + " 0000" * 21
 
@@ -28,16 +28,16 @@ def test_cmmt_runs_a_task_on_an_edge_and_not_on_repeats() -> None:
     drive.wait()
     assert drive.bit(100, 10)
     assert drive.low(105) == 10_000
-    drive.does(cmmt_image(READY, 0, "FFFB FFFF"))
+    drive.does(cmmt_image(READY, 0x8000, "FFFB FFFF"))
     assert not drive.bit(100, 12)
-    drive.does(cmmt_image(TASK, 0, "FFFB FFFF"))
+    drive.does(cmmt_image(TASK, 0x8000, "FFFB FFFF"))
     assert drive.moves == [(RELATIVE, 9_995)]
 
 
 def test_cmmt_follows_a_target_that_changes() -> None:
     drive = Drive("festo-cmmt-111")
-    drive.does(cmmt_image(READY, 0x1100, "0000 0000"), cmmt_image(READY, 0x1100), cmmt_image(READY, 0x1100))
-    drive.does(cmmt_image(READY, 0x1100, "0005 0000"))
+    drive.does(cmmt_image(READY, 0x9100, "0000 0000"), cmmt_image(READY, 0x9100), cmmt_image(READY, 0x9100))
+    drive.does(cmmt_image(READY, 0x9100, "0005 0000"))
     assert drive.moves == [(ABSOLUTE, 10_000), (ABSOLUTE, 5)]
 
 
@@ -61,6 +61,19 @@ def test_cmmt_references() -> None:
     assert drive.moves == [(HOME, None)]
 
 
+def test_cmmt_tells_records_and_speeds_from_positions() -> None:
+    drive = Drive("festo-cmmt-111")
+    for mode in (0x0003, 0xC300, 0xC500):  # record 3, speed forward and backward
+        drive.does(cmmt_image(READY, mode), cmmt_image(TASK, mode))
+    assert drive.moves == [(OTHER, None)] * 3
+
+
+def test_cmmt_sets_its_reference_point() -> None:
+    drive = Drive("festo-cmmt-111")
+    drive.does("06 0002 0002", "06 0002 0002", "06 0002 0000")
+    assert drive.moves == [(SET_POSITION, 0)]
+
+
 def test_cmmt_says_who_it_is() -> None:
     assert Drive("festo-cmmt-111").ask("2B 0E 01 00") == (
         "2B 0E 01 01 00 00 03 00 05 46 65 73 74 6F 01 04 43 4D 4D 54 02 01 31"
@@ -68,7 +81,7 @@ def test_cmmt_says_who_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("request_pdu", "reply"), [("06 0000 043F", "86 01"), ("03 001B 0002", "83 02"), ("2B 0D 00 00", "AB 03")]
+    ("request_pdu", "reply"), [("05 0000 FF00", "85 01"), ("03 001B 0002", "83 02"), ("2B 0D 00 00", "AB 03")]
 )
 def test_cmmt_refusals(request_pdu: str, reply: str) -> None:
     assert Drive("festo-cmmt-111").ask(request_pdu) == reply

@@ -5,8 +5,9 @@ PROFIBUS & PROFINET International, positioning mode, for the bits of STW1 and ZS
 
 A controller writes the whole output image every few milliseconds and reads the input image: only edges and
 changes act. Simulated: traversing tasks (absolute, relative, continuous with POS_STW1 bit 12), rejected and
-interrupted tasks, reference run, device identification. Not simulated: going on after an intermediate stop,
-the watchdog of register 400, the parameter mailbox, jog.
+interrupted tasks, reference run, reference point, device identification. Records and speed runs, which MDI
+and set-up of POS_STW1 tell from positions, are noted. Not simulated: going on after an intermediate stop, the
+watchdog of register 400, the parameter mailbox, jog.
 """
 
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ from gateway.simulator.server import ILLEGAL_VALUE, check
 
 STW1: Final = 0
 POS_STW1: Final = 1
+POS_STW2: Final = 2
 TARGET: Final = 5
 IMAGE_WORDS: Final = 28
 ZSW1: Final = 100
@@ -34,6 +36,9 @@ REFERENCE: Final = 1 << 11
 RUNNING: Final = ON_BITS | NOT_REJECTED | NOT_INTERRUPTED
 ABSOLUTE: Final = 1 << 8
 CONTINUOUS: Final = 1 << 12
+SET_UP: Final = 1 << 14
+MDI: Final = 1 << 15
+REFERENCE_POINT: Final = 1 << 1
 
 READ_IDENTIFICATION: Final = b"\x2b\x0e"
 IDENTIFICATION: Final = (b"Festo", b"CMMT", b"1")
@@ -42,7 +47,7 @@ IDENTIFICATION: Final = (b"Festo", b"CMMT", b"1")
 class FestoCmmt111(MotorDrive):
     """See the module."""
 
-    functions = frozenset({3, 16, 43})
+    functions = frozenset({3, 6, 16, 43})
     order = Order.LOW_FIRST
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
@@ -81,6 +86,8 @@ class FestoCmmt111(MotorDrive):
 
     def written(self, before: dict[int, int], now_s: float) -> None:
         """See :class:`MotorDrive`."""
+        if POS_STW2 in before and self.image.word(POS_STW2) & REFERENCE_POINT & ~before[POS_STW2]:
+            self.motor.set_position(0, now_s)
         word = self.image.word(STW1)
         was = before.get(STW1, word)
         risen = word & ~was
@@ -101,9 +108,11 @@ class FestoCmmt111(MotorDrive):
             self.motor.home(now_s)
         elif risen & TASK:
             self._has_acknowledged = True
-            if mode & ABSOLUTE:
+            if not mode & MDI or mode & SET_UP:
+                self.motor.other()
+            elif mode & ABSOLUTE:
                 self.motor.absolute(target, now_s)
             else:
                 self.motor.relative(target, Basis.COMMANDED, now_s)
-        elif mode & CONTINUOUS and mode & ABSOLUTE and changed:
+        elif mode & MDI and not mode & SET_UP and mode & CONTINUOUS and mode & ABSOLUTE and changed:
             self.motor.absolute(target, now_s)
