@@ -60,20 +60,20 @@ def test_a_controller_that_counts_from_its_first_byte_is_warned_of() -> None:
 
 
 def test_frames_of_the_gateways_own_can_make_a_reply_late() -> None:
-    """Delta at 9600: the trigger waits 1 + 3 × 9.167; a read and the target anew add 23.490 + 28.073."""
-    plan = slow(80.0, axes=(known_axis("delta-asda"),))
-    # 28.5 + 51.563 = 80.063 ms.
+    """Delta at 9600: the trigger waits 1 + 3 × 9.167; two reads and the target anew add 44.688 + 28.073."""
+    plan = slow(101.2, axes=(known_axis("delta-asda"),))
+    # 28.5 + 72.760 = 101.260 ms.
     judgement = one(plan)
     assert judgement.grade is CLOSE
     assert "the reply to trigger of axis x comes 28.5 ms" in judgement.found
-    assert "with frames of the gateway's own 51.6 ms later" in judgement.found
-    # Drives at 115200: 4.010 of silence, 9.167 back; 17 and 21 bytes of 95.486 µs, 1.75 ms after each.
-    # The controller at 115200: 1 + 2 × 9.167 + 0.764 + 51.563. Both: 1 + 3 × 0.764 + 7.128.
+    assert "with frames of the gateway's own 72.8 ms later" in judgement.found
+    # Drives at 115200: 4.010 of silence, 9.167 back; 17, 15 and 21 bytes of 95.486 µs, 1.75 ms after each.
+    # The controller at 115200: 1 + 2 × 9.167 + 0.764 + 72.760. Both: 1 + 3 × 0.764 + 10.311.
     assert judgement.remedy == (
-        "drives at 115200 Bd: from 80.1 to 20.3 ms; cnc at 115200 Bd: from 80.1 to 71.7 ms; "
-        "both at 115200 Bd: from 80.1 to 10.4 ms; or let the controller wait longer than 81 ms, if it can"
+        "drives at 115200 Bd: from 101 to 23.5 ms; cnc at 115200 Bd: from 101 to 92.9 ms; "
+        "both at 115200 Bd: from 101 to 13.6 ms; or let the controller wait longer than 102 ms, if it can"
     )
-    assert judge(slow(80.1, axes=(known_axis("delta-asda"),))) == ()
+    assert judge(slow(101.3, axes=(known_axis("delta-asda"),))) == ()
 
 
 def test_a_master_that_waits_50_ms_is_warned_of_a_block_of_sixteen_at_9600() -> None:

@@ -112,7 +112,7 @@ TARGET, TRIGGER, POSITION, STATUS = What.TARGET, What.TRIGGER, What.POSITION, Wh
         # RTU bytes of each exchange as the manuals have them.
         ("oriental-az", [(TARGET, 13, 8), (TRIGGER, 8, 8), (POSITION, 8, 9), (STATUS, 8, 7)]),
         ("delta-asda", [(TARGET, 13, 8), (TRIGGER, 8, 8), (POSITION, 8, 9), (STATUS, 8, 7)]),
-        ("leadshine-el7", [(TARGET, 13, 8), (TRIGGER, 8, 8), (POSITION, 8, 9)]),
+        ("leadshine-el7", [(TARGET, 13, 8), (TRIGGER, 8, 8), (POSITION, 8, 9), (STATUS, 8, 7)]),
         # One frame of four registers at 0x00F5 that moves at once; FC04 of three registers.
         ("makerbase-servo42d", [(TARGET, 17, 8), (POSITION, 8, 11)]),
         # Written word by word.

@@ -81,9 +81,12 @@ def test_set_position_where_nothing_sets_one_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_profile_is_asked_the_same(tmp_path: Path) -> None:
-    """The ESS-RS has no bits, and its homing values are not known."""
+    """This drive has no bits, and its homing values are not known."""
+    (tmp_path / "plain.toml").write_text(
+        'title = "A plain drive"\n[registers]\ncommand = [{ address = 100, type = "int32" }]\n'
+    )
     text = edited(
-        ("max_speed = 200.0", 'drive = "stepperonline-ess-rs"'),
+        ("max_speed = 200.0", 'drive = "./plain.toml"'),
         ('"drive-bit"', '"homing"'),
         text=GOOD[: GOOD.index("[axis.x.registers]")],
     )

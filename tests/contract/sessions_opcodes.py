@@ -40,6 +40,16 @@ IAI_ROBO_CYLINDER: Final = Session(
     10 9900 0002 04 0000 0064
     03 9005 0001 | 0008=0008
     03 9000 0002
+    10 9900 0002 04 0000 7530                                  # to 30 000
+    wait 40
+    05 040A FF00                                               # pause after 0.05 s
+    03 9007 0001 | 0020=0000
+    03 9000 0002
+    05 040A 0000                                               # the rest of the way
+    03 9005 0001 | 0008=0008
+    03 9000 0002
+    05 0416 FF00                                               # jog
+    05 0416 0000
     05 040B 0000
     05 040B FF00                                               # home again, and to 2500
     03 9005 0001 | 0010=0010
@@ -56,6 +66,11 @@ IAI_ROBO_CYLINDER: Final = Session(
         (MoveKind.STOP, 10_000),
         (MoveKind.ABSOLUTE, 15_000),
         (MoveKind.RELATIVE, 15_100),
+        (MoveKind.ABSOLUTE, 30_000),
+        (MoveKind.STOP, 17_600),
+        (MoveKind.ABSOLUTE, 30_000),
+        (MoveKind.OTHER, None),
+        (MoveKind.STOP, 30_000),
         (MoveKind.HOME, None),
         (MoveKind.ABSOLUTE, 2_500),
     ),
@@ -101,6 +116,15 @@ SMC_LEC: Final = Session(
     10 9100 0001 02 0100
     02 004B 0001 | =01
     03 9000 0002
+    10 9104 0002 04 0000 7530                                  # to 30 000
+    10 9100 0001 02 0100
+    wait 40
+    05 0018 FF00                                               # HOLD after 0.05 s
+    02 0048 0001 | =00
+    05 0018 0000
+    03 9000 0002
+    05 001E FF00                                               # jog
+    05 001E 0000
     05 001C FF00                                               # home again, and to 2500
     02 004A 0001 | =01
     05 001C 0000
@@ -119,6 +143,10 @@ SMC_LEC: Final = Session(
         (MoveKind.ABSOLUTE, 30_000),
         (MoveKind.STOP, 10_000),
         (MoveKind.ABSOLUTE, 15_000),
+        (MoveKind.ABSOLUTE, 30_000),
+        (MoveKind.STOP, 17_500),
+        (MoveKind.OTHER, None),
+        (MoveKind.STOP, 17_500),
         (MoveKind.HOME, None),
         (MoveKind.ABSOLUTE, 2_500),
     ),

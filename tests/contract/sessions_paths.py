@@ -249,12 +249,19 @@ DELTA_ASDA: Final = Session(
     06 050E 03E8                                               # stop after 0.05 s
     03 005C 0002 | 0010=0010
     03 0520 0002
+    10 0604 0002 04 0012 0000                                  # from now on with INS
     10 0606 0002 04 3A98 0000
     06 050E 0001
     03 005C 0002 | 0010=0010
     03 0520 0002
+    10 0604 0002 04 0052 0000                                  # by 100 from where it is
+    10 0606 0002 04 0064 0000
+    10 050E 0002 04 0001 0000
+    03 005C 0002 | 0010=0010
+    03 0520 0002
     06 050E 0000                                               # home again, and to 2500
     03 005C 0002 | 0100=0100
+    10 0604 0002 04 0032 0000                                  # with OVLP too
     10 0606 0002 04 09C4 0000
     06 050E 0001
     03 005C 0002 | 0010=0010
@@ -268,6 +275,7 @@ DELTA_ASDA: Final = Session(
         (MoveKind.ABSOLUTE, 30_000),
         (MoveKind.STOP, 10_000),
         (MoveKind.ABSOLUTE, 15_000),
+        (MoveKind.RELATIVE, 15_100),
         (MoveKind.HOME, None),
         (MoveKind.ABSOLUTE, 2_500),
     ),

@@ -48,6 +48,15 @@ KINCO_FD: Final = Session(
     03 3200 0001 | 0400=0400
     03 3700 0002
     06 3100 000F
+    10 4000 0002 04 7530 0000
+    06 3100 002F
+    06 3100 003F
+    wait 40
+    06 3100 013F                                               # halt after 0.05 s
+    03 3200 0001 | 0400=0400
+    03 3700 0002
+    06 3100 0086                                               # fault reset
+    06 3100 000F
     06 3500 0006                                               # home again, and to 2500
     06 3100 001F
     03 3200 0001 | 8000=8000
@@ -70,6 +79,8 @@ KINCO_FD: Final = Session(
         (MoveKind.ABSOLUTE, 15_000),
         (MoveKind.ABSOLUTE, 16_000),
         (MoveKind.ABSOLUTE, 17_000),
+        (MoveKind.ABSOLUTE, 30_000),
+        (MoveKind.STOP, 19_500),
         (MoveKind.HOME, None),
         (MoveKind.ABSOLUTE, 2_500),
         (MoveKind.SET_POSITION, 0),

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gateway.drives import library
-from gateway.drives.motion import Action, Addressing, Deed, Form, MotionPlan
+from gateway.drives.motion import Action, Addressing, Deed, Form, MotionPlan, TriggerPlan
 from gateway.drives.profile import Confidence, Profile, Tier, entries, evidence_of, faults
 from gateway.drives.public import public_traffic
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField
@@ -46,6 +46,11 @@ def deeds(name: str, address: int, word: int, before: int | None = 0) -> set[Act
         for trigger in motion(name).triggers
         if trigger.address == address and not trigger.is_coil
     } - {Action.IGNORE}
+
+
+def coil_triggers(name: str) -> dict[int, TriggerPlan]:
+    """Return the rules that look at a coil, by its address."""
+    return {trigger.address: trigger for trigger in motion(name).triggers if trigger.is_coil}
 
 
 def fields(name: str, key: str) -> list[PositionField]:
@@ -215,6 +220,27 @@ def test_delta_paths_and_their_numbers() -> None:
     assert deeds("delta-asda", 0x050E, 0) == {Action.HOME}
     assert deeds("delta-asda", 0x050E, 1000) == {Action.STOP}
     assert library.shipped("delta-asda").registers.gap_ms == 10.0
+    assert [limit.address for limit in fields("delta-asda", "limits")] == [0x0510, 0x0512]
+
+
+@pytest.mark.parametrize(
+    ("definition", "expected"),
+    [
+        (0x0002, Action.ABSOLUTE),
+        (0x1112, Action.ABSOLUTE),  # INS, and the ramps of path 2
+        (0x0032, Action.ABSOLUTE),  # INS and OVLP
+        (0x0052, Action.RELATIVE_TO_ACTUAL),
+        (0x0092, Action.RELATIVE),
+        (0x00D2, Action.UNKNOWN),  # from a captured place
+        (0x0013, Action.STORED),  # goes on to the next path
+        (0x0071, Action.OTHER_MOTION),  # at a speed
+        (0x0007, Action.UNKNOWN),
+    ],
+)
+def test_delta_tells_by_the_type_and_what_a_number_counts_from(definition: int, expected: Action) -> None:
+    mode = motion("delta-asda").mode(0)
+    assert mode is not None
+    assert mode.action(definition) is expected
 
 
 def test_kinco_control_words() -> None:
@@ -226,9 +252,14 @@ def test_kinco_control_words() -> None:
     assert deeds("kinco-fd", 0x3100, 0x107F, before=0x002F) == {Action.UNKNOWN}
     assert deeds("kinco-fd", 0x3100, 0x000B, before=0x003F) == {Action.STOP}
     assert deeds("kinco-fd", 0x3100, 0x0006, before=0x003F) == {Action.STOP}
+    assert deeds("kinco-fd", 0x3100, 0x0086, before=0x000F) == {Action.STOP}
+    assert Action.STOP in deeds("kinco-fd", 0x3100, 0x013F, before=0x003F)  # halt
+    assert Action.STOP in deeds("kinco-fd", 0x3100, 0x013F, before=0x000F)
     mode = motion("kinco-fd").mode(0)
     assert mode is not None
     assert mode.action(6) is Action.HOME
+    assert {mode.action(other) for other in (3, 4, 7, 0xFFFC, 0xFFFD)} == {Action.OTHER_MOTION}
+    assert mode.action(5) is Action.UNKNOWN
 
 
 def test_iai_starts_on_the_low_word_and_forgets_its_flags() -> None:
@@ -244,14 +275,36 @@ def test_iai_starts_on_the_low_word_and_forgets_its_flags() -> None:
     assert mode.action(0x000E) is Action.RELATIVE_TO_ACTUAL
 
 
+def test_iai_stops_pauses_and_runs_stored_positions_by_coils() -> None:
+    coils = coil_triggers("iai-robo-cylinder")
+    assert coils[0x042C].deed(1, 0).action is Action.STOP
+    assert coils[0x040A].deed(1, 0).action is Action.STOP
+    assert coils[0x040A].deed(0, 1).action is Action.OTHER_MOTION  # the rest of its way
+    assert {coils[jog].deed(1, 0).action for jog in (0x0416, 0x0417)} == {Action.OTHER_MOTION}
+    assert {coils[start].deed(1, 0).action for start in range(0x0418, 0x0420)} == {Action.STORED}
+    assert deeds("iai-robo-cylinder", 0x0D00, 0x1020, before=0x1000) == {Action.STOP}
+    assert deeds("iai-robo-cylinder", 0x0D01, 0x0200) == {Action.OTHER_MOTION}
+    assert deeds("iai-robo-cylinder", 0x0D01, 0x0020) == {Action.STORED}
+    # Entry 12 of the position table is at 0x10C0, its zones at +6 and +8; entry 300 at 0x22C0.
+    positions = library.shipped("iai-robo-cylinder").registers.position_like
+    guarded = {field.address for position in positions for field in position.fields()}
+    assert {0x10C0, 0x10C6, 0x10C8, 0x22C0, 0x22C6, 0x22C8} <= guarded
+
+
 def test_smc_has_coils_and_inputs() -> None:
-    coils = {trigger.address: trigger for trigger in motion("smc-lec").triggers if trigger.is_coil}
+    coils = coil_triggers("smc-lec")
     assert coils[0x1C].deed(1, 0).action is Action.HOME
     assert coils[0x19].deed(0, 1).action is Action.STOP
+    assert coils[0x18].deed(1, 0).action is Action.STOP  # HOLD
+    assert coils[0x18].deed(0, 1).action is Action.OTHER_MOTION
+    assert coils[0x1B].deed(1, 0).action is Action.STOP  # RESET
+    assert {coils[jog].deed(1, 0).action for jog in (0x1D, 0x1E)} == {Action.OTHER_MOTION}
     assert library.shipped("smc-lec").registers.bits.homed is not None
     named = {name: bit.field() for name, bit in library.shipped("smc-lec").registers.bits.named()}
     assert named["homed"] == BitField(0x4A, 0, BitTable.INPUT)
     assert [limit.address for limit in fields("smc-lec", "limits")] == [0x910C, 0x910E]
+    steps = library.shipped("smc-lec").registers.position_like[0].fields()
+    assert [steps[n].address for n in (0, 3, 63)] == [0x0402, 0x0432, 0x07F2]
 
 
 @pytest.mark.parametrize(("name", "target"), [("applied-motion-16", 30), ("applied-motion-32", 350)])

@@ -95,6 +95,19 @@ def test_iai_runs_stored_positions_by_their_coils() -> None:
     drive.wait()
     drive.does("05 0416 FF00", "05 0416 0000")
     assert drive.moves == [(OTHER, None), (STOP, 500)]
+    drive.does("06 0D03 0002", "06 0D00 1000", "06 0D00 1008")
+    assert drive.moves == [(ABSOLUTE, 500)]
+    drive.does("06 0D00 1000", "06 0D01 0020")  # Bit 5 is coil 0x041A: position 5.
+    assert drive.moves == [(ABSOLUTE, 0)]
+
+
+def test_iai_forgets_the_rest_of_its_way_when_it_is_stopped() -> None:
+    drive = iai()
+    drive.does("10 9900 0002 04 0000 2710")
+    drive.wait(0.05)
+    drive.does("05 040A FF00", "05 042C FF00", "05 040A 0000")
+    assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500), (STOP, 2_500)]
+    assert not drive.input(0x042C, 1)  # It takes its coil back.
 
 
 def test_iai_takes_its_coils_as_a_register_too() -> None:
@@ -166,6 +179,15 @@ def test_smc_that_still_has_setup_gives_an_alarm() -> None:
     assert not drive.input(0x4F)
 
 
+def test_smc_runs_its_own_step_data_and_jogs() -> None:
+    drive = smc()
+    drive.does("10 0430 0004 08 0001 0064 0000 01F4", "05 0010 FF00", "05 0011 FF00", "05 001A FF00")
+    assert drive.moves == [(ABSOLUTE, 500)]
+    drive.wait()
+    drive.does("05 001A 0000", "05 001D FF00", "05 001D 0000")
+    assert drive.moves == [(OTHER, None), (STOP, 500)]
+
+
 def test_smc_moves_only_in_serial_mode_with_its_servo_on() -> None:
     for missing in SMC_ON:
         drive = smc()
@@ -173,11 +195,12 @@ def test_smc_moves_only_in_serial_mode_with_its_servo_on() -> None:
         assert (ABSOLUTE, 5) not in drive.moves
 
 
-def test_smc_stops_on_reset() -> None:
+@pytest.mark.parametrize("coil", ["001B", "0018"])
+def test_smc_stops_on_reset_and_on_hold(coil: str) -> None:
     drive = smc()
     drive.does("10 9102 0004 08 0001 0064 0000 2710", SMC_RUN)
     drive.wait(0.05)
-    drive.does("05 001B FF00")
+    drive.does(f"05 {coil} FF00", f"05 {coil} 0000")
     assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500)]
 
 

@@ -190,6 +190,40 @@ def test_delta_runs_nothing_whose_definition_it_does_not_know() -> None:
     assert drive.moves == [(OTHER, None)]
 
 
+@pytest.mark.parametrize(
+    ("definition", "move"),
+    [
+        ("0012", (ABSOLUTE, 100)),  # INS
+        ("1132", (ABSOLUTE, 100)),  # INS, OVLP and ramps
+        ("0052", (RELATIVE, 5_000 + 100)),  # from where it is
+        ("0092", (RELATIVE, 10_000 + 100)),  # from the last target
+    ],
+)
+def test_delta_counts_from_what_bits_6_and_7_say(definition: str, move: object) -> None:
+    drive = Drive("delta-asda")
+    drive.does("10 0606 0002 04 2710 0000", "06 050E 0001")
+    drive.wait(0.1)  # Half of it.
+    assert drive.moves == [(ABSOLUTE, 10_000)]
+    drive.does(f"10 0608 0002 04 {definition} 0000", "10 060A 0002 04 0064 0000", "06 050E 0002")
+    assert drive.moves == [move]
+
+
+def test_delta_says_that_a_definition_is_not_known(caplog: pytest.LogCaptureFixture) -> None:
+    drive = Drive("delta-asda")
+    drive.does("10 0604 0002 04 00C2 0000", "06 050E 0001")
+    assert drive.moves == []
+    assert "0x00c2 in 0x0604" in caplog.text
+
+
+def test_delta_takes_the_place_where_it_stands_for_its_origin() -> None:
+    drive = Drive("delta-asda")
+    drive.does("10 0606 0002 04 2710 0000", "06 050E 0001")
+    drive.wait()
+    drive.does("06 0508 0008", "06 050E 0000")
+    assert drive.moves == [(ABSOLUTE, 10_000), (SET_POSITION, 0)]
+    assert drive.low(0x0520) == 0
+
+
 def test_delta_stops_and_homes() -> None:
     drive = Drive("delta-asda")
     drive.does("10 0606 0002 04 2710 0000", "06 050E 0001")

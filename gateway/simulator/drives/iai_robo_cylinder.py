@@ -4,8 +4,9 @@ Source: IAI, ROBO Cylinder series, serial communication manual for Modbus, pages
 
 Positions are in 0.01 mm. Writing the low word of PCMD, VCMD, ACMD or PPOW starts a move; CTLF holds for one
 move. Simulated besides: servo on, homing, pause (taken back, the axis goes the rest of its way, unless the
-alarm was reset meanwhile), deceleration stop, stored positions by number and by coil. A jog is noted. Not
-simulated: push mode's force, INP band, positioning by CSTR, level operation of the start coils.
+alarm was reset meanwhile), deceleration stop, stored positions by number, by coil and by CSTR. A jog is
+noted. Both words of commands set their coils. Not simulated: push mode's force, INP band, teaching, level
+operation of the start coils.
 """
 
 from typing import Final
@@ -21,6 +22,8 @@ DSS1: Final = 0x9005
 DSSE: Final = 0x9007
 COMPLETED: Final = 0x9014
 DEVICE_CONTROL: Final = 0x0D00
+DEVICE_CONTROL_2: Final = 0x0D01
+SELECTED_NUMBER: Final = 0x0D03
 MOVE_TO_NUMBER: Final = 0x9800
 PCMD: Final = 0x9900
 STARTING: Final = frozenset({0x9901, 0x9904, 0x9905, 0x9906, 0x9907})
@@ -30,10 +33,13 @@ PUSH: Final = 1 << 1
 INCREMENTAL: Final = 1 << 3
 
 COMMAND_COILS: Final = 0x0400
+COMMAND_COILS_2: Final = 0x0410
 SERVO_ON: Final = 0x0403
 ALARM_RESET: Final = 0x0407
 PAUSE: Final = 0x040A
 HOME: Final = 0x040B
+START: Final = 0x040C
+TEACH: Final = 0x0415
 JOGS: Final = frozenset({0x0416, 0x0417})
 LAST_START: Final = 0x041F
 """Starts position 0; the seven before it, in descending order, positions 1 to 7."""
@@ -87,6 +93,7 @@ class IaiRoboCylinder(MotorDrive):
             return
         motor = self.motor
         if address == SERVO_ON and not on:
+            self._rest = None
             motor.stop(now_s)
         elif address == ALARM_RESET and on:
             motor.mechanics.alarm = False
@@ -94,6 +101,7 @@ class IaiRoboCylinder(MotorDrive):
         elif address == PAUSE:
             self._pause(on=on, now_s=now_s)
         elif address == DECELERATION_STOP and on:
+            self._rest = None
             motor.stop(now_s)
             self.image.set_coil(DECELERATION_STOP, False)
         elif address == HOME and on and self._may_move:
@@ -105,6 +113,10 @@ class IaiRoboCylinder(MotorDrive):
                 motor.stop(now_s)
         elif address in STARTS and on and self._may_move:
             self._go_to_number(LAST_START - address, now_s)
+        elif address == START and on and self._may_move:
+            self._go_to_number(self.image.word(SELECTED_NUMBER), now_s)
+        elif address == TEACH and on:
+            self.unheard_of(address, 1)
         self.show()
 
     def _pause(self, *, on: bool, now_s: float) -> None:
@@ -126,17 +138,18 @@ class IaiRoboCylinder(MotorDrive):
 
     def written(self, before: dict[int, int], now_s: float) -> None:
         """See :class:`MotorDrive`."""
-        if DEVICE_CONTROL in before:
-            self._device_control(self.image.word(DEVICE_CONTROL), now_s)
+        for register, coils in ((DEVICE_CONTROL, COMMAND_COILS), (DEVICE_CONTROL_2, COMMAND_COILS_2)):
+            if register in before:
+                self._device_control(coils, self.image.word(register), now_s)
         if MOVE_TO_NUMBER in before and self._may_move:
             self._go_to_number(self.image.word(MOVE_TO_NUMBER), now_s)
         if STARTING & before.keys() and self._may_move:
             self._start(now_s)
 
-    def _device_control(self, word: int, now_s: float) -> None:
-        """Set coils 0x0400 to 0x040F as a register does: the first coil is the highest bit."""
+    def _device_control(self, coils: int, word: int, now_s: float) -> None:
+        """Set sixteen coils as a register does: the first coil is the highest bit."""
         for bit in range(16):
-            address, on = COMMAND_COILS + 15 - bit, bool(word >> bit & 1)
+            address, on = coils + 15 - bit, bool(word >> bit & 1)
             before = self.image.coil(address)
             self.image.set_coil(address, on)
             self.coil_written(address, before=before, on=on, now_s=now_s)

@@ -6,7 +6,7 @@ it.
 Positions are in 0.01 mm. Nothing moves without the coils SVON and "serial drive mode", nor before the axis
 has been homed. SETUP (homing) must be taken back as soon as SETON is up: a start while it is still set is an
 alarm. RESET stops the axis, and so does HOLD; taken back it does not let it go on: no source says so. A jog
-is noted. Not simulated: DRIVE with step data by number, pushing.
+is noted. DRIVE runs the step of the controller's own data that IN0 to IN5 name. Not simulated: pushing.
 """
 
 from typing import Final
@@ -14,8 +14,11 @@ from typing import Final
 from gateway.simulator.drives.endpoint import MotorDrive, within
 from gateway.simulator.drives.motor import Basis
 
+STEP_NUMBER: Final = range(0x10, 0x16)
+"""IN0 to IN5."""
 HOLD: Final = 0x18
 SVON: Final = 0x19
+DRIVE: Final = 0x1A
 RESET: Final = 0x1B
 SETUP: Final = 0x1C
 JOGS: Final = frozenset({0x1D, 0x1E})
@@ -25,6 +28,10 @@ SVRE: Final = 0x49
 SETON: Final = 0x4A
 IN_POSITION: Final = 0x4B
 ALARM: Final = 0x4F
+STEP_DATA: Final = 0x0400
+STEP_STRIDE: Final = 16
+STEP_POSITION: Final = 2
+"""Mode, speed, position, and so on."""
 POSITION: Final = 0x9000
 PRESENT_TARGET: Final = 0x9004
 START: Final = 0x9100
@@ -78,6 +85,10 @@ class SmcLec(MotorDrive):
                 self.motor.stop(now_s)
         elif address == SETUP and on and self.image.coil(SVON):
             self.motor.home(now_s)
+        elif address == DRIVE and on:
+            number = sum(self.image.coil(coil) << bit for bit, coil in enumerate(STEP_NUMBER))
+            step = STEP_DATA + STEP_STRIDE * number
+            self._run(step, step + STEP_POSITION, now_s)
         self.show()
 
     def written(self, before: dict[int, int], now_s: float) -> None:
@@ -85,15 +96,18 @@ class SmcLec(MotorDrive):
         if START not in before or self.image.word(START) != RUN:
             return
         self.image.set_word(START, 0)
+        self._run(MOVEMENT_MODE, TARGET, now_s)
+
+    def _run(self, mode_address: int, target_address: int, now_s: float) -> None:
         if not self.image.coil(SVON) or not self.image.coil(SERIAL_MODE):
             return
         if not self.motor.is_homed or self.image.coil(SETUP):
             self.motor.mechanics.alarm = True
             return
-        mode = self.image.word(MOVEMENT_MODE)
+        mode, number = self.image.word(mode_address), self.get32(target_address)
         if mode == ABSOLUTE:
-            self.motor.absolute(self.get32(TARGET), now_s)
+            self.motor.absolute(number, now_s)
         elif mode == RELATIVE:
-            self.motor.relative(self.get32(TARGET), Basis.COMMANDED, now_s)
+            self.motor.relative(number, Basis.COMMANDED, now_s)
         else:
-            self.unheard_of(MOVEMENT_MODE, mode)
+            self.unheard_of(mode_address, mode)
