@@ -140,8 +140,8 @@ def test_a_stream_does_not_ask_whether_a_move_has_ended() -> None:
 def test_frames_of_the_gateways_own_at_9600() -> None:
     plan = line(serial(9600), controller(TCP), axes=(known_axis("delta-asda"),))
     added = {each.added.why: each for each in line_budget(plan).added}
-    # The read: 17 bytes and a silence. The target anew: 21 bytes and a silence. Before a distance the state is
-    # read, too: 15 bytes and a silence.
+    # The read: 17 bytes and a silence. The target anew: 21 bytes and a silence.
+    # Before a distance the state is read, too: 15 bytes and a silence.
     assert ms(added[Why.DIRECTION].hold_ns) == pytest.approx(19.47917 + 4.01042, abs=1e-4)
     assert ms(added[Why.BASE].hold_ns) == pytest.approx(19.47917 + 17.1875 + 2 * 4.01042, abs=1e-4)
     assert ms(added[Why.RESTAGE].hold_ns) == pytest.approx(24.0625 + 4.01042, abs=1e-4)
