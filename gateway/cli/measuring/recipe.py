@@ -92,7 +92,7 @@ def recipe_of(plan: AxisPlan) -> Recipe:
     if mode is not None:
         _check_mode(plan, mode)
     levers = [trigger for trigger in motion.triggers if trigger.block is None and not trigger.is_coil]
-    stop = next((lever for lever in map(_stopping, levers) if lever), None)
+    stop = next((lever for lever in map(_stopping, levers) if lever and not _stays(lever, levers)), None)
     following = tuple(trigger for trigger in motion.triggers if trigger.can_follow and not trigger.is_coil)
     target_words = range(target.address, target.end)
     if motion.starts_on and not motion.starts_on.isdisjoint(target_words):
@@ -159,6 +159,12 @@ def _check_mode(plan: AxisPlan, mode: ModePlan) -> None:
         raise _undrivable(plan, "no mode of its map is absolute")
     if mode.resets_to is not None and mode.action(mode.resets_to) is not Action.ABSOLUTE:
         raise _undrivable(plan, "its mode is not absolute again after each move")
+
+
+def _stays(lever: Lever, levers: list[TriggerPlan]) -> bool:
+    """Whether a stop is a bit of a control word, in which 0 stops too: set, it would hold the next move."""
+    others = (each for each in levers if each is not lever.trigger and each.address == lever.trigger.address)
+    return any(each.deed(0, None).action is Action.STOP for each in others)
 
 
 def _starting(trigger: TriggerPlan, motion: MotionPlan) -> Lever | None:
