@@ -39,7 +39,7 @@ put_system_files() {
 # Whether a program runs that was started from a release. Processes come and go meanwhile: that cat misses one, or
 # that nobody reads to the end, must not look like "no", for then the files of a relay at work would be removed.
 is_in_use() {
-    local commands
+    local LC_ALL=C commands # bytes: an argument of somebody else's need not be text
     commands=$(cat /proc/[0-9]*/cmdline 2>/dev/null | tr '\0' '\n') || true
     [[ $commands == *"$1/"* ]]
 }
