@@ -159,6 +159,15 @@ ORIENTAL_AZ: Final = Session(
     10 005C 0002 04 0000 09C4
     03 007F 0001 | 2000=0000
     03 00CC 0002
+    10 0066 0002 04 0000 0000
+    06 007D 4000                                               # jog, a turn without a target, and to 5000
+    06 007D 0000
+    10 005A 000E 1C 0000 0007 0000 0000 0000 03E8 0000 03E8 0000 03E8 0000 03E8 0000 0001
+    10 005A 000E 1C 0000 0001 0000 1388 0000 03E8 0000 03E8 0000 03E8 0000 03E8 0000 0001
+    03 007F 0001 | 2000=0000
+    03 00CC 0002
+    10 018A 0002 04 0000 0001                                  # preset
+    03 00CC 0002
     08 0000 1234
     """,
     (
@@ -171,6 +180,11 @@ ORIENTAL_AZ: Final = Session(
         (MoveKind.ABSOLUTE, -100),
         (MoveKind.HOME, None),
         (MoveKind.ABSOLUTE, 2_500),
+        (MoveKind.OTHER, None),
+        (MoveKind.STOP, 2_500),
+        (MoveKind.OTHER, None),
+        (MoveKind.ABSOLUTE, 5_000),
+        (MoveKind.SET_POSITION, 0),
     ),
 )
 
@@ -209,6 +223,20 @@ ORIENTAL_BLV_R: Final = Session(
     10 005C 0002 04 0000 09C4
     03 007F 0001 | 2200=0200
     03 00CC 0002
+    10 0066 0002 04 0000 0000
+    06 007C 0004                                               # a speed by the inputs, ended by type 0
+    06 007C 0000
+    10 005A 000E 1C 0000 0000 0000 0000 0000 03E8 0000 03E8 0000 03E8 0000 03E8 0000 0001
+    10 005A 000E 1C 0000 0001 0000 1388 0000 03E8 0000 03E8 0000 03E8 0000 03E8 0000 0003    # to 5000
+    03 007F 0001 | 2200=0200
+    03 00CC 0002
+    10 0078 0002 04 0010 0000                                  # home by the inputs that go off, and to 2000
+    03 007F 0001 | 0010=0010
+    10 005A 000E 1C 0000 0001 0000 07D0 0000 03E8 0000 03E8 0000 03E8 0000 03E8 0000 0013
+    03 007F 0001 | 2200=0200
+    03 00CC 0002
+    10 018A 0002 04 0000 0001                                  # preset
+    03 00CC 0002
     """,
     (
         (MoveKind.HOME, None),
@@ -219,6 +247,13 @@ ORIENTAL_BLV_R: Final = Session(
         (MoveKind.ABSOLUTE, 15_000),
         (MoveKind.HOME, None),
         (MoveKind.ABSOLUTE, 2_500),
+        (MoveKind.OTHER, None),
+        (MoveKind.STOP, 2_500),
+        (MoveKind.STOP, 2_500),
+        (MoveKind.ABSOLUTE, 5_000),
+        (MoveKind.HOME, None),
+        (MoveKind.ABSOLUTE, 2_000),
+        (MoveKind.SET_POSITION, 0),
     ),
 )
 

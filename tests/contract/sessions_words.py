@@ -302,6 +302,25 @@ def _cmmt_session() -> str:
             "03 0064 0001 | 0400=0400",
             _cmmt("047F", "8100", "09C4 0000"),
             "03 0000 0009",
+            _cmmt("043F", "8100", "7530 0000"),
+            _cmmt("047F", "8100", "7530 0000"),  # to 30 000
+            "wait 30",
+            _cmmt("041F", "8100", "7530 0000"),  # paused after 0.05 s
+            "03 0064 0001 | 2000=2000",
+            "03 0069 0002",
+            _cmmt("043F", "8100", "7530 0000"),  # the rest of the way
+            "03 0064 0001 | 2400=2400",
+            "03 0069 0002",
+            _cmmt("053F", "8100", "7530 0000"),  # jog, and a run at a speed
+            _cmmt("043F", "8100", "7530 0000"),
+            _cmmt("047F", "C300", "7530 0000"),
+            _cmmt("042F", "C300", "7530 0000"),
+            _cmmt("043F", "8100", "3A98 0000"),
+            _cmmt("047F", "8100", "3A98 0000"),  # to 15 000
+            "03 0064 0001 | 2400=2400",
+            "03 0069 0002",
+            _cmmt_output("043F", "8100", "3A98 0000").replace("8100 0000", "8100 0002"),  # zero
+            "03 0069 0002",
         )
     )
 
@@ -321,6 +340,15 @@ FESTO_CMMT_111: Final = Session(
         (MoveKind.ABSOLUTE, 16_000),
         (MoveKind.HOME, None),
         (MoveKind.ABSOLUTE, 2_500),
+        (MoveKind.ABSOLUTE, 30_000),
+        (MoveKind.STOP, 5_000),
+        (MoveKind.ABSOLUTE, 30_000),
+        (MoveKind.OTHER, None),
+        (MoveKind.STOP, 30_000),
+        (MoveKind.OTHER, None),
+        (MoveKind.STOP, 30_000),
+        (MoveKind.ABSOLUTE, 15_000),
+        (MoveKind.SET_POSITION, 0),
     ),
 )
 

@@ -210,6 +210,62 @@ def test_oriental_remote_inputs() -> None:
     assert deeds("oriental-az", 0x007D, 0x0080) == set()  # alarm reset
 
 
+def test_oriental_az_operation_types() -> None:
+    mode = motion("oriental-az").mode(0)
+    assert mode is not None
+    actions = {kind: mode.action(kind) for kind in (0, 1, 2, 3, 7, 8, 16, 17, 18, 20, 21, 22)}
+    assert actions == {
+        0: Action.UNKNOWN,  # no setting
+        1: Action.ABSOLUTE,
+        2: Action.RELATIVE_TO_COMMANDED,
+        3: Action.RELATIVE_TO_ACTUAL,
+        7: Action.OTHER_MOTION,
+        8: Action.UNKNOWN,  # wrap
+        16: Action.OTHER_MOTION,
+        17: Action.OTHER_MOTION,
+        18: Action.OTHER_MOTION,
+        20: Action.ABSOLUTE,  # pushes
+        21: Action.RELATIVE_TO_COMMANDED,
+        22: Action.RELATIVE_TO_ACTUAL,
+    }
+    for copy in (0x0075, 0x0079):
+        assert deeds("oriental-az", copy, 0x0020) == {Action.STOP}
+        assert deeds("oriental-az", copy, 0x0010) == {Action.HOME}
+        assert deeds("oriental-az", copy, 0x0008) == {Action.STORED}
+        assert deeds("oriental-az", copy, 0x0400) == {Action.STORED}
+        assert deeds("oriental-az", copy, 0x4000) == {Action.OTHER_MOTION}
+        assert deeds("oriental-az", copy, 0x0080) == set()
+    # What is off again by itself rises with every write.
+    assert deeds("oriental-az", 0x0079, 0x0008, before=0x0008) == {Action.STORED}
+    assert deeds("oriental-az", 0x0075, 0x0008, before=0x0008) == set()
+    assert deeds("oriental-az", 0x018B, 1) == {Action.SET_POSITION}
+
+
+def test_oriental_blv_r_inputs_triggers_and_stops() -> None:
+    for first in (0x007C, 0x0074, 0x0078):
+        assert deeds("oriental-blv-r", first, 0x0010) == {Action.HOME}
+        assert {*deeds("oriental-blv-r", first, 0x0040), *deeds("oriental-blv-r", first, 0x0080)} == {
+            Action.STORED
+        }
+        for turn in (0x0001, 0x0002, 0x0004, 0x0008):
+            assert deeds("oriental-blv-r", first, turn) == {Action.OTHER_MOTION}
+        assert deeds("oriental-blv-r", first, 0x0300) == set()  # which data START would run
+        for stop in (0x0009, 0x0011, 0x0021, 0x0041):  # CLR, QSTOP, STOP, FREE
+            assert deeds("oriental-blv-r", first + 1, stop) == {Action.STOP}
+        assert deeds("oriental-blv-r", first + 1, 0x0101) == {Action.STORED}
+        assert deeds("oriental-blv-r", first + 1, 0x0081) == set()  # S-ON and alarm reset
+    assert deeds("oriental-blv-r", 0x007D, 0x0000) == {Action.STOP}
+    for trigger in (1, 2, 3, 4, 0x13):
+        assert deeds("oriental-blv-r", 0x0067, trigger) == {Action.START}
+    assert deeds("oriental-blv-r", 0x0067, 0x14) == {Action.UNKNOWN}
+    assert deeds("oriental-blv-r", 0x018B, 1) == {Action.SET_POSITION}
+    mode = motion("oriental-blv-r").mode(0)
+    assert mode is not None
+    assert {mode.action(kind) for kind in (0, 31, 32)} == {Action.STOP}
+    positions = library.shipped("oriental-blv-r").registers.position_like
+    assert {0x038C, 0x1802, 0x1842} <= {field.address for each in positions for field in each.fields()}
+
+
 def test_delta_paths_and_their_numbers() -> None:
     # PR n at 0x0602 + 4 n, its definition at 0x0600 + 4 n; P5-07 = n runs it.
     plan = motion("delta-asda")
@@ -362,6 +418,16 @@ def test_festo_images_hold_start_and_stop() -> None:
     assert deeds("festo-cmmt-111", 0, 0x0C3F, before=0x043F) == {Action.HOME}
     assert deeds("festo-cmmt-111", 1, 0x9100, before=0x9100) == {Action.FOLLOW}
     assert deeds("festo-cmmt-111", 1, 0x9000) == {Action.UNKNOWN}
+    assert deeds("festo-cmmt-111", 2, 0x0002) == {Action.SET_POSITION}
+    assert deeds("festo-cmmt-111", 0, 0x243F, before=0x043F) == {Action.STORED}  # the next record
+    assert deeds("festo-cmmt-111", 0, 0x041F, before=0x043F) == {Action.STOP}  # a pause
+    assert deeds("festo-cmmt-111", 0, 0x043F, before=0x041F) == {Action.OTHER_MOTION}  # goes on
+    assert deeds("festo-cmmt-111", 0, 0x043F, before=0x042F) == set()
+    mode = motion("festo-cmmt-111").mode(0)
+    assert mode is not None
+    assert {mode.action(record) for record in (0x0000, 0x0003, 0x0100)} == {Action.STORED}
+    assert {mode.action(speed) for speed in (0xC300, 0xC500, 0x4000)} == {Action.OTHER_MOTION}
+    assert (mode.action(0x8100), mode.action(0x8000)) == (Action.ABSOLUTE, Action.RELATIVE_TO_COMMANDED)
     assert deeds("festo-cmmo-fhpp", 0, 0x0303, before=0x0301) == {Action.START}
     assert deeds("festo-cmmo-fhpp", 0, 0x0300, before=0x0301) == {Action.STOP}
     (written,), (read,) = fields("festo-cmmo-fhpp", "command"), fields("festo-cmmo-fhpp", "actual")

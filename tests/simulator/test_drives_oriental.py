@@ -79,11 +79,25 @@ def test_with_trigger_minus_four_the_speed_starts_the_move() -> None:
 
 def test_continuous_operation_has_no_target() -> None:
     drive = Drive("oriental-az")
-    drive.does(block(16, "0000 0000"))
-    assert drive.moves == [(OTHER, None)]
+    for kind in (7, 8, 16, 17, 18):  # 8 is a wrap operation
+        drive.does(block(kind, "0000 0000"))
+    assert drive.moves == [(OTHER, None)] * 5
+    drive = excited("oriental-blv-r")
+    for kind in (7, 8, 16, 48):
+        drive.does(block(kind, "0000 0000"))
+    assert drive.moves == [(OTHER, None)] * 4
 
 
-@pytest.mark.parametrize(("name", "start"), [("oriental-az", "0000 0009"), ("oriental-blv-r", "0040 0001")])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_push_goes_to_a_place_or_over_a_distance(name: str) -> None:
+    drive = excited(name)
+    for kind in (20, 21, 22):
+        drive.does(block(kind, "0000 0064"))
+        drive.wait()
+    assert drive.moves == [(ABSOLUTE, 100), (RELATIVE, 200), (RELATIVE, 300)]
+
+
+@pytest.mark.parametrize(("name", "start"), [("oriental-az", "0000 0008"), ("oriental-blv-r", "0040 0001")])
 def test_stored_data_run_on_a_rising_start(name: str, start: str) -> None:
     drive = excited(name)
     drive.does("10 1800 0004 08 0000 0001 FFFF FC18", f"10 007C 0002 04 {start}")
@@ -104,8 +118,32 @@ def test_blv_r_has_inputs_of_its_own() -> None:
     assert drive.moves == [(HOME, None), (OTHER, None), (STOP, 0), (ABSOLUTE, 500), *[(STOP, 500)] * 4]
 
 
-def test_blv_r_presets_its_position() -> None:
-    drive = excited("oriental-blv-r")
+def test_blv_r_takes_its_inputs_at_three_places() -> None:
+    drive = Drive("oriental-blv-r")
+    drive.does("06 0075 0001", block(1, "0000 2710"), "06 0079 0020")  # S-ON and STOP
+    drive.wait()
+    drive.does("06 0074 0010", "06 0074 0000")  # HOME
+    drive.wait()
+    drive.does("06 0078 0010")
+    drive.wait()
+    drive.does("06 0078 0010")
+    assert drive.read(0x0078, 2) == [0, 0]
+    assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 0), *[(HOME, None)] * 3]
+
+
+def test_az_inputs() -> None:
+    drive = Drive("oriental-az")
+    drive.does("10 1880 0004 08 0000 0001 0000 01F4", "06 007D 000A", "06 007D 0000")  # START of No. 2
+    drive.wait()
+    drive.does("06 007D 0400", "06 007D 0000")  # D-SEL2
+    drive.does("06 007D 1000", "06 007D 0000")  # FW-JOG-P
+    drive.does("06 007D 4000", "06 007D 0000")  # FW-POS
+    assert drive.moves == [(ABSOLUTE, 500), (ABSOLUTE, 500), (OTHER, None), (OTHER, None), (STOP, 500)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_position_is_preset(name: str) -> None:
+    drive = excited(name)
     drive.does("10 038C 0002 04 0000 0064", "10 018A 0002 04 0000 0001")
     assert drive.moves == [(SET_POSITION, 100)]
 

@@ -52,6 +52,36 @@ def test_cmmt_stops_in_the_middle(stw1: int) -> None:
     assert drive.bit(100, 13)
 
 
+def test_cmmt_goes_on_after_a_pause() -> None:
+    drive = Drive("festo-cmmt-111")
+    drive.does(cmmt_image(READY), cmmt_image(TASK))
+    drive.wait(0.05)
+    drive.does(cmmt_image(READY & ~0x20))
+    drive.wait()
+    drive.does(cmmt_image(READY))
+    drive.wait()
+    assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500), (ABSOLUTE, 10_000)]
+    assert drive.low(105) == 10_000
+    drive.does(cmmt_image(READY & ~0x20), cmmt_image(READY))  # it stood: there is no rest of the way
+    assert drive.moves == [(STOP, 10_000)]
+
+
+@pytest.mark.parametrize("lost", [0x10, 0x01])
+def test_cmmt_does_not_go_on_after_a_task_was_rejected_or_the_power_was_off(lost: int) -> None:
+    drive = Drive("festo-cmmt-111")
+    drive.does(cmmt_image(READY), cmmt_image(TASK))
+    drive.wait(0.05)
+    drive.does(cmmt_image(READY & ~0x20), cmmt_image(READY & ~0x20 & ~lost), cmmt_image(READY))
+    assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500)]
+
+
+def test_cmmt_jogs_one_way_or_the_other() -> None:
+    drive = Drive("festo-cmmt-111")
+    for stw1 in (0x053F, 0x053F, 0x063F, 0x073F, READY, 0x073F, READY):
+        drive.does(cmmt_image(stw1))
+    assert drive.moves == [(OTHER, None), (OTHER, None), (STOP, 0)]
+
+
 def test_cmmt_references() -> None:
     drive = Drive("festo-cmmt-111")
     drive.does(cmmt_image(READY), cmmt_image(REFERENCE))
@@ -65,7 +95,8 @@ def test_cmmt_tells_records_and_speeds_from_positions() -> None:
     drive = Drive("festo-cmmt-111")
     for mode in (0x0003, 0xC300, 0xC500):  # record 3, speed forward and backward
         drive.does(cmmt_image(READY, mode), cmmt_image(TASK, mode))
-    assert drive.moves == [(OTHER, None)] * 3
+    drive.does(cmmt_image(READY, 0x0003), cmmt_image(READY | 1 << 13, 0x0003))  # the next record
+    assert drive.moves == [(OTHER, None)] * 4
 
 
 def test_cmmt_sets_its_reference_point() -> None:

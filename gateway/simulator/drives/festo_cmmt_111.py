@@ -5,9 +5,9 @@ PROFIBUS & PROFINET International, positioning mode, for the bits of STW1 and ZS
 
 A controller writes the whole output image every few milliseconds and reads the input image: only edges and
 changes act. Simulated: traversing tasks (absolute, relative, continuous with POS_STW1 bit 12), rejected and
-interrupted tasks, reference run, reference point, device identification. Records and speed runs, which MDI
-and set-up of POS_STW1 tell from positions, are noted. Not simulated: going on after an intermediate stop, the
-watchdog of register 400, the parameter mailbox, jog.
+interrupted tasks (an intermediate stop is a pause: the rest of the way follows when its bit is back),
+reference run, reference point, device identification. Jog, records and speed runs, which MDI and set-up of
+POS_STW1 tell from positions, are noted. Not simulated: the watchdog of register 400, the parameter mailbox.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,9 @@ NOT_REJECTED: Final = 1 << 4
 NOT_INTERRUPTED: Final = 1 << 5
 TASK: Final = 1 << 6
 ACKNOWLEDGE_FAULT: Final = 1 << 7
+JOG: Final = 1 << 8 | 1 << 9
 REFERENCE: Final = 1 << 11
+NEXT_RECORD: Final = 1 << 13
 RUNNING: Final = ON_BITS | NOT_REJECTED | NOT_INTERRUPTED
 ABSOLUTE: Final = 1 << 8
 CONTINUOUS: Final = 1 << 12
@@ -54,6 +56,8 @@ class FestoCmmt111(MotorDrive):
         super().__init__(unit_id, motors)
         self._handlers[43] = self._identify
         self._has_acknowledged = False
+        self._interrupted_target: int | None = None
+        """Where the axis was on its way to when it was told to pause."""
 
     def _identify(self, pdu: bytes, _now_s: float) -> bytes:
         """Read device identification, basic objects (Modbus application protocol V1.1b3, 6.21)."""
@@ -95,10 +99,28 @@ class FestoCmmt111(MotorDrive):
             self._has_acknowledged = False
         if risen & ACKNOWLEDGE_FAULT:
             self.motor.mechanics.alarm = False
-        if was & RUNNING == RUNNING != word & RUNNING:
-            self.motor.stop(now_s)
+        lost = was & RUNNING & ~word
+        if lost & ~NOT_INTERRUPTED:
+            self._interrupted_target = None
+        if was & RUNNING == RUNNING and lost:
+            self._stop(lost, now_s)
         elif word & RUNNING == RUNNING:
+            self._jog(was & JOG, word & JOG, now_s)
             self._run(before, risen, now_s)
+            self._interrupted_target = None
+
+    def _stop(self, lost: int, now_s: float) -> None:
+        if lost == NOT_INTERRUPTED and self.motor.is_moving and not self.motor.is_homing:
+            self._interrupted_target = self.motor.target_counts
+        self.motor.stop(now_s)
+
+    def _jog(self, was: int, bits: int, now_s: float) -> None:
+        """Forward or reverse; both at once are neither."""
+        turned, turns = was not in (0, JOG), bits not in (0, JOG)
+        if turns and bits != was:
+            self.motor.other()
+        elif turned and not turns:
+            self.motor.stop(now_s)
 
     def _run(self, before: dict[int, int], risen: int, now_s: float) -> None:
         mode = self.image.word(POS_STW1)
@@ -106,6 +128,8 @@ class FestoCmmt111(MotorDrive):
         changed = any(before.get(a, self.image.word(a)) != self.image.word(a) for a in (TARGET, TARGET + 1))
         if risen & REFERENCE:
             self.motor.home(now_s)
+        elif risen & NEXT_RECORD:
+            self.motor.other()
         elif risen & TASK:
             self._has_acknowledged = True
             if not mode & MDI or mode & SET_UP:
@@ -116,3 +140,5 @@ class FestoCmmt111(MotorDrive):
                 self.motor.relative(target, Basis.COMMANDED, now_s)
         elif mode & MDI and not mode & SET_UP and mode & CONTINUOUS and mode & ABSOLUTE and changed:
             self.motor.absolute(target, now_s)
+        elif self._interrupted_target is not None:
+            self.motor.absolute(self._interrupted_target, now_s)

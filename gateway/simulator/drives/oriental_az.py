@@ -1,11 +1,13 @@
-"""Oriental Motor AZ series (AZD-KD, AZD-CD; CVD and AZ mini have the same block).
+"""Oriental Motor AZ series (AZD-KD, AZD-CD, AZ mini).
 
-Source: Oriental Motor HM-60262 (AZ series function manual): direct data operation, remote input and output.
+Source: Oriental Motor HM-60262 (AZ series function manual): direct data operation, remote input and output,
+operation types of page 59; the preset of the sister series.
 
-Simulated: direct data operation with every trigger, operation types 1, 2, 3 and 16, operation data No. 0,
-START, ZHOME, STOP, FREE and ALM-RST at their default places, the transmission wait of 3 ms, slave errors.
-Not simulated: other operation types (refused with 04), preset, indirect references, data No. 1 and up, the
-data destination of 0x0068, other orders of words and bytes.
+Simulated: direct data operation with every trigger, absolute and relative moves (pushes among them), stored
+data, all inputs at their default places, preset, the transmission wait of 3 ms, slave errors. Continuous
+operation (7, 16 to 18) and wrap operation (8 to 15) are noted and do not turn the motor; what no type is
+listed for is refused with 04. Not simulated: indirect references, the data destination of 0x0068, other
+orders of words and bytes, SSTART's place in a chain of data (it runs No. 0).
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,18 +32,33 @@ ACTUAL: Final = 0x00CC
 ACTUAL_MIRROR: Final = 0x0120
 COMMANDED_MIRROR: Final = 0x0122
 HOME_END: Final = 0x0178
+PRESET: Final = 0x018A
+PRESET_POSITION: Final = 0x038C
 STORED_TYPE: Final = 0x1800
-STORED_POSITION: Final = 0x1802
+DATA_STRIDE: Final = 64
 
+NUMBER: Final = 0x0007
+"""M0 to M2: which stored data START runs."""
 START: Final = 1 << 3
 ZHOME: Final = 1 << 4
 STOP: Final = 1 << 5
 FREE: Final = 1 << 6
 ALARM_RESET: Final = 1 << 7
+D_SEL: Final = 0x0700
+"""Each runs stored data by itself: No. 0 to 2."""
+SSTART: Final = 1 << 11
+JOGS: Final = 0x3000
+TURNS: Final = 0xC000
+"""FW-POS and RV-POS: as long as they are on."""
 
-ABSOLUTE: Final = 1
-RELATIVE: Final[Mapping[int, Basis]] = {2: Basis.COMMANDED, 3: Basis.ACTUAL}
-CONTINUOUS: Final = frozenset({16})
+RELATIVE: Final[Mapping[int, Basis]] = {
+    2: Basis.COMMANDED,
+    3: Basis.ACTUAL,
+    21: Basis.COMMANDED,
+    22: Basis.ACTUAL,
+}
+CONTINUOUS: Final = frozenset({7, 16, 17, 18})
+WRAPS: Final = frozenset(range(8, 16))
 
 WAIT_S: Final = 0.003
 
@@ -54,9 +71,9 @@ class OrientalAz(MotorDrive):
     """
 
     functions = frozenset({3, 6, 8, 16})
-    absolute: frozenset[int] = frozenset({ABSOLUTE})
+    absolute: frozenset[int] = frozenset({1, 20})
     relative = RELATIVE
-    continuous = CONTINUOUS
+    turning = CONTINUOUS | WRAPS
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
@@ -107,6 +124,8 @@ class OrientalAz(MotorDrive):
 
     def written(self, before: dict[int, int], now_s: float) -> None:
         """Act. Data are stored before the drive refuses to run them: an exception proves nothing."""
+        if PRESET + 1 in before and self.image.word(PRESET + 1):
+            self.motor.set_position(self.get32(PRESET_POSITION), now_s)
         if INPUT in before:
             self.inputs(self.image.word(INPUT), before[INPUT], now_s)
         trigger = self.trigger()
@@ -132,10 +151,24 @@ class OrientalAz(MotorDrive):
         if risen & (STOP | FREE):
             self.motor.stop(now_s)
         elif risen & START:
-            self.run(self.get32(STORED_TYPE), self.get32(STORED_POSITION), now_s)
+            self.run_stored(word & NUMBER, now_s)
         elif risen & ZHOME:
             self.check_ready()
             self.motor.home(now_s)
+        elif risen & D_SEL:
+            self.run_stored((risen & D_SEL).bit_length() - 9, now_s)
+        elif risen & SSTART:
+            self.run_stored(0, now_s)
+        elif risen & (JOGS | TURNS):
+            self.check_ready()
+            self.motor.other()
+        elif before & ~word & TURNS:
+            self.motor.stop(now_s)
+
+    def run_stored(self, number: int, now_s: float) -> None:
+        """Start the operation that the drive keeps under a number."""
+        place = STORED_TYPE + DATA_STRIDE * number
+        self.run(self.get32(place), self.get32(place + 2), now_s)
 
     def check_ready(self) -> None:
         """Refuse to move without current, with an alarm, or while STOP is on."""
@@ -149,7 +182,7 @@ class OrientalAz(MotorDrive):
             self.motor.absolute(position, now_s)
         elif operation_type in self.relative:
             self.motor.relative(position, self.relative[operation_type], now_s)
-        elif operation_type in self.continuous:
+        elif operation_type in self.turning:
             self.motor.other()
         else:
             self.unheard_of(TYPE + 1, operation_type)

@@ -5,8 +5,9 @@ preset), operation types as quoted from HP-5141.
 
 As the AZ series, and: S-ON must be set, function code 23, the trigger is the lower half of its pair (the
 upper half is a lifetime in ms, which is not simulated), 1 to 19 start, the trigger clears itself unless
-0x0228 is 0. The inputs are those of the factory, in two words: HOME, START and jog stand in the first.
-Not simulated: wrap operation (types 8 to 15), the copies of the inputs, and group addresses with ID share.
+0x0228 is 0. The inputs are those of the factory, in two words: HOME, START and jog stand in the first. They
+can be written at two more places: 0x0074 counts as well as 0x007C, what is written to 0x0078 goes off again
+by itself. Not simulated: group addresses with ID share.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,11 +18,12 @@ from gateway.simulator.drives.motor import Basis, Motor
 from gateway.simulator.drives.oriental_az import (
     ALARM_RESET,
     ALL_DATA,
+    FREE,
     INPUT,
     OUTPUT,
     STOP,
-    STORED_TYPE,
     TRIGGER,
+    WRAPS,
     OrientalAz,
     trigger_of_low_word,
 )
@@ -30,17 +32,17 @@ S_ON: Final = 1 << 0
 STOPS: Final = 0x0078
 """CLR, QSTOP, STOP, FREE."""
 D_SEL: Final = 0xFF00
-MORE_INPUTS: Final = 0x007C
+INPUT_PAIRS: Final = (0x007C, 0x0074, 0x0078)
+"""The inputs, the same once more, and those that go off by themselves; the second word is that of S-ON."""
+SECOND_INPUT: Final = 0x0075
+GOES_OFF: Final = 0x0078
 TURNS: Final = 0x000F
 """Inching and speed, forward and reverse."""
 HOME: Final = 1 << 4
 STARTS: Final = 0x00C0
 """START and SSTART, with the number of the data in the upper byte."""
-DATA_STRIDE: Final = 64
 LAST_START: Final = 19
 STOP_TYPES: Final = frozenset({0, 31, 32})
-PRESET: Final = 0x018A
-PRESET_POSITION: Final = 0x038C
 TRIGGER_CLEARS: Final = 0x0228
 NEVER: Final = 0
 RELATIVE_TYPES: Final[Mapping[int, Basis]] = {
@@ -57,9 +59,9 @@ class OrientalBlvR(OrientalAz):
     """See the module."""
 
     functions = frozenset({3, 6, 8, 16, 23})
-    absolute = frozenset({1, 7, 20})
+    absolute = frozenset({1, 20})
     relative = RELATIVE_TYPES
-    continuous = frozenset({16, 17, 18, 19, 39, 48, 49, 50, 51})
+    turning = frozenset({7, 16, 17, 18, 19, 39, 48, 49, 50, 51}) | WRAPS
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
@@ -68,7 +70,8 @@ class OrientalBlvR(OrientalAz):
     @property
     def is_excited(self) -> bool:
         """See :class:`OrientalAz`."""
-        return bool(self.image.word(INPUT) & S_ON) and super().is_excited
+        word = self.image.word(INPUT) | self.image.word(SECOND_INPUT)
+        return bool(word & S_ON) and not word & FREE
 
     def trigger(self) -> int:
         """See :class:`OrientalAz`."""
@@ -80,10 +83,12 @@ class OrientalBlvR(OrientalAz):
         repeated = before.get(TRIGGER + 1) == self.image.word(TRIGGER + 1) != NEVER
         if repeated and not self.get32(TRIGGER_CLEARS):
             before = {address: word for address, word in before.items() if address != TRIGGER + 1}
-        if MORE_INPUTS in before:
-            self._more_inputs(self.image.word(MORE_INPUTS), before[MORE_INPUTS], now_s)
-        if PRESET + 1 in before and self.image.word(PRESET + 1):
-            self.motor.set_position(self.get32(PRESET_POSITION), now_s)
+        for first in INPUT_PAIRS:
+            if first in before:
+                self._more_inputs(self.image.word(first), before[first], now_s)
+            if first + 1 in before and first + 1 != INPUT:
+                self.inputs(self.image.word(first + 1), before[first + 1], now_s)
+        self.put32(GOES_OFF, 0)
         super().written(before, now_s)
 
     def inputs(self, word: int, before: int, now_s: float) -> None:
@@ -91,10 +96,10 @@ class OrientalBlvR(OrientalAz):
         risen = word & ~before
         if risen & ALARM_RESET:
             self.motor.mechanics.alarm = False
-        if risen & STOPS or before & ~word & S_ON:
+        if risen & STOPS or (before & ~word & S_ON and not self.is_excited):
             self.motor.stop(now_s)
         elif risen & D_SEL:
-            self._run_stored((risen & D_SEL).bit_length() - 9, now_s)
+            self.run_stored((risen & D_SEL).bit_length() - 9, now_s)
 
     def _more_inputs(self, word: int, before: int, now_s: float) -> None:
         risen = word & ~before
@@ -102,15 +107,11 @@ class OrientalBlvR(OrientalAz):
             self.check_ready()
             self.motor.home(now_s)
         elif risen & STARTS:
-            self._run_stored(word >> 8, now_s)
+            self.run_stored(word >> 8, now_s)
         elif risen & TURNS:
             self.motor.other()
         elif before & ~word & TURNS:
             self.motor.stop(now_s)
-
-    def _run_stored(self, number: int, now_s: float) -> None:
-        place = STORED_TYPE + DATA_STRIDE * number
-        self.run(self.get32(place), self.get32(place + 2), now_s)
 
     def run(self, operation_type: int, position: int, now_s: float) -> None:
         """See :class:`OrientalAz`."""
