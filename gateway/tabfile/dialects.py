@@ -26,10 +26,11 @@ from gateway.tabfile import (
     siemens,
 )
 from gateway.tabfile.context import FileContext
+from gateway.tabfile.curves import steepest
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.text import SourceText, shown
-from gateway.tabfile.writing import WriteOptions, Written
+from gateway.tabfile.text import SourceText, decode, shown
+from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 
 class UnitsOf(Enum):
@@ -65,7 +66,8 @@ class Dialect:
     recognise: Callable[[SourceText], bool]
     """Judges a text; true as soon as it can be nothing else, so that what is wrong in it can be named."""
     read: Callable[[SourceText, FileContext], Decoded]
-    write: Callable[[CorrectionTable, WriteOptions], Written]
+    written: Callable[[CorrectionTable, WriteOptions], Written]
+    """Makes the text, for :meth:`write`."""
     uses: frozenset[str]
     """Names of :data:`OPTIONS` that it may need; the others get remark R3."""
     units: UnitsOf = UnitsOf.FILE
@@ -74,9 +76,28 @@ class Dialect:
     directions: int = 2
     """1: its files hold one correction for both."""
     is_writable: bool = True
-    """False where no system reads such files; :attr:`write` then says so."""
+    """False where no system reads such files; :meth:`write` then says so."""
     writes: frozenset[str] = frozenset()
     """Names of :class:`WriteOptions` that its writer has a use for, besides ``axis`` and ``is_modulo``."""
+
+    def write(self, table: CorrectionTable, options: WriteOptions) -> Written:
+        """Return the text of a table, with what it does not hold and what its reader must be told.
+
+        Raises:
+            TabFileError: the format cannot hold the table, also where its digits would make a correction as
+                steep as the positions, which no reader takes.
+        """
+        written = self.written(table, options)
+        text = decode(written.text.encode(), f"a file of {self.name}")
+        rows = self.read(text, written.context).rows
+        slope, before, after = steepest(rows)
+        if abs(slope) >= 1:
+            raise unwritable(
+                self.name,
+                f"a slope of {slope:.4g} between {before.position:g} and {after.position:g}, in its digits",
+                "a slope below 1, or the position could not be read back",
+            )
+        return written
 
 
 class Module(Protocol):

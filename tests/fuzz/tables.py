@@ -7,7 +7,6 @@ from itertools import pairwise
 from math import isfinite
 from typing import Final
 
-from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     DIALECTS,
@@ -30,10 +29,6 @@ UNTOLD: Final = (
     FileContext(file_axis="1", error_sense=ErrorSense.COMMAND_MINUS_ACTUAL, file_counts_per_unit=1000.0),
 )
 """What may be told of any file, and helps with some."""
-
-
-NEAR: Final = 1e-3
-"""So near to a slope of 1 the digits of a file decide."""
 
 
 @cache
@@ -74,20 +69,9 @@ def read_as(dialect: str, data: bytes) -> None:
         written = target.write(table, options)
     except TabFileError:
         return  # the dialect cannot hold it
-    if 1.0 - abs(_steepest(table)) < NEAR:
-        return  # rounded to the digits of the file it may reach 1, which its reader refuses
     again = parse_table(written.text.encode(), NAME, replace(written.context, format=dialect)).table
     assert again.units.convert_factor(table.units) > 0
     assert again.positions, "nothing is read back"
-
-
-def _steepest(table: CorrectionTable) -> float:
-    """Return the largest change of a correction for each unit of the axis."""
-    points = list(zip(table.positions, table.forward, table.backward, strict=True))
-    slopes = [
-        (after[i] - before[i]) / (after[0] - before[0]) for before, after in pairwise(points) for i in (1, 2)
-    ]
-    return max(slopes, key=abs, default=0.0)
 
 
 def seeds(dialect: str) -> Iterator[bytes]:

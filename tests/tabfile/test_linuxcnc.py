@@ -227,6 +227,13 @@ def test_written_file() -> None:
     assert dialect_named("linuxcnc-1").write(table, WriteOptions()).text == "-10 0.001 -0.0025\n0.5 0 0\n"
 
 
+def test_what_the_digits_would_make_as_steep_as_the_positions_is_not_written() -> None:
+    table = make_table([-1.0, 4.0, 9.0], [0.0, 5.0 - 1e-13, 5.0], [0.0, 0.0, 0.0], Units.MM)
+    said = "a file of linuxcnc-1: a slope of 1 between -1 and 4, in its digits; allowed: a slope below 1"
+    with pytest.raises(TabFileError, match=said):
+        dialect_named("linuxcnc-1").write(table, WriteOptions())
+
+
 def test_writer_refuses_what_linuxcnc_would_drop() -> None:
     zeros = [0.0] * 257
     with pytest.raises(TabFileError, match="257 points"):
