@@ -34,11 +34,6 @@ class Kind(Enum):
     ENABLE = "enable"
     FAULT_RESET = "fault-reset"
 
-    @property
-    def moves_nothing(self) -> bool:
-        """Whether the motor stands, and stays where it is."""
-        return self in {Kind.ENABLE, Kind.FAULT_RESET}
-
 
 class Target(StrictModel):
     """Where a sequence writes the place that the motor goes to, or how far it goes."""

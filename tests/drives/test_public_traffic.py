@@ -88,8 +88,8 @@ def _all() -> Iterator[tuple[str, Sequence]]:
             yield name, sequence
 
 
-def _of(kind: Kind) -> "pytest.MarkDecorator":
-    found = [(name, each) for name, each in _all() if each.kind is kind and not each.refused]
+def _of(*kinds: Kind) -> "pytest.MarkDecorator":
+    found = [(name, each) for name, each in _all() if each.kind in kinds and not each.refused]
     ids = [f"{name}-{each.what}" for name, each in found]
     return pytest.mark.parametrize(("drive", "sequence"), found, ids=ids)
 
@@ -156,17 +156,8 @@ def test_a_stop_goes_before_what_waits(drive: str, sequence: Sequence) -> None:
     assert machine.seen[-2:] == [stop, bytes.fromhex("03 0001 0001")]
 
 
-@_of(Kind.ENABLE)
-def test_what_switches_the_motor_on_leaves_the_reference(drive: str, sequence: Sequence) -> None:
-    _nothing_moved(drive, sequence)
-
-
-@_of(Kind.FAULT_RESET)
-def test_what_resets_a_fault_leaves_the_reference(drive: str, sequence: Sequence) -> None:
-    _nothing_moved(drive, sequence)
-
-
-def _nothing_moved(drive: str, sequence: Sequence) -> None:
+@_of(Kind.ENABLE, Kind.FAULT_RESET)
+def test_what_moves_nothing_leaves_the_reference(drive: str, sequence: Sequence) -> None:
     machine = Machine(drive)
     _go(machine, drive)
     before = len(machine.seen)
@@ -187,14 +178,14 @@ def test_what_renames_the_place_ends_the_reference(drive: str, sequence: Sequenc
     assert machine.counters == (0, 0)
 
 
-@_of(Kind.HOMING)
-def test_after_homing_nobody_says_where_the_axis_was_sent(drive: str, sequence: Sequence) -> None:
-    _went_elsewhere(drive, sequence)
-
-
-@_of(Kind.JOG)
-def test_after_a_jog_nobody_says_where_the_axis_was_sent(drive: str, sequence: Sequence) -> None:
-    _went_elsewhere(drive, sequence)
+@_of(Kind.HOMING, Kind.JOG)
+def test_after_homing_and_a_jog_nobody_says_where_the_axis_was_sent(drive: str, sequence: Sequence) -> None:
+    machine = Machine(drive)
+    _go(machine, drive)
+    machine.play(sequence)
+    assert _setpoint_counts(machine) is None
+    assert machine.counters == (0, 0)
+    _go(machine, drive)
 
 
 @_of(Kind.STORED)
@@ -206,15 +197,6 @@ def test_a_stored_move_is_refused_for_it_carries_no_correction(drive: str, seque
         assert machine.ask(pdu)[0] == pdu[0]
     assert machine.ask(start) == bytes((start[0] | 0x80, 4))
     assert start not in machine.seen
-    _go(machine, drive)
-
-
-def _went_elsewhere(drive: str, sequence: Sequence) -> None:
-    machine = Machine(drive)
-    _go(machine, drive)
-    machine.play(sequence)
-    assert _setpoint_counts(machine) is None
-    assert machine.counters == (0, 0)
     _go(machine, drive)
 
 

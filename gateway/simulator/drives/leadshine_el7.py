@@ -29,6 +29,7 @@ class LeadshineEl7(LeadshinePr):
 
     auxiliaries = (AUXILIARY, CONTROL)
     harmless = frozenset({NOTHING, 0x1122})
+    is_switched_by_bus = False
 
     def go(self, mode: int, target: int, now_s: float) -> None:
         """See :class:`LeadshinePr`."""

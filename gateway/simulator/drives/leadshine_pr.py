@@ -52,6 +52,7 @@ UNSAID: Final = 0x0080
 """The manuals of the steppers say nothing of this bit of the mode."""
 NOTHING: Final = 0
 MOTOR_ON: Final = 0x000F
+"""Of the closed-loop models: 0 takes the current away where the enabling input is off."""
 
 KNOWN: Final = ((0x0000, 0x0FFF), (0x1000, 0x2FFF), (0x6000, 0x6FFF))
 TURNAROUND_MS: Final = {9600: 24.9, 19200: 13.34, 38400: 7.12, 115200: 3.08}
@@ -69,6 +70,8 @@ class LeadshinePr(MotorDrive):
     """Registers of the control word."""
     harmless = frozenset({NOTHING, 0x2244})
     """Its values that do nothing to the motor, beside those that are simulated."""
+    is_switched_by_bus = True
+    """Whether 0x000F switches the motor."""
     max_read = 97
     """Messages have at most 200 bytes: 5 of them are not data in the reply to a read …"""
     max_write = 95
@@ -139,8 +142,8 @@ class LeadshinePr(MotorDrive):
         for address in self.auxiliaries:
             if address in before:
                 self._auxiliary(address, self.image.word(address))
-        if MOTOR_ON in before:
-            self._motor_on(self.image.word(MOTOR_ON), now_s)
+        if self.is_switched_by_bus and MOTOR_ON in before and not self.image.word(MOTOR_ON):
+            self.motor.stop(now_s)
         for address in (TRIGGER, TRIGGER_ALIAS):
             if address in before:
                 self._trigger(self.image.word(address), now_s)
@@ -157,11 +160,6 @@ class LeadshinePr(MotorDrive):
             self.motor.other()
         elif command not in self.harmless:
             self.unheard_of(address, command)
-
-    def _motor_on(self, value: int, now_s: float) -> None:
-        """Take the current away with 0: what the closed-loop models do whose enable input is off."""
-        if value == 0:
-            self.motor.stop(now_s)
 
     def _trigger(self, value: int, now_s: float) -> None:
         if RUN_PATH <= value < RUN_PATH + PATH_COUNT:
