@@ -7,7 +7,6 @@ from typing import Any
 
 from gateway.config.load import Loaded
 from gateway.config.problems import key_text
-from gateway.config.tables_folder import folder_of
 from gateway.config.toml_lines import KeyPath
 from gateway.ipc.compiled_plan import TablesFolder, write_plan
 from gateway.ipc.folder_problems import problem_of
@@ -22,7 +21,7 @@ def compile_into_state(
     """Write a plan and its tables, and what they were made from; returns the compiled tables by axis.
 
     ``plan`` is what the configuration amounts to (``last_good.settle``); without it, what it says.
-    ``tables_folder`` is the folder in which its tables were, where that is not the one that is there.
+    ``tables_folder`` is the folder in which its tables were, where that is not the one they were read from.
 
     Raises:
         StateError: the state folder cannot be written, or not by root, or a profile was removed meanwhile;
@@ -37,7 +36,7 @@ def compile_into_state(
             plan or loaded.plan,
             sources,
             loaded.document.text,
-            tables_folder or folder_of(loaded),
+            tables_folder or loaded.read_from,
         )
     except OSError as error:
         raise StateError(f"gateway.state: {problem_of(error, loaded.state_folder)}") from None

@@ -33,6 +33,7 @@ from gateway.config.readings import TableReading, read_tables
 from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable
 from gateway.config.toml_lines import key_lines
+from gateway.ipc.compiled_plan import TablesFolder
 from gateway.ipc.plan import GatewayPlan
 from gateway.transport.certificates import now_utc
 
@@ -44,6 +45,8 @@ class Loaded:
     path: Path
     plan: GatewayPlan
     tables_folder: Path
+    read_from: TablesFolder | None
+    """The folder that was at this path just before the tables were read; None: there was none."""
     state_folder: Path
     tables: Mapping[str, AxisTable]
     """The table of each axis that has one, with the file it came from."""
@@ -138,6 +141,7 @@ def _with_tables(
     sections, drives, crosses = parts
     path = findings.document.path
     tables_folder = path.parent / sections.gateway.tables
+    read_from = TablesFolder.at(tables_folder)
     readings = read_tables(findings, sections, tables_folder)
     for reading in () if forgives_tables else readings.values():
         findings.include(reading.findings)
@@ -150,6 +154,7 @@ def _with_tables(
         path=path,
         plan=build_plan(sections, tables, drives, crosses),
         tables_folder=tables_folder,
+        read_from=read_from,
         state_folder=path.parent / sections.gateway.state,
         tables=tables,
         readings=readings,

@@ -10,21 +10,12 @@ from gateway.ipc.compiled_plan import TablesFolder
 from gateway.tabfile import TableState
 
 
-def folder_of(loaded: Loaded) -> TablesFolder | None:
-    """Return the folder that a configuration has its tables in, as it is now; None where there is none."""
-    try:
-        status = loaded.tables_folder.stat()
-    except OSError:
-        return None
-    return TablesFolder(str(loaded.tables_folder), status.st_dev, status.st_ino)
-
-
 def what_is_strange(loaded: Loaded, before: TablesFolder | None) -> str:
     """Return what is wrong with a folder whose tables were just looked for; "" when nothing is.
 
     It is strange that every table is missing and the folder at this path is another one than before.
     """
-    now = folder_of(loaded)
+    now = TablesFolder.at(loaded.tables_folder)
     if now is None or before is None or now == before or now.path != before.path:
         return ""
     if {reading.state for reading in loaded.readings.values()} != {TableState.MISSING}:

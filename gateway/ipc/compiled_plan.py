@@ -58,6 +58,15 @@ class TablesFolder(msgspec.Struct, frozen=True, array_like=True):
     device: int
     inode: int
 
+    @classmethod
+    def at(cls, path: Path) -> "TablesFolder | None":
+        """Return the folder that is at a path now; None where there is none."""
+        try:
+            status = path.stat()
+        except OSError:
+            return None
+        return cls(str(path), status.st_dev, status.st_ino)
+
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the file holds."""

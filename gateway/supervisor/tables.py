@@ -13,7 +13,7 @@ from gateway.config.document import parse_document, read_document
 from gateway.config.last_good import Settled, Source, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
-from gateway.config.tables_folder import folder_of, what_is_strange
+from gateway.config.tables_folder import what_is_strange
 from gateway.exchange.control import limits_of
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
@@ -165,9 +165,11 @@ class Keeper:
         before = last_plan(loaded.state_folder)
         known = None if before is None else before.tables_folder
         strange = what_is_strange(loaded, known)
-        if strange:
+        # Another folder came to the path while they were read, as a share that is mounted or unmounted does.
+        has_moved = TablesFolder.at(loaded.tables_folder) != loaded.read_from
+        if strange or has_moved:
             unread = set(names)
-        folder = known if strange else folder_of(loaded) or known
+        folder = (known or loaded.read_from) if strange or has_moved else (loaded.read_from or known)
         outcome = self._bring(loaded, unread, before, folder)
         if strange:
             outcome = replace(outcome, problems=(*outcome.problems, strange))

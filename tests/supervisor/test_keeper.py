@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.config.load import Loaded, reread_tables
 from gateway.ipc.compiled_plan import last_plan
 from gateway.supervisor.book import Book
 from gateway.supervisor.sights import look
@@ -112,6 +113,27 @@ def test_a_supervisor_that_starts_while_a_share_is_not_mounted_takes_nothing_awa
     outcome = later.reload(gone)
     assert (outcome.problems, outcome.absent) == ((), frozenset({"x"}))
     assert largest(config) is None
+
+
+def test_a_share_that_goes_while_its_tables_are_read_is_known_to_be_another_folder(
+    config: Path, keeper: Keeper, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, elsewhere = table(config).parent, config.parent / "elsewhere"
+
+    def reread_and_unmounted(loaded: Loaded) -> Loaded:
+        """Between the reading and the next line there is nothing to wait for."""
+        found = reread_tables(loaded)
+        folder.rename(elsewhere)
+        folder.mkdir()
+        return found
+
+    with monkeypatch.context() as moment:
+        moment.setattr("gateway.supervisor.tables.reread_tables", reread_and_unmounted)
+        assert keeper.reload().waiting == {"x"}
+    for later in (keeper, Keeper(config)):
+        (problem,) = later.reload({"x.tab": Sight(is_there=False)}).problems
+        assert problem.startswith(f"{folder} holds none of the tables and is not the folder that held them")
+        assert largest(config) == 0.1
 
 
 def test_a_first_file_that_moves_is_not_compiled_and_is_tried_again(config: Path) -> None:
