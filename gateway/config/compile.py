@@ -8,7 +8,7 @@ from typing import Any
 from gateway.config.load import Loaded
 from gateway.config.problems import key_text
 from gateway.config.toml_lines import KeyPath
-from gateway.ipc.compiled_plan import TablesFolder, write_plan
+from gateway.ipc.compiled_plan import CompiledPlan, TablesFolder, write_plan
 from gateway.ipc.folder_problems import problem_of
 from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.service_user import why_not_for_root
@@ -16,16 +16,20 @@ from gateway.ipc.state_folder import StateError
 
 
 def compile_into_state(
-    loaded: Loaded, plan: GatewayPlan | None = None, tables_folder: TablesFolder | None = None
+    loaded: Loaded,
+    plan: GatewayPlan | None = None,
+    tables_folder: TablesFolder | None = None,
+    over: CompiledPlan | None = None,
 ) -> dict[str, bytes]:
     """Write a plan and its tables, and what they were made from; returns the compiled tables by axis.
 
     ``plan`` is what the configuration amounts to (``last_good.settle``); without it, what it says.
     ``tables_folder`` is the folder in which its tables were, where that is not the one they were read from.
+    ``over`` is what is replaced, where that may be nothing else.
 
     Raises:
-        StateError: the state folder cannot be written, or not by root, or a profile was removed meanwhile;
-            with the remedy.
+        StateError: the state folder cannot be written, or not by root, or a profile was removed, or another
+            configuration compiled meanwhile; with the remedy.
     """
     sources = sources_of(loaded)
     if problem := why_not_for_root(loaded.state_folder):
@@ -37,6 +41,7 @@ def compile_into_state(
             sources,
             loaded.document.text,
             tables_folder or loaded.read_from,
+            over=over,
         )
     except OSError as error:
         raise StateError(f"gateway.state: {problem_of(error, loaded.state_folder)}") from None

@@ -114,21 +114,23 @@ def write_plan(
     sources: Mapping[str, str],
     configuration: str,
     tables_folder: TablesFolder | None = None,
+    *,
+    over: CompiledPlan | None = None,
 ) -> dict[str, bytes]:
     """Write a plan and its tables; returns the compiled tables by axis.
 
-    ``sources``, ``configuration`` and ``tables_folder`` are as in :class:`CompiledPlan`. Files of tables
-    that belong to no axis any more are removed, but for the newest few.
+    ``sources``, ``configuration`` and ``tables_folder`` are as in :class:`CompiledPlan`. ``over`` is what is
+    replaced, where that may be nothing else. Files of tables that belong to no axis any more are removed, but
+    for the newest few.
 
     Raises:
         OSError: the folder or a file cannot be written; what was there can still be run.
-        StateError: a newer release wrote into the folder; nothing is changed.
+        StateError: a newer release wrote into the folder, or somebody compiled another configuration than
+            ``over`` holds; nothing is changed.
     """
     refuse_newer(state, writer_of(state))
     plan = in_force(plan)
-    axes = [axis for line in plan.lines for axis in line.axes if axis.table is not None]
-    tables = {axis.name: compiled(axis.table) for axis in axes if axis.table is not None}
-    digest_by_id = {id(axis.table): digest_of(tables[axis.name]) for axis in axes}
+    tables, digest_by_id = _compiled_tables(plan)
     content = _encode(to_plain(plan, lambda value: digest_by_id.get(id(value))))
     file = _File(
         FORMAT,
@@ -139,14 +141,40 @@ def write_plan(
         content,
         tables_folder=tables_folder,
     )
-    make_folder(state)
-    make_folder(state / TABLES_NAME)
-    with _alone_in(state / TABLES_NAME):
+    with _alone_in(state):
+        if over is not None and _text_of_last(state) != over.configuration:
+            raise StateError(f"{state / PLAN_NAME}: another configuration was compiled meanwhile")
         for data in tables.values():
             _write_if_new(table_path(state, digest_of(data)), data)
         _write_if_new(state / PLAN_NAME, sealed(msgspec.msgpack.encode(file)))
         _remove_others(state, {digest_of(data) for data in tables.values()})
     return tables
+
+
+def write_tables(state: Path, plan: GatewayPlan) -> dict[str, bytes]:
+    """Write the tables of a plan beside those of the one that is there; returns them compiled, by axis.
+
+    Raises:
+        OSError: the folder or a file cannot be written.
+    """
+    tables, _ = _compiled_tables(in_force(plan))
+    with _alone_in(state):
+        for data in tables.values():
+            _write_if_new(table_path(state, digest_of(data)), data)
+    return tables
+
+
+def _compiled_tables(plan: GatewayPlan) -> tuple[dict[str, bytes], dict[int, str]]:
+    """Return the compiled table of each axis, and the digest of each by the ``id`` of what it was made of."""
+    axes = [axis for line in plan.lines for axis in line.axes if axis.table is not None]
+    tables = {axis.name: compiled(axis.table) for axis in axes if axis.table is not None}
+    return tables, {id(axis.table): digest_of(tables[axis.name]) for axis in axes}
+
+
+def _text_of_last(state: Path) -> str | None:
+    with contextlib.suppress(StateError):
+        return _read_file(state / PLAN_NAME, "").configuration
+    return None
 
 
 def read_plan(state: Path, config: Path) -> CompiledPlan:
@@ -195,9 +223,11 @@ def _compiled_plan(state: Path, file: _File, remedy: str) -> CompiledPlan:
 
 
 @contextlib.contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
+def _alone_in(state: Path) -> Iterator[None]:
     """Wait until nobody else writes here: two at once would remove each other's tables."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    make_folder(state)
+    make_folder(state / TABLES_NAME)
+    descriptor = os.open(state / TABLES_NAME, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield

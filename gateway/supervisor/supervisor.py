@@ -183,8 +183,6 @@ class Supervisor:
             work = partial(self._keeper.reload, None if is_asked else still)
         elif is_retry:
             work = partial(self._keeper.retry, still)
-        elif is_new:
-            work = partial(self._keeper.meet, still)
         else:
             work = partial(self._keeper.refresh, still)
         outcome = await self._done(work)

@@ -1,5 +1,6 @@
 """The tables of a configuration: read, checked, compiled, kept as the last good ones, handed to the relay."""
 
+import contextlib
 import os
 import re
 import tomllib
@@ -17,7 +18,7 @@ from gateway.config.tables_folder import what_is_strange
 from gateway.exchange.control import limits_of
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
-from gateway.ipc.compiled_plan import CompiledPlan, TablesFolder, last_plan, shape_of
+from gateway.ipc.compiled_plan import CompiledPlan, TablesFolder, last_plan, shape_of, write_tables
 from gateway.ipc.compiled_table import digest_of
 from gateway.ipc.messages import (
     ClearTable,
@@ -92,17 +93,6 @@ class Keeper:
         configured = self._owed
         return self.reload(still) if configured is None else self._take_configured(configured, still)
 
-    def meet(self, still: Still) -> Outcome:
-        """Give a relay that has just come what it has not got.
-
-        It runs what was compiled last, which somebody else may have done. What the file says by now counts
-        only when somebody asks for it.
-        """
-        compiled = None if self.loaded is None else self._as_compiled()
-        if self.loaded is None or compiled is None or compiled.document.text == self.loaded.document.text:
-            return self.refresh(still)
-        return self._take_configured(compiled, still)
-
     def has_what_stands(self) -> bool:
         """Whether the configuration that was taken is the one that stands in its file."""
         try:
@@ -111,18 +101,31 @@ class Keeper:
             return False
 
     def refresh(self, still: Still) -> Outcome:
-        """Read the tables of the configuration that was taken; as :meth:`reload`."""
+        """Read the tables of the configuration that was taken; as :meth:`reload`.
+
+        It gives way to one that somebody else has compiled since, which is what the next start runs. A relay
+        that still runs the one before is given its tables, and what was compiled stays. What the file of the
+        configuration says by now counts only when somebody asks for it.
+        """
         if self.loaded is None:
             return self.reload(still)
+        taken, before = self.loaded, last_plan(self.loaded.state_folder)
+        compiled = self._as_compiled(before)
+        is_another = compiled is not None and compiled.document.text != taken.document.text
         try:
-            return self._take(self.loaded, still)
+            if compiled is not None and is_another:
+                outcome = self._take(compiled, still, before)
+                if self.loaded is not taken:
+                    self._owed = None
+                    return outcome
+            return self._take(taken, still, before, keeps_plan=is_another)
         except ConfigErrors as errors:
             return _of_configuration(errors)
 
     def _take_configured(self, configured: Loaded, still: Still | None) -> Outcome:
         before = self.loaded
         try:
-            outcome = self._take(configured, still)
+            outcome = self._take(configured, still, last_plan(configured.state_folder))
         except ConfigErrors as errors:
             outcome = replace(_of_configuration(errors), is_owed=True)
         self._owed = configured if outcome.is_owed else None
@@ -130,7 +133,8 @@ class Keeper:
 
     def _refused(self, outcome: Outcome) -> Outcome:
         if self.loaded is None:
-            self.loaded = self._as_compiled()
+            with contextlib.suppress(StateError):
+                self.loaded = self._as_compiled(last_plan(state_folder(self._config)))
         return Outcome(
             problems=outcome.all_problems,
             is_running=outcome.is_running,
@@ -139,19 +143,25 @@ class Keeper:
             is_refused=True,
         )
 
-    def _as_compiled(self) -> Loaded | None:
-        """Return the configuration that was compiled last, where the one in the file cannot be taken now."""
+    def _as_compiled(self, plan: CompiledPlan | None) -> Loaded | None:
+        """Return the configuration that was compiled last, where the one in the file does not count."""
+        if plan is None:
+            return None
         try:
-            state = state_folder(self._config) if self.loaded is None else self.loaded.state_folder
-            before = last_plan(state)
-            if before is None:
-                return None
-            document = parse_document(self._config, before.configuration, _digest_of(self._config, before))
+            document = parse_document(self._config, plan.configuration, _digest_of(self._config, plan))
             return load_document(document, checks_times=False, forgives_tables=True)
-        except (StateError, ConfigErrors):
+        except ConfigErrors:
             return None
 
-    def _take(self, configured: Loaded, still: Still | None) -> Outcome:
+    def _take(
+        self,
+        configured: Loaded,
+        still: Still | None,
+        before: CompiledPlan | None,
+        *,
+        keeps_plan: bool = False,
+    ) -> Outcome:
+        """Read the tables and bring everything up to date; ``before`` is what was compiled last."""
         names = _names(configured)
         seen = look(configured.tables_folder, names.values())
         loaded = reread_tables(configured)
@@ -162,7 +172,6 @@ class Keeper:
             if sight == seen_after[name] and not sight.is_being_written and _may_count(name, sight, still)
         }
         unread = {axis for axis, name in names.items() if name not in read}
-        before = last_plan(loaded.state_folder)
         known = None if before is None else before.tables_folder
         strange = what_is_strange(loaded, known)
         # Another folder came to the path while they were read, as a share that is mounted or unmounted does.
@@ -170,7 +179,7 @@ class Keeper:
         if strange or has_moved:
             unread = set(names)
         folder = (known or loaded.read_from) if strange or has_moved else (loaded.read_from or known)
-        outcome = self._bring(loaded, unread, before, folder)
+        outcome = self._bring(loaded, unread, before, folder, keeps_plan=keeps_plan)
         if strange:
             outcome = replace(outcome, problems=(*outcome.problems, strange))
         return replace(
@@ -183,6 +192,8 @@ class Keeper:
         waiting: Collection[str],
         before: CompiledPlan | None,
         folder: TablesFolder | None,
+        *,
+        keeps_plan: bool,
     ) -> Outcome:
         outcome = Outcome(has_read=False)
         try:
@@ -196,9 +207,12 @@ class Keeper:
             outcome = replace(outcome, held=held)
             if settled.refused:
                 return outcome
-            if before is not None:
-                outcome = replace(outcome, changed=tuple(_changed_keys(loaded, before)))
-            tables = compile_into_state(loaded, settled.plan, folder)
+            if keeps_plan:
+                tables = write_tables(loaded.state_folder, settled.plan)
+            else:
+                if before is not None:
+                    outcome = replace(outcome, changed=tuple(_changed_keys(loaded, before)))
+                tables = compile_into_state(loaded, settled.plan, folder, before)
             self.loaded = loaded
             if not is_running:
                 return outcome

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import queue
 import select
 import signal
 import socket
@@ -162,29 +163,44 @@ def site_in(folder: Path) -> Iterator[Site]:
 
 
 class Running:
-    """A program of ours with its log."""
+    """A program of ours with its log, which is read as it is written: the program never waits for a test."""
 
     def __init__(self, process: "subprocess.Popen[str]") -> None:
         self.process = process
         self.notes: list[dict[str, Any]] = []
+        """The events that have been read."""
+        self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        threading.Thread(target=self._read, daemon=True).start()
 
-    def until(self, name: str, **fields: object) -> dict[str, Any]:
-        """Read the log up to an event."""
+    def _read(self) -> None:
         assert self.process.stderr is not None
         for line in self.process.stderr:
-            note: dict[str, Any] = json.loads(line)
-            self.notes.append(note)
-            if note["event"] == name and all(note.get(key) == value for key, value in fields.items()):
-                return note
-        raise AssertionError(f"the log ended without {name}: {self.notes}")
+            self._lines.put(line)
+        self._lines.put("")
+
+    def line(self) -> str:
+        """Return the next line of the log, empty at its end; a log that stands still is a failure."""
+        try:
+            line = self._lines.get(timeout=SECONDS)
+        except queue.Empty:
+            raise AssertionError(f"nothing more in the log for {SECONDS} s: {self.notes}") from None
+        if not line:
+            self._lines.put("")  # whoever asks again is told again
+        return line
 
     def next(self) -> dict[str, Any]:
-        """Read the next event of the log."""
-        assert self.process.stderr is not None
-        line = self.process.stderr.readline()
+        """Return the next event of the log."""
+        line = self.line()
         assert line, f"the log ended: {self.notes}"
         self.notes.append(json.loads(line))
         return self.notes[-1]
+
+    def until(self, name: str, **fields: object) -> dict[str, Any]:
+        """Read the log up to an event."""
+        while True:
+            note = self.next()
+            if note["event"] == name and all(note.get(key) == value for key, value in fields.items()):
+                return note
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> int:
         self.process.send_signal(number)
@@ -193,17 +209,26 @@ class Running:
 
     def rest(self) -> list[dict[str, Any]]:
         """Read the log to its end: every program that writes into it has ended then."""
-        assert self.process.stderr is not None
-        rest = [json.loads(line) for line in self.process.stderr]
-        self.notes += rest
-        return rest
+        before = len(self.notes)
+        while line := self.line():
+            self.notes.append(json.loads(line))
+        return self.notes[before:]
 
 
 @contextlib.contextmanager
 def running(*arguments: str) -> Iterator[Running]:
+    """Run one of our commands; the log of each that ran is printed when the test fails."""
     command = [*COMMAND, *arguments, "--log-format", "json"]
     with started(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
-        yield Running(process)
+        program = Running(process)
+        try:
+            yield program
+        except BaseException:
+            process.kill()
+            sys.stdout.write(f"{arguments} ended with {process.wait(SECONDS)}\n")
+            sys.stdout.writelines(f"{note}\n" for note in program.notes)
+            sys.stdout.writelines(iter(program.line, ""))
+            raise
         process.kill()
 
 

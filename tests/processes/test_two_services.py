@@ -11,6 +11,7 @@ from tests.processes.bench import (
     SECONDS,
     STEEPER,
     TABLE,
+    Master,
     Site,
     children,
     gateway_of,
@@ -138,6 +139,31 @@ def test_whoever_was_told_to_restart_the_relay_and_did_is_told_no_more(site: Sit
             while "configuration" in kinds():
                 assert time.monotonic() < end_s
             assert relay.end() == 0
+        assert supervisor.end() == 0
+
+
+def test_a_configuration_that_was_compiled_for_the_next_start_outlives_a_table_that_is_saved(
+    site: Site,
+) -> None:
+    config = str(site.config)
+    assert typed("check", "--compile", config).returncode == 0
+    with running("supervise", config) as supervisor:
+        with running("relay", config) as relay:
+            supervisor.until("relay-reached")
+            site.config.write_text(site.config.read_text().replace("unit_id = 1", "unit_id = 2"))
+            assert typed("check", "--compile", config).returncode == 0
+            site.table.write_text(STEEPER)
+            supervisor.until("table-handed-over")
+            master = site.master()  # of unit 1, which this relay still corrects
+            assert master.move(50_000) == 50_100
+            master.close()
+            assert relay.end() == 0
+        with running("relay", config):
+            supervisor.until("relay-reached")
+            supervisor.until("table-handed-over")
+            master = Master(site.port, site.drive, 2)
+            assert master.move(50_000) == 50_100
+            master.close()
         assert supervisor.end() == 0
 
 

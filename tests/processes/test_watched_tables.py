@@ -156,10 +156,9 @@ def test_without_a_last_good_one_a_bad_file_starts_nothing(site: Site) -> None:
 
 def _warnings(gateway: Running) -> list[str]:
     """Return what the command says before its log begins."""
-    assert gateway.process.stderr is not None
     lines: list[str] = []
     while True:
-        line = gateway.process.stderr.readline()
+        line = gateway.line()
         assert line, lines
         if line.startswith("{"):
             return lines

@@ -59,10 +59,9 @@ def workshop_in(folder: Path, axes: Sequence[str], tables: Mapping[str, bytes]) 
         assert checked.returncode == 0, checked.stdout + checked.stderr
         drive = Drive(listening)
         with running("run", str(config)) as gateway:
-            assert gateway.process.stderr is not None
             seen: set[str] = set()
             while not {"line-up", "relay-reached"} <= seen:
-                line = gateway.process.stderr.readline()
+                line = gateway.line()
                 assert line
                 if line.startswith("{"):  # before it come the warnings of the configuration
                     seen.add(json.loads(line)["event"])

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.load import Loaded, reread_tables
-from gateway.ipc.compiled_plan import last_plan
+from gateway.config.compile import compile_into_state
+from gateway.config.load import Loaded, load, reread_tables
+from gateway.ipc.compiled_plan import last_plan, read_plan
 from gateway.supervisor.book import Book
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight
@@ -172,7 +173,7 @@ def test_what_the_disk_refused_is_owed_as_it_was_asked_for(config: Path, keeper:
 def test_a_relay_that_comes_back_makes_nobody_read_the_configuration(config: Path, keeper: Keeper) -> None:
     text = config.read_text()
     config.write_text(text.replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5'))
-    outcome = keeper.meet({"x.tab": sight(config)})
+    outcome = keeper.refresh({"x.tab": sight(config)})
     assert (outcome.problems, outcome.changed) == ((), ())
     assert keeper.loaded is not None
     assert keeper.loaded.document.text == text
@@ -183,9 +184,40 @@ def test_a_relay_that_comes_with_another_configuration_is_followed(config: Path,
     config.write_text(text)
     assert Keeper(config).reload().changed == ("axis.x.gain",)  # as check --compile would
     config.write_text("half edited")
-    assert keeper.meet({"x.tab": sight(config)}).problems == ()
+    assert keeper.refresh({"x.tab": sight(config)}).problems == ()
     assert keeper.loaded is not None
     assert keeper.loaded.document.text == text
+
+
+def test_what_somebody_else_compiled_is_not_overwritten_with_what_was_taken_before(
+    config: Path, keeper: Keeper
+) -> None:
+    text = config.read_text().replace("unit_id = 1", "unit_id = 2")
+    config.write_text(text)
+    compile_into_state(load(config))
+    table(config).write_text(STEEPER)
+    assert keeper.refresh({"x.tab": sight(config)}).changed == ()
+    compiled = read_plan(config.parent / "state", config)
+    assert (compiled.configuration, largest(config)) == (text, 0.2)
+    assert keeper.loaded is not None
+    assert keeper.loaded.document.text == text
+
+
+def test_what_somebody_else_compiles_while_the_tables_are_read_stays(
+    config: Path, keeper: Keeper, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = config.read_text()
+
+    def compile_meanwhile(loaded: Loaded) -> Loaded:
+        read = reread_tables(loaded)
+        config.write_text(text.replace("unit_id = 1", "unit_id = 2"))
+        compile_into_state(load(config))
+        return read
+
+    monkeypatch.setattr("gateway.supervisor.tables.reread_tables", compile_meanwhile)
+    (problem,) = keeper.refresh({"x.tab": sight(config)}).problems
+    assert problem.endswith("state/plan.msgpack: another configuration was compiled meanwhile")
+    assert read_plan(config.parent / "state", config).configuration == config.read_text()
 
 
 def shown(keeper: Keeper) -> dict[str, tuple[str, str | None]]:
