@@ -27,6 +27,11 @@ STARTS: Final = (
     StartEntry(
         "… has changed since it was compiled", "somebody saved the file after the last start", _COMPILE
     ),
+    StartEntry(
+        "…: another configuration was compiled meanwhile",
+        "`check --compile` while the supervisor read the tables (told while it runs)",
+        "nothing: what was compiled last counts, and the tables are read again",
+    ),
     StartEntry("… was made by release …", "the gateway was upgraded or put back", _COMPILE),
     StartEntry(
         "tls.…",
