@@ -1,7 +1,7 @@
 """Parts of a document that the code writes: each between two comments, everything around them by hand."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 _PART: Final = re.compile(r"(<!-- make docs: ([a-z._ ]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -16,7 +16,7 @@ def filled(text: str, part: Callable[[str], str]) -> str:
     return _PART.sub(lambda found: f"{found[1]}{part(found[2])}{found[4]}", text)
 
 
-def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     r"""Return a table in Markdown.
 
     >>> table(("a", "b"), [("1", "2")])
