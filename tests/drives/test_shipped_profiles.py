@@ -398,6 +398,36 @@ def test_cia_402_drives_stop_when_an_enabling_bit_goes() -> None:
         assert library.shipped(name).registers.addressing is Addressing.OBJECTS
 
 
+def test_a_speed_moves_cia_402_drives_without_a_rise_of_bit_4() -> None:
+    for name in ("mitsubishi-mr-je-c", "igus-dryve-d1"):
+        assert deeds(name, 0x60FF, 500) == {Action.OTHER_MOTION}
+    assert deeds("mitsubishi-mr-je-c", 0x6040, 0x800F, before=0x000F) == {Action.OTHER_MOTION}
+
+
+def test_an_akd2g_runs_a_task_when_its_action_leaves_zero() -> None:
+    assert deeds("kollmorgen-akd2g", 23, 1, before=0) == {Action.START}
+    assert deeds("kollmorgen-akd2g", 23, 1, before=1) == set()
+    mode = motion("kollmorgen-akd2g").mode(0)
+    assert mode is not None
+    assert [mode.action(control) for control in (0x0000, 0x0001, 0x0003, 0x0007, 0x0005, 0x0010)] == [
+        Action.ABSOLUTE,
+        Action.RELATIVE_TO_COMMANDED,
+        Action.RELATIVE,
+        Action.RELATIVE_TO_ACTUAL,
+        Action.UNKNOWN,
+        Action.UNKNOWN,
+    ]
+
+
+def test_opcodes_that_feed_to_a_sensor_move_without_a_place() -> None:
+    for name in ("applied-motion-16", "applied-motion-32"):
+        assert {next(iter(deeds(name, 124, code))) for code in (0x68, 0x6D, 0xCC)} == {Action.OTHER_MOTION}
+        assert deeds(name, 124, 0xDB) == {Action.HOME}
+        assert deeds(name, 124, 0x6F) == set()  # waits
+    assert deeds("applied-motion-32", 343, 0) == {Action.STOP}
+    assert deeds("applied-motion-32", 343, 5000) == {Action.OTHER_MOTION}
+
+
 def test_a_word_of_eight_bits_means_the_same_with_and_without_its_sign() -> None:
     mode = motion("mitsubishi-mr-je-c").mode(0)
     assert mode is not None
@@ -428,8 +458,13 @@ def test_festo_images_hold_start_and_stop() -> None:
     assert {mode.action(record) for record in (0x0000, 0x0003, 0x0100)} == {Action.STORED}
     assert {mode.action(speed) for speed in (0xC300, 0xC500, 0x4000)} == {Action.OTHER_MOTION}
     assert (mode.action(0x8100), mode.action(0x8000)) == (Action.ABSOLUTE, Action.RELATIVE_TO_COMMANDED)
-    assert deeds("festo-cmmo-fhpp", 0, 0x0303, before=0x0301) == {Action.START}
-    assert deeds("festo-cmmo-fhpp", 0, 0x0300, before=0x0301) == {Action.STOP}
+    assert deeds("festo-cmmo-fhpp", 0, 0x4303, before=0x4301) == {Action.START}
+    assert deeds("festo-cmmo-fhpp", 0, 0x0303, before=0x0301) == {Action.STORED}  # record selection
+    assert deeds("festo-cmmo-fhpp", 0, 0x4300, before=0x4301) == {Action.STOP}  # halt
+    assert deeds("festo-cmmo-fhpp", 0, 0x4101, before=0x4301) == {Action.STOP}
+    assert deeds("festo-cmmo-fhpp", 0, 0x4201, before=0x4301) == {Action.STOP}
+    assert deeds("festo-cmmo-fhpp", 0, 0x4301, before=0x4300) == {Action.OTHER_MOTION}
+    assert deeds("festo-cmmo-fhpp", 0, 0x4309, before=0x4301) == {Action.OTHER_MOTION}  # jog
     (written,), (read,) = fields("festo-cmmo-fhpp", "command"), fields("festo-cmmo-fhpp", "actual")
     assert written.address == read.address
     assert (written.access, read.access) == (FieldAccess.WRITE, FieldAccess.READ)

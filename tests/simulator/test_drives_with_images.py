@@ -2,6 +2,7 @@
 
 import pytest
 
+from gateway.simulator.ledger import MoveKind
 from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, SET_POSITION, STOP, Drive
 
 READY = 0x043F
@@ -120,30 +121,30 @@ def test_cmmt_refusals(request_pdu: str, reply: str) -> None:
 
 def test_cmmo_reads_something_else_than_was_written() -> None:
     drive = Drive("festo-cmmo-fhpp")
-    drive.does(cmmo_image("0301", "0064", "0000 2710"), cmmo_image("0303", "0064", "0000 2710"))
+    drive.does(cmmo_image("4301", "0064", "0000 2710"), cmmo_image("4303", "0064", "0000 2710"))
     # SCON: enabled, operation enabled, direct mode; SPOS: no halt, start acknowledged, moving, referenced.
     assert drive.read(0, 4) == [0x4300 | 0x93, 0, 0, 0]
-    drive.does(cmmo_image("0303", "0064", "0000 2710"))
+    drive.does(cmmo_image("4303", "0064", "0000 2710"))
     assert drive.moves == [(ABSOLUTE, 10_000)]
     drive.wait()
     assert drive.read(0, 4) == [0x4300 | 0x87, 0, 0, 10_000]
-    drive.does(cmmo_image("0301", "0164", "FFFF FFFB"), cmmo_image("0303", "0164", "FFFF FFFB"))
+    drive.does(cmmo_image("4301", "0164", "FFFF FFFB"), cmmo_image("4303", "0164", "FFFF FFFB"))
     assert drive.moves == [(RELATIVE, 9_995)]
 
 
 def test_cmmo_writes_and_reads_with_one_frame() -> None:
     drive = Drive("festo-cmmo-fhpp")
-    drive.does(cmmo_image("0301", "0064", "0000 2710"))
-    reply = drive.ask("17 0000 0004 0000 0004 08 0303 0064 0000 2710")
+    drive.does(cmmo_image("4301", "0064", "0000 2710"))
+    reply = drive.ask("17 0000 0004 0000 0004 08 4303 0064 0000 2710")
     assert reply == "17 08 43 93 00 00 00 00 00 00"
     assert drive.moves == [(ABSOLUTE, 10_000)]
     assert drive.ask("07") == "07 00"
 
 
-@pytest.mark.parametrize("control", ["0300", "0101", "0201"])
+@pytest.mark.parametrize("control", ["4300", "4101", "4201"])
 def test_cmmo_stops_in_the_middle(control: str) -> None:
     drive = Drive("festo-cmmo-fhpp")
-    drive.does(cmmo_image("0301", "0064", "0000 2710"), cmmo_image("0303", "0064", "0000 2710"))
+    drive.does(cmmo_image("4301", "0064", "0000 2710"), cmmo_image("4303", "0064", "0000 2710"))
     drive.wait(0.05)
     drive.does(cmmo_image(control, "0064", "0000 2710"))
     assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500)]
@@ -151,11 +152,19 @@ def test_cmmo_stops_in_the_middle(control: str) -> None:
 
 def test_cmmo_homes() -> None:
     drive = Drive("festo-cmmo-fhpp")
-    drive.does(cmmo_image("0301", "0064", "0000 0000"), cmmo_image("0305", "0064", "0000 0000"))
+    drive.does(cmmo_image("4301", "0064", "0000 0000"), cmmo_image("4305", "0064", "0000 0000"))
     assert not drive.bit(0, 7)
     drive.wait()
     assert drive.bit(0, 7)
     assert drive.moves == [(HOME, None)]
+
+
+def test_cmmo_runs_a_record_where_the_mode_selects_one_and_jogs() -> None:
+    drive = Drive("festo-cmmo-fhpp")
+    drive.does(cmmo_image("0301", "0300", "0000 2710"), cmmo_image("0303", "0300", "0000 2710"))
+    assert drive.moves == [(OTHER, None)]
+    drive.does(cmmo_image("4301", "0064", "0000 2710"), cmmo_image("4309", "0064", "0000 2710"))
+    assert drive.moves == [(OTHER, None)]
 
 
 def test_cmmo_refuses_other_addresses() -> None:
@@ -175,8 +184,22 @@ def test_akd2g_moves_when_the_action_leaves_zero() -> None:
     drive.wait()
     assert drive.high(0) == 10_000
     assert drive.high(6) == 0b0000_0110 | 1 << 11
-    drive.does("10 0020 0002 04 0000 0001", *AKD_MOVE)
-    assert drive.moves == [(OTHER, None)]
+
+
+@pytest.mark.parametrize(
+    ("control", "move"),
+    [
+        (1, (RELATIVE, 10_000)),
+        (3, (RELATIVE, 10_000)),
+        (5, (OTHER, None)),
+        (7, (RELATIVE, 10_000)),
+        (0x10, (OTHER, None)),
+    ],
+)
+def test_akd2g_knows_the_kind_of_a_task(control: int, move: tuple[MoveKind, int | None]) -> None:
+    drive = Drive("kollmorgen-akd2g")
+    drive.does(AKD_TARGET, f"10 0020 0002 04 0000 {control:04X}", *AKD_MOVE)
+    assert drive.moves == [move]
 
 
 def test_akd2g_has_two_axes() -> None:

@@ -3,8 +3,9 @@
 Source: Applied Motion Products, Host Command Reference, appendix on Modbus (register map, opcodes of 40125),
 which numbers registers from 40001.
 
-The opcode decides what the number in DI means. Not simulated: jog, stored programs (both are noted), word
-order by parameter, a second axis at +1000, writes that start motion in control mode 21.
+The opcode decides what the number in DI means. Not simulated: jog, feeds to a sensor, stored programs (all
+are noted), word order by parameter, a second axis at +1000, writes that start motion in control modes 10 and
+21.
 """
 
 from typing import Final
@@ -24,9 +25,15 @@ KNOWN: Final = ((0, 199),)
 
 FEED_RELATIVE: Final = 0x66
 FEED_ABSOLUTE: Final = 0x67
+SENSOR_FEEDS: Final = frozenset({0x68, 0x69, 0x6A, 0x6B, 0x6C, 0x6D})
 SEEK_HOME: Final = 0x6E
+FIND_HOME: Final = 0xDB
 QUEUE_EXECUTE: Final = 0x78
 JOG: Final = 0x96
+JOGS_BY_INPUTS: Final = frozenset({0xA2, 0xA3})
+FOLLOW_ENCODER: Final = 0xCC
+HARMLESS: Final = frozenset({0x06, 0x42, 0x46, 0x47, 0x54, 0x6F, 0x70, 0x8B, 0xC0, 0xD1, 0xD2, 0xD3, 0xD6})
+"""They set filters and outputs, read inputs, wait."""
 SET_ENCODER: Final = 0x98
 DISABLE: Final = 0x9E
 ENABLE: Final = 0x9F
@@ -97,9 +104,9 @@ class AppliedMotion16(MotorDrive):
             motor.absolute(self.get32(self.distance), now_s)
         elif opcode == FEED_RELATIVE:
             motor.relative(self.get32(self.distance), Basis.COMMANDED, now_s)
-        elif opcode == SEEK_HOME:
+        elif opcode in {SEEK_HOME, FIND_HOME}:
             motor.home(now_s)
-        elif opcode in {JOG, QUEUE_EXECUTE}:
+        elif opcode in {JOG, QUEUE_EXECUTE, FOLLOW_ENCODER} | JOGS_BY_INPUTS | SENSOR_FEEDS:
             motor.other()
-        else:
+        elif opcode not in HARMLESS:
             self.unheard_of(OPCODE, opcode)

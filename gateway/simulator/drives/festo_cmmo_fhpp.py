@@ -1,11 +1,12 @@
-"""Festo CMMO-ST with FHPP over Modbus TCP, direct mode.
+"""Festo CMMO-ST with FHPP over Modbus TCP.
 
 Source: Festo, CMMO-ST description GDCP-CMMO-ST-LK-C-HP-EN (2017-05b, page 23: FC23 on address 0) and the
 FHPP description for CCON, CPOS, CDIR, SCON, SPOS.
 
 Reading address 0 gives the state, not what was written there. A controller writes the image again and again:
-only rising start bits act. Taking "no halt" back stops the axis for good. Not simulated: record selection,
-FPC parameters, velocity and force mode.
+only rising start bits act. Taking "no halt" back stops the axis; whether it goes on afterwards is known of
+sister drives only, and here it does not. Not simulated: what stands in the records (a start in record
+selection and jogging are noted), teaching, FPC parameters, velocity and force mode.
 """
 
 from collections.abc import Sequence
@@ -26,6 +27,9 @@ RESET_FAULT: Final = 1 << 11
 NO_HALT: Final = 1 << 0
 START: Final = 1 << 1
 HOME: Final = 1 << 2
+JOG: Final = 3 << 3
+MODE: Final = 3 << 14
+DIRECT: Final = 1 << 14
 RUNNING: Final = ENABLE | NO_STOP | NO_HALT
 RELATIVE: Final = 1 << 8
 
@@ -52,7 +56,9 @@ class FestoCmmoFhpp(MotorDrive):
         motor = self.motor
         word = self.image.word(CONTROL)
         enabled = bool(word & ENABLE) and not motor.has_alarm
-        scon = bits_of(b0=enabled, b1=enabled and bool(word & NO_STOP), b3=motor.has_alarm, b6=True)
+        scon = (
+            bits_of(b0=enabled, b1=enabled and bool(word & NO_STOP), b3=motor.has_alarm) | (word & MODE) >> 8
+        )
         spos = bits_of(
             b0=bool(word & NO_HALT),
             b1=bool(word & START) and word & RUNNING == RUNNING,
@@ -77,11 +83,15 @@ class FestoCmmoFhpp(MotorDrive):
             self.motor.stop(now_s)
         elif word & RUNNING == RUNNING and risen & HOME:
             self.motor.home(now_s)
+        elif word & RUNNING == RUNNING and risen & JOG:
+            self.motor.other()
         elif word & RUNNING == RUNNING and risen & START:
-            self._start(now_s)
+            self._start(word & MODE == DIRECT, now_s)
 
-    def _start(self, now_s: float) -> None:
-        if self.image.word(DIRECTION) & RELATIVE:
-            self.motor.relative(self.get32(SETPOINT), Basis.COMMANDED, now_s)
+    def _start(self, is_direct: bool, now_s: float) -> None:
+        if not is_direct:
+            self.motor.other()  # the record that register 1 names
+        elif self.image.word(DIRECTION) & RELATIVE:
+            self.motor.relative(self.get32(SETPOINT), Basis.TARGET, now_s)
         else:
             self.motor.absolute(self.get32(SETPOINT), now_s)

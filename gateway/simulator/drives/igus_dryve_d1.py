@@ -6,7 +6,8 @@ Source: igus, dryve D1 operating manual, chapter on Modbus TCP gateway, and igus
 A request is 2B 0D, read or write (0, 1), two zero bytes, index, subindex, three zero bytes, the number of
 data bytes, the data with its lowest byte first. What the drive answers to an object that it does not have is
 not in the sources: here exception 02, and 03 for a wrong length. Not simulated: a set-point that waits for
-the one under way (every one is taken at once), velocity mode.
+the one under way (every one is taken at once), velocity mode (a target speed is noted), short numbers of the
+target, which published programs write and of which no source says what they mean.
 """
 
 from collections.abc import Sequence
@@ -29,12 +30,16 @@ MODE: Final = 0x6060
 MODE_SHOWN: Final = 0x6061
 ACTUAL: Final = 0x6064
 TARGET: Final = 0x607A
+SPEED: Final = 0x60FF
 POSITION_MODE: Final = 1
+SPEED_MODE: Final = 3
 HOME_MODE: Final = 6
 SIZES: Final = {
     **dict.fromkeys(((CONTROL, 0), (STATUS, 0)), 2),
-    **dict.fromkeys(((MODE, 0), (MODE_SHOWN, 0)), 1),
-    **dict.fromkeys(((index, 0) for index in (ACTUAL, TARGET, 0x607C, 0x6081, 0x6083, 0x6084, 0x609A)), 4),
+    **dict.fromkeys(((MODE, 0), (MODE_SHOWN, 0), (0x6098, 0)), 1),
+    **dict.fromkeys(
+        ((index, 0) for index in (ACTUAL, TARGET, 0x607C, 0x6081, 0x6083, 0x6084, 0x609A, SPEED)), 4
+    ),
     **dict.fromkeys(((0x6092, 1), (0x6092, 2), (0x6099, 1), (0x6099, 2)), 4),
 }
 WRITABLE: Final = SIZES.keys() - {(STATUS, 0), (MODE_SHOWN, 0), (ACTUAL, 0)}
@@ -66,6 +71,8 @@ class IgusDryveD1(MotorDrive):
         self._objects[index, sub] = pdu[HEAD:]
         if index == CONTROL:
             self._command(self._get(CONTROL), now_s)
+        if index == SPEED and self._get(MODE) == SPEED_MODE and self._control.is_enabled:
+            self.motor.other()
         self.show()
         return pdu[: HEAD - 1] + b"\x00"
 

@@ -1,21 +1,21 @@
 """Kollmorgen AKD2G with its default Modbus map, both axes.
 
 Source: Kollmorgen 907-200010 rev. A (AKD2G Modbus communications manual): default map, MODBUS.ERRORMODE,
-action commands.
+action commands; its online manual, AXIS#.MT.CNTL and AXIS#.MOTIONSTAT.
 
 Every parameter takes two registers, the high word first, in thousandths of the axis's units; axis 2 lies 50
 registers further on. MT.MOVE is an action: it starts motion task 0 when it changes from 0. Errors are not
 reported (``error_mode`` 1): a block runs to its end, and what cannot be written is left out. Which of the
 codes 33, 34 and 35 stands for what is not published in the sources: here a part of a parameter, a parameter
-that can only be read, and no parameter. Not simulated: MODBUS.MAP, the bits of MOTIONCONTROL (homing and
-stop) and of MT.CNTL (anything but 0 starts nothing), other motion tasks, throttling.
+that can only be read, and no parameter. Not simulated: MODBUS.MAP, MOTIONCONTROL (whose bits are not public),
+other motion tasks and what starts them, throttling.
 """
 
 from collections.abc import Sequence
 from typing import Final
 
 from gateway.simulator.drives.endpoint import MotorDrive, bits_of
-from gateway.simulator.drives.motor import Motor
+from gateway.simulator.drives.motor import Basis, Motor
 from gateway.simulator.server import RefusedError
 
 POSITION: Final = 0
@@ -39,7 +39,10 @@ READABLE: Final = frozenset({POSITION, VELOCITY, ACTIVE, MOTION_STATUS, DISABLE_
 WRITABLE: Final = frozenset(
     {MOTION_CONTROL, MOVE, TASK_ACCELERATION, TASK_DECELERATION, TASK_VELOCITY, TASK_POSITION, TASK_CONTROL}
 )
+KIND: Final = 0x001F
+"""Of MT.CNTL: the kind of move, and whether the next task runs after it."""
 ABSOLUTE: Final = 0
+BASES: Final = {0x01: Basis.COMMANDED, 0x03: Basis.TARGET, 0x07: Basis.ACTUAL}
 PARTIAL: Final = 33
 READ_ONLY: Final = 34
 NOT_MAPPED: Final = 35
@@ -104,9 +107,14 @@ class KollmorgenAkd2g(MotorDrive):
         index, offset = divmod(parameter, AXIS_STRIDE)
         if offset == MOVE and not before and self.get32(parameter):
             self._run(self.axes[index], AXIS_STRIDE * index, now_s)
+        elif offset == MOTION_CONTROL and self.get32(parameter):
+            self.unheard_of(parameter + 1, self.get32(parameter) & 0xFFFF)
 
     def _run(self, motor: Motor, base: int, now_s: float) -> None:
-        if self.get32(base + TASK_CONTROL) == ABSOLUTE:
-            motor.absolute(self.get32(base + TASK_POSITION), now_s)
+        kind, position = self.get32(base + TASK_CONTROL) & KIND, self.get32(base + TASK_POSITION)
+        if kind == ABSOLUTE:
+            motor.absolute(position, now_s)
+        elif kind in BASES:
+            motor.relative(position, BASES[kind], now_s)
         else:
             motor.other()

@@ -6,7 +6,7 @@ order, rules for 32-bit objects).
 An address is the index of an object; an object takes as many registers as it is long, all at its one
 address, and a frame over several objects holds them one behind the other. Simulated: profile position,
 homing, point table, halt and quick stop. Not simulated: a set-point that waits for the one under way (bit 5
-= 0): every one is taken at once; velocity, torque, jog and indexer modes.
+= 0): every one is taken at once; velocity, torque, jog and indexer modes (a target speed is noted).
 """
 
 from collections.abc import Sequence
@@ -28,12 +28,17 @@ LAST_POINT: Final = 0x28FF
 POINT_WORDS: Final = 15
 CHOSEN_POINT: Final = 0x2D60
 ACTUAL_POINT: Final = 0x2D69
+METHOD: Final = 0x6098
+SPEED: Final = 0x60FF
 POSITION_MODE: Final = 1
+SPEED_MODE: Final = 3
 HOME_MODE: Final = 6
 POINT_MODE: Final = -101
+HERE: Final = frozenset({35, 37})
+"""Homing methods that call the place where the axis stands home."""
 OBJECT_WORDS: Final = {
-    **dict.fromkeys((CONTROL, STATUS, MODE, MODE_SHOWN, CHOSEN_POINT, ACTUAL_POINT), 1),
-    **dict.fromkeys((ACTUAL, TARGET, 0x607C, 0x6081, 0x6083, 0x6084, 0x60F4), 2),
+    **dict.fromkeys((CONTROL, STATUS, MODE, MODE_SHOWN, METHOD, CHOSEN_POINT, ACTUAL_POINT), 1),
+    **dict.fromkeys((ACTUAL, TARGET, 0x607C, 0x6081, 0x6083, 0x6084, 0x60F4, SPEED), 2),
     0x607D: 5,
     **dict.fromkeys(range(FIRST_POINT, LAST_POINT + 1), POINT_WORDS),
 }
@@ -88,6 +93,8 @@ class MitsubishiMrJeC(MotorDrive):
             at += size
         if CONTROL in indexes:
             self._command(self._word(CONTROL), now_s)
+        if SPEED in indexes and signed(self._word(MODE), 16) == SPEED_MODE and self._control.is_enabled:
+            self.motor.other()
         self.show()
 
     def show(self) -> None:
@@ -126,7 +133,9 @@ class MitsubishiMrJeC(MotorDrive):
 
     def _start(self, word: int, now_s: float) -> None:
         mode = signed(self._word(MODE), 16)
-        if mode == HOME_MODE:
+        if mode == HOME_MODE and self._word(METHOD) in HERE:
+            self.motor.set_position(0, now_s)
+        elif mode == HOME_MODE:
             self.motor.home(now_s)
         elif mode == POINT_MODE:
             self._run_point(self._word(CHOSEN_POINT), now_s)
