@@ -1,4 +1,4 @@
-"""Sessions with drives that are run by control words or images: Kinco, MR-JE-C, dryve D1, Festo, AKD2G.
+"""Sessions with drives that are run by control words or images: Kinco, MR-JE-C, JMC, dryve D1, Festo, AKD2G.
 
 Axes as in the sessions with paths.
 """
@@ -136,6 +136,67 @@ MITSUBISHI_MR_JE_C: Final = Session(
     03 6064 0002
     03 6065 0002                                               # no such object
     06 6040 000F                                               # no such function
+    """,
+    (
+        (MoveKind.HOME, None),
+        (MoveKind.ABSOLUTE, 10_000),
+        (MoveKind.RELATIVE, 7_500),
+        (MoveKind.ABSOLUTE, 30_000),
+        (MoveKind.STOP, 10_000),
+        (MoveKind.ABSOLUTE, 15_000),
+        (MoveKind.HOME, None),
+        (MoveKind.ABSOLUTE, 2_500),
+    ),
+)
+
+JMC_RC: Final = Session(
+    "jmc-rc",
+    "rtu",
+    1,
+    """
+    06 6040 0001                                               # on, step by step
+    06 6040 0003
+    06 6040 000F
+    06 6060 0006                                               # home
+    06 6098 0001
+    06 6040 001F
+    03 6041 0001 | 1400=1400
+    06 6040 000F
+    06 6060 0001
+    10 6081 0002 04 0000 000A
+    10 607A 0002 04 0000 2710                                  # to 10 000
+    06 6040 001F
+    06 6040 000F
+    03 6041 0001 | 0400=0400
+    03 6064 0002
+    10 607A 0002 04 FFFF F63C                                  # by -2500
+    06 6040 005F
+    06 6040 004F
+    03 6041 0001 | 0400=0400
+    03 6064 0002
+    10 607A 0002 04 0000 7530                                  # to 30 000
+    06 6040 001F
+    wait 40
+    06 6040 010F                                               # halt after 0.05 s
+    03 6041 0001 | 0400=0400
+    03 6064 0002
+    06 6040 000F
+    10 607A 0002 04 0000 3A98                                  # to 15 000
+    06 6040 001F
+    03 6041 0001 | 0400=0400
+    03 6064 0002
+    06 6040 000F
+    06 6060 0006                                               # home again, and to 2500
+    06 6040 001F
+    03 6041 0001 | 1400=1400
+    06 6040 000F
+    06 6060 0001
+    10 607A 0002 04 0000 09C4
+    06 6040 001F
+    03 6041 0001 | 0400=0400
+    03 6064 0002
+    06 6040 0080                                               # fault reset: it is off
+    03 6060 0001                                               # can only be written
     """,
     (
         (MoveKind.HOME, None),
@@ -416,6 +477,7 @@ SESSIONS: Final = (
     KINCO_FD,
     MITSUBISHI_MR_JE_C,
     IGUS_DRYVE_D1,
+    JMC_RC,
     KOLLMORGEN_AKD2G,
     FESTO_CMMT_111,
     FESTO_CMMO_FHPP,

@@ -29,6 +29,7 @@ TIER_B = {
     "festo-cmmo-fhpp",
     "festo-cmmt-111",
     "igus-dryve-d1",
+    "jmc-rc",
     "kollmorgen-akd2g",
     "stepperonline-ess-rs",
     "tl-r",
@@ -426,6 +427,22 @@ def test_opcodes_that_feed_to_a_sensor_move_without_a_place() -> None:
         assert deeds(name, 124, 0x6F) == set()  # waits
     assert deeds("applied-motion-32", 343, 0) == {Action.STOP}
     assert deeds("applied-motion-32", 343, 5000) == {Action.OTHER_MOTION}
+
+
+def test_a_jmc_rc_is_never_written_over_its_table_of_objects() -> None:
+    assert deeds("jmc-rc", 0x6040, 0x001F, before=0x000F) == {Action.START}
+    assert deeds("jmc-rc", 0x6040, 0x003F, before=0x002F) == {Action.START}
+    assert deeds("jmc-rc", 0x6040, 0x005F, before=0x000F) == {Action.RELATIVE_TO_COMMANDED}
+    for stop in (0x010F, 0x0002, 0x0007, 0x0080):
+        assert deeds("jmc-rc", 0x6040, stop, before=0x000F) == {Action.STOP}
+    assert deeds("jmc-rc", 0x6060, 3) == {Action.OTHER_MOTION}
+    assert deeds("jmc-rc", 0x6060, 1) == set()
+    # From each object of the table on, a frame that reaches the target covers one of these.
+    guarded = {field.address for field in fields("jmc-rc", "position_like")}
+    table = {0x6040: 1, 0x6060: 1, 0x6081: 2, 0x6083: 1, 0x6084: 1, 0x6085: 1, 0x607A: 2}
+    for index, first in enumerate(table):
+        length = sum(list(table.values())[index:])
+        assert first == 0x607A or guarded & set(range(first, first + length)), hex(first)
 
 
 def test_a_word_of_eight_bits_means_the_same_with_and_without_its_sign() -> None:

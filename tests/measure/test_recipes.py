@@ -34,6 +34,7 @@ DRIVEN = {
 REFUSED = {
     "festo-cmmo-fhpp": "in the frame of its target",
     "igus-dryve-d1": "CANopen objects",
+    "jmc-rc": "writing its mode makes it act",
     "kollmorgen-akd2g": "no trigger register has a value that starts it",
     "makerbase-servo42d": "part of a longer command",
     "mitsubishi-mr-je-c": "CANopen objects",

@@ -11,6 +11,7 @@ from gateway.simulator.drives.festo_cmmo_fhpp import FestoCmmoFhpp
 from gateway.simulator.drives.festo_cmmt_111 import FestoCmmt111
 from gateway.simulator.drives.iai_robo_cylinder import IaiRoboCylinder
 from gateway.simulator.drives.igus_dryve_d1 import IgusDryveD1
+from gateway.simulator.drives.jmc_rc import JmcRc
 from gateway.simulator.drives.kinco_fd import KincoFd
 from gateway.simulator.drives.kollmorgen_akd2g import KollmorgenAkd2g
 from gateway.simulator.drives.leadshine_el7 import LeadshineEl7
@@ -35,6 +36,7 @@ DRIVES: Final[Mapping[str, DriveFactory]] = {
     "festo-cmmt-111": FestoCmmt111,
     "iai-robo-cylinder": IaiRoboCylinder,
     "igus-dryve-d1": IgusDryveD1,
+    "jmc-rc": JmcRc,
     "kinco-fd": KincoFd,
     "kollmorgen-akd2g": KollmorgenAkd2g,
     "leadshine-el7": LeadshineEl7,
