@@ -10,6 +10,8 @@ from gateway.drives.motion import Action, Addressing, Deed, Form, MotionPlan, Tr
 from gateway.drives.profile import Confidence, Profile, Tier, entries, evidence_of, faults
 from gateway.drives.public import public_traffic
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField
+from tests.contract.through import axis_plan, table_of
+from tests.exchange.line_bench import Bench
 
 TIER_A = {
     "applied-motion-16",
@@ -429,7 +431,7 @@ def test_opcodes_that_feed_to_a_sensor_move_without_a_place() -> None:
     assert deeds("applied-motion-32", 343, 5000) == {Action.OTHER_MOTION}
 
 
-def test_a_jmc_rc_is_never_written_over_its_table_of_objects() -> None:
+def test_a_jmc_rc_starts_stops_and_runs_by_its_control_word() -> None:
     assert deeds("jmc-rc", 0x6040, 0x001F, before=0x000F) == {Action.START}
     assert deeds("jmc-rc", 0x6040, 0x003F, before=0x002F) == {Action.START}
     assert deeds("jmc-rc", 0x6040, 0x005F, before=0x000F) == {Action.RELATIVE_TO_COMMANDED}
@@ -437,12 +439,49 @@ def test_a_jmc_rc_is_never_written_over_its_table_of_objects() -> None:
         assert deeds("jmc-rc", 0x6040, stop, before=0x000F) == {Action.STOP}
     assert deeds("jmc-rc", 0x6060, 3) == {Action.OTHER_MOTION}
     assert deeds("jmc-rc", 0x6060, 1) == set()
-    # From each object of the table on, a frame that reaches the target covers one of these.
-    guarded = {field.address for field in fields("jmc-rc", "position_like")}
-    table = {0x6040: 1, 0x6060: 1, 0x6081: 2, 0x6083: 1, 0x6084: 1, 0x6085: 1, 0x607A: 2}
-    for index, first in enumerate(table):
-        length = sum(list(table.values())[index:])
-        assert first == 0x607A or guarded & set(range(first, first + length)), hex(first)
+
+
+JMC_OBJECTS = {
+    **dict.fromkeys((0x6039, 0x6040, 0x605A, 0x6060, 0x6083, 0x6084, 0x6085, 0x6098, 0x609A), 1),
+    **dict.fromkeys((0x607A, 0x607C, 0x6081, 0x6099, 0x609B), 2),
+}
+"""What is written to, and its registers."""
+
+
+@pytest.mark.parametrize("index", JMC_OBJECTS, ids=hex)
+def test_a_jmc_rc_takes_one_object_in_a_frame(index: int) -> None:
+    """A longer frame goes on in the order of a table, and may hold the target where no address tells."""
+    words = JMC_OBJECTS[index]
+    for length in range(words, 45):
+        line = Bench(axis_plan("jmc-rc", 1, table_of(0.05, 0.05)))
+        # An object that is 0x000F takes nothing away from the control word, wherever that stands.
+        reply = line.ask(_fc16(index, *[0x000F] * length))
+        is_alone = length == words and index != 0x607C
+        assert (reply[0] == 16) is is_alone, f"{length} words"
+        assert "compensation-ended" not in line.kinds()
+
+
+@pytest.mark.parametrize("control", [0x0000, 0x0002, 0x0007, 0x0080, 0x010F])
+def test_after_a_stop_over_the_table_of_a_jmc_rc_nothing_is_corrected(control: int) -> None:
+    """A stop is never refused: the target that may stand behind it is nobody's."""
+    for index, ahead in ((0x6040, 0), (0x6039, 7)):
+        line = Bench(axis_plan("jmc-rc", 1, table_of(0.05, 0.05)))
+        for pdu in (_fc16(0x6060, 1), _fc16(0x607A, 0, 5000), _fc16(0x6040, 0x001F)):
+            assert line.ask(pdu)[0] == 16
+        table = _fc16(index, *[0] * ahead, control, 1, 0, 10, 100, 100, 100, 0, 1000)
+        assert line.ask(table)[0] == 16
+        assert line.seen[-1] == table
+        assert "compensation-ended" in line.kinds()
+        assert line.ask(_fc16(0x6040, 0x000F))[0] == 16
+        assert line.ask(_fc16(0x6040, 0x001F)) == bytes((0x90, 4))  # what it knows is not what would run
+    line = Bench(axis_plan("jmc-rc", 1, table_of(0.05, 0.05)))
+    assert line.ask(_fc16(0x6040, control))[0] == 16  # a stop alone
+    assert "compensation-ended" not in line.kinds()
+
+
+def _fc16(address: int, *words: int) -> bytes:
+    data = b"".join(word.to_bytes(2) for word in words)
+    return bytes((16,)) + address.to_bytes(2) + bytes((0, len(words), len(data))) + data
 
 
 def test_a_word_of_eight_bits_means_the_same_with_and_without_its_sign() -> None:
