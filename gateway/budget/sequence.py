@@ -13,7 +13,7 @@ from gateway.budget.frames import READ_BIT, WRITE_WORD, Frame, read_frame, write
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Addressing, Form, TriggerPlan
 from gateway.exchange.plan import DONE_BIT, MOVING_BIT, AxisPlan, CompensationMode
-from gateway.modbus.registers import BitTable, FieldAccess, PositionField
+from gateway.modbus.registers import BitTable, PositionField
 
 
 class What(Enum):
@@ -137,7 +137,7 @@ def _trigger_frame(axis: AxisPlan, trigger: TriggerPlan) -> Frame:
 
 def _position_field(axis: AxisPlan) -> PositionField:
     reported = (*axis.actual, *axis.commanded, *axis.command)
-    return next((field for field in reported if field.access is not FieldAccess.WRITE), axis.command[0])
+    return next((field for field in reported if field.is_readable), axis.command[0])
 
 
 def _position_frame(axis: AxisPlan) -> Frame:
@@ -166,7 +166,7 @@ def added_of(axis: AxisPlan) -> tuple[Added, ...]:
 def _added(axis: AxisPlan) -> Iterator[Added]:
     trigger = _trigger(axis)
     runs_by = What.TARGET if trigger is None else What.TRIGGER
-    reads_actual = axis.safe_read and any(field.access is not FieldAccess.WRITE for field in axis.actual)
+    reads_actual = axis.safe_read and any(field.is_readable for field in axis.actual)
     if reads_actual and axis.settings.setpoints is Setpoints.TARGETS and _has_branches(axis):
         yield Added(axis.name, Why.DIRECTION, runs_by, (_position_frame(axis),))
     if (reads_actual or (axis.safe_read and axis.commanded)) and _has_distances(axis):

@@ -11,7 +11,6 @@ from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
 from gateway.drives.profile import motion_faults
 from gateway.drives.registers import DoneMeans, RegisterMap
-from gateway.modbus.registers import FieldAccess
 
 RELATIVE: Final = (Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIVE_TO_ACTUAL)
 
@@ -77,7 +76,7 @@ def _lack_of_base(axis: AxisSection, registers: RegisterMap) -> tuple[str, str]:
     if not registers.safe_read:
         return "safe_read = false forbids to read where the axis stands", "allow safe_read if the drive does"
     reported = (*registers.commanded, *registers.actual)
-    if all(position.access is FieldAccess.WRITE for position in reported):
+    if not any(position.field().is_readable for position in reported):
         return "neither commanded nor actual is mapped", "map one of them"
     if registers.bits.done is None and registers.bits.moving is None:
         return "neither bits.done nor bits.moving is mapped: nothing tells that the axis stands", "map one"

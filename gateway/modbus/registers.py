@@ -128,6 +128,17 @@ class PositionField:
         return FLOAT_STEP * largest_counts if self.type.is_float else abs(self.scale)
 
     @property
+    def is_readable(self) -> bool:
+        """Whether a read of its registers and no others brings it.
+
+        >>> PositionField(0x31, RegisterType.INT48, access=FieldAccess.READ, block=0x31).is_readable
+        True
+        >>> PositionField(0xF7, RegisterType.INT32, block=0xF5).is_readable
+        False
+        """
+        return self.access is not FieldAccess.WRITE and self.block in (None, self.address)
+
+    @property
     def words(self) -> int:
         """How many registers the field fills."""
         return self._codec.words

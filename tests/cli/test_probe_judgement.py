@@ -295,6 +295,17 @@ async def test_fields_that_cannot_be_read_or_are_too_long_are_left_out() -> None
     assert not [pdu for pdu in memory.asked if pdu[1:3] in (b"\x01\x00", b"\x01\x10")]
 
 
+async def test_a_position_that_stands_only_in_frames_from_its_own_address_is_read() -> None:
+    """As on a drive where an address is a command, and none behind it is memory."""
+    alone = PositionField(ACTUAL, RegisterType.INT32, access=FieldAccess.READ, block=ACTUAL)
+    inside = PositionField(COMMAND, RegisterType.INT32, block=COMMAND - 1)
+    memory = Memory(axis())
+    _, _, warnings = await look(axis(command=(inside,), actual=(alone,)), memory)
+    assert [pdu for pdu in memory.asked if pdu[1:3] == b"\x01\x10"] == [bytes.fromhex("03 0110 0002")] * 2
+    assert not [pdu for pdu in memory.asked if pdu[1:3] == b"\x01\x00"]
+    assert "command: it stands in longer frames only" in warnings
+
+
 async def test_a_float_that_is_none_is_no_position() -> None:
     plan = axis(actual=(PositionField(ACTUAL, RegisterType.FLOAT32),))
     memory = Memory(axis())

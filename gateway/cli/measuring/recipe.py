@@ -141,8 +141,7 @@ def _check_fields(plan: AxisPlan, target: PositionField) -> None:
         raise _undrivable(plan, "its registers are CANopen objects")
     if target.block is not None or target.access is FieldAccess.READ:
         raise _undrivable(plan, "its target is part of a longer command")
-    readable = plan.actual and plan.actual[0].access is not FieldAccess.WRITE and plan.actual[0].block is None
-    if not readable or not plan.safe_read:
+    if not plan.actual or not plan.actual[0].is_readable or not plan.safe_read:
         raise _undrivable(plan, "its actual position cannot be read, and nobody would see where it is")
     if plan.writes_with is Form.FC06 and target.words > 1 and not plan.motion.is_staged:
         raise _undrivable(plan, "its target is written word by word, and each word moves it")

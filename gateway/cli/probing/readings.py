@@ -153,9 +153,11 @@ def _places(found: AxisReadings) -> Iterator[Place]:
     for name, bit in plan.bits.items():
         yield Place(f"bits.{name}", bit=bit)
     for role, fields in (("actual", plan.actual), ("commanded", plan.commanded), ("command", plan.command)):
-        readable = [f for f in fields if f.access is not FieldAccess.WRITE and f.block is None]
+        readable = [f for f in fields if f.is_readable]
         if fields and not readable:
-            found.left_out.append(f"{role}: it can only be written")
+            is_written = all(f.access is FieldAccess.WRITE for f in fields)
+            why = "it can only be written" if is_written else "it stands in longer frames only"
+            found.left_out.append(f"{role}: {why}")
         for number, field_ in enumerate(readable[:1] if role == "command" else readable, start=1):
             place = Place(role if number == 1 else f"{role} {number}", field_)
             if field_.words > plan.max_registers:
