@@ -1,4 +1,8 @@
-"""What may be asked of a running line: other tables or gains, compensation on or off, a reference."""
+"""What may be asked of a running line: other tables or gains, compensation on or off, a reference.
+
+Each is one message, which is passed whole from whoever asks to :func:`carry_out`; what is done on the way
+there (a note in the journal, a line in a recording) is done with the message.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,6 +43,71 @@ class Limits:
     budget_us: float
 
 
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """Apply the table of an axis and of its whole group, or stop to."""
+
+    axis: str
+    is_wanted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Declare:
+    """Take an axis as standing where its drive says."""
+
+    axis: str
+
+
+@dataclass(frozen=True, slots=True)
+class SetTables:
+    """Give axes other tables, all of them or none."""
+
+    changes: tuple[TableChange, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ClearTable:
+    """Take the table of an axis and of its whole group away."""
+
+    axis: str
+
+
+@dataclass(frozen=True, slots=True)
+class SetGain:
+    """Apply another share of the tables of an axis and its whole group."""
+
+    axis: str
+    gain: Gain
+    is_configured: bool = False
+    """The configuration says so: of this axis alone, for those of a group may have different ones there."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetLimits:
+    """Give an axis other limits, from now on."""
+
+    axis: str
+    limits: Limits
+
+
+@dataclass(frozen=True, slots=True)
+class SetTemperature:
+    """Tell an axis the temperature of its screw; it counts from its next different target on."""
+
+    axis: str
+    celsius: float
+
+
+Control = Switch | Declare | SetTables | ClearTable | SetGain | SetLimits | SetTemperature
+
+
+def axes_asked(message: Control) -> tuple[str, ...]:
+    """Return the names of the axes that a message is for."""
+    if isinstance(message, SetTables):
+        return tuple(change.axis for change in message.changes)
+    return (message.axis,)
+
+
 def limits_of(plan: AxisPlan) -> Limits:
     """Return the limits of an axis."""
     settings = plan.settings
@@ -47,6 +116,31 @@ def limits_of(plan: AxisPlan) -> Limits:
 
 class ControlError(Exception):
     """A request that cannot be followed; the message says why, and what to do."""
+
+
+def carry_out(axes: Sequence[AxisExchange], message: Control, now_ns: int) -> dict[str, str]:
+    """Do what a message asks for; return the axes that changed, each with how that comes into force.
+
+    That is "" where there is nothing to say about it. Nothing moves by itself.
+
+    Raises:
+        ControlError: why it cannot be, and what to do; nothing has changed then.
+    """
+    match message:
+        case Switch():
+            return dict.fromkeys(switch(axes, message.axis, is_wanted=message.is_wanted), "")
+        case Declare():
+            return dict.fromkeys(declare(axes, message.axis), "")
+        case SetTables():
+            return set_tables(axes, message.changes)
+        case ClearTable():
+            return clear_table(axes, message.axis)
+        case SetGain():
+            return set_gain(axes, message.axis, message.gain, is_alone=message.is_configured)
+        case SetLimits():
+            return dict.fromkeys(set_limits(axes, message.axis, message.limits), "")
+        case SetTemperature():
+            return dict.fromkeys(set_temperature(axes, message.axis, message.celsius, now_ns), "")
 
 
 def switch(axes: Sequence[AxisExchange], name: str, *, is_wanted: bool) -> tuple[str, ...]:

@@ -12,12 +12,12 @@ States of the line:
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
-from gateway.exchange import control
 from gateway.exchange.added_frames import Purpose, reads_at_start
 from gateway.exchange.admission import Admission, judge
 from gateway.exchange.answering import note_broadcast
 from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis import AxisExchange
+from gateway.exchange.control import Control, SetLimits, carry_out
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import REMEMBERED_WAYS, Units, is_acting_on
@@ -200,11 +200,13 @@ class LineExchange:
         detail = f"the relay stood still for {gap_ns / NS_PER_S:.2f} s; what controllers gave up is not sent"
         self._on_event(Event(EventKind.STOOD_STILL, None, detail))
 
-    def reference(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Take an axis as standing where its drive says. Raises ControlError."""
-        names = control.declare(self.axes, axis)
+    def control(self, message: Control, now_ns: int) -> dict[str, str]:
+        """Do what somebody outside asks for; see ``control.carry_out``. Raises ControlError."""
+        changed = carry_out(self.axes, message, now_ns)
+        if isinstance(message, SetLimits):
+            self.meter.set_budget(message.axis, message.limits.budget_us)
         self._news.look(self.axes)
-        return names
+        return changed
 
     # --- from the drives -------------------------------------------------------------------------------
 

@@ -177,22 +177,9 @@ class End(_Entry, frozen=True, tag="end"):
     entries: int
 
 
-Input = (
-    Request
-    | Gone
-    | Reply
-    | Stray
-    | RestFirst
-    | Up
-    | Down
-    | Tick
-    | Stop
-    | Control
-    | Tables
-    | Share
-    | Limits
-    | Temperature
-)
+ControlInput = Control | Tables | Share | Limits | Temperature
+"""What somebody outside asked of a line (``exchange.control``)."""
+Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | ControlInput
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | End
 

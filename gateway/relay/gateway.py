@@ -2,7 +2,7 @@
 
 import asyncio
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -11,11 +11,21 @@ from typing import Any, Final, TypeVar
 import gateway
 from gateway.catalogue import process_events as processes
 from gateway.catalogue import table_events as tables
-from gateway.catalogue.entry import EventEntry
 from gateway.clock import boot_ns
-from gateway.compensation.settings import Gain
 from gateway.compiled import is_compiled
-from gateway.exchange.control import ControlError, Limits, TableChange
+from gateway.exchange.control import (
+    ClearTable,
+    Control,
+    ControlError,
+    Declare,
+    SetGain,
+    SetLimits,
+    SetTables,
+    SetTemperature,
+    Switch,
+    TableChange,
+    axes_asked,
+)
 from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.remembering import FindTable
 from gateway.exchange.terms import join_terms
@@ -175,79 +185,56 @@ class Relay:
         await asyncio.gather(*(line.stop() for line in self._lines))
         await self._close_rest(owes_silence=any(line.owes_silence for line in self._lines))
 
-    def enable(self, axis: str) -> tuple[str, ...]:
-        """Switch the compensation of an axis on; returns the names of the axes that changed with it.
+    def control(self, message: Control) -> dict[str, str]:
+        """Do what somebody outside asks for; return the axes that changed, each with how it comes into force.
 
         Raises:
-            ControlError: why it cannot be, and what to do.
+            ControlError: why it cannot be, and what to do; nothing has changed then.
         """
-        return self._commanded(tables.ENABLED, self._line_of(axis).enable(axis))
-
-    def disable(self, axis: str) -> tuple[str, ...]:
-        """Switch the compensation of an axis off; as :meth:`enable`."""
-        return self._commanded(tables.DISABLED, self._line_of(axis).disable(axis))
-
-    def reference(self, axis: str) -> tuple[str, ...]:
-        """Take an axis as referenced where it stands; as :meth:`enable`."""
-        return self._commanded(tables.REFERENCED, self._line_of(axis).reference(axis))
-
-    def set_tables(self, changes: Sequence[TableChange]) -> dict[str, str]:
-        """Give axes of one line other tables, all or none; returns how each comes into force, by axis.
-
-        Raises:
-            ControlError: which table cannot be had, and why; nothing has changed then.
-        """
-        lines = {id(line): line for line in (self._line_of(change.axis) for change in changes)}
+        lines = {id(line): line for line in map(self._line_of, axes_asked(message))}
         if len(lines) > 1:
             raise ControlError("tables for axes of several lines: send a message for each line")
         [line] = lines.values()
-        comes = line.set_tables(changes)
-        for change in changes:
-            self._journal.note(
-                tables.TABLE_ACTIVATED,
-                axis=change.axis,
-                table=change.name,
-                points=len(change.table.positions),
-                comes=comes[change.axis],
-                detail="handed over",
-            )
-        return comes
+        changed = line.control(message)
+        if changed:
+            self._note_control(message, changed)
+        return changed
+
+    def _note_control(self, message: Control, changed: dict[str, str]) -> None:
+        """Put it on record that somebody changed something; not of each temperature."""
+        more: dict[str, object] = {}
+        match message:
+            case Switch():
+                what = tables.ENABLED if message.is_wanted else tables.DISABLED
+            case Declare():
+                what = tables.REFERENCED
+            case ClearTable():
+                what = tables.TABLE_REMOVED
+            case SetGain():
+                what, more = tables.GAIN_CHANGED, asdict(message.gain)
+            case SetLimits():
+                what, more = tables.LIMITS_CHANGED, asdict(message.limits)
+            case SetTables():
+                for change in message.changes:
+                    self._note_table(change, changed[change.axis])
+                return
+            case SetTemperature():
+                return
+        self._journal.note(what, axes=list(changed), **more, detail="by a command")
+
+    def _note_table(self, change: TableChange, comes: str) -> None:
+        self._journal.note(
+            tables.TABLE_ACTIVATED,
+            axis=change.axis,
+            table=change.name,
+            points=len(change.table.positions),
+            comes=comes,
+            detail="handed over",
+        )
 
     def note_refused(self, detail: str) -> None:
         """Put it on record that a table was refused; not more than once a minute."""
         self._refused_tables.add("table", detail)
-
-    def clear_table(self, axis: str) -> dict[str, str]:
-        """Take the table of an axis and its group away; as :meth:`set_tables`."""
-        comes = self._line_of(axis).clear_table(axis)
-        self._commanded(tables.TABLE_REMOVED, tuple(comes))
-        return comes
-
-    def set_gain(self, axis: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
-        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`.
-
-        What the configuration says is for the axis alone.
-        """
-        comes = self._line_of(axis).set_gain(axis, gain, is_configured=is_configured)
-        self._commanded(tables.GAIN_CHANGED, tuple(comes), forward=gain.forward, backward=gain.backward)
-        return comes
-
-    def set_limits(self, axis: str, limits: Limits) -> tuple[str, ...]:
-        """Give an axis other limits; returns its name where they were others.
-
-        Raises:
-            ControlError: no such axis.
-        """
-        changed = self._line_of(axis).set_limits(axis, limits)
-        return self._commanded(tables.LIMITS_CHANGED, changed, **asdict(limits))
-
-    def set_temperature(self, axis: str, celsius: float) -> tuple[str, ...]:
-        """Tell an axis the temperature of its screw, in °C; returns its name.
-
-        Raises:
-            ControlError: it is none, or the axis does not ask for it.
-        """
-        return self._line_of(axis).set_temperature(axis, celsius)
 
     @property
     def busy_lines(self) -> dict[str, float]:
@@ -314,12 +301,6 @@ class Relay:
 
     def _scheduling_withdrawn(self, why: str) -> None:
         self._journal.note(processes.SCHEDULING_WITHDRAWN, key="relay.fifo", detail=why)
-
-    def _commanded(self, what: EventEntry, axes: tuple[str, ...], **more: object) -> tuple[str, ...]:
-        """Put it on record that somebody changed something."""
-        if axes:
-            self._journal.note(what, axes=list(axes), **more, detail="by a command")
-        return axes
 
     def _tell(self, note: Note) -> None:
         """Let those who listen know."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from typing import Protocol
 
-from gateway.exchange.control import ControlError, TableChange
+from gateway.exchange.control import Control, ControlError, SetTables, TableChange
 from gateway.ipc.compiled_table import (
     HEADER_BYTES,
     MAX_POINTS,
@@ -28,7 +28,7 @@ class TableTaker(Protocol):
         """Names of all axes."""
         ...
 
-    def set_tables(self, changes: Sequence[TableChange]) -> dict[str, str]:
+    def control(self, message: Control) -> dict[str, str]:
         """Put tables into force, all or none. Raises ControlError with the reason."""
         ...
 
@@ -55,7 +55,7 @@ async def hand_over(
         for change, data in mapped_pairs:
             await _check(change.axis, data)
         with during():
-            comes = relay.set_tables([change for change, _ in mapped_pairs])
+            comes = relay.control(SetTables(tuple(change for change, _ in mapped_pairs)))
     except ControlError as error:
         relay.note_refused(str(error))
         return Done(problems=(str(error),))

@@ -11,7 +11,7 @@ from gateway.catalogue.line_events import DRIVES_NOT_REACHED, LINE_RESTS, SERIAL
 from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
 from gateway.exchange.axis import AxisExchange
-from gateway.exchange.control import Limits, TableChange, limits_of
+from gateway.exchange.control import ClearTable, Control, Limits, SetGain, SetLimits, SetTables, limits_of
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
 from gateway.exchange.remembering import FindTable
@@ -236,50 +236,20 @@ class Line:
             of_axis["table"] = {**of_axis["table"], "loaded_at": self._loaded_at.get(name)}
         return status
 
-    def enable(self, axis: str) -> tuple[str, ...]:
-        """Switch the compensation of an axis on; returns all axes that changed with it. Or ControlError."""
-        return self._timed.enable(axis, boot_ns())
-
-    def disable(self, axis: str) -> tuple[str, ...]:
-        """Switch the compensation of an axis off; as :meth:`enable`."""
-        return self._timed.disable(axis, boot_ns())
-
-    def reference(self, axis: str) -> tuple[str, ...]:
-        """Take an axis as referenced where it stands; as :meth:`enable`."""
-        return self._timed.reference(axis, boot_ns())
-
-    def set_tables(self, changes: Sequence[TableChange]) -> dict[str, str]:
-        """Give axes other tables, all or none; returns how each comes into force. Or ControlError."""
-        comes = self._timed.set_tables(changes, boot_ns())
-        self._loaded_at |= dict.fromkeys(comes, _now())
-        return comes
-
-    def clear_table(self, axis: str) -> dict[str, str]:
-        """Take the table of an axis and its group away; as :meth:`set_tables`."""
-        comes = self._timed.clear_table(axis, boot_ns())
-        for name in comes:
-            self._loaded_at.pop(name, None)
-        return comes
-
-    def set_gain(self, axis: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
-        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`.
-
-        What the configuration says is for the axis alone.
-        """
-        comes = self._timed.set_gain(axis, gain, boot_ns(), is_alone=is_configured)
-        if is_configured:
-            self._configured[axis] = {**self._configured[axis], "gain": _shares(gain)}
-        return comes
-
-    def set_limits(self, axis: str, limits: Limits) -> tuple[str, ...]:
-        """Give an axis other limits; returns its name where they were others. Or ControlError."""
-        changed = self._timed.set_limits(axis, limits, boot_ns())
-        self._configured[axis] = {**self._configured[axis], **asdict(limits)}
+    def control(self, message: Control) -> dict[str, str]:
+        """Do what somebody outside asks for; see ``exchange.control.carry_out``. Raises ControlError."""
+        changed = self._timed.control(message, boot_ns())
+        match message:
+            case SetTables():
+                self._loaded_at |= dict.fromkeys(changed, _now())
+            case ClearTable():
+                for name in changed:
+                    self._loaded_at.pop(name, None)
+            case SetGain(axis=axis, is_configured=True):
+                self._configured[axis] = {**self._configured[axis], "gain": _shares(message.gain)}
+            case SetLimits(axis=axis):
+                self._configured[axis] = {**self._configured[axis], **asdict(message.limits)}
         return changed
-
-    def set_temperature(self, axis: str, celsius: float) -> tuple[str, ...]:
-        """Tell an axis the temperature of its screw; returns its name. Or ControlError."""
-        return self._timed.set_temperature(axis, celsius, boot_ns())
 
     async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
         try:

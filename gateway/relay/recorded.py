@@ -1,16 +1,26 @@
 """A line's exchange with a recorder at its border: every input with its time, then what it caused."""
 
-from collections.abc import Sequence
 from dataclasses import asdict
 
 from gateway.compensation.settings import Gain
-from gateway.exchange.control import Limits, TableChange
+from gateway.exchange.control import (
+    ClearTable,
+    Control,
+    Declare,
+    Limits,
+    SetGain,
+    SetLimits,
+    SetTables,
+    SetTemperature,
+    Switch,
+    TableChange,
+)
 from gateway.exchange.gate import UNSEEN, Gate
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, DriveLink, Stamps
 from gateway.ipc import traffic
-from gateway.ipc.compiled_table import compiled
+from gateway.ipc.compiled_table import checked, compiled
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
 
@@ -149,49 +159,10 @@ class RecordedExchange(TimedExchange):
         self._recorder.put(traffic.Stop(self._line, now_ns))
         await super().stop(now_ns, timeout_s)
 
-    def enable(self, axis: str, now_ns: int) -> tuple[str, ...]:
+    def control(self, message: Control, now_ns: int) -> dict[str, str]:
         """See ``TimedExchange``."""
-        self._recorder.put(traffic.Control(self._line, now_ns, "enable", axis))
-        return super().enable(axis, now_ns)
-
-    def disable(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """See ``TimedExchange``."""
-        self._recorder.put(traffic.Control(self._line, now_ns, "disable", axis))
-        return super().disable(axis, now_ns)
-
-    def reference(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """See ``TimedExchange``."""
-        self._recorder.put(traffic.Control(self._line, now_ns, "reference", axis))
-        return super().reference(axis, now_ns)
-
-    def set_tables(self, changes: Sequence[TableChange], now_ns: int) -> dict[str, str]:
-        """See ``TimedExchange``. The points go into the recording too, or nobody could replay it."""
-        tables = tuple(
-            traffic.Table(each.axis, each.name, each.format, each.digest, compiled(each.table))
-            for each in changes
-        )
-        self._recorder.put(traffic.Tables(self._line, now_ns, tables))
-        return super().set_tables(changes, now_ns)
-
-    def clear_table(self, axis: str, now_ns: int) -> dict[str, str]:
-        """See ``TimedExchange``."""
-        self._recorder.put(traffic.Control(self._line, now_ns, "clear-table", axis))
-        return super().clear_table(axis, now_ns)
-
-    def set_gain(self, axis: str, gain: Gain, now_ns: int, *, is_alone: bool = False) -> dict[str, str]:
-        """See ``TimedExchange``."""
-        self._recorder.put(traffic.Share(self._line, now_ns, axis, gain.forward, gain.backward, is_alone))
-        return super().set_gain(axis, gain, now_ns, is_alone=is_alone)
-
-    def set_limits(self, axis: str, limits: Limits, now_ns: int) -> tuple[str, ...]:
-        """See ``TimedExchange``."""
-        self._recorder.put(traffic.Limits(self._line, now_ns, axis, **asdict(limits)))
-        return super().set_limits(axis, limits, now_ns)
-
-    def set_temperature(self, axis: str, celsius: float, now_ns: int) -> tuple[str, ...]:
-        """See ``TimedExchange``."""
-        self._recorder.put(traffic.Temperature(self._line, now_ns, axis, celsius))
-        return super().set_temperature(axis, celsius, now_ns)
+        self._recorder.put(entry_of(message, self._line, now_ns))
+        return super().control(message, now_ns)
 
     def _due(self, now_ns: int) -> None:
         if self.is_due(now_ns):
@@ -204,3 +175,52 @@ class RecordedExchange(TimedExchange):
             self._last_number += 1
             recorded = self._ports[port] = _RecordedPort(port, self._last_number, self._line, self._recorder)
         return recorded
+
+
+def entry_of(message: Control, line: str, now_ns: int) -> traffic.ControlInput:
+    """Return what a recording says of a message; of tables all points, or nobody could replay it."""
+    match message:
+        case Switch(axis=axis):
+            return traffic.Control(line, now_ns, "enable" if message.is_wanted else "disable", axis)
+        case Declare(axis=axis):
+            return traffic.Control(line, now_ns, "reference", axis)
+        case ClearTable(axis=axis):
+            return traffic.Control(line, now_ns, "clear-table", axis)
+        case SetTables(changes=changes):
+            tables = [
+                traffic.Table(each.axis, each.name, each.format, each.digest, compiled(each.table))
+                for each in changes
+            ]
+            return traffic.Tables(line, now_ns, tuple(tables))
+        case SetGain(axis=axis, gain=gain):
+            return traffic.Share(line, now_ns, axis, gain.forward, gain.backward, message.is_configured)
+        case SetLimits(axis=axis):
+            return traffic.Limits(line, now_ns, axis, **asdict(message.limits))
+        case SetTemperature(axis=axis):
+            return traffic.Temperature(line, now_ns, axis, message.celsius)
+
+
+def message_of(entry: traffic.ControlInput) -> Control | None:
+    """Return the message that a recording tells of; None where it is of a command that is not known.
+
+    Raises:
+        WrongTableError: a table in it is of another release.
+    """
+    match entry:
+        case traffic.Tables():
+            found = [TableChange(t.axis, checked(t.data), t.file, t.format, t.sha256) for t in entry.tables]
+            return SetTables(tuple(found))
+        case traffic.Share(axis=axis):
+            return SetGain(axis, Gain(entry.forward, entry.backward), entry.is_alone)
+        case traffic.Limits(axis=axis):
+            limits = (entry.max_correction, entry.max_slope, entry.travel_margin, entry.budget_us)
+            return SetLimits(axis, Limits(*limits))
+        case traffic.Temperature(axis=axis):
+            return SetTemperature(axis, entry.celsius)
+        case traffic.Control(command="enable" | "disable", axis=axis):
+            return Switch(axis, is_wanted=entry.command == "enable")
+        case traffic.Control(command="reference", axis=axis):
+            return Declare(axis)
+        case traffic.Control(command="clear-table", axis=axis):
+            return ClearTable(axis)
+    return None

@@ -1,12 +1,11 @@
 """A recording through a fresh exchange: the same inputs at the same times have to cause the same bytes."""
 
+import contextlib
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from gateway.compensation.settings import Gain
-from gateway.exchange import control
 from gateway.exchange.axis import AxisExchange
 from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
@@ -15,8 +14,9 @@ from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import Unmeasured, writer_name
 from gateway.exchange.terms import join_terms
 from gateway.ipc import traffic
-from gateway.ipc.compiled_table import WrongTableError, checked
+from gateway.ipc.compiled_table import WrongTableError
 from gateway.ipc.plan import GatewayPlan, LinePlan
+from gateway.relay.recorded import message_of
 from gateway.transport.endpoints import TcpEndpoint
 
 KEPT_DIFFERENCES: Final = 10
@@ -129,10 +129,8 @@ class _Line(Unmeasured):
                 exchange.tick(entry.t)
             case traffic.Stop():
                 exchange.stop(entry.t)
-            case traffic.Control():
+            case _:
                 self._control(entry)
-            case traffic.Tables() | traffic.Share() | traffic.Limits() | traffic.Temperature():
-                self._change(entry)
 
     def _reach(self, entry: traffic.RestFirst | traffic.Up | traffic.Down) -> None:
         if isinstance(entry, traffic.RestFirst):
@@ -142,39 +140,17 @@ class _Line(Unmeasured):
         else:
             self._exchange.link_down(entry.t)
 
-    def _change(self, entry: traffic.Tables | traffic.Share | traffic.Limits | traffic.Temperature) -> None:
-        axes = self._exchange.axes
+    def _control(self, entry: traffic.ControlInput) -> None:
         try:
-            if isinstance(entry, traffic.Share):
-                gain = Gain(entry.forward, entry.backward)
-                control.set_gain(axes, entry.axis, gain, is_alone=entry.is_alone)
-            elif isinstance(entry, traffic.Limits):
-                limits = (entry.max_correction, entry.max_slope, entry.travel_margin, entry.budget_us)
-                control.set_limits(axes, entry.axis, control.Limits(*limits))
-            elif isinstance(entry, traffic.Temperature):
-                control.set_temperature(axes, entry.axis, entry.celsius, entry.t)
-            else:
-                control.set_tables(axes, [_change_of(table) for table in entry.tables])
+            message = message_of(entry)
         except WrongTableError as error:
             raise ReplayError(f"a table in the recording: {error}; replay it with its own release") from None
-        except ControlError:
-            return  # as it was refused then, or of another configuration
-
-    def _control(self, entry: traffic.Control) -> None:
-        commands: dict[str, Callable[[str, int], object]] = {
-            "enable": lambda axis, _now_ns: control.switch(self._exchange.axes, axis, is_wanted=True),
-            "disable": lambda axis, _now_ns: control.switch(self._exchange.axes, axis, is_wanted=False),
-            "reference": self._exchange.reference,
-            "clear-table": lambda axis, _now_ns: control.clear_table(self._exchange.axes, axis),
-        }
-        if entry.command not in commands:
-            raise ReplayError(f"the command {entry.command!r} is not known; replay it with a newer release")
-        if entry.axis not in (axis.name for axis in self.plan.axes):
-            return  # of another configuration
-        try:
-            commands[entry.command](entry.axis, entry.t)
-        except ControlError:
-            return  # it was refused then as well, and a refusal changes nothing
+        if message is None:
+            command = entry.command if isinstance(entry, traffic.Control) else ""
+            raise ReplayError(f"the command {command!r} is not known; replay it with a newer release")
+        # Refused now: as it was refused then, when it changed nothing either, or of another configuration.
+        with contextlib.suppress(ControlError):
+            self._exchange.control(message, entry.t)
 
     def _port(self, entry: traffic.Request) -> _Port:
         port = self._ports.get(entry.port)
@@ -193,10 +169,6 @@ class _Line(Unmeasured):
                 )
             port = self._ports[entry.port] = _Port(plan, entry.peer, entry.port, self)
         return port
-
-
-def _change_of(table: traffic.Table) -> control.TableChange:
-    return control.TableChange(table.axis, checked(table.data), table.file, table.format, table.sha256)
 
 
 class Replay:

@@ -4,13 +4,10 @@ Everything that reaches the exchange comes through here, so its next deadline is
 """
 
 import asyncio
-from collections.abc import Sequence
 from typing import Final
 
 from gateway.clock import boot_ns
-from gateway.compensation.settings import Gain
-from gateway.exchange import control
-from gateway.exchange.control import Limits, TableChange
+from gateway.exchange.control import Control
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
 from gateway.relay.pulse import Pulse
@@ -78,53 +75,11 @@ class TimedExchange:
         self._exchange.link_down(now_ns)
         self._settle()
 
-    def enable(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Switch the compensation of an axis on; returns the names of all axes that changed with it.
-
-        Raises:
-            ControlError: why it cannot be, and what to do.
-        """
-        changed = control.switch(self._exchange.axes, axis, is_wanted=True)
+    def control(self, message: Control, now_ns: int) -> dict[str, str]:
+        """Do what somebody outside asks for; see ``LineExchange``. Raises ControlError."""
+        changed = self._exchange.control(message, now_ns)
         self._settle()
         return changed
-
-    def disable(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Switch the compensation of an axis off; as :meth:`enable`."""
-        changed = control.switch(self._exchange.axes, axis, is_wanted=False)
-        self._settle()
-        return changed
-
-    def reference(self, axis: str, now_ns: int) -> tuple[str, ...]:
-        """Take an axis as referenced where it stands; as :meth:`enable`."""
-        changed = self._exchange.reference(axis, now_ns)
-        self._settle()
-        return changed
-
-    def set_tables(self, changes: Sequence[TableChange], now_ns: int) -> dict[str, str]:
-        """Give axes other tables, all or none; returns how each comes into force.
-
-        Raises:
-            ControlError: which table cannot be had, and why.
-        """
-        return control.set_tables(self._exchange.axes, changes)
-
-    def clear_table(self, axis: str, now_ns: int) -> dict[str, str]:
-        """Take the table of an axis and its group away; as :meth:`set_tables`."""
-        return control.clear_table(self._exchange.axes, axis)
-
-    def set_gain(self, axis: str, gain: Gain, now_ns: int, *, is_alone: bool = False) -> dict[str, str]:
-        """Apply another share of the tables of an axis and its group; as :meth:`set_tables`."""
-        return control.set_gain(self._exchange.axes, axis, gain, is_alone=is_alone)
-
-    def set_limits(self, axis: str, limits: Limits, now_ns: int) -> tuple[str, ...]:
-        """Give an axis other limits; as :meth:`enable`."""
-        changed = control.set_limits(self._exchange.axes, axis, limits)
-        self._exchange.meter.set_budget(axis, limits.budget_us)
-        return changed
-
-    def set_temperature(self, axis: str, celsius: float, now_ns: int) -> tuple[str, ...]:
-        """Tell an axis the temperature of its screw; as :meth:`enable`."""
-        return control.set_temperature(self._exchange.axes, axis, celsius, now_ns)
 
     def is_due(self, now_ns: int) -> bool:
         """Whether the exchange's deadline has passed."""

@@ -10,7 +10,15 @@ from gateway.compensation.settings import Gain, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.axis import AxisExchange
-from gateway.exchange.control import ControlError, TableChange, set_gain, set_tables, set_temperature, switch
+from gateway.exchange.control import (
+    ControlError,
+    Declare,
+    TableChange,
+    set_gain,
+    set_tables,
+    set_temperature,
+    switch,
+)
 from gateway.exchange.plan import AxisPlan, CrossPlan, Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import MS, axis_plan, read, write
@@ -49,7 +57,7 @@ class Machine:
         self.bench = RecordBench(*map(self.plan, self.models.values()), find_table=BY_DIGEST.get)
         for model in self.models.values():
             self.bench.memory.put(model.actual, self.counts(model))
-            self.bench.line.reference(model.name, self.bench.now_ns)
+            self.bench.line.control(Declare(model.name), self.bench.now_ns)
         self.compared = 0
 
     # --- what is configured ----------------------------------------------------------------------------
@@ -257,7 +265,7 @@ class Machine:
     def found(self) -> None:
         for model in self.models.values():
             if not model.is_referenced:
-                self.bench.line.reference(model.name, self.bench.now_ns)
+                self.bench.line.control(Declare(model.name), self.bench.now_ns)
                 self.read(model)
                 self.learn(model)
 

@@ -9,6 +9,7 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.control import (
     ControlError,
+    Declare,
     TableChange,
     set_limits,
     set_tables,
@@ -224,7 +225,7 @@ def test_without_a_reference_positions_pass_as_they_are() -> None:
     warm(bench, 30.0)
     bench.ask(write(COMMAND, 1_000_000))
     assert told(bench) == 1_000_000
-    bench.line.reference("x", bench.now_ns)
+    bench.line.control(Declare("x"), bench.now_ns)
     bench.move(999_000)
     assert told(bench) == 998_885
 

@@ -9,8 +9,7 @@ from typing import Final
 from gateway.compensation.settings import Gain
 from gateway.config.load import load
 from gateway.drives import library
-from gateway.exchange import control
-from gateway.exchange.control import ControlError
+from gateway.exchange.control import ClearTable, ControlError, Declare, SetGain, SetTemperature, Switch
 from gateway.exchange.events import Event
 from gateway.exchange.life import Exchange
 from gateway.exchange.line import LineExchange
@@ -326,22 +325,22 @@ class Line:
                 case 1:
                     line.link_up(now_ns)
                 case 2:
-                    control.switch(line.axes, axis, is_wanted=True)
+                    line.control(Switch(axis, is_wanted=True), now_ns)
                 case 3:
-                    control.switch(line.axes, axis, is_wanted=False)
+                    line.control(Switch(axis, is_wanted=False), now_ns)
                 case 4:
-                    line.reference(axis, now_ns)
+                    line.control(Declare(axis), now_ns)
                 case 5:
-                    control.set_gain(line.axes, axis, Gain(script.byte() / 255, script.byte() / 255))
+                    line.control(SetGain(axis, Gain(script.byte() / 255, script.byte() / 255)), now_ns)
                 case 6:
-                    control.clear_table(line.axes, axis)
+                    line.control(ClearTable(axis), now_ns)
                 case 7 | 8 | 9:
                     controller = self.controllers[does >> 4 & 3]
                     controller.begin_anew()
                     controller.waits_for.clear()
                     line.controller_gone(controller, now_ns)
                 case 10:
-                    control.set_temperature(line.axes, axis, float(script.byte()), now_ns)
+                    line.control(SetTemperature(axis, float(script.byte())), now_ns)
                 case _:
                     self.arrive()
         except ControlError as error:

@@ -13,7 +13,7 @@ from gateway.compensation.settings import ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
-from gateway.exchange.control import ControlError
+from gateway.exchange.control import ControlError, SetTemperature, Switch
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Reference
 from gateway.ipc import traffic
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
@@ -156,9 +156,9 @@ async def chat(bench: "Bench", relay: Relay, seed: int) -> None:
                 async with asyncio.timeout(0.05):
                     await steady.until(lambda end, heard=heard: len(end.data) > heard)  # type: ignore[misc]
         if number == ROUNDS // 2:
-            relay.disable("x")
+            relay.control(Switch("x", is_wanted=False))
         if number == 3 * ROUNDS // 4:
-            relay.enable("x")
+            relay.control(Switch("x", is_wanted=True))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -204,9 +204,9 @@ async def test_temperatures_and_another_axis_replay_to_the_same_bytes(
     )
     relay, plan = await recorded_relay(bench, tools, "tcp", Recorder(path, HEADER), seed, axis=warm)
     for celsius in (21.0, 35.0, 15.0):
-        assert relay.set_temperature("x", celsius) == ("x",)
+        assert relay.control(SetTemperature("x", celsius)) == {"x": ""}
         with pytest.raises(ControlError):
-            relay.set_temperature("x", 3000.0)
+            relay.control(SetTemperature("x", 3000.0))
         await chat(bench, relay, seed)
     await relay.stop()
     result = replayed(path, plan)
