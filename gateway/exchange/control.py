@@ -136,7 +136,7 @@ def carry_out(axes: Sequence[AxisExchange], message: Control, now_ns: int) -> di
         case ClearTable():
             return clear_table(axes, message.axis)
         case SetGain():
-            return set_gain(axes, message.axis, message.gain, is_alone=message.is_configured)
+            return set_gain(axes, message.axis, message.gain, is_configured=message.is_configured)
         case SetLimits():
             return dict.fromkeys(set_limits(axes, message.axis, message.limits), "")
         case SetTemperature():
@@ -219,16 +219,16 @@ def clear_table(axes: Sequence[AxisExchange], name: str) -> dict[str, str]:
 
 
 def set_gain(
-    axes: Sequence[AxisExchange], name: str, gain: Gain, *, is_alone: bool = False
+    axes: Sequence[AxisExchange], name: str, gain: Gain, *, is_configured: bool = False
 ) -> dict[str, str]:
     """Apply another share of the tables of an axis and its whole group; return how each comes into force.
 
-    ``is_alone``: of this axis only. The axes of a group may be configured with different gains.
+    ``is_configured``: as in :class:`SetGain`.
 
     Raises:
         ControlError: no such axis.
     """
-    group = _group_of(axes, name)[: 1 if is_alone else None]
+    group = _group_of(axes, name)[: 1 if is_configured else None]
     members = [axis for axis in group if axis.plan.settings.gain != gain]
     for axis in members:
         axis.adopt(replace(axis.plan, settings=replace(axis.plan.settings, gain=gain)))

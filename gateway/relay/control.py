@@ -30,7 +30,7 @@ from gateway.ipc.messages import (
 
 
 class Controllable(Protocol):
-    """What the relay offers; each command returns the names of the axes that changed with it."""
+    """What the relay offers."""
 
     @property
     def name(self) -> str:

@@ -5,23 +5,37 @@ import contextlib
 import random
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import pytest
 
-from gateway.compensation.settings import ThermalSettings
+from gateway.compensation.settings import Gain, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
-from gateway.exchange.control import ControlError, SetTemperature, Switch
+from gateway.exchange.control import (
+    ClearTable,
+    Control,
+    ControlError,
+    Declare,
+    Limits,
+    SetGain,
+    SetLimits,
+    SetTables,
+    SetTemperature,
+    Switch,
+    TableChange,
+)
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Reference
 from gateway.ipc import traffic
+from gateway.ipc.compiled_table import compiled
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.ipc.traffic import Answered, End, Entry, Header, Sent, Tick
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField
 from gateway.modbus.rtu import encode_rtu
 from gateway.relay.gateway import Relay
+from gateway.relay.recorded import entry_of, message_of
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay, ReplayError, ReplayResult
 from gateway.transport.endpoints import TcpEndpoint
@@ -43,6 +57,32 @@ def replayed(path: Path, plan: GatewayPlan, only: str | None = None) -> ReplayRe
     for number, entry in enumerate(entries_of(path), start=1):
         replay.feed(number, entry)
     return replay.result
+
+
+MESSAGES: dict[type, tuple[Control, ...]] = {
+    Switch: (Switch("x", is_wanted=True), Switch("x", is_wanted=False)),
+    Declare: (Declare("x"),),
+    SetTables: (SetTables((TableChange("x", FLAT, "x.tab", "centroid-3", "0" * 64),)),),
+    ClearTable: (ClearTable("x"),),
+    SetGain: (SetGain("x", Gain(0.5, 0.25)), SetGain("x", Gain(0.5, 0.25), is_configured=True)),
+    SetLimits: (SetLimits("x", Limits(0.5, 0.1, 2.0, 150.0)),),
+    SetTemperature: (SetTemperature("x", 21.5),),
+}
+
+
+@pytest.mark.parametrize("kind", get_args(Control))
+def test_whatever_is_asked_of_a_line_is_recorded_so_that_it_can_be_asked_again(kind: type) -> None:
+    for message in MESSAGES[kind]:
+        entry = traffic.decode(traffic.encode(entry_of(message, "line", 7)))
+        assert isinstance(entry, get_args(traffic.ControlInput))
+        assert (entry.line, entry.t) == ("line", 7)
+        again = message_of(entry)
+        if isinstance(message, SetTables) and isinstance(again, SetTables):
+            [was], [now] = message.changes, again.changes
+            assert compiled(now.table) == compiled(was.table)
+            assert replace(now, table=was.table) == was
+        else:
+            assert again == message
 
 
 class MoodyDrive:
