@@ -166,10 +166,12 @@ def added_of(axis: AxisPlan) -> tuple[Added, ...]:
 def _added(axis: AxisPlan) -> Iterator[Added]:
     trigger = _trigger(axis)
     runs_by = What.TARGET if trigger is None else What.TRIGGER
-    reads_actual = axis.safe_read and any(field.is_readable for field in axis.actual)
+    reads_actual, reads_commanded = (
+        axis.safe_read and bool(fields) and fields[0].is_readable for fields in (axis.actual, axis.commanded)
+    )
     if reads_actual and axis.settings.setpoints is Setpoints.TARGETS and _has_branches(axis):
         yield Added(axis.name, Why.DIRECTION, runs_by, (_position_frame(axis),))
-    if (reads_actual or (axis.safe_read and axis.commanded)) and _has_distances(axis):
+    if (reads_actual or reads_commanded) and _has_distances(axis):
         status = _status_frame(axis)
         standing = () if status is None else (status,)
         yield Added(axis.name, Why.BASE, runs_by, (*standing, _position_frame(axis)))

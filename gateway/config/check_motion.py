@@ -76,8 +76,15 @@ def _lack_of_base(axis: AxisSection, registers: RegisterMap) -> tuple[str, str]:
     if not registers.safe_read:
         return "safe_read = false forbids to read where the axis stands", "allow safe_read if the drive does"
     reported = (*registers.commanded, *registers.actual)
-    if not any(position.field().is_readable for position in reported):
+    if not reported:
         return "neither commanded nor actual is mapped", "map one of them"
+    if not any(
+        fields and fields[0].field().is_readable for fields in (registers.commanded, registers.actual)
+    ):
+        return (
+            "no read of its own registers brings commanded or actual",
+            'map one of them without access = "write", and without block or with its own address there',
+        )
     if registers.bits.done is None and registers.bits.moving is None:
         return "neither bits.done nor bits.moving is mapped: nothing tells that the axis stands", "map one"
     return "", ""

@@ -154,8 +154,9 @@ def reads_at_start(axes: Sequence[AxisExchange]) -> list[AddedFrame]:
         reads.append(homed_read(axis))
     for axis in axes:
         is_undecided = axis.memory is not None and axis.memory.recalled is not None
-        if is_undecided and axis.may_read and axis.plan.actual:
-            reads.append(read_field(axis, Purpose.ACTUAL, axis.plan.actual[0]))
+        actual = axis.asked_actual
+        if is_undecided and actual is not None:
+            reads.append(read_field(axis, Purpose.ACTUAL, actual))
     return [read for read in reads if read is not None]
 
 

@@ -198,6 +198,19 @@ class AxisExchange:
         return self.plan.safe_read and self.plan.added_frames
 
     @property
+    def asked_actual(self) -> PositionField | None:
+        """The actual position that the gateway may read by itself (W8); None: it only sees it in passing."""
+        return self._asked(self.plan.actual)
+
+    @property
+    def asked_commanded(self) -> PositionField | None:
+        """The same of the drive's own commanded position."""
+        return self._asked(self.plan.commanded)
+
+    def _asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
+        return fields[0] if self.may_read and fields and fields[0].is_readable else None
+
+    @property
     def blocked_by(self) -> int | None:
         """Exception code with which its triggers are refused, for a lost target of its own or its group's."""
         return self.motion.blocked_by if self.motion.is_blocked else self.blocked_by_peer

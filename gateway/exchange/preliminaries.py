@@ -122,8 +122,9 @@ def _read_for_run(
 ) -> AddedFrame | None:
     """Return what must be read before a whole target can be rendered."""
     known = request.known
-    if axis.plan.name not in known.actual and needs_look(axis, request.now_ns, action):
-        return read_field(axis, Purpose.LOOK, axis.plan.actual[0])
+    actual = axis.asked_actual
+    if actual is not None and axis.plan.name not in known.actual and needs_look(axis, request.now_ns, action):
+        return read_field(axis, Purpose.LOOK, actual)
     field = axis.plan.command[number]
     counts = counts_of(field, field.unpack(words))
     if action.is_relative:
@@ -134,9 +135,9 @@ def _read_for_run(
         if added is not None or base is None or base.is_standing or not counts:
             return added
         counts += base.nominal_counts
-    if axis.plan.name in known.actual or not needs_actual(axis, counts, request.now_ns):
+    if actual is None or axis.plan.name in known.actual or not needs_actual(axis, counts, request.now_ns):
         return None
-    return read_field(axis, Purpose.ACTUAL, axis.plan.actual[0])
+    return read_field(axis, Purpose.ACTUAL, actual)
 
 
 def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:

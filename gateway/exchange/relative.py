@@ -22,13 +22,14 @@ def next_base_read(axis: AxisExchange, action: Action, known: Known) -> AddedFra
         for bit_name in (DONE_BIT, MOVING_BIT):
             if bit_name in bits:
                 return read_bit(axis, Purpose.STANDING, bits[bit_name])
-    if axis.is_distance_unproven and axis.plan.actual:
-        return None if name in known.actual else read_field(axis, Purpose.ACTUAL, axis.plan.actual[0])
+    actual, commanded = axis.asked_actual, axis.asked_commanded
+    if axis.is_distance_unproven and actual is not None:
+        return None if name in known.actual else read_field(axis, Purpose.ACTUAL, actual)
     if _counts_from_commanded(axis, action):
-        if name not in known.commanded:
-            return read_field(axis, Purpose.COMMANDED, axis.plan.commanded[0])
-    elif axis.plan.actual and name not in known.actual:
-        return read_field(axis, Purpose.ACTUAL, axis.plan.actual[0])
+        if commanded is not None and name not in known.commanded:
+            return read_field(axis, Purpose.COMMANDED, commanded)
+    elif actual is not None and name not in known.actual:
+        return read_field(axis, Purpose.ACTUAL, actual)
     return None
 
 
@@ -61,7 +62,7 @@ def _is_place_untold(axis: AxisExchange, known: Known) -> bool:
 
 
 def _counts_from_commanded(axis: AxisExchange, action: Action) -> bool:
-    return bool(axis.plan.commanded) and action is not Action.RELATIVE_TO_ACTUAL
+    return axis.asked_commanded is not None and action is not Action.RELATIVE_TO_ACTUAL
 
 
 def _base_at(axis: AxisExchange, counts: Counts, standing: Standing, *, tolerance: float) -> Base | None:

@@ -167,7 +167,7 @@ def take_offset(axis: AxisExchange, number: int, nominal_words: bytes, seen: See
     Read for this setpoint; where the gateway may not read, seen in passing a moment ago.
     """
     actual = seen.fresh
-    if actual is None and not axis.may_read and axis.actual is not None:
+    if actual is None and axis.asked_actual is None and axis.actual is not None:
         is_recent = seen.now_ns - axis.actual.seen_ns <= RECENT_NS
         actual = axis.actual if is_recent else None
     field_ = axis.plan.command[number]
@@ -186,7 +186,7 @@ def take_offset(axis: AxisExchange, number: int, nominal_words: bytes, seen: See
 
 def needs_actual(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> bool:
     """Whether an actual position has to be read before this target can be rendered (M6)."""
-    if not axis.may_read or not axis.plan.actual:
+    if axis.asked_actual is None:
         return False
     if needs_offset(axis):
         return True
@@ -205,7 +205,7 @@ def needs_look(axis: AxisExchange, now_ns: int, action: Action) -> bool:
 
     Never in a stream, and not where it makes no difference: a correction of one branch, an absolute target.
     """
-    return axis.may_read and _is_doubtful(axis, now_ns, action)
+    return axis.asked_actual is not None and _is_doubtful(axis, now_ns, action)
 
 
 def _is_doubtful(axis: AxisExchange, now_ns: int, action: Action) -> bool:
@@ -283,7 +283,7 @@ def _known_place(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> Pla
     accepted = axis.compensation.accepted
     if accepted is not None and axis.arrival.is_proven:
         return Place(accepted.nominal_counts, PlaceKind.REACHED)
-    if accepted is not None and axis.arrival.stage is Stage.DONE_SAID and not axis.may_read:
+    if accepted is not None and axis.arrival.stage is Stage.DONE_SAID and axis.asked_actual is None:
         return Place(accepted.nominal_counts, PlaceKind.ASSUMED)
     actual = axis.actual
     settings = axis.plan.settings

@@ -67,7 +67,11 @@ def test_words_may_be_written_one_by_one_where_a_trigger_or_one_word_is_all(
         (edited(WITHOUT_ACTUAL) + DISTANCES, "neither commanded nor actual is mapped"),
         (
             edited((ACTUAL, ACTUAL.replace(" }]", ', access = "write" }]'))) + DISTANCES,
-            "neither commanded nor actual is mapped",
+            "no read of its own registers brings commanded or actual",
+        ),
+        (
+            edited((ACTUAL, ACTUAL.replace(" }]", ", block = 0x051F }]"))) + DISTANCES,
+            "no read of its own registers brings commanded or actual",
         ),
         (edited(*STANDS) + DISTANCES, "neither bits.done nor bits.moving is mapped"),
     ],

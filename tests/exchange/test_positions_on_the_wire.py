@@ -1,6 +1,8 @@
 """Commands go out corrected, readings come back nominal, everything else stays as it was."""
 
 import struct
+from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -9,7 +11,7 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.plan import CompensationMode, Reference
 from gateway.exchange.status import axis_status, direction_state
-from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
+from gateway.modbus.registers import BitField, FieldAccess, PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, stream_plan, write
 
 
@@ -32,6 +34,17 @@ def test_added_reads_can_be_turned_off() -> None:
     bench = Bench(axis_plan(added_frames=False))
     bench.move(50_000)
     assert len(bench.seen) == 1
+    assert bench.memory.get(COMMAND) == 50_000  # half way between the branches
+    assert direction_state(bench.line.axes[0]) == "unsure"
+
+
+@pytest.mark.parametrize("where", [{"access": FieldAccess.WRITE}, {"block": ACTUAL.address - 1}])
+def test_w8_a_position_that_no_read_brings_alone_is_never_asked_for(where: dict[str, Any]) -> None:
+    """At its address the drive shows something else: here 80 000, from where the move would be backward."""
+    bench = Bench(axis_plan(actual=(replace(ACTUAL, **where),)))
+    bench.memory.put(ACTUAL, 80_000)
+    bench.move(50_000)
+    assert [pdu[0] for pdu in bench.seen] == [0x10]
     assert bench.memory.get(COMMAND) == 50_000  # half way between the branches
     assert direction_state(bench.line.axes[0]) == "unsure"
 
