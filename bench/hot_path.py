@@ -16,7 +16,7 @@ from gateway.compensation.settings import AxisSettings, Setpoints, ThermalSettin
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.control import set_temperature
-from gateway.exchange.life import Exchange
+from gateway.exchange.fast_path import find_path
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import (
     AxisPlan,
@@ -27,7 +27,7 @@ from gateway.exchange.plan import (
     Reference,
 )
 from gateway.exchange.ports import Stamps, Unmeasured
-from gateway.exchange.short_ways import find_way
+from gateway.exchange.transaction import Transaction
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
@@ -192,13 +192,13 @@ def rewritten_request() -> Callable[[int], object]:
     for counts in range(0, 100_000, 100):  # until the change-over at the start is over
         line.request(wire, 0, 1, head + COMMAND.pack(counts), counts)
         line.reply(1, head[:5], counts)
-    way = find_way(UnitMap(line.axes), 1, head + COMMAND.pack(0))
-    assert way is not None
+    path = find_path(UnitMap(line.axes), 1, head + COMMAND.pack(0))
+    assert path is not None
     frames = [encode_rtu(1, head + COMMAND.pack(counts)) for counts in range(100_000, 300_000, 100)]
 
     def call(i: int) -> None:
         for unit_id, pdu in requests.feed(frames[i], i):
-            corrected = way.sent(Exchange(wire, 0, unit_id, pdu, i), i)
+            corrected = path.sent(Transaction(wire, 0, unit_id, pdu, i), i)
             assert corrected is not None
             encode_rtu(unit_id, corrected)
 
@@ -213,14 +213,14 @@ def measured_exchange() -> Callable[[int], object]:
     link.stamps.ready_ns, link.stamps.sent_ns = now_ns + 4_000, now_ns + 9_000
     port.stamps.sent_ns = now_ns + 908_000
     line = LineExchange([plan_of_x()], LineTiming(), link, lambda _: None)
-    exchange = Exchange(port, 0, 1, b"\x10\x62\x01\x00\x02\x04\x00\x00\x00\x00", now_ns)
+    transaction = Transaction(port, 0, 1, b"\x10\x62\x01\x00\x02\x04\x00\x00\x00\x00", now_ns)
     echo = b"\x10\x62\x01\x00\x02"
     note, clock = line.meter.note, time.monotonic_ns
 
     def call(i: int) -> None:
         clock()
         clock()
-        note(exchange, port, echo, now_ns + 900_000 + i)
+        note(transaction, port, echo, now_ns + 900_000 + i)
 
     return call
 

@@ -27,6 +27,7 @@ COMPILERS = ("mypy", "setuptools")
 PATTERNS = (
     "compensation/*.py",
     "exchange/*.py",
+    "exchange/axis/*.py",
     "modbus/*.py",
     "relay/controller_port.py",
     "relay/drive_link.py",

@@ -330,12 +330,22 @@ class AxisCompensation:
             and self._steady_map is self.map_of(state)
         )
 
+    def accept_again(self, target: Accepted) -> None:
+        """The axis stands at a target that the drive accepted before: what was sent since did not run."""
+        self.accepted = target
+
     def resume(
-        self, state: State, accepted: Accepted | None, anchor_counts: float, fade: Fade | None
+        self,
+        state: State,
+        accepted: Accepted | None,
+        anchor_counts: float,
+        fade: Fade | None,
+        way: tuple[float, float],
     ) -> None:
         """Go on where another run of the gateway left off; what is wanted stays."""
         self.state = state
         self.accepted = accepted
+        self.way = way
         self.readback = Readback(
             self._counts_per_unit, self._zero_counts, self.map_of(state), anchor_counts, fade
         )

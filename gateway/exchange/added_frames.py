@@ -14,11 +14,11 @@ from typing import Final
 
 from gateway.drives.motion import Form
 from gateway.exchange.access import MEI_HEAD, swapped
-from gateway.exchange.axis import Actual, AxisExchange, Rendering
+from gateway.exchange.axis.state import HOMING, Actual, Rendering
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of
-from gateway.exchange.known import Known, Standing
-from gateway.exchange.observing import observe_actual, observe_bit, observe_done, prove_distance
 from gateway.exchange.plan import DONE_BIT
+from gateway.exchange.request import Known, Standing
 from gateway.exchange.unit import FieldHit
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, FunctionCode
@@ -54,7 +54,7 @@ _WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.RULE})
 class AddedFrame:
     """One read of ``quantity`` registers for one axis, or one write of ``words``."""
 
-    axis: AxisExchange
+    axis: Axis
     purpose: Purpose
     address: int
     quantity: int
@@ -64,7 +64,7 @@ class AddedFrame:
     rendering: Rendering | None = None
     """Of a restaged target."""
     losses: int = 0
-    """Of its shadow, when it was made."""
+    """Of its field, when it was made."""
 
     @property
     def pdu(self) -> bytes:
@@ -121,70 +121,68 @@ def _general_reference(index: int, quantity: int, words: bytes) -> bytes:
     return head + bytes(2) + index.to_bytes(2, "big") + bytes(4) + bytes((count,)) + data
 
 
-def read_field(axis: AxisExchange, purpose: Purpose, field: PositionField) -> AddedFrame:
+def read_field(axis: Axis, purpose: Purpose, field: PositionField) -> AddedFrame:
     """Return the read of a whole position."""
     return AddedFrame(axis, purpose, field.address, field.words)
 
 
-def read_word(axis: AxisExchange, address: int) -> AddedFrame:
+def read_word(axis: Axis, address: int) -> AddedFrame:
     """Return the read of a mode or trigger register."""
     return AddedFrame(axis, Purpose.RULE, address, 1)
 
 
-def read_bit(axis: AxisExchange, purpose: Purpose, bit: BitField) -> AddedFrame:
+def read_bit(axis: Axis, purpose: Purpose, bit: BitField) -> AddedFrame:
     """Return the read of a status bit."""
     return AddedFrame(axis, purpose, bit.address, 1, bit=bit)
 
 
-def homed_read(axis: AxisExchange) -> AddedFrame | None:
+def homed_read(axis: Axis) -> AddedFrame | None:
     """Return the read of the bit on which the reference of an axis hangs at the moment."""
     bit = axis.plan.bits.get(axis.homed_bit)
-    is_needed = axis.reference.follows_bit or axis.reference.is_homing
+    is_needed = axis.follows_homed_bit or axis.reference in HOMING
     if not is_needed or not axis.may_read or bit is None:
         return None
     return read_bit(axis, Purpose.HOMED, bit)
 
 
-def reads_at_start(axes: Sequence[AxisExchange]) -> list[AddedFrame]:
+def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
     """Return what is read when the line comes up: every homed bit, then where axes with a record stand."""
     reads: list[AddedFrame | None] = []
     for axis in axes:
-        if axis.memory is not None:
-            axis.memory.go_on()
+        if axis.record is not None:
+            axis.record.go_on()
         reads.append(homed_read(axis))
     for axis in axes:
-        is_undecided = axis.memory is not None and axis.memory.recalled is not None
         actual = axis.asked_actual
-        if is_undecided and actual is not None:
+        if axis.is_recalling and actual is not None:
             reads.append(read_field(axis, Purpose.ACTUAL, actual))
     return [read for read in reads if read is not None]
 
 
-def restage(rendering: Rendering) -> AddedFrame | None:
+def restaging(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write that brings the drive's words in line with a rendering, if any (M2)."""
-    held, wanted = rendering.shadow.corrected_words, rendering.corrected_words
+    held, wanted = axis.fields[rendering.number].corrected_words, rendering.corrected_words
     if held == wanted:
         return None
-    axis = rendering.axis
-    place = axis.plan.command[axis.shadows.index(rendering.shadow)]
+    place = axis.plan.command[rendering.number]
     if axis.plan.writes_with is not Form.FC06:
-        return _restaging(rendering, place.address, wanted)
+        return _restaging(axis, rendering, place.address, wanted)
     for word in range(place.words):
         start, end = 2 * word, 2 * word + 2
         if held is None or held[start:end] != wanted[start:end]:
-            return _restaging(rendering, place.address + word, wanted[start:end])
+            return _restaging(axis, rendering, place.address + word, wanted[start:end])
     return None
 
 
-def _restaging(rendering: Rendering, address: int, words: bytes) -> AddedFrame:
+def _restaging(axis: Axis, rendering: Rendering, address: int, words: bytes) -> AddedFrame:
     return AddedFrame(
-        rendering.axis,
+        axis,
         Purpose.RESTAGE,
         address,
         len(words) // 2,
         words=words,
         rendering=rendering,
-        losses=rendering.shadow.losses,
+        losses=axis.fields[rendering.number].losses,
     )
 
 
@@ -192,15 +190,8 @@ def note_restaged(frame: AddedFrame) -> None:
     """Take note of an acknowledged write of a staged target."""
     rendering = frame.rendering
     assert rendering is not None
-    shadow = rendering.shadow
-    words = frame.words
-    if len(words) < len(rendering.corrected_words):
-        held = bytearray(shadow.corrected_words or bytes(len(rendering.corrected_words)))
-        place = rendering.axis.plan.command[rendering.axis.shadows.index(shadow)]
-        at = 2 * (frame.address - place.address)
-        held[at : at + len(words)] = words
-        words = bytes(held)
-    shadow.settle(rendering.nominal_words, words, frame.losses)
+    first = frame.address - frame.axis.plan.command[rendering.number].address
+    frame.axis.restage(rendering, first, frame.words, frame.losses)
 
 
 def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
@@ -214,29 +205,27 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
     if read.purpose is Purpose.HOMED:
         known.references.add(name)
         assert read.bit is not None
-        observe_bit(
-            axis, axis.homed_bit, asked_ns, is_set=words is not None and read.bit.is_set(_word(words))
-        )
+        axis.observe_bit(axis.homed_bit, asked_ns, is_set=words is not None and read.bit.is_set(_word(words)))
     elif read.purpose in (Purpose.ACTUAL, Purpose.LOOK):
         field = axis.plan.actual[0]
-        known.actual[name] = None if words is None else observe_actual(axis, field, words, asked_ns)
+        known.actual[name] = None if words is None else axis.observe_actual(field, words, asked_ns)
         actual = known.actual[name]
-        if read.purpose is Purpose.LOOK and actual is not None and not axis.is_at_target(actual.counts):
-            axis.forget_place()
+        if read.purpose is Purpose.LOOK and actual is not None:
+            axis.look(actual)
     elif read.purpose is Purpose.COMMANDED:
         field = axis.plan.commanded[0]
         counts = known.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
         if counts is not None and not axis.plan.actual:
-            prove_distance(axis, Actual(counts, asked_ns))
+            axis.prove_distance(Actual(counts, asked_ns))
     elif read.purpose is Purpose.RULE:
         known.rule_words.setdefault(name, {})[read.address] = None if words is None else _word(words)
         if words is not None:
-            axis.motion.note_read(read.address, _word(words))
+            axis.note_rule(read.address, _word(words))
     elif read.purpose is Purpose.STANDING:
         _learn_standing(read, words, known, asked_ns)
     else:
         assert read.hit is not None
-        known.command_words[id(read.hit.place.shadow)] = _nominal_command(read.hit, words)
+        known.command_words[axis.plan.name, read.hit.place.number] = _nominal_command(read.hit, words)
 
 
 def _learn_standing(read: AddedFrame, words: bytes | None, known: Known, asked_ns: int) -> None:
@@ -248,12 +237,12 @@ def _learn_standing(read: AddedFrame, words: bytes | None, known: Known, asked_n
     is_set = read.bit.is_set(_word(words))
     is_done = read.bit is axis.plan.bits.get(DONE_BIT)
     if is_done:
-        observe_done(axis, asked_ns, is_done=is_set)
+        axis.observe_done(asked_ns, is_done=is_set)
     else:
-        axis.arrival.hear(asked_ns, moves=is_set)
+        axis.hear(asked_ns, moves=is_set)
     if is_set is not is_done:
         known.standing[axis.plan.name] = Standing.MOVES
-    elif axis.arrival.has_started(asked_ns):
+    elif axis.has_started(asked_ns):
         known.standing[axis.plan.name] = Standing.STANDS
     else:
         known.standing[axis.plan.name] = Standing.SAYS_SO

@@ -3,27 +3,28 @@
 from collections.abc import Callable
 
 from gateway.exchange.access import only_reads
+from gateway.exchange.axis.events import Outcome
 from gateway.exchange.dispatch import Units
-from gateway.exchange.endings import Endings
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import UNSEEN, Denial, Gate
-from gateway.exchange.life import QUEUE_LIMIT, Exchange
 from gateway.exchange.meaning import Meaning
+from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.ports import ControllerPort
+from gateway.exchange.queue import QUEUE_LIMIT
 from gateway.exchange.rights import UNLIMITED
-from gateway.exchange.seldom import Seldom, times
-from gateway.exchange.writers import Writers
+from gateway.exchange.throttle import Throttle, times
+from gateway.exchange.transaction import Answer, Endings, Transaction
 from gateway.modbus.pdu import ExceptionCode
 
 
-def judge(units: Units, exchange: Exchange, *, is_free: bool) -> tuple[bool, list[Meaning]]:
+def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[bool, list[Meaning]]:
     """Return whether a controller's role allows a request, and what it stops as far as that matters.
 
     A motion controller's stop on a free line need not be told from its other requests.
     """
-    assert exchange.port is not None
-    role, unit_id, pdu = exchange.port.plan.role, exchange.unit_id, exchange.pdu
+    assert transaction.port is not None
+    role, unit_id, pdu = transaction.port.plan.role, transaction.unit_id, transaction.pdu
     if only_reads(pdu):
         return True, []
     stops: list[Meaning] = []
@@ -37,14 +38,14 @@ class Admission:
     """The doors of one line: what is not allowed is refused here, counted, and told of seldom."""
 
     def __init__(
-        self, units: Units, ends: Endings, writers: Writers, on_event: Callable[[Event], None]
+        self, units: Units, ends: Endings, ownership: Ownership, on_event: Callable[[Event], None]
     ) -> None:
         self._units = units
         self._ends = ends
-        self._writers = writers
+        self._ownership = ownership
         self._on_event = on_event
         self._gates: dict[ControllerPlan, Gate] = {}
-        self._told = Seldom()
+        self._told = Throttle()
 
     def lets_in(
         self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
@@ -52,7 +53,7 @@ class Admission:
         """Return whether a controller's rights allow a request; what they do not is answered."""
         gate = port.gate
         if gate is UNSEEN:
-            self._writers.came(port)
+            self._ownership.came(port)
             gate = port.gate = self._gate_of(port.plan)
         if gate is None:
             return True
@@ -61,48 +62,53 @@ class Admission:
             denial = gate.too_often
         if denial is None:
             return True
-        exchange = Exchange(port, transaction_id, unit_id, pdu, now_ns)
-        if port.plan.role is Role.MOTION:
-            self._ends.note_unsent(exchange, denial.code)
-        self._deny(exchange, denial, now_ns)
+        transaction = Transaction(port, transaction_id, unit_id, pdu, now_ns)
+        self._deny(transaction, denial, now_ns, is_lost=port.plan.role is Role.MOTION)
         return False
 
     def gone(self, port: ControllerPort, now_ns: int) -> None:
         """Note that a connection is gone; a serial port may come back."""
         if port.gate is not UNSEEN:
             port.gate = UNSEEN
-            self._writers.gone(port, now_ns)
+            self._ownership.gone(port, now_ns)
 
-    def deny_role(self, exchange: Exchange, now_ns: int) -> None:
+    def deny_role(self, transaction: Transaction, now_ns: int) -> None:
         """Refuse what the role of a controller does not allow."""
-        assert exchange.port is not None
-        detail = f"a request that may write, from a {exchange.port.plan.role.value}"
-        if exchange.port.plan.role is Role.OPERATOR:
+        assert transaction.port is not None
+        detail = f"a request that may write, from a {transaction.port.plan.role.value}"
+        if transaction.port.plan.role is Role.OPERATOR:
             detail = "a request that does more than read and stop, from an operator"
-        self._deny(exchange, Denial(ExceptionCode.ILLEGAL_FUNCTION, "role", detail), now_ns)
+        denial = Denial(ExceptionCode.ILLEGAL_FUNCTION, "role", detail)
+        self._deny(transaction, denial, now_ns, is_lost=False)
 
-    def deny_queue(self, exchange: Exchange, now_ns: int) -> None:
+    def deny_queue(self, transaction: Transaction, now_ns: int) -> None:
         """Refuse what has no room left to wait in."""
-        self._ends.note_unsent(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
         detail = f"{QUEUE_LIMIT} of its requests wait already"
-        self._deny(exchange, Denial(ExceptionCode.SERVER_DEVICE_BUSY, "", detail), now_ns)
+        self._deny(transaction, Denial(ExceptionCode.SERVER_DEVICE_BUSY, "", detail), now_ns, is_lost=True)
 
-    def _deny(self, exchange: Exchange, denial: Denial, now_ns: int) -> None:
-        port = exchange.port
+    def _deny(self, transaction: Transaction, denial: Denial, now_ns: int, *, is_lost: bool) -> None:
+        port = transaction.port
         assert port is not None
         count = self._told.due((port.plan.name, denial.key), now_ns)
         if count:
             more = (
                 ("controller", port.plan.name),
                 ("peer", port.peer),
-                ("function_code", exchange.pdu[0]),
-                ("unit_id", exchange.unit_id),
+                ("function_code", transaction.pdu[0]),
+                ("unit_id", transaction.unit_id),
                 ("key", denial.key),
             )
             key = f" ({denial.key})" if denial.key else ""
             detail = f"{port.writer} may not do this: {denial.detail}{key}{times(count)}"
             self._on_event(Event(EventKind.REQUEST_REFUSED, None, detail, more))
-        self._ends.deny(exchange, denial.code)
+        self._ends.finish(
+            transaction,
+            Outcome.NEVER_SENT,
+            now_ns,
+            code=denial.code,
+            answer=Answer.DENIAL,
+            is_lost=is_lost,
+        )
 
     def _stops(self, unit_id: int, pdu: bytes) -> bool:
         return self._units.have_rules and bool(self._units.stops_of(unit_id, pdu))

@@ -17,8 +17,8 @@ exchange was seen for a second, monitors need not wait at all.
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.exchange.life import Exchange
 from gateway.exchange.plan import LineTiming
+from gateway.exchange.transaction import Transaction
 from gateway.times import NS_PER_MS, NS_PER_S
 
 WINDOW_NS: Final = NS_PER_S // 2
@@ -77,7 +77,7 @@ class Gaps:
         """Of the gaps of ``quiet_ms`` and more."""
         self._durations_ns: dict[bytes, int] = {}
         self._motion_ns = 0
-        self._forced: Exchange | None = None
+        self._forced: Transaction | None = None
         """The last one that went although it did not fit."""
         self._forced_since_ns = 0
         self._next_forced_ns = 0
@@ -92,25 +92,27 @@ class Gaps:
         if gap_ns >= self._quiet_ns:
             self._long.note(gap_ns, now_ns)
 
-    def ended(self, exchange: Exchange, now_ns: int, rests_until_ns: int | None = None) -> None:
+    def ended(self, transaction: Transaction, now_ns: int, rests_until_ns: int | None = None) -> None:
         """Note the end of an exchange, answered or not, and the rest of the line that it leaves behind it."""
         if not self.is_watching:
             return
-        if exchange.is_motion:
+        if transaction.is_motion:
             self._ended_ns = now_ns
-            self._motion_ns = max(now_ns - exchange.sent_ns, self._motion_ns - self._motion_ns // SHRINKS)
+            self._motion_ns = max(now_ns - transaction.sent_ns, self._motion_ns - self._motion_ns // SHRINKS)
             return
         free_ns = now_ns if rests_until_ns is None else rests_until_ns
         if len(self._durations_ns) >= REMEMBERED:
             self._durations_ns.clear()
-        before_ns = self._durations_ns.get(_key(exchange), 0)
-        self._durations_ns[_key(exchange)] = max(free_ns - exchange.sent_ns, before_ns - before_ns // SHRINKS)
+        before_ns = self._durations_ns.get(_key(transaction), 0)
+        self._durations_ns[_key(transaction)] = max(
+            free_ns - transaction.sent_ns, before_ns - before_ns // SHRINKS
+        )
         # One that needs a frame of the gateway's own first ends twice; it held the line for both.
-        if exchange is self._forced:
+        if transaction is self._forced:
             held_ns = free_ns - self._forced_since_ns
             self._next_forced_ns = free_ns + max(self._max_wait_ns, PAID_BACK * held_ns)
 
-    def choose(self, first: Sequence[Exchange], now_ns: int) -> tuple[Exchange | None, int | None]:
+    def choose(self, first: Sequence[Transaction], now_ns: int) -> tuple[Transaction | None, int | None]:
         """Return the first exchange whose turn it is; else None, and when to ask again.
 
         The line is free, and no motion waits. One whose controller has given up is returned too: it is to be
@@ -118,43 +120,45 @@ class Gaps:
         """
         idle_ns = self._idle_ns(now_ns)
         is_chance = not 0 < idle_ns < self._quiet_ns
-        for exchange in first:
-            if idle_ns >= NS_PER_S or exchange.why_given_up(now_ns):
-                return exchange, None
+        for transaction in first:
+            if idle_ns >= NS_PER_S or transaction.why_given_up(now_ns):
+                return transaction, None
             if not is_chance:
                 continue
-            if self._fits(exchange, idle_ns, now_ns):
-                return exchange, None
-            if now_ns >= self._forced_from_ns(exchange):
-                self._forced, self._forced_since_ns = exchange, now_ns
-                return exchange, None
-        return None, min((self.next_chance_ns(exchange, now_ns) for exchange in first), default=None)
+            if self._fits(transaction, idle_ns, now_ns):
+                return transaction, None
+            if now_ns >= self._forced_from_ns(transaction):
+                self._forced, self._forced_since_ns = transaction, now_ns
+                return transaction, None
+        return None, min((self.next_chance_ns(transaction, now_ns) for transaction in first), default=None)
 
-    def next_chance_ns(self, exchange: Exchange, now_ns: int) -> int:
+    def next_chance_ns(self, transaction: Transaction, now_ns: int) -> int:
         """When to ask again, if no motion exchange comes before."""
         ended_ns = now_ns - self._idle_ns(now_ns)
         next_ns = ended_ns + self._quiet_ns
-        if not self._fits(exchange, self._quiet_ns, next_ns) or next_ns <= now_ns:
-            next_ns = max(next_ns, self._forced_from_ns(exchange))
-        if exchange.port is not None:  # then it is to be withdrawn
-            given_up_ns = exchange.arrived_ns + int(exchange.port.plan.timeout_ms * NS_PER_MS) + 1
+        if not self._fits(transaction, self._quiet_ns, next_ns) or next_ns <= now_ns:
+            next_ns = max(next_ns, self._forced_from_ns(transaction))
+        if transaction.port is not None:  # then it is to be withdrawn
+            given_up_ns = transaction.arrived_ns + int(transaction.port.plan.timeout_ms * NS_PER_MS) + 1
             next_ns = min(next_ns, given_up_ns)
         return max(now_ns + 1, min(next_ns, ended_ns + NS_PER_S))
 
     def _idle_ns(self, now_ns: int) -> int:
         return NS_PER_S if self._ended_ns is None else now_ns - self._ended_ns
 
-    def _forced_from_ns(self, exchange: Exchange) -> int:
+    def _forced_from_ns(self, transaction: Transaction) -> int:
         """When it goes at the next chance although it does not fit."""
         max_wait_ns = self._max_wait_ns
-        if exchange.port is not None:
-            max_wait_ns = min(max_wait_ns, int(exchange.port.plan.timeout_ms * NS_PER_MS) // 2)
-        return max(exchange.arrived_ns + max_wait_ns, self._next_forced_ns)
+        if transaction.port is not None:
+            max_wait_ns = min(max_wait_ns, int(transaction.port.plan.timeout_ms * NS_PER_MS) // 2)
+        return max(transaction.arrived_ns + max_wait_ns, self._next_forced_ns)
 
-    def _fits(self, exchange: Exchange, idle_ns: int, now_ns: int) -> bool:
+    def _fits(self, transaction: Transaction, idle_ns: int, now_ns: int) -> bool:
         gap_ns = (self._long if idle_ns else self._any).get(now_ns)
-        return gap_ns is None or self._durations_ns.get(_key(exchange), self._motion_ns) <= gap_ns - idle_ns
+        return (
+            gap_ns is None or self._durations_ns.get(_key(transaction), self._motion_ns) <= gap_ns - idle_ns
+        )
 
 
-def _key(exchange: Exchange) -> bytes:
-    return bytes((exchange.unit_id,)) + exchange.pdu[:HEAD_BYTES]
+def _key(transaction: Transaction) -> bytes:
+    return bytes((transaction.unit_id,)) + transaction.pdu[:HEAD_BYTES]

@@ -12,7 +12,8 @@ from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.errors import CompensationError, TemperatureError
 from gateway.compensation.settings import Gain, Setpoints
 from gateway.compensation.table import CorrectionTable
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.state import Switched
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.plan import AxisPlan
 
 ROUNDING: Final = 1e-9
@@ -118,7 +119,7 @@ class ControlError(Exception):
     """A request that cannot be followed; the message says why, and what to do."""
 
 
-def carry_out(axes: Sequence[AxisExchange], message: Control, now_ns: int) -> dict[str, str]:
+def carry_out(axes: Sequence[Axis], message: Control, now_ns: int) -> dict[str, str]:
     """Do what a message asks for; return the axes that changed, each with how that comes into force.
 
     That is "" where there is nothing to say about it. Nothing moves by itself.
@@ -143,7 +144,7 @@ def carry_out(axes: Sequence[AxisExchange], message: Control, now_ns: int) -> di
             return dict.fromkeys(set_temperature(axes, message.axis, message.celsius, now_ns), "")
 
 
-def switch(axes: Sequence[AxisExchange], name: str, *, is_wanted: bool) -> tuple[str, ...]:
+def switch(axes: Sequence[Axis], name: str, *, is_wanted: bool) -> tuple[str, ...]:
     """Apply the table of an axis and of its whole group, or stop to; return their names.
 
     Nothing moves by itself: it comes into force with the next different target, or blended over setpoints.
@@ -155,7 +156,7 @@ def switch(axes: Sequence[AxisExchange], name: str, *, is_wanted: bool) -> tuple
     for axis in members:
         if is_wanted and axis.plan.table is None:
             raise ControlError(f"axis {axis.plan.name} has no table: name one in the configuration first")
-        if is_wanted and axis.is_ended:
+        if is_wanted and axis.switched is Switched.ENDED:
             raise ControlError(
                 f"the registers of axis {axis.plan.name} were moved about on its drive: check the drive, "
                 "then restart the gateway"
@@ -165,14 +166,14 @@ def switch(axes: Sequence[AxisExchange], name: str, *, is_wanted: bool) -> tuple
     return tuple(axis.plan.name for axis in members)
 
 
-def declare(axes: Sequence[AxisExchange], name: str) -> tuple[str, ...]:
+def declare(axes: Sequence[Axis], name: str) -> tuple[str, ...]:
     """Take an axis as standing where its drive says; return its name.
 
     Raises:
         ControlError: no such axis, or its drive's homed bit decides.
     """
     axis = _group_of(axes, name)[0]
-    if axis.reference.follows_bit:
+    if axis.follows_homed_bit:
         raise ControlError(
             f'axis {name} is referenced by its drive\'s homed bit (referenced = "drive-bit"): home the drive'
         )
@@ -180,7 +181,7 @@ def declare(axes: Sequence[AxisExchange], name: str) -> tuple[str, ...]:
     return (name,)
 
 
-def set_tables(axes: Sequence[AxisExchange], changes: Sequence[TableChange]) -> dict[str, str]:
+def set_tables(axes: Sequence[Axis], changes: Sequence[TableChange]) -> dict[str, str]:
     """Give axes other tables, all of them or none; return how each comes into force, by name.
 
     Nothing here walks over the points of a table.
@@ -206,7 +207,7 @@ def set_tables(axes: Sequence[AxisExchange], changes: Sequence[TableChange]) -> 
     return {axis.plan.name: _comes(axis) for axis in members}
 
 
-def clear_table(axes: Sequence[AxisExchange], name: str) -> dict[str, str]:
+def clear_table(axes: Sequence[Axis], name: str) -> dict[str, str]:
     """Take the table of an axis and of its whole group away; return how the correction goes, by name.
 
     Raises:
@@ -218,9 +219,7 @@ def clear_table(axes: Sequence[AxisExchange], name: str) -> dict[str, str]:
     return {axis.plan.name: _comes(axis) for axis in members}
 
 
-def set_gain(
-    axes: Sequence[AxisExchange], name: str, gain: Gain, *, is_configured: bool = False
-) -> dict[str, str]:
+def set_gain(axes: Sequence[Axis], name: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
     """Apply another share of the tables of an axis and its whole group; return how each comes into force.
 
     ``is_configured``: as in :class:`SetGain`.
@@ -235,7 +234,7 @@ def set_gain(
     return {axis.plan.name: _comes(axis) for axis in members}
 
 
-def set_limits(axes: Sequence[AxisExchange], name: str, limits: Limits) -> tuple[str, ...]:
+def set_limits(axes: Sequence[Axis], name: str, limits: Limits) -> tuple[str, ...]:
     """Give an axis other limits, from now on; return its name where they were others.
 
     Raises:
@@ -250,12 +249,11 @@ def set_limits(axes: Sequence[AxisExchange], name: str, limits: Limits) -> tuple
         max_slope=limits.max_slope,
         travel_margin=limits.travel_margin,
     )
-    axis.plan = replace(axis.plan, settings=settings, budget_us=limits.budget_us)
-    axis.compensation.take_limits(settings)
+    axis.limit(replace(axis.plan, settings=settings, budget_us=limits.budget_us), settings)
     return (name,)
 
 
-def set_temperature(axes: Sequence[AxisExchange], name: str, celsius: float, now_ns: int) -> tuple[str, ...]:
+def set_temperature(axes: Sequence[Axis], name: str, celsius: float, now_ns: int) -> tuple[str, ...]:
     """Tell an axis the temperature of its screw; it counts from its next different target on.
 
     Raises:
@@ -271,7 +269,7 @@ def set_temperature(axes: Sequence[AxisExchange], name: str, celsius: float, now
     return (name,)
 
 
-def _check_fits(axis: AxisExchange, table: CorrectionTable) -> None:
+def _check_fits(axis: Axis, table: CorrectionTable) -> None:
     name, settings = axis.plan.name, axis.plan.settings
     if table.units is not settings.units:
         raise ControlError(f"the table for axis {name} is in {table.units.value}, not {settings.units.value}")
@@ -291,7 +289,7 @@ def _check_fits(axis: AxisExchange, table: CorrectionTable) -> None:
         raise ControlError(f"the table for axis {name}: {error}") from None
 
 
-def _check_whole(members: Sequence[AxisExchange]) -> None:
+def _check_whole(members: Sequence[Axis]) -> None:
     """Check that no axis comes twice, and that none of a group is left without a table (M11)."""
     names = [axis.plan.name for axis in members]
     for axis in members:
@@ -305,14 +303,14 @@ def _check_whole(members: Sequence[AxisExchange]) -> None:
                 )
 
 
-def _comes(axis: AxisExchange) -> str:
+def _comes(axis: Axis) -> str:
     """Say how what is wanted of an axis comes into force; nothing moves by itself."""
-    if axis.is_ended or not axis.is_enabled or not axis.is_referenced:
+    if not axis.is_enabled or not axis.is_referenced:
         return NOT_IN_FORCE
     return BLENDED if axis.plan.settings.setpoints is Setpoints.STREAM else NEXT_TARGET
 
 
-def _group_of(axes: Sequence[AxisExchange], name: str) -> tuple[AxisExchange, ...]:
+def _group_of(axes: Sequence[Axis], name: str) -> tuple[Axis, ...]:
     for axis in axes:
         if axis.plan.name == name:
             return (axis, *axis.peers)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from gateway.modbus.pdu import is_exception
+
 
 @dataclass(slots=True)
 class LineCounters:
@@ -30,3 +32,14 @@ class LineCounters:
     """Replies that are longer than a frame may be."""
     malformed: int = 0
     """Requests without a function code."""
+
+    def note_reply(self, reply: bytes) -> None:
+        """Count an exchange that a drive answered."""
+        self.exchanges += 1
+        self.exceptions += is_exception(reply)
+
+    def note_refusal(self, controller: str | None) -> None:
+        """Count a request that the gateway refused to a controller."""
+        self.refused += 1
+        if controller is not None:
+            self.refused_by[controller] = self.refused_by.get(controller, 0) + 1

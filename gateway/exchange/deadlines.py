@@ -7,13 +7,13 @@ which.
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.dispatch import Units, is_acting_on
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.life import Exchange
 from gateway.exchange.plan import Late
 from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.transaction import Transaction
 from gateway.modbus.pdu import ExceptionCode
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -26,7 +26,7 @@ class Deadlines:
 
     def __init__(
         self,
-        axes: Sequence[AxisExchange],
+        axes: Sequence[Axis],
         units: Units,
         counters: LineCounters,
         on_event: Callable[[Event], None],
@@ -38,21 +38,21 @@ class Deadlines:
         self._on_event = on_event
         self._told_ns: dict[str, int] = {}
 
-    def may_be_late(self, exchange: Exchange, now_ns: int) -> bool:
+    def may_be_late(self, transaction: Transaction, now_ns: int) -> bool:
         """Whether a request has waited longer than any axis allows."""
-        return bool(self._axes) and now_ns - exchange.arrived_ns - exchange.excused_ns > self._least_ns
+        return bool(self._axes) and now_ns - transaction.arrived_ns - transaction.excused_ns > self._least_ns
 
-    def check(self, exchange: Exchange, now_ns: int) -> None:
+    def check(self, transaction: Transaction, now_ns: int) -> None:
         """Look at the age of a target or trigger that is about to be sent.
 
         Raises:
             RefusedRequestError: it is late, and its axis wants no late ones.
         """
-        if not self.may_be_late(exchange, now_ns):
+        if not self.may_be_late(transaction, now_ns):
             return
-        age_ms = (now_ns - exchange.arrived_ns - exchange.excused_ns) / NS_PER_MS
+        age_ms = (now_ns - transaction.arrived_ns - transaction.excused_ns) / NS_PER_MS
         late = [axis for axis in self._axes if age_ms > axis.plan.deadline_ms]
-        late = [axis for axis in late if is_acting_on(self._units, exchange, [axis])]
+        late = [axis for axis in late if is_acting_on(self._units, transaction, [axis])]
         if not late:
             return
         self._counters.late_targets += 1

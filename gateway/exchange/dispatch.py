@@ -7,24 +7,22 @@ from gateway.drives.motion import Action
 from gateway.exchange.access import ACCESS, HEAD_BYTES, Access
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import Aliases, why_not_passed
-from gateway.exchange.axis import AxisExchange
-from gateway.exchange.known import NOTHING_KNOWN, Known
-from gateway.exchange.life import Exchange
+from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.fast_path import find_path
 from gateway.exchange.meaning import NO_ACCESS, Meaning, meanings
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
-from gateway.exchange.preliminaries import next_frame
-from gateway.exchange.preparing import prepare
+from gateway.exchange.prerequisites import next_frame
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.request import Request
-from gateway.exchange.short_ways import find_way
+from gateway.exchange.request import NOTHING_KNOWN, Known, Request
+from gateway.exchange.transaction import FastPath, Transaction
+from gateway.exchange.translate import prepare
 from gateway.exchange.unit import UnitMap
-from gateway.exchange.way import Way
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
 
-REMEMBERED_WAYS: Final = 4096
-"""Heads of requests whose way is remembered; a controller uses a few dozen."""
+REMEMBERED_PATHS: Final = 4096
+"""Heads of requests whose fast path is remembered; a controller uses a few dozen."""
 SHORTEST_REQUEST: Final = 5
-"""Bytes of the PDU of a request that has a short way."""
+"""Bytes of the PDU of a request that has a fast path."""
 
 
 def access_of(pdu: bytes) -> Access | None:
@@ -38,10 +36,10 @@ class Units:
 
     def __init__(
         self,
-        axes: Sequence[AxisExchange],
+        axes: Sequence[Axis],
         *,
         is_serial: bool,
-        remembered_ways: int = REMEMBERED_WAYS,
+        remembered_paths: int = REMEMBERED_PATHS,
         other_units: OtherUnits = NO_OTHER_UNITS,
     ) -> None:
         unit_ids = dict.fromkeys(axis.plan.unit_id for axis in axes)
@@ -64,8 +62,8 @@ class Units:
         """Whether any frame may mean something else than positions to be gone to at once."""
         self.broadcast_unit_ids = frozenset(unit_ids) if is_serial else None
         """The mapped unit ids that a broadcast reaches; None where nothing is broadcast."""
-        self._ways: dict[int, dict[bytes, Way | None]] = {}
-        self._remembered_ways = self._ways_left = remembered_ways
+        self._paths: dict[int, dict[bytes, FastPath | None]] = {}
+        self._remembered_paths = self._paths_left = remembered_paths
 
     def __contains__(self, unit_id: int) -> bool:
         """Whether a unit id has an axis."""
@@ -75,33 +73,33 @@ class Units:
         """Return a unit id's register map; None where it has none."""
         return self._units.get(unit_id)
 
-    def way_of(self, unit_id: int, pdu: bytes) -> Way | None:
-        """Return the short way of a request; None: it goes the long one."""
+    def path_of(self, unit_id: int, pdu: bytes) -> FastPath | None:
+        """Return the fast path of a request; None: it goes the slow one."""
         head = pdu[: HEAD_BYTES[pdu[0]]]
-        ways = self._ways.get(unit_id)
-        if ways is not None and head in ways:
-            return ways[head]
-        return self._find_way(unit_id, pdu, head)
+        paths = self._paths.get(unit_id)
+        if paths is not None and head in paths:
+            return paths[head]
+        return self._find_path(unit_id, pdu, head)
 
-    def _find_way(self, unit_id: int, pdu: bytes, head: bytes) -> Way | None:
+    def _find_path(self, unit_id: int, pdu: bytes, head: bytes) -> FastPath | None:
         self.heard.add(unit_id)
         if (
             not head
             or len(pdu) < SHORTEST_REQUEST
             or unit_id == BROADCAST_UNIT_ID
-            or not self._remembered_ways
+            or not self._remembered_paths
             or (unit_id not in self._units and self.aliases.is_unknown(unit_id))
         ):
             return None
-        if not self._ways_left:
-            self._ways.clear()
-            self._ways_left = self._remembered_ways
-        self._ways_left -= 1
-        way = find_way(self._units.get(unit_id), unit_id, pdu)
-        self._ways.setdefault(unit_id, {})[head] = way
-        return way
+        if not self._paths_left:
+            self._paths.clear()
+            self._paths_left = self._remembered_paths
+        self._paths_left -= 1
+        path = find_path(self._units.get(unit_id), unit_id, pdu)
+        self._paths.setdefault(unit_id, {})[head] = path
+        return path
 
-    def axes_of(self, unit_id: int) -> tuple[AxisExchange, ...]:
+    def axes_of(self, unit_id: int) -> tuple[Axis, ...]:
         """Return the axes that a request to a unit id reaches."""
         return self._axes.get(unit_id, ())
 
@@ -122,35 +120,35 @@ class Units:
         found = [m for unit in self.reached(unit_id) for m in meanings(unit, pdu, access_of(pdu))]
         return all(m.is_stop or (m.action is Action.IGNORE and not m.commands) for m in found)
 
-    def next_to_send(self, exchange: Exchange, now_ns: int) -> tuple[AddedFrame | None, bytes]:
+    def next_to_send(self, transaction: Transaction, now_ns: int) -> tuple[AddedFrame | None, bytes]:
         """Return what goes out next for an exchange: a frame that it needs first, or its own request.
 
         Raises:
             RefusedRequestError: it must not reach the drive.
         """
-        pdu, access = exchange.pdu, access_of(exchange.pdu)
+        pdu, access = transaction.pdu, access_of(transaction.pdu)
         if access is None and not self.have_rules:
             return None, pdu
-        if exchange.unit_id not in self._units:
-            self._check_unmapped(exchange.unit_id, pdu, access or NO_ACCESS)
-        if exchange.known is None and self.have_rules:
-            exchange.known = Known()
-        known = exchange.known or NOTHING_KNOWN
+        if transaction.unit_id not in self._units:
+            self._check_unmapped(transaction.unit_id, pdu, access or NO_ACCESS)
+        if transaction.known is None and self.have_rules:
+            transaction.known = Known()
+        known = transaction.known or NOTHING_KNOWN
         requests = []
-        for unit in self.reached(exchange.unit_id):
+        for unit in self.reached(transaction.unit_id):
             found = meanings(unit, pdu, access, known.rule_words) if unit.has_rules else []
             if access is None and not found:
                 continue
-            request = Request(unit, pdu, access or NO_ACCESS, found, known, now_ns, exchange.arrived_ns)
+            request = Request(unit, pdu, access or NO_ACCESS, found, known, now_ns, transaction.arrived_ns)
             added = next_frame(request)
             if added is not None:
                 return added, b""
             requests.append(request)
         if len(requests) == 1:
             rewriting = prepare(requests[0])
-            exchange.rewritings = (rewriting,)
+            transaction.rewritings = (rewriting,)
             return None, rewriting.sent_pdu
-        exchange.rewritings = tuple(map(prepare, requests))
+        transaction.rewritings = tuple(map(prepare, requests))
         return None, pdu
 
     def _check_unmapped(self, unit_id: int, pdu: bytes, access: Access) -> None:
@@ -161,13 +159,13 @@ class Units:
             raise RefusedRequestError(ExceptionCode.GATEWAY_PATH_UNAVAILABLE, "", reason)
 
 
-def is_acting_on(units: Units, exchange: Exchange, axes: Sequence[AxisExchange]) -> bool:
+def is_acting_on(units: Units, transaction: Transaction, axes: Sequence[Axis]) -> bool:
     """Whether a request, which is no stop, would move one of these axes or give it a target."""
-    if exchange.is_stop or exchange.port is None:
+    if transaction.is_stop or transaction.port is None:
         return False
-    for unit in units.reached(exchange.unit_id):
+    for unit in units.reached(transaction.unit_id):
         # A bit that is set now may have been cleared by a request that waits before this one.
-        for meaning in meanings(unit, exchange.pdu, access_of(exchange.pdu), may_have_risen=True):
+        for meaning in meanings(unit, transaction.pdu, access_of(transaction.pdu), may_have_risen=True):
             acts = bool(meaning.commands) or meaning.action is not Action.IGNORE
             if acts and any(meaning.axis is axis for axis in axes):
                 return True

@@ -1,7 +1,7 @@
 """What one controller may ask for beside its role: its rights, looked up by the head of a request.
 
 A verdict on a unit id and the head of a request, which says what registers it touches, is found once and
-remembered, as the short ways are.
+remembered, as the fast paths are.
 """
 
 from collections.abc import Sequence

@@ -12,34 +12,40 @@ States of the line:
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
-from gateway.exchange.added_frames import Purpose, reads_at_start
+from gateway.exchange.added_frames import AddedFrame, Purpose, learn, note_restaged, reads_at_start
 from gateway.exchange.admission import Admission, judge
-from gateway.exchange.answering import note_broadcast
 from gateway.exchange.arbitration import Gaps
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.events import Outcome
+from gateway.exchange.axis.groups import join
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import Control, SetLimits, carry_out
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.deadlines import Deadlines
-from gateway.exchange.dispatch import REMEMBERED_WAYS, Units, is_acting_on
-from gateway.exchange.endings import NO_RESPONSE, Endings
+from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.groups import join
-from gateway.exchange.life import QUEUE_LIMIT, Exchange, WaitingExchanges
-from gateway.exchange.losses import note_learned
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
-from gateway.exchange.news import AxisNews
+from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.queue import QUEUE_LIMIT, WaitingQueue
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.remembering import note_leaving
+from gateway.exchange.request import Known
 from gateway.exchange.rest import Rest
-from gateway.exchange.seldom import Seldom, times
-from gateway.exchange.silence import SilentUnits
-from gateway.exchange.writers import Writers
-from gateway.modbus.pdu import BROADCAST_UNIT_ID, MAX_PDU, ExceptionCode, is_exception
+from gateway.exchange.throttle import Throttle, times
+from gateway.exchange.transaction import (
+    LOST,
+    NO_RESPONSE,
+    Answer,
+    Endings,
+    Phase,
+    Transaction,
+    outcome_of_reply,
+)
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_exception
 from gateway.times import NS_PER_MS, NS_PER_S
 
+ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 REFUSALS_TOLD: Final = 10
 """So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
@@ -55,31 +61,31 @@ class LineExchange:
         on_event: Callable[[Event], None],
         groups: Iterable[Iterable[str]] = (),
         *,
-        remembered_ways: int = REMEMBERED_WAYS,
+        remembered_paths: int = REMEMBERED_PATHS,
         other_units: OtherUnits = NO_OTHER_UNITS,
         what_ran: Callable[[int, int], str] = lambda _since_ns, _until_ns: "",
     ) -> None:
-        self.axes = [AxisExchange(plan) for plan in axes]
+        self.axes = [Axis(plan) for plan in axes]
         join(self.axes, groups)
         self.counters = LineCounters()
         self._units = Units(
-            self.axes, is_serial=link.is_serial, remembered_ways=remembered_ways, other_units=other_units
+            self.axes, is_serial=link.is_serial, remembered_paths=remembered_paths, other_units=other_units
         )
         self._link = link
         self._on_event = on_event
-        self._news = AxisNews(self.axes, on_event)
-        self._writers = Writers(self.axes, self._units, on_event)
-        self._ends = Endings(self._units, self._writers, self.counters, self._news, on_event)
-        self._admission = Admission(self._units, self._ends, self._writers, on_event)
+        self._ownership = Ownership(self.axes, self._units, on_event)
+        self._ends = Endings(self.counters, on_event, self._lose, self._units.get)
+        self._admission = Admission(self._units, self._ends, self._ownership, on_event)
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
         self.rest = Rest(timing)
-        self._waiting = WaitingExchanges()
-        self._current: Exchange | None = None
+        self._waiting = WaitingQueue()
+        self._current: Transaction | None = None
         self.is_up = False
         """Whether there is a way to the drives."""
         self._is_stopping = False
-        self._silent = SilentUnits(self._units, self._news, on_event)
-        self._refusals = Seldom(NS_PER_S, REFUSALS_TOLD)
+        self._silent: set[int] = set()
+        """Unit ids whose last request was not answered."""
+        self._refusals = Throttle(NS_PER_S, REFUSALS_TOLD)
         self._arrived_ns = 0
         self._gaps = Gaps(timing)
         self._monitor_due_ns: int | None = None
@@ -141,47 +147,48 @@ class LineExchange:
         is_motion = port.plan.role is Role.MOTION
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
-        exchange = Exchange(port, transaction_id, unit_id, pdu, arrived_ns)
+        transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
         is_free = self._current is None and self.rest.until_ns is None
         if why_given_up and not (self.is_up and self._units.stops_of(unit_id, pdu)):
-            self._ends.withdrawn(exchange, why_given_up)
+            self._withdraw(transaction, why_given_up, now_ns)
         elif is_free and is_motion and self.is_up:
-            self._start_request(exchange, now_ns)
+            self._start_request(transaction, now_ns)
         else:
-            self._judge(exchange, now_ns, is_free=is_free)
+            self._judge(transaction, now_ns, is_free=is_free)
 
-    def _judge(self, exchange: Exchange, now_ns: int, *, is_free: bool) -> None:
+    def _judge(self, transaction: Transaction, now_ns: int, *, is_free: bool) -> None:
         """Start, queue or refuse a request that cannot simply go out."""
-        port = exchange.port
+        port = transaction.port
         assert port is not None
-        is_allowed, stops = judge(self._units, exchange, is_free=is_free)
+        is_allowed, stops = judge(self._units, transaction, is_free=is_free)
         if not is_allowed:
-            self._admission.deny_role(exchange, now_ns)
+            self._admission.deny_role(transaction, now_ns)
         elif not self.is_up:
-            self._ends.fail_unsent(exchange)
+            self._refuse_absent(transaction, now_ns)
         elif is_free and stops:
-            self._start(exchange, now_ns)
+            self._start(transaction, now_ns)
         elif stops:
-            self._overtake(exchange, stops, now_ns)
+            self._overtake(transaction, stops, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
-            self._admission.deny_queue(exchange, now_ns)
+            self._admission.deny_queue(transaction, now_ns)
         else:
-            self._gaps.is_watching |= not exchange.is_motion
-            self._waiting.add(exchange)
+            self._gaps.is_watching |= not transaction.is_motion
+            self._waiting.add(transaction)
             self._next(now_ns)
 
-    def _overtake(self, stop: Exchange, stops: list[Meaning], now_ns: int) -> None:
+    def _overtake(self, stop: Transaction, stops: list[Meaning], now_ns: int) -> None:
         """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3)."""
         axes = [meaning.axis for meaning in stops]
         reason = "a stop of its axis came after it"
-        for exchange in self._waiting.withdraw(lambda each: is_acting_on(self._units, each, axes)):
-            self._ends.overtaken(exchange, reason)
+        for transaction in self._waiting.withdraw(lambda each: is_acting_on(self._units, each, axes)):
+            self._overtaken(transaction, reason, now_ns)
         current = self._current
-        if current and current.added and is_acting_on(self._units, current, axes):
-            current.overtaken_by = reason
+        if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
+            current.overtake(reason)
         stop.is_stop = True
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
-            self._ends.refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY)
+            busy = ExceptionCode.SERVER_DEVICE_BUSY
+            self._refuse(stop, busy, now_ns, is_lost=False)
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
@@ -190,10 +197,10 @@ class LineExchange:
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
-        for exchange in self._waiting.give_up(port):
-            self._ends.withdrawn(exchange, reason)
+        for transaction in self._waiting.give_up(port):
+            self._withdraw(transaction, reason, now_ns)
         if self._current and self._current.port is port:
-            self._current.is_orphan = True
+            self._current.give_up()
 
     def note_standstill(self, gap_ns: int) -> None:
         """Report that nobody looked for a while."""
@@ -205,86 +212,109 @@ class LineExchange:
         changed = carry_out(self.axes, message, now_ns)
         if isinstance(message, SetLimits):
             self.meter.set_budget(message.axis, message.limits.budget_us)
-        self._news.look(self.axes)
+        self._report(self.axes)
         return changed
 
     # --- from the drives -------------------------------------------------------------------------------
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """Take the reply that the link framed for the exchange on the wire."""
-        exchange = self._current
-        if exchange is None or unit_id != exchange.wire_unit_id or not pdu:
+        transaction = self._current
+        if transaction is None or unit_id != transaction.wire_unit_id or not pdu:
             self.stray(now_ns)
             return
-        if len(pdu) > MAX_PDU:
-            self._end_unanswered(exchange, now_ns)
-            return
-        if unit_id in self._silent.ids:
-            self._silent.answered(unit_id)
-        way = exchange.way
-        turned = None if way is None else way.answered(exchange, pdu, now_ns)
-        if way is None or turned is None:
-            axes = self._take_reply(exchange, pdu, now_ns)
-        else:
-            axes = way.axes
-            self.counters.exchanges += 1
-            self.counters.exceptions += is_exception(pdu)
-            self._ends.reply(exchange, turned)
-            way.settle(exchange, now_ns)
+        if len(pdu) > MAX_PDU:  # it cannot be passed on
             self._current = None
-            assert exchange.port is not None
-            self.meter.note(exchange, exchange.port, pdu, now_ns)
+            self.counters.oversized += 1
+            self._end_unanswered(transaction, now_ns)
+            self._gaps.ended(transaction, now_ns)
+            self._next(now_ns)
+            return
+        if unit_id in self._silent:
+            self._silent.discard(unit_id)
+            self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
+        path = transaction.path
+        turned = None if path is None else path.answered(transaction, pdu, now_ns)
+        if path is None or turned is None:
+            axes = self._take_reply(transaction, pdu, now_ns)
+        else:
+            axes = path.axes
+            self.counters.exchanges += 1
+            self.counters.exceptions += pdu[0] >= EXCEPTION_BIT
+            transaction.end(ACKNOWLEDGED)
+            self._ends.reply(transaction, turned)
+            path.settle(transaction, now_ns)
+            self._current = None
+            assert transaction.port is not None
+            self.meter.note(transaction, transaction.port, pdu, now_ns)
         if self._gaps.is_watching:
-            self._gaps.ended(exchange, now_ns)
+            self._gaps.ended(transaction, now_ns)
         if axes:
-            self._news.look(axes)
+            self._report(axes)
         if self._waiting.total:
             self._next(now_ns)
 
-    def _end_unanswered(self, exchange: Exchange, now_ns: int) -> None:
-        """End an exchange whose reply is longer than a frame may be: it cannot be passed on."""
-        self._current = None
-        self.counters.oversized += 1
-        self._ends.lost(exchange, now_ns)
-        self._gaps.ended(exchange, now_ns)
-        self._ends.fail(exchange, NO_RESPONSE)
-        self._next(now_ns)
-
-    def _take_reply(self, exchange: Exchange, pdu: bytes, now_ns: int) -> tuple[AxisExchange, ...]:
-        """Take a reply the long way; return the axes of which something may have been learned."""
-        axes = self._units.axes_of(exchange.wire_unit_id)
+    def _take_reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> tuple[Axis, ...]:
+        """Take a reply on the slow path; return the axes of which something may have been learned."""
+        axes = self._units.axes_of(transaction.wire_unit_id)
         for axis in axes:
             axis.end_silence(is_answer=True)
-        if exchange.added is not None:
+        if transaction.added is not None:
             self._current = None
-            self._learn(exchange, pdu, now_ns)
-        else:
-            self._ends.answer(exchange, pdu, now_ns)
-            self._current = None
-            if exchange.port is not None:
-                self.meter.note(exchange, exchange.port, pdu, now_ns)
+            self._take_added(transaction, pdu, now_ns)
+            return axes
+        outcome, code = outcome_of_reply(transaction, pdu)
+        self._ends.finish(transaction, outcome, now_ns, code=code, reply=pdu)
+        self._current = None
+        if transaction.port is not None:
+            self.meter.note(transaction, transaction.port, pdu, now_ns)
         return axes
 
-    def _learn(self, exchange: Exchange, pdu: bytes, now_ns: int) -> None:
+    def _take_added(self, transaction: Transaction, pdu: bytes, now_ns: int) -> None:
         """Take note of the reply to a frame of the gateway's own, and go on with what it was for."""
-        code = note_learned(exchange, pdu, self.counters, now_ns)
-        if exchange.port is None:
-            self._look_again(exchange, now_ns)
+        frame = transaction.added
+        assert frame is not None
+        if transaction.port is None:
+            self.counters.added_reads += 1
+            learn(frame, pdu, Known(), transaction.sent_ns)
+            self._ends.finish(transaction, Outcome.ACKNOWLEDGED, now_ns)
+            record = frame.axis.record
+            if frame.purpose is Purpose.ACTUAL and record is not None and record.wants_look:
+                self._waiting.add_own(frame, now_ns)
             return
+        transaction.learn()
+        code = self._learn(transaction, frame, pdu, now_ns)
         if code is not None:
-            self._ends.refuse_unsent(exchange, code)
-        elif self._waiting.has_stops and not exchange.overtaken_by:
-            exchange.added = None
-            self._waiting.put_back(exchange)
+            self._refuse(transaction, code, now_ns)
+        elif self._waiting.has_stops and not transaction.overtaken_by:
+            transaction.need(None)
+            self._waiting.put_back(transaction)
         else:
-            self._start(exchange, now_ns)
+            self._start(transaction, now_ns)
 
-    def _look_again(self, exchange: Exchange, now_ns: int) -> None:
-        """Read once more where an axis is whose record is not decided by its first position."""
-        read = exchange.added
-        assert read is not None
-        if read.purpose is Purpose.ACTUAL and read.axis.memory is not None and read.axis.memory.wants_look:
-            self._waiting.add_own(read, now_ns)
+    def _learn(self, transaction: Transaction, frame: AddedFrame, pdu: bytes, now_ns: int) -> int | None:
+        """Take note of the reply to a prerequisite.
+
+        Returns:
+            The exception code with which the request that it was for is refused; None when it can go on.
+        """
+        known = transaction.known = transaction.known or Known()
+        rendering = frame.rendering
+        if rendering is None:
+            self.counters.added_reads += 1
+            if frame.purpose is Purpose.LOOK:
+                transaction.excuse(now_ns - transaction.sent_ns)
+            learn(frame, pdu, known, transaction.sent_ns)
+            return None
+        if frame.is_acknowledged(pdu):
+            self.counters.restaged += 1
+            note_restaged(frame)
+            frame.axis.tell_restaged(self.counters.restaged, now_ns)
+            return None
+        code = pdu[1] if len(pdu) == 2 and is_exception(pdu) else ExceptionCode.SERVER_DEVICE_FAILURE
+        why = "the drive refused the staged target when it was written anew"
+        frame.axis.lose_restaged(rendering, code, why)
+        return code
 
     def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
         """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).
@@ -308,11 +338,10 @@ class LineExchange:
         self._on_event(Event(EventKind.LINE_UP))
         self.rest.resume(now_ns)
         for axis in self.axes:
-            axis.silent_until_ns = now_ns
-            axis.end_silence(is_answer=True)
+            axis.end_silence(is_answer=True, until_ns=now_ns)
         for read in reads_at_start(self.axes):
             self._waiting.add_own(read, now_ns)
-        self._news.look(self.axes)
+        self._report(self.axes)
         self._next(now_ns)
 
     def link_down(self, now_ns: int) -> None:
@@ -326,13 +355,12 @@ class LineExchange:
         is_busy = current is not None or self.rest.is_draining
         self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
         for axis in self.axes:
-            axis.link_lost(now_ns)
+            axis.lose_link(now_ns)
         if current is not None:
-            self._ends.lost(current, now_ns)
-            self._ends.fail(current, NO_RESPONSE)
-        for exchange in self._waiting.withdraw(lambda _: True):
-            self._ends.fail_unsent(exchange)
-        self._news.look(self.axes)
+            self._end_unanswered(current, now_ns)
+        for transaction in self._waiting.withdraw(lambda _: True):
+            self._refuse_absent(transaction, now_ns)
+        self._report(self.axes)
 
     # --- time ------------------------------------------------------------------------------------------
 
@@ -350,8 +378,8 @@ class LineExchange:
     def stop(self, now_ns: int) -> None:
         """Send nothing new; the exchange on the wire ends as it would have (see :attr:`is_idle`)."""
         self._is_stopping = True
-        for exchange in self._waiting.withdraw(lambda _: True):
-            self._ends.withdrawn(exchange, "the gateway stops")
+        for transaction in self._waiting.withdraw(lambda _: True):
+            self._withdraw(transaction, "the gateway stops", now_ns)
 
     # --- sending ---------------------------------------------------------------------------------------
 
@@ -368,56 +396,58 @@ class LineExchange:
             if not self._waiting.only_others:
                 self._start(self._waiting.pop(), now_ns)
                 continue
-            exchange, self._monitor_due_ns = self._gaps.choose(self._waiting.first_of_others(), now_ns)
-            if exchange is None:
+            transaction, self._monitor_due_ns = self._gaps.choose(self._waiting.first_of_others(), now_ns)
+            if transaction is None:
                 return
-            self._waiting.take(exchange)
-            self._start(exchange, now_ns)
+            self._waiting.take(transaction)
+            self._start(transaction, now_ns)
 
-    def _start(self, exchange: Exchange, now_ns: int) -> None:
-        """Send an exchange, or the frame that it needs first; or withdraw or refuse it."""
-        exchange.start(now_ns)
-        reason = "the gateway stops" if self._is_stopping else exchange.why_given_up(now_ns)
+    def _start(self, transaction: Transaction, now_ns: int) -> None:
+        """Send an transaction, or the frame that it needs first; or withdraw or refuse it."""
+        transaction.start(now_ns)
+        reason = "the gateway stops" if self._is_stopping else transaction.why_given_up(now_ns)
         if reason:
-            self._ends.withdrawn(exchange, reason)
-        elif exchange.overtaken_by:
-            self._ends.overtaken(exchange, exchange.overtaken_by)
-        elif exchange.port is None:
-            self._send(exchange, exchange.pdu, exchange.unit_id, now_ns)
+            self._withdraw(transaction, reason, now_ns)
+        elif transaction.overtaken_by:
+            self._overtaken(transaction, transaction.overtaken_by, now_ns)
+        elif transaction.port is None:
+            self._put_on_wire(transaction, transaction.pdu, transaction.unit_id, now_ns)
         else:
-            self._start_request(exchange, now_ns)
+            self._start_request(transaction, now_ns)
 
-    def _start_request(self, exchange: Exchange, now_ns: int) -> None:
-        if exchange.known is None and not self._deadlines.may_be_late(exchange, now_ns):
-            way = self._units.way_of(exchange.unit_id, exchange.pdu)
-            sent_pdu = None if way is None else way.sent(exchange, now_ns)
-            if way is not None and sent_pdu is not None:
-                exchange.way = way
-                self._put_on_wire(exchange, sent_pdu, exchange.unit_id, now_ns)
-                if exchange.draft is not None:
-                    way.left(exchange)
+    def _start_request(self, transaction: Transaction, now_ns: int) -> None:
+        if transaction.known is None and not self._deadlines.may_be_late(transaction, now_ns):
+            path = self._units.path_of(transaction.unit_id, transaction.pdu)
+            sent_pdu = None if path is None else path.sent(transaction, now_ns)
+            if path is not None and sent_pdu is not None:
+                transaction.path = path
+                self._put_on_wire(transaction, sent_pdu, transaction.unit_id, now_ns)
+                if transaction.target is not None:
+                    path.left(transaction)
                 return
-        if exchange.unit_id not in self._units and self._units.aliases.is_unknown(exchange.unit_id):
-            self._note_unknown_unit(exchange.unit_id)
-        if not self._writers.may_move(exchange, now_ns):
-            self._ends.refuse(exchange, ExceptionCode.SERVER_DEVICE_BUSY)
+        if transaction.unit_id not in self._units and self._units.aliases.is_unknown(transaction.unit_id):
+            self._note_unknown_unit(transaction.unit_id)
+        if not self._ownership.may_move(transaction, now_ns):
+            self._refuse(transaction, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
             return
-        for axis in self._units.axes_of(exchange.unit_id):
+        for axis in self._units.axes_of(transaction.unit_id):
             axis.end_silence(is_answer=False)
         try:
-            self._deadlines.check(exchange, now_ns)
-            added, pdu = self._units.next_to_send(exchange, now_ns)
+            self._deadlines.check(transaction, now_ns)
+            added, pdu = self._units.next_to_send(transaction, now_ns)
         except RefusedRequestError as refusal:
             self._tell_refusal(refusal, now_ns)
-            self._ends.refuse_unsent(exchange, refusal.code)
+            self._refuse(transaction, refusal.code, now_ns)
             return
-        exchange.added = added
+        transaction.need(added)
         if added is not None:
-            self._send(exchange, added.pdu, added.axis.plan.unit_id, now_ns)
+            self._put_on_wire(transaction, added.pdu, added.axis.plan.unit_id, now_ns)
             return
-        self.counters.unknown_modes += sum(map(note_leaving, exchange.rewritings))
-        self._send(exchange, pdu, exchange.unit_id, now_ns)
-        self._writers.moved(exchange, now_ns)
+        for rewriting in transaction.rewritings:
+            for axis, written in rewriting.written:
+                self.counters.unknown_modes += axis.send(written)
+        self._put_on_wire(transaction, pdu, transaction.unit_id, now_ns)
+        self._ownership.moved(transaction, now_ns)
 
     def _tell_refusal(self, refusal: RefusedRequestError, now_ns: int) -> None:
         """Tell why a request was refused, and of many like it how many there were."""
@@ -432,42 +462,92 @@ class LineExchange:
             detail = f"a controller talks to unit id {unit_id}, which has no axis; there are {mapped}"
             self._on_event(Event(EventKind.UNKNOWN_UNIT, None, detail))
 
-    def _send(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
-        exchange.wire_unit_id = unit_id
-        if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
-            exchange.sent_ns = now_ns
-            self._link.send_request(unit_id, pdu)
-            self.counters.broadcasts += 1
-            self.rest.turn_around(now_ns)
-            self._gaps.ended(exchange, now_ns, self.rest.until_ns)
-            for rewriting in exchange.rewritings:
-                note_broadcast(rewriting, now_ns)
-            self._news.look(self.axes)
-            return
-        self._put_on_wire(exchange, pdu, unit_id, now_ns)
-
-    def _put_on_wire(self, exchange: Exchange, pdu: bytes, unit_id: int, now_ns: int) -> None:
-        exchange.sent_ns = now_ns
-        self._current = exchange
+    def _put_on_wire(self, transaction: Transaction, pdu: bytes, unit_id: int, now_ns: int) -> None:
+        """Send a frame: the request itself, or one of the gateway's own. All frames leave here."""
         patience_ns = self._response_timeout_ns
-        if exchange.port is not None and exchange.added is None:
-            timeout_ns = int(exchange.port.plan.timeout_ms * NS_PER_MS)
+        if transaction.port is not None and transaction.added is None:
+            timeout_ns = int(transaction.port.plan.timeout_ms * NS_PER_MS)
             if timeout_ns > patience_ns:
                 patience_ns = timeout_ns
-        exchange.deadline_ns = now_ns + patience_ns
+        transaction.leave(now_ns, unit_id, patience_ns)
+        if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
+            self._link.send_request(unit_id, pdu)
+            self._end_broadcast(transaction, now_ns)
+            return
+        self._current = transaction
         self._link.send_request(unit_id, pdu)
+
+    def _end_broadcast(self, transaction: Transaction, now_ns: int) -> None:
+        """Give the drives time to obey what all of them heard, and none of them answers."""
+        self.counters.broadcasts += 1
+        self.rest.turn_around(now_ns)
+        self._gaps.ended(transaction, now_ns, self.rest.until_ns)
+        self._ends.finish(transaction, Outcome.BROADCAST, now_ns)
+        self._report(self.axes)
+
+    def _report(self, axes: Iterable[Axis]) -> None:
+        """Tell what is new about these axes; a group is referenced as a whole, or not at all."""
+        for axis in axes:
+            if axis.peers:
+                axis.follow_group()
+                for peer in axis.peers:
+                    for event in peer.take_news():
+                        self._on_event(event)
+            for event in axis.take_news():
+                self._on_event(event)
 
     # --- endings ---------------------------------------------------------------------------------------
 
-    def _time_out(self, exchange: Exchange, now_ns: int) -> None:
+    def _lose(self, transaction: Transaction, code: int) -> None:
+        """Note that a request never reached its drive (M3)."""
+        self._ownership.lose(transaction, code)
+        self._report(self._units.axes_of(transaction.unit_id))
+
+    def _refuse(self, transaction: Transaction, code: int, now_ns: int, *, is_lost: bool = True) -> None:
+        """Refuse a request that might have moved something: it never reached the drive (M3)."""
+        self._ends.finish(
+            transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, is_lost=is_lost
+        )
+
+    def _refuse_absent(self, transaction: Transaction, now_ns: int) -> None:
+        """Say that there is no way to the drives (W7)."""
+        code = ExceptionCode.GATEWAY_PATH_UNAVAILABLE
+        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
+
+    def _withdraw(self, transaction: Transaction, why: str, now_ns: int) -> None:
+        """End a request that its controller does not wait for any more (W5)."""
+        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=LOST, withdrawn=why)
+
+    def _overtaken(self, transaction: Transaction, why: str, now_ns: int) -> None:
+        """Withdraw what a stop has overtaken; its controller still waits, and is told (M3)."""
+        code = ExceptionCode.SERVER_DEVICE_BUSY
+        self._ends.finish(
+            transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, withdrawn=why
+        )
+
+    def _end_unanswered(self, transaction: Transaction, now_ns: int) -> None:
+        """End what is on the wire, and will not be answered any more."""
+        outcome, frame = Outcome.NO_REPLY, transaction.added
+        if transaction.phase is Phase.PREREQUISITE:
+            outcome = Outcome.NEVER_SENT
+            if frame is not None and frame.rendering is not None:
+                why = "nobody knows whether the staged target was written anew"
+                frame.axis.lose_restaged(frame.rendering, NO_RESPONSE, why)
+        self._ends.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
+
+    def _time_out(self, transaction: Transaction, now_ns: int) -> None:
         self._link.abandon()
         self._current = None
         self.counters.timeouts += 1
-        unit_id = exchange.wire_unit_id
-        self._silent.timed_out(unit_id)
-        self._ends.lost(exchange, now_ns)
-        self._silent.doubt(unit_id, now_ns)
+        unit_id = transaction.wire_unit_id
+        if unit_id not in self._silent:
+            self._silent.add(unit_id)
+            self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {unit_id}"))
+        self._end_unanswered(transaction, now_ns)
+        axes = self._units.axes_of(unit_id)
+        for axis in axes:
+            axis.fall_silent(now_ns)
+        self._report(axes)
         if self._link.is_serial:
             self.rest.drain(now_ns)
-        self._gaps.ended(exchange, now_ns, self.rest.until_ns)
-        self._ends.fail(exchange, NO_RESPONSE)
+        self._gaps.ended(transaction, now_ns, self.rest.until_ns)

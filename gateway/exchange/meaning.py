@@ -5,12 +5,12 @@ before. Nothing is changed here.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from gateway.drives.motion import NOTHING_DONE, Action, Deed, ModePlan
 from gateway.exchange.access import Access, coils_written
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.events import Command
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.unit import NO_HITS, FieldHit, FieldRole, Hits, RuleHit, UnitMap
 
 NO_ACCESS: Final = Access()
@@ -36,59 +36,50 @@ PRECEDENCE: Final = (
 _RANK: Final = {action: rank for rank, action in enumerate(PRECEDENCE)}
 
 
-@dataclass(frozen=True, slots=True)
-class Meaning:
-    """What a request does to one axis."""
+class Meaning(Command):
+    """The same with the axis, and where its positions stand in the request."""
 
-    axis: AxisExchange
-    action: Action
-    """IGNORE where nothing moves; never START: that is what the mode makes of it."""
-    number: int | None = None
-    """The command field that runs, of an action that runs a target."""
-    words: Mapping[int, int] = field(default_factory=dict)
-    """Mode and trigger registers, as the request leaves them."""
-    coils: Mapping[int, int] = field(default_factory=dict)
-    unclear_words: frozenset[int] = frozenset()
-    """Such registers that it changes in a way that nobody can tell."""
-    needs_word: int | None = None
-    """A mode or trigger register that must be read before the meaning is known."""
-    commands: tuple[FieldHit, ...] = ()
-    """The command fields that it writes."""
-    losses: int = 0
-    """Targets and modes of its axis that had been lost when it was sent."""
-    is_doubtful: bool = False
-    """A bit that starts the motion is set, and nobody knows whether it was set before."""
+    __slots__ = ("axis", "commands", "needs_word")
 
-    @property
-    def is_stop(self) -> bool:
-        """Whether it must never be refused or late (M3)."""
-        return self.action is Action.STOP
-
-    @property
-    def runs_alone(self) -> bool:
-        """Whether it runs a target that was written before."""
-        return self.action.runs_target and all(hit.place.number != self.number for hit in self.commands)
+    def __init__(
+        self,
+        *,
+        axis: Axis,
+        commands: tuple[FieldHit, ...],
+        needs_word: int | None,
+        action: Action,
+        number: int | None,
+        words: Mapping[int, int],
+        coils: Mapping[int, int],
+        unclear_words: frozenset[int],
+        is_doubtful: bool,
+    ) -> None:
+        modes = {mode.address for mode in axis.plan.motion.modes if mode is not None}
+        super().__init__(
+            action=action,
+            number=number,
+            words=words,
+            coils=coils,
+            unclear_words=unclear_words,
+            written=tuple(hit.place.number for hit in commands),
+            modes_written=tuple(sorted(modes & (set(words) | unclear_words))),
+            losses=axis.losses,
+            is_doubtful=is_doubtful,
+        )
+        self.axis = axis
+        self.commands = commands
+        """The command fields that it writes."""
+        self.needs_word = needs_word
+        """A mode or trigger register that must be read before the meaning is known."""
 
     @property
     def running(self) -> tuple[FieldHit, ...]:
         """The command fields that it writes and runs."""
         if not self.action.runs_target:
             return ()
-        if self.axis.motion.plan.waits_for_trigger:
+        if self.axis.plan.motion.waits_for_trigger:
             return tuple(hit for hit in self.commands if hit.place.number == self.number)
         return self.commands
-
-    @property
-    def staging(self) -> tuple[FieldHit, ...]:
-        """The command fields that it writes and does not run."""
-        running = self.running
-        return tuple(hit for hit in self.commands if hit not in running)
-
-    @property
-    def writes_mode(self) -> bool:
-        """Whether it sets a register that decides what a position means."""
-        modes = {mode.address for mode in self.axis.plan.motion.modes if mode is not None}
-        return bool(modes & (set(self.words) | self.unclear_words))
 
 
 def meanings(
@@ -136,7 +127,7 @@ class _Frame(NamedTuple):
 class _Reading:
     """One request, looked at for one axis."""
 
-    def __init__(self, axis: AxisExchange, frame: _Frame, read_words: Mapping[int, int | None]) -> None:
+    def __init__(self, axis: Axis, frame: _Frame, read_words: Mapping[int, int | None]) -> None:
         pdu, access, hits, coils, self.may_have_risen = frame
         self.axis = axis
         self.plan = axis.plan.motion
@@ -157,7 +148,7 @@ class _Reading:
             self._note_word(hit, data)
         own_coils = {trigger.address for trigger in self.plan.triggers if trigger.is_coil}
         self.is_doubtful = any(
-            trigger.rising & self.words.get(trigger.address, 0) and axis.motion.word(trigger.address) is None
+            trigger.rising & self.words.get(trigger.address, 0) and axis.rules.word(trigger.address) is None
             for trigger in self.plan.triggers
             if not trigger.is_coil
         )
@@ -169,7 +160,7 @@ class _Reading:
             return
         word = data[2 * hit.word] << 8 | data[2 * hit.word + 1]
         if self.access.is_mask:
-            before = self.axis.motion.word(hit.address)
+            before = self.axis.rules.word(hit.address)
             and_mask, or_mask = word, data[2] << 8 | data[3]
             word = ((before or 0) & and_mask) | (or_mask & ~and_mask & 0xFFFF)
             if before is None and and_mask:
@@ -204,25 +195,24 @@ class _Reading:
     def _meaning(self, action: Action, number: int | None, needs_word: int | None = None) -> Meaning:
         return Meaning(
             axis=self.axis,
+            commands=self.commands,
+            needs_word=needs_word,
             action=action,
             number=number,
             words=self.words,
             coils=self.coils,
             unclear_words=frozenset(self.unclear),
-            needs_word=needs_word,
-            commands=self.commands,
-            losses=self.axis.motion.losses,
             is_doubtful=action.runs_target and self.is_doubtful,
         )
 
     def _deeds(self) -> list[Deed]:
-        motion = self.axis.motion
-        held = (lambda _: None) if self.may_have_risen else motion.word
+        rules = self.axis.rules
+        held = (lambda _: None) if self.may_have_risen else rules.word
         deeds = []
         for trigger in self.plan.triggers:
             if trigger.is_coil:
                 if trigger.address in self.coils:
-                    deeds.append(trigger.deed(self.coils[trigger.address], motion.coil(trigger.address)))
+                    deeds.append(trigger.deed(self.coils[trigger.address], rules.coil(trigger.address)))
             elif trigger.block is not None and trigger.block != self.access.write_address:
                 continue
             elif trigger.address in self.words:
@@ -262,7 +252,7 @@ class _Reading:
         """Return the content of a register as it is, or as this request leaves it."""
         if address in self.words:
             return self.words[address]
-        known = self.axis.motion.word(address)
+        known = self.axis.rules.word(address)
         return self.read_words.get(address) if known is None else known
 
     def _may_follow(self) -> bool:
@@ -295,8 +285,8 @@ class _Reading:
             return deed.number
         if self.commands:
             return self.commands[0].place.number
-        if self.axis.motion.staged is not None:
-            return self.axis.motion.staged
+        if self.axis.rules.staged is not None:
+            return self.axis.rules.staged
         return 0 if len(self.axis.plan.command) == 1 else None
 
     def _mode_word(self, mode: ModePlan) -> int | None:

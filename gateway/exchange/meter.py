@@ -14,11 +14,11 @@ Gateway time is both legs together.
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.latency import BUCKETS, OCTAVE, SUB_BITS, HighMark, bucket_of
-from gateway.exchange.life import Exchange
 from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.transaction import Transaction
 from gateway.times import NS_PER_S, NS_PER_US
 
 WITHIN_TO_END: Final = 100
@@ -58,7 +58,7 @@ class AxisBudget:
 
     __slots__ = ("axis", "budget_ns", "exceeded_ns", "is_over", "overruns", "unit_id", "within")
 
-    def __init__(self, axis: AxisExchange) -> None:
+    def __init__(self, axis: Axis) -> None:
         self.axis = axis.plan.name
         self.unit_id = axis.plan.unit_id
         self.budget_ns = int(axis.plan.budget_us * NS_PER_US)
@@ -69,6 +69,23 @@ class AxisBudget:
         self.exceeded_ns = 0
         """When the last overrun was."""
 
+    def exceed(self, now_ns: int) -> bool:
+        """Note an overrun; return whether it is the first one of several."""
+        was_over = self.is_over
+        self.overruns += 1
+        self.within = 0
+        self.exceeded_ns = now_ns
+        self.is_over = True
+        return not was_over
+
+    def keep(self, now_ns: int) -> int:
+        """Note an exchange within the budget; return how many there were if they end an overrun, else 0."""
+        self.within += 1
+        if self.within < WITHIN_TO_END or now_ns - self.exceeded_ns < CALM_NS:
+            return 0
+        self.is_over = False
+        return self.within
+
 
 class LineMeter:
     """Measures the exchanges of one line.
@@ -78,7 +95,7 @@ class LineMeter:
 
     def __init__(
         self,
-        axes: Iterable[AxisExchange],
+        axes: Iterable[Axis],
         link: DriveLink,
         on_event: Callable[[Event], None],
         what_ran: Callable[[int, int], str],
@@ -110,21 +127,21 @@ class LineMeter:
         for measured in self.measured.values():
             measured.high.turn(now_ns)
 
-    def note(self, exchange: Exchange, port: ControllerPort, reply: bytes, reply_ns: int) -> None:
+    def note(self, transaction: Transaction, port: ControllerPort, reply: bytes, reply_ns: int) -> None:
         """Measure an exchange whose reply has been passed on."""
         link = self._link
         sent, replied = link.stamps, port.stamps
-        sent_ns, started_ns = sent.sent_ns, exchange.started_ns
+        sent_ns, started_ns = sent.sent_ns, transaction.started_ns
         leg_ns = replied.sent_ns - reply_ns - replied.held_ns
         if not sent_ns or leg_ns < 0:
             return  # nobody keeps time, or nobody was there to answer
-        unit_id = exchange.unit_id
+        unit_id = transaction.unit_id
         measured = self.measured.get((port.plan.name, unit_id)) or self._measured(port.plan.name, unit_id)
-        request_ns = sent_ns - (started_ns or exchange.arrived_ns) - sent.held_ns
+        request_ns = sent_ns - (started_ns or transaction.arrived_ns) - sent.held_ns
         gateway_ns = request_ns + leg_ns
         drive_ns = reply_ns - sent_ns
         if link.wire_ns_per_byte:
-            wire_ns = (len(exchange.pdu) + len(reply) + 2 * RTU_OVERHEAD) * link.wire_ns_per_byte
+            wire_ns = (len(transaction.pdu) + len(reply) + 2 * RTU_OVERHEAD) * link.wire_ns_per_byte
             drive_ns = max(0, drive_ns - wire_ns)  # an adapter that keeps less than a character's time
             self.wire_ns += wire_ns
         # bucket_of, four times in place: the calls alone would cost as much as all the rest.
@@ -139,9 +156,9 @@ class LineMeter:
         if gateway_ns > measured.high.slot_ns:
             measured.high.raise_to(gateway_ns)
         if started_ns:
-            self._note_waiting(exchange, measured)
+            self._note_waiting(transaction, measured)
         if gateway_ns > measured.budget_ns or self._axes_over:
-            self._judge(exchange, port, gateway_ns, reply_ns)
+            self._judge(transaction, port, gateway_ns, reply_ns)
 
     def _measured(self, controller: str, unit_id: int) -> Measured:
         """Return where a new pair is measured."""
@@ -156,33 +173,31 @@ class LineMeter:
         budgets = [budget.budget_ns for budget in self.axes.values() if is_any or budget.unit_id == unit_id]
         return min(budgets, default=NO_BUDGET)
 
-    def _note_waiting(self, exchange: Exchange, measured: Measured) -> None:
+    def _note_waiting(self, transaction: Transaction, measured: Measured) -> None:
         """Note what came between a request's arrival and its turn."""
-        self.added_ns += exchange.added_ns
-        if exchange.queue_ns:
+        self.added_ns += transaction.added_ns
+        if transaction.queue_ns:
             if measured.queue is None:
                 measured.queue = [0] * BUCKETS
-            measured.queue[bucket_of(exchange.queue_ns)] += 1
+            measured.queue[bucket_of(transaction.queue_ns)] += 1
 
-    def _judge(self, exchange: Exchange, port: ControllerPort, gateway_ns: int, reply_ns: int) -> None:
+    def _judge(self, transaction: Transaction, port: ControllerPort, gateway_ns: int, reply_ns: int) -> None:
         """Hold an exchange against the budgets of the axes that it was for."""
         for budget in self.axes.values():
-            if budget.unit_id != exchange.unit_id:
+            if budget.unit_id != transaction.unit_id:
                 continue
             if gateway_ns > budget.budget_ns:
-                budget.overruns += 1
-                budget.within = 0
-                budget.exceeded_ns = reply_ns
-                if not budget.is_over:
-                    self._exceeded(budget, exchange, port, reply_ns)
+                if budget.exceed(reply_ns):
+                    self._exceeded(budget, transaction, port, reply_ns)
             elif budget.is_over:
                 self._kept(budget, reply_ns)
 
-    def _exceeded(self, budget: AxisBudget, exchange: Exchange, port: ControllerPort, reply_ns: int) -> None:
-        budget.is_over = True
+    def _exceeded(
+        self, budget: AxisBudget, transaction: Transaction, port: ControllerPort, reply_ns: int
+    ) -> None:
         self._axes_over += 1
         sent, replied = self._link.stamps, port.stamps
-        started_ns = exchange.started_ns or exchange.arrived_ns
+        started_ns = transaction.started_ns or transaction.arrived_ns
         steps = {
             "working out what is sent": sent.ready_ns - started_ns,
             "writing it to the drive": sent.sent_ns - sent.ready_ns - sent.held_ns,
@@ -198,9 +213,8 @@ class LineMeter:
         self._on_event(Event(EventKind.BUDGET_OVERRUN, budget.axis, detail))
 
     def _kept(self, budget: AxisBudget, now_ns: int) -> None:
-        budget.within += 1
-        if budget.within >= WITHIN_TO_END and now_ns - budget.exceeded_ns >= CALM_NS:
-            budget.is_over = False
+        within = budget.keep(now_ns)
+        if within:
             self._axes_over -= 1
-            detail = f"{budget.within} exchanges in a row within budget_us; {budget.overruns} over it so far"
+            detail = f"{within} exchanges in a row within budget_us; {budget.overruns} over it so far"
             self._on_event(Event(EventKind.BUDGET_KEPT, budget.axis, detail))

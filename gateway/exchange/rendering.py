@@ -1,10 +1,15 @@
 """From a commanded position to the words that the drive is told (M2 to M6, M8).
 
-Nothing is changed here but with what a stream begins (:func:`take_offset`).
+Where a relative move starts (M5): at the last accepted target, where nothing else has moved the axis since
+and the drive counts from it. Else where the drive says, of an axis that stands: its own commanded position,
+or the actual one. Never a moving axis.
+
+Nothing of an axis is changed here but what a stream begins with (``Axis.begin_stream``) and what its terms
+ask for (``Axis.follow_terms``).
 """
 
 from math import isfinite
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from gateway.compensation.correction_spec import NOTHING
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
@@ -12,16 +17,12 @@ from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Action
-from gateway.exchange.arrival import Stage
-from gateway.exchange.axis import Actual, AxisExchange, Rendering
+from gateway.exchange.axis.state import ON_BRANCH, Actual, Rendering, Whereabouts
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of, steps_of
-from gateway.exchange.shadow import Shadow
-from gateway.exchange.terms import follow_terms
+from gateway.exchange.request import Known, Standing
 from gateway.modbus.errors import RegisterRangeError
 from gateway.times import NS_PER_MS, NS_PER_S
-
-RECENT_NS: Final = 500 * NS_PER_MS
-"""An actual position seen so long ago says where a stream begins, where none can be read."""
 
 
 class RefusedPositionError(Exception):
@@ -44,32 +45,35 @@ class Base(NamedTuple):
     """The axis is known to stand there."""
 
 
-def is_repeat(axis: AxisExchange, shadow: Shadow, nominal_words: bytes) -> bool:
+def is_repeat(axis: Axis, number: int, nominal_words: bytes) -> bool:
     """Whether a command field is written with what the drive acknowledged there already (M4)."""
+    image = axis.fields[number]
     return (
         axis.compensation.accepted is not None
-        and not shadow.is_torn
-        and shadow.nominal_words == nominal_words
-        and shadow.corrected_words is not None
+        and not image.is_torn
+        and image.nominal_words == nominal_words
+        and image.corrected_words is not None
     )
 
 
-def render_repeat(axis: AxisExchange, shadow: Shadow, *, is_passing: bool) -> Rendering:
+def render_repeat(axis: Axis, number: int) -> Rendering:
     """Render exactly the same words as before; accepting them changes nothing."""
-    assert shadow.nominal_words is not None
-    assert shadow.corrected_words is not None
-    words = shadow.nominal_words if is_passing else shadow.corrected_words
-    return Rendering(axis, shadow, shadow.nominal_words, words, 0.0, None)
+    image = axis.fields[number]
+    assert image.nominal_words is not None
+    assert image.corrected_words is not None
+    words = image.nominal_words if axis.passes_unchanged else image.corrected_words
+    return Rendering(number, image.nominal_words, words, 0.0, None)
 
 
-def as_it_came(axis: AxisExchange, shadow: Shadow) -> Rendering:
+def as_it_came(axis: Axis, number: int) -> Rendering:
     """Return a staged target with the words of the controller itself; where it leads is not known."""
-    assert shadow.nominal_words is not None
-    return Rendering(axis, shadow, shadow.nominal_words, shadow.nominal_words, 0.0, None, is_distance=True)
+    nominal_words = axis.fields[number].nominal_words
+    assert nominal_words is not None
+    return Rendering(number, nominal_words, nominal_words, 0.0, None, is_distance=True)
 
 
 def render(
-    axis: AxisExchange,
+    axis: Axis,
     number: int,
     nominal_words: bytes,
     seen: Seen,
@@ -88,21 +92,20 @@ def render(
         RefusedPositionError: the corrected position must not reach the drive (M8).
     """
     field_ = axis.plan.command[number]
-    shadow = axis.shadows[number]
     raw = field_.unpack(nominal_words)
     if needs_offset(axis):
-        take_offset(axis, number, nominal_words, seen)
+        axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
     is_passing = axis.passes_unchanged
     held = axis.held
-    if held is not None and held.shadow is shadow and held.nominal_words == nominal_words:
-        return Rendering(axis, shadow, nominal_words, held.corrected_words, 0.0, None)
+    if held is not None and held.number == number and held.nominal_words == nominal_words:
+        return Rendering(number, nominal_words, held.corrected_words, 0.0, None)
     if not isfinite(raw):
         if is_passing:
-            return Rendering(axis, shadow, nominal_words, nominal_words, 0.0, None)
+            return Rendering(number, nominal_words, nominal_words, 0.0, None)
         raise RefusedPositionError(f"{raw} is not a position")
     try:
         move = _plan_move(axis, counts_of(field_, raw), seen)
-        if move.state.is_unsure and _is_unproven(axis, shadow, nominal_words) and axis.unproven:
+        if move.state.is_unsure and axis.unproven and _is_unproven(axis.unproven, number, nominal_words):
             return axis.unproven  # nothing tells better: the same target is the same words (M4)
         corrected_words = nominal_words
         if move.correction_counts:
@@ -111,11 +114,11 @@ def render(
         raise RefusedPositionError(str(error)) from error
     corrected_counts = counts_of(field_, field_.unpack(corrected_words))
     sent = nominal_words if is_passing else corrected_words
-    return Rendering(axis, shadow, nominal_words, sent, corrected_counts, move)
+    return Rendering(number, nominal_words, sent, corrected_counts, move)
 
 
 def render_distance(
-    axis: AxisExchange,
+    axis: Axis,
     number: int,
     distance_words: bytes,
     base: Base,
@@ -129,12 +132,11 @@ def render_distance(
         RefusedPositionError: where it would end must not be gone to (M8).
     """
     field_ = axis.plan.command[number]
-    shadow = axis.shadows[number]
     raw = field_.unpack(distance_words)
     if not isfinite(raw):
         raise RefusedPositionError(f"{raw} is not a distance")
     if not raw:
-        return Rendering(axis, shadow, distance_words, distance_words, 0.0, None, is_distance=True)
+        return Rendering(number, distance_words, distance_words, 0.0, None, is_distance=True)
     nominal_counts = base.nominal_counts + counts_of(field_, raw)
     place = Place(base.nominal_counts, PlaceKind.REACHED) if base.is_standing else None
     try:
@@ -148,43 +150,20 @@ def render_distance(
     if is_passing:
         words, ends_at = distance_words, base.corrected_counts + counts_of(field_, raw)
     start = Accepted(base.nominal_counts, base.corrected_counts)
-    return Rendering(axis, shadow, distance_words, words, ends_at, move, is_distance=True, start=start)
+    return Rendering(number, distance_words, words, ends_at, move, is_distance=True, start=start)
 
 
-def needs_offset(axis: AxisExchange) -> bool:
+def needs_offset(axis: Axis) -> bool:
     """Whether the next streamed setpoint is the first, and an offset may be in force before it.
 
     It may where the axis has a table, referenced or not: the run before may have had one.
     """
     compensation = axis.compensation
     is_first = compensation.is_stream and compensation.state.position is None
-    return is_first and not axis.is_shadow and axis.base is not NOTHING
+    return is_first and not axis.is_dry_run and axis.base is not NOTHING
 
 
-def take_offset(axis: AxisExchange, number: int, nominal_words: bytes, seen: Seen) -> None:
-    """Let the offset that the drive has be in force before the first setpoint of a stream (M6).
-
-    Read for this setpoint; where the gateway may not read, seen in passing a moment ago.
-    """
-    actual = seen.fresh
-    if actual is None and axis.asked_actual is None and axis.actual is not None:
-        is_recent = seen.now_ns - axis.actual.seen_ns <= RECENT_NS
-        actual = axis.actual if is_recent else None
-    field_ = axis.plan.command[number]
-    raw = field_.unpack(nominal_words)
-    if actual is None or not isfinite(raw):
-        return
-    settings = axis.plan.settings
-    fields = (field_, axis.plan.actual[0])
-    slack = sum(0.5 * each.step_counts(settings.largest_counts) for each in fields)
-    slack /= abs(settings.counts_per_unit)
-    position = axis.compensation.machine_position(actual.counts)
-    slack += 0.0 if axis.terms is None else axis.terms.largest_at(position)
-    rest = axis.compensation.assume_offset(actual.counts, counts_of(field_, raw), axis.base, slack)
-    axis.began = (axis.compensation.state.spec.offset, rest)
-
-
-def needs_actual(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> bool:
+def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
     """Whether an actual position has to be read before this target can be rendered (M6)."""
     if axis.asked_actual is None:
         return False
@@ -194,13 +173,13 @@ def needs_actual(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> boo
         return False
     accepted = axis.compensation.accepted
     if accepted is not None and accepted.nominal_counts == nominal_counts:
-        return axis.arrival.may_have_left  # is it still there? (M4)
+        return axis.whereabouts is Whereabouts.MAY_HAVE_LEFT  # is it still there? (M4)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return False
     return axis.has_branches and _known_place(axis, nominal_counts, now_ns) is None
 
 
-def needs_look(axis: AxisExchange, now_ns: int, action: Action) -> bool:
+def needs_look(axis: Axis, now_ns: int, action: Action) -> bool:
     """Whether to look first if the axis still stands at its target: nobody has seen it for a while (M5, M6).
 
     Never in a stream, and not where it makes no difference: a correction of one branch, an absolute target.
@@ -208,14 +187,14 @@ def needs_look(axis: AxisExchange, now_ns: int, action: Action) -> bool:
     return axis.asked_actual is not None and _is_doubtful(axis, now_ns, action)
 
 
-def _is_doubtful(axis: AxisExchange, now_ns: int, action: Action) -> bool:
+def _is_doubtful(axis: Axis, now_ns: int, action: Action) -> bool:
     if axis.compensation.is_stream or axis.compensation.accepted is None or not axis.plan.actual:
         return False
     counts = axis.has_branches or action.is_relative
     return counts and not axis.passes_unchanged and axis.is_unseen(now_ns)
 
 
-def render_limit(axis: AxisExchange, number: int, nominal_words: bytes) -> bytes:
+def render_limit(axis: Axis, number: int, nominal_words: bytes) -> bytes:
     """Return what a limit becomes: half-way between the branches, whatever moves at the moment.
 
     A limit of 0 passes as it is, because for many drives it means that there is none.
@@ -236,10 +215,11 @@ def render_limit(axis: AxisExchange, number: int, nominal_words: bytes) -> bytes
         raise RefusedPositionError(str(error)) from error
 
 
-def nominal_limit(axis: AxisExchange, shadow: Shadow, number: int, words: bytes) -> bytes:
+def nominal_limit(axis: Axis, number: int, words: bytes) -> bytes:
     """Turn the words of a limit that is read back into what the controller wrote."""
-    if shadow.nominal_words is not None and shadow.corrected_words == words:
-        return shadow.nominal_words
+    image = axis.limit_fields[number]
+    if image.nominal_words is not None and image.corrected_words == words:
+        return image.nominal_words
     field_ = axis.plan.limits[number]
     raw = field_.unpack(words)
     if not raw or not isfinite(raw) or axis.passes_unchanged:
@@ -250,21 +230,19 @@ def nominal_limit(axis: AxisExchange, shadow: Shadow, number: int, words: bytes)
     return field_.pack(raw - steps_of(field_, correction * axis.plan.settings.counts_per_unit))
 
 
-def _is_unproven(axis: AxisExchange, shadow: Shadow, nominal_words: bytes) -> bool:
-    unproven = axis.unproven
-    if unproven is None or unproven.is_distance:
-        return False
-    return unproven.shadow is shadow and unproven.nominal_words == nominal_words
+def _is_unproven(unproven: Rendering, number: int, nominal_words: bytes) -> bool:
+    is_same = unproven.number == number and unproven.nominal_words == nominal_words
+    return is_same and not unproven.is_distance
 
 
-def _plan_move(axis: AxisExchange, nominal_counts: Counts, seen: Seen, place: Place | None = None) -> Move:
+def _plan_move(axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | None = None) -> Move:
     compensation = axis.compensation
     accepted = compensation.accepted
     now_ns, fresh = seen
     if accepted is not None and accepted.nominal_counts == nominal_counts:
         return compensation.again()  # the same target through another register of the axis
     if axis.terms is not None and axis.terms.is_due(now_ns):
-        follow_terms(axis, now_ns)
+        axis.follow_terms(now_ns)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return compensation.plan(nominal_counts, None, now_ns)
     is_doubtful = fresh is None and _is_doubtful(axis, now_ns, Action.ABSOLUTE)
@@ -278,12 +256,12 @@ def _plan_move(axis: AxisExchange, nominal_counts: Counts, seen: Seen, place: Pl
     return move._replace(state=move.state._replace(is_unsure=True)) if is_doubtful else move
 
 
-def _known_place(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> Place | None:
+def _known_place(axis: Axis, nominal_counts: Counts, now_ns: int) -> Place | None:
     """Where the axis is, as far as passing traffic told it (M6)."""
     accepted = axis.compensation.accepted
-    if accepted is not None and axis.arrival.is_proven:
+    if accepted is not None and axis.has_arrived:
         return Place(accepted.nominal_counts, PlaceKind.REACHED)
-    if accepted is not None and axis.arrival.stage is Stage.DONE_SAID and axis.asked_actual is None:
+    if accepted is not None and axis.whereabouts is Whereabouts.DONE_SAID and axis.asked_actual is None:
         return Place(accepted.nominal_counts, PlaceKind.ASSUMED)
     actual = axis.actual
     settings = axis.plan.settings
@@ -297,10 +275,60 @@ def _known_place(axis: AxisExchange, nominal_counts: Counts, now_ns: int) -> Pla
     return None if abs(nominal_counts - place.counts) <= reach else place
 
 
-def _measured(axis: AxisExchange, actual: Actual) -> Place:
+def _measured(axis: Axis, actual: Actual) -> Place:
     """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
-    if axis.is_shadow:
+    if axis.is_dry_run:
         return Place(actual.counts, PlaceKind.MEASURED)
-    if not axis.is_branch_known:
+    if axis.whereabouts not in ON_BRANCH:
         return Place(actual.counts, PlaceKind.ON_DRIVE)
     return Place(axis.nominal_of(actual.counts), PlaceKind.MEASURED)
+
+
+# --- where a distance starts -------------------------------------------------------------------------------
+
+
+def base_of(axis: Axis, action: Action, known: Known) -> Base | None:
+    """Return where a relative move starts, as far as is known by now; None where it is not."""
+    if axis.is_distance_unproven or is_place_untold(axis, known):
+        return None
+    accepted = axis.compensation.accepted
+    is_certain = axis.has_arrived and action is not Action.RELATIVE_TO_ACTUAL
+    if accepted is not None and (action is Action.RELATIVE or is_certain):
+        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=axis.has_arrived)
+    name = axis.plan.name
+    standing = known.standing.get(name, Standing.UNTOLD)
+    if counts_from_commanded(axis, action):
+        counts = known.commanded.get(name)
+        return None if counts is None else _base_at(axis, counts, standing, tolerance=0.0)
+    actual = known.actual.get(name)
+    if actual is None:
+        return None
+    settings = axis.plan.settings
+    tolerance = settings.hysteresis * abs(settings.counts_per_unit)
+    if action is Action.RELATIVE_TO_ACTUAL:
+        return _base_at(axis, actual.counts, standing, tolerance=0.0)
+    return _base_at(axis, actual.counts, standing, tolerance=tolerance)
+
+
+def is_place_untold(axis: Axis, known: Known) -> bool:
+    """Whether the drive was asked where it is, and did not say: it may have been jogged (M6)."""
+    return axis.plan.name in known.actual and known.actual[axis.plan.name] is None
+
+
+def counts_from_commanded(axis: Axis, action: Action) -> bool:
+    """Whether a distance counts from where the drive's own profile stands, and that can be read."""
+    return axis.asked_commanded is not None and action is not Action.RELATIVE_TO_ACTUAL
+
+
+def _base_at(axis: Axis, counts: Counts, standing: Standing, *, tolerance: float) -> Base | None:
+    """Return the base at a position that the drive reported.
+
+    A bit that may be that of the time before the last move counts only beside a position at the end of it.
+    """
+    accepted = axis.compensation.accepted
+    if accepted is not None and abs(counts - accepted.corrected_counts) <= tolerance:
+        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=True)
+    is_certain = standing is Standing.STANDS or (standing is Standing.SAYS_SO and axis.is_at_target(counts))
+    if not is_certain:
+        return None
+    return Base(round(axis.nominal_of(counts)), counts, is_standing=True)

@@ -5,7 +5,8 @@ from typing import Any, Final
 from gateway.compensation.settings import Setpoints
 from gateway.compensation.thermal import TermState
 from gateway.counts import Counts
-from gateway.exchange.axis import Actual, AxisExchange
+from gateway.exchange.axis.state import Actual
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.line import LineExchange
 from gateway.times import NS_PER_S
 
@@ -57,7 +58,7 @@ def axes_status(line: LineExchange, now_ns: int) -> dict[str, dict[str, Any]]:
     return {axis.plan.name: axis_status(axis, now_ns) for axis in line.axes}
 
 
-def axis_status(axis: AxisExchange, now_ns: int) -> dict[str, Any]:
+def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
     """Return one axis's part of the status model."""
     settings = axis.plan.settings
     accepted = axis.compensation.accepted
@@ -93,20 +94,20 @@ def _shown(actual: Actual | None, now_ns: int) -> Actual | None:
     return None if actual is None or now_ns - actual.seen_ns > SHOWN_NS else actual
 
 
-def direction_state(axis: AxisExchange) -> str:
+def direction_state(axis: Axis) -> str:
     """Return the direction as the status shows it: forward, backward, unknown or unsure."""
     return "unsure" if axis.is_unsure else axis.compensation.state.travel.direction.name.lower()
 
 
-def compensation_state(axis: AxisExchange) -> str:
+def compensation_state(axis: Axis) -> str:
     """Return the state of the compensation as the status shows it."""
-    if axis.is_ended or not axis.is_enabled:
+    if not axis.is_enabled:
         return "off"
     if axis.plan.table is None:
         return "no-table"
     if not axis.is_referenced:
         return "unreferenced"
-    if axis.is_shadow:
+    if axis.is_dry_run:
         return "shadow"
     if axis.blocked_by is not None:
         return "blocked"
@@ -117,7 +118,7 @@ def compensation_state(axis: AxisExchange) -> str:
     return "blending" if is_stream and axis.compensation.is_blending else "active"
 
 
-def _table_status(axis: AxisExchange) -> dict[str, object]:
+def _table_status(axis: Axis) -> dict[str, object]:
     plan = axis.plan
     return {
         "file": plan.table_name or None,

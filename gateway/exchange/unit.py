@@ -5,8 +5,8 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.drives.motion import Addressing
-from gateway.exchange.axis import AxisExchange
-from gateway.exchange.shadow import Shadow
+from gateway.exchange.axis.registers import FieldImage
+from gateway.exchange.axis.transitions import Axis
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField
 
 CACHE_LIMIT: Final = 4096
@@ -48,11 +48,11 @@ _WRITTEN: Final = frozenset({FieldRole.COMMAND, FieldRole.LIMIT})
 class FieldPlace(NamedTuple):
     """A position field where it stands in one unit id; ``number`` counts within its role."""
 
-    axis: AxisExchange
+    axis: Axis
     role: FieldRole
     number: int
     field: PositionField
-    shadow: Shadow | None
+    image: FieldImage | None
 
 
 class FieldHit(NamedTuple):
@@ -69,7 +69,7 @@ class FieldHit(NamedTuple):
 class BitHit(NamedTuple):
     """A status bit inside a span; ``word`` is the index of its register, coil or input in the span."""
 
-    axis: AxisExchange
+    axis: Axis
     name: str
     bit: BitField
     word: int
@@ -78,7 +78,7 @@ class BitHit(NamedTuple):
 class RuleHit(NamedTuple):
     """A register inside a span whose content decides what positions mean, or makes the drive act."""
 
-    axis: AxisExchange
+    axis: Axis
     address: int
     word: int
 
@@ -99,15 +99,15 @@ NO_HITS: Final = Hits((), ())
 class UnitMap:
     """All mapped registers of one unit id on one line."""
 
-    def __init__(self, axes: Iterable[AxisExchange]) -> None:
+    def __init__(self, axes: Iterable[Axis]) -> None:
         self.axes = tuple(axes)
         self.has_rules = any(axis.plan.has_rules or axis.peers for axis in self.axes)
         """Whether a frame may mean something else than positions to be gone to at once."""
-        self.asks_for_bits = any(axis.reference.hangs_on_a_bit for axis in self.axes)
+        self.asks_for_bits = any(axis.hangs_on_a_bit for axis in self.axes)
         """Whether a status bit may have to be read before positions pass."""
         self._places = tuple(place for axis in self.axes for place in _places(axis))
         self._bits = tuple((axis, name, bit) for axis in self.axes for name, bit in axis.plan.bits.items())
-        self._rules = tuple((axis, address) for axis in self.axes for address in axis.motion.rule_addresses)
+        self._rules = tuple((axis, address) for axis in self.axes for address in axis.rules.addresses)
         self._widths = _object_widths(self.axes)
         self.has_objects = self._widths is not None
         """Whether addresses are objects, each as wide as it is."""
@@ -171,8 +171,8 @@ class UnitMap:
         address: int,
         quantity: int,
         places: list[FieldPlace],
-        bits: list[tuple[AxisExchange, str, BitField]],
-        rules: tuple[tuple[AxisExchange, int], ...],
+        bits: list[tuple[Axis, str, BitField]],
+        rules: tuple[tuple[Axis, int], ...],
     ) -> Hits:
         """Walk through the objects of a span: each takes as many registers as it is wide."""
         assert self._widths is not None
@@ -199,20 +199,20 @@ class UnitMap:
         )
 
 
-def _object_widths(axes: tuple[AxisExchange, ...]) -> dict[int, int] | None:
+def _object_widths(axes: tuple[Axis, ...]) -> dict[int, int] | None:
     """Return the registers of each known object; None where addresses are registers."""
     if not any(axis.plan.addressing is Addressing.OBJECTS for axis in axes):
         return None
     widths: dict[int, int] = {}
     for axis in axes:
-        widths.update(dict.fromkeys(axis.motion.rule_addresses, 1))
+        widths.update(dict.fromkeys(axis.rules.addresses, 1))
         widths.update({bit.address: 1 for bit in axis.plan.bits.values() if bit.table is BitTable.REGISTER})
         widths.update(axis.plan.object_words)
         widths.update({place.field.address: place.field.words for place in _places(axis)})
     return widths
 
 
-def _places(axis: AxisExchange) -> list[FieldPlace]:
+def _places(axis: Axis) -> list[FieldPlace]:
     plan = axis.plan
     read_or_guarded = (
         (FieldRole.ACTUAL, plan.actual),
@@ -221,9 +221,9 @@ def _places(axis: AxisExchange) -> list[FieldPlace]:
         (FieldRole.GUARDED, plan.guarded),
         (FieldRole.REMAPPING, plan.remapping),
     )
-    places = [FieldPlace(axis, FieldRole.COMMAND, i, f, axis.shadows[i]) for i, f in enumerate(plan.command)]
+    places = [FieldPlace(axis, FieldRole.COMMAND, i, f, axis.fields[i]) for i, f in enumerate(plan.command)]
     places += [
-        FieldPlace(axis, FieldRole.LIMIT, i, f, axis.limit_shadows[i]) for i, f in enumerate(plan.limits)
+        FieldPlace(axis, FieldRole.LIMIT, i, f, axis.limit_fields[i]) for i, f in enumerate(plan.limits)
     ]
     for role, fields in read_or_guarded:
         places += [FieldPlace(axis, role, i, f, None) for i, f in enumerate(fields)]

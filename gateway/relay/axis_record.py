@@ -14,10 +14,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.record import FindTable, Record, digest_of_axis
+from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots, header, why_not_readable
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.plan import CompensationMode
-from gateway.exchange.record_layout import RECORD_SIZE, RecordSlots, header, why_not_readable
-from gateway.exchange.remembering import AxisMemory, FindTable, digest_of_axis
 
 SUFFIX: Final = ".record"
 BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
@@ -29,7 +29,7 @@ def record_path(state: Path, axis: str) -> Path:
     return state / f"axis-{axis}{SUFFIX}"
 
 
-def why_not_kept(axis: AxisExchange) -> str:
+def why_not_kept(axis: Axis) -> str:
     """Return why no record is kept of an axis, "" where one is."""
     if axis.plan.compensation is CompensationMode.SHADOW:
         return "the axis is in shadow mode"
@@ -49,7 +49,7 @@ def boot_id() -> bytes:
 class AxisRecord:
     """The file of one axis, from opening to closing."""
 
-    def __init__(self, axis: AxisExchange, path: Path) -> None:
+    def __init__(self, axis: Axis, path: Path) -> None:
         self.path = path
         self._axis = axis
         self._tell: Tell = _tell_nobody
@@ -94,13 +94,13 @@ class AxisRecord:
         if reason:
             tell(f"{self.path}: {reason}; the axis starts without its record")
             recalled = None
-        memory = AxisMemory(axis, slots, recalled, find_table)  # empties the record where it does not count
+        record = Record(slots, recalled, find_table)  # empties the record where it does not count
         if not why_none:
-            axis.memory = memory
+            axis.keep_record(record)
 
     def close(self) -> None:
         """Keep the record as it is and let go of the file."""
-        self._axis.memory = None
+        self._axis.keep_record(None)
         if self._slots is not None and self._map is not None:
             self._slots.release()
             with suppress(OSError):

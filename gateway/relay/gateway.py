@@ -13,6 +13,8 @@ from gateway.catalogue import process_events as processes
 from gateway.catalogue import table_events as tables
 from gateway.clock import boot_ns
 from gateway.compiled import is_compiled
+from gateway.exchange.axis.groups import join_terms
+from gateway.exchange.axis.record import FindTable
 from gateway.exchange.control import (
     ClearTable,
     Control,
@@ -27,8 +29,6 @@ from gateway.exchange.control import (
     axes_asked,
 )
 from gateway.exchange.latency_status import BOUNDS_US
-from gateway.exchange.remembering import FindTable
-from gateway.exchange.terms import join_terms
 from gateway.ipc.compiled_plan import find_table as find_table_in
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.complaints import Complaints

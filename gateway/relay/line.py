@@ -10,11 +10,11 @@ from typing import Any, Final
 from gateway.catalogue.line_events import DRIVES_NOT_REACHED, LINE_RESTS, SERIAL_LATENCY, WRONG_UNIT
 from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.record import FindTable
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import ClearTable, Control, Limits, SetGain, SetLimits, SetTables, limits_of
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
-from gateway.exchange.remembering import FindTable
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc.plan import LinePlan
 from gateway.relay.activity import Activity
@@ -82,7 +82,7 @@ class Line:
         return {front.plan.name: front.addresses for front in self._fronts if front.addresses}
 
     @property
-    def axes(self) -> Sequence[AxisExchange]:
+    def axes(self) -> Sequence[Axis]:
         """Its axes."""
         return self._exchange.axes
 

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.groups import join_terms
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import Unmeasured, writer_name
-from gateway.exchange.terms import join_terms
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import WrongTableError
 from gateway.ipc.plan import GatewayPlan, LinePlan
@@ -90,7 +90,7 @@ class _Line(Unmeasured):
         )
 
     @property
-    def axes(self) -> Sequence[AxisExchange]:
+    def axes(self) -> Sequence[Axis]:
         """Its axes."""
         return self._exchange.axes
 

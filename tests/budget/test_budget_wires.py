@@ -13,7 +13,7 @@ from gateway.budget.wire import Wire, wire_of
 from gateway.drives.library import names
 from gateway.drives.motion import Form
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_field
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.transitions import Axis
 from gateway.modbus.lengths import UNTIL_SILENCE, request_length
 from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.pacing import PacedWire
@@ -137,7 +137,7 @@ def test_what_a_round_of_a_known_drive_holds(profile: str, steps: list[tuple[Wha
 @pytest.mark.parametrize("profile", names())
 def test_frames_of_the_gateways_own_are_as_long_as_those_that_it_sends(profile: str) -> None:
     plan = known_axis(profile)
-    exchange = AxisExchange(plan)
+    exchange = Axis(plan)
     read = read_field(exchange, Purpose.ACTUAL, plan.actual[0])
     assert read_frame(plan.reads_with, plan.actual[0].words).request_bytes == len(read.pdu)
     words = 1 if plan.writes_with is Form.FC06 else plan.command[0].words
@@ -150,7 +150,7 @@ def test_frames_of_the_gateways_own_are_as_long_as_those_that_it_sends(profile: 
 @pytest.mark.parametrize("profile", names())
 def test_a_frame_of_a_round_ends_by_silence_where_the_decoder_cannot_tell_its_length(profile: str) -> None:
     plan = known_axis(profile)
-    pdu = read_field(AxisExchange(plan), Purpose.ACTUAL, plan.actual[0]).pdu
+    pdu = read_field(Axis(plan), Purpose.ACTUAL, plan.actual[0]).pdu
     ends_by_silence = request_length(encode_rtu(1, pdu)) == UNTIL_SILENCE
     assert read_frame(plan.reads_with, plan.actual[0].words).ends_by_silence is ends_by_silence
 

@@ -248,7 +248,9 @@ def test_a_stream_on_a_steep_table_is_never_turned_round_by_its_line(towards: in
         steep, setpoints=Setpoints.STREAM, max_slope=0.6, max_correction=1e4, travel=(-1000.0, 1000.0)
     )
     way = Direction(towards)
-    axis.resume(State(0.0, Travel(way, 0.0), way.goal, spec=axis._wanted), Accepted(0, 0), 0.0, None)
+    axis.resume(
+        State(0.0, Travel(way, 0.0), way.goal, spec=axis._wanted), Accepted(0, 0), 0.0, None, (0.0, 0.0)
+    )
     want_line(axis, -towards * 2.0, 0.0)
     told = [send(axis, towards * 1000 * step) for step in range(21)]
     assert all((other - one) * towards > 0 for one, other in pairwise(told))

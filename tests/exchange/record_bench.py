@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterable
 
 from gateway.compensation.table import CorrectionTable
+from gateway.exchange.axis.record import Record, digest_of_axis
+from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots, Remembered
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan
-from gateway.exchange.record_layout import RECORD_SIZE, RecordSlots, Remembered
-from gateway.exchange.remembering import AxisMemory, digest_of_axis
 from tests.exchange.line_bench import MS, Bench, Link, Memory
 
 BOOT_ID = bytes(range(16))
@@ -28,7 +28,7 @@ class Records:
             recalled = slots.read()
             if recalled is not None and recalled.scale_digest != digest:
                 recalled = None
-            axis.memory = AxisMemory(axis, slots, recalled, find_table)
+            axis.keep_record(Record(slots, recalled, find_table))
 
     def read(self, name: str = "x") -> Remembered | None:
         """Return what the record of an axis says."""

@@ -8,9 +8,9 @@ import pytest
 from gateway.compensation.settings import Setpoints, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.exchange.axis.groups import join_terms
 from gateway.exchange.control import Declare, set_temperature
 from gateway.exchange.plan import AxisPlan, CrossPlan, Reference
-from gateway.exchange.terms import join_terms
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench
@@ -137,7 +137,7 @@ def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None
     go_y(bench, 400_000)
     bench.move(100_000)
     assert told(bench) == 100_040
-    y.lose()
+    y.lose_reference()
     go_y(bench, 900_000)  # a target of an axis that does not know where it is says nothing
     bench.move(200_000)
     assert told(bench) == 200_040  # held
@@ -244,7 +244,7 @@ def test_a_restart_in_which_the_other_axis_is_lost_holds_what_it_added() -> None
     go_y(bench, 400_000)
     bench.move(100_000)
     again = bench.restarted()
-    again.line.axes[1].lose()
+    again.line.axes[1].lose_reference()
     again.line.axes[1].forget()
     assert again.actual() == 100_000
     again.move(200_000)

@@ -1,13 +1,11 @@
 """Done bits that are old, reversals that are short, jogs that nobody saw, distances without a reply."""
 
-import itertools
-
 import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action
-from gateway.exchange.arrival import AFTER, WAS_THERE, Arrival, Sign, Stage
+from gateway.exchange.axis.state import Whereabouts
 from gateway.exchange.plan import Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, monitor, read, write
@@ -78,12 +76,12 @@ def test_m6_done_that_fell_and_came_back_with_the_axis_in_its_window_is_arrival(
 
 
 def test_m6_done_without_its_fall_counts_once_the_drive_has_had_the_time() -> None:
-    for later_ms, stage in ((900, Stage.UNDER_WAY), (1001, Stage.ARRIVED)):
+    for later_ms, stage in ((900, Whereabouts.UNDER_WAY), (1001, Whereabouts.ARRIVED)):
         bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, actual=()))
         bench.ask(write(COMMAND, 60_000))
         bench.wait(later_ms)
         done(bench, is_set=True)
-        assert bench.line.axes[0].arrival.stage is stage
+        assert bench.line.axes[0].whereabouts is stage
 
 
 def test_m6_a_sample_is_as_old_as_its_request() -> None:
@@ -95,7 +93,7 @@ def test_m6_a_sample_is_as_old_as_its_request() -> None:
     bench.send(READ_DONE)  # asked before the target was acknowledged, sent and answered after it
     bench.serve()
     bench.port.replies.clear()
-    assert bench.line.axes[0].arrival.stage is Stage.UNDER_WAY
+    assert bench.line.axes[0].whereabouts is Whereabouts.UNDER_WAY
 
 
 def test_m9_a_read_that_waited_behind_another_one_is_no_jump() -> None:
@@ -126,7 +124,7 @@ def test_m6_a_moving_bit_makes_no_done_bit_newer() -> None:
     for _ in range(2):
         bench.memory.words[DONE.address] = 0b11  # it moves; done is still that of the move before
         bench.ask(READ_DONE)
-    assert bench.line.axes[0].arrival.stage is Stage.UNDER_WAY
+    assert bench.line.axes[0].whereabouts is Whereabouts.UNDER_WAY
 
 
 def test_m6_in_position_alone_never_is_arrival() -> None:
@@ -135,25 +133,7 @@ def test_m6_in_position_alone_never_is_arrival() -> None:
     done(bench, is_set=False)
     bench.wait(2000)
     done(bench, is_set=True)
-    assert bench.line.axes[0].arrival.stage is Stage.UNDER_WAY
-
-
-def test_every_stage_takes_every_sign() -> None:
-    for stage, sign in itertools.product(Stage, Sign):
-        arrival = Arrival(0.0, has_actual=sign is not Sign.DONE_ALONE, is_in_position_only=False)
-        arrival.resume(stage)
-        was_moved = False
-        if sign in (Sign.DONE, Sign.DONE_ALONE, Sign.FELL):
-            arrival.see_done(1, is_done=sign is not Sign.FELL)
-        else:
-            was_moved = arrival.see_place(1, sign)
-        assert arrival.stage is AFTER.get((stage, sign), stage)
-        assert was_moved is (sign is Sign.AWAY and stage in WAS_THERE)
-        arrival.begin(2)
-        assert arrival.stage is Stage.UNDER_WAY
-        arrival.see_done(1, is_done=True)  # of before
-        assert not arrival.see_place(1, Sign.THERE)
-        assert arrival.stage is Stage.UNDER_WAY
+    assert bench.line.axes[0].whereabouts is Whereabouts.UNDER_WAY
 
 
 # --- rule 6: short reversals -------------------------------------------------------------------------------

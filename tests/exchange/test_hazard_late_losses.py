@@ -1,7 +1,7 @@
 """A loss that was noted while an older write was on the wire is not healed by its acknowledgement (M3)."""
 
+from gateway.exchange.axis.registers import FieldImage
 from gateway.exchange.plan import ControllerPlan, LineTiming
-from gateway.exchange.shadow import Shadow
 from tests.exchange.line_bench import COMMAND, MS, Port, write
 from tests.exchange.staged_bench import MODE, RUN_PDU, STOP_PDU, StagedBench, staged_plan, sticky
 
@@ -56,7 +56,7 @@ def test_m3_a_mode_that_was_withdrawn_is_not_replaced_by_the_one_on_the_wire() -
 
 
 def test_m3_a_part_whose_loss_shows_later_than_that_of_a_newer_one_counts_for_nothing() -> None:
-    shadow = Shadow(COMMAND)
+    shadow = FieldImage(COMMAND)
     shadow.settle(bytes(4), bytes(4))
     shadow.lose(1, b"\x00\x02", 100 * MS)  # came later, was refused at once
     shadow.lose(1, b"\x00\x01", 90 * MS)  # came first; that nobody answered it is known only now
@@ -64,7 +64,7 @@ def test_m3_a_part_whose_loss_shows_later_than_that_of_a_newer_one_counts_for_no
 
 
 def test_m1_a_half_that_was_lost_and_given_again_may_wait_for_the_other() -> None:
-    shadow = Shadow(COMMAND)
+    shadow = FieldImage(COMMAND)
     shadow.lose(1, b"\x00\x01", 100 * MS)
     shadow.hold(1, b"\x00\x01", 250 * MS)
     assert shadow.completed(0, b"\x12\x34", 900 * MS) == bytes.fromhex("1234 0001")

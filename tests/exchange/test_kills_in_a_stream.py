@@ -8,8 +8,8 @@ import pytest
 from gateway.compensation.settings import Reversal, ReversalKind
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.exchange.axis.record_layout import BOOT, HEADER, RecordSlots
 from gateway.exchange.plan import AxisPlan
-from gateway.exchange.record_layout import BOOT, HEADER, RecordSlots
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Link, Memory, axis_plan, stream_plan, write
 from tests.exchange.record_bench import BOOT_ID, RecordBench, Records
 from tests.soak import repeated

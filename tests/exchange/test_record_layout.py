@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
-from gateway.exchange.record_layout import (
+from gateway.exchange.axis.record_layout import (
     PAGE,
     RECORD_SIZE,
     SLOT_SIZE,

@@ -11,9 +11,9 @@ from gateway.compensation.settings import Gain, Outside, OutsideKind, Reversal, 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import DIRECT
+from gateway.exchange.axis.record import digest_of_axis
 from gateway.exchange.control import Declare, switch
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
-from gateway.exchange.remembering import digest_of_axis
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import (
     ACTUAL,

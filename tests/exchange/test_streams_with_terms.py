@@ -113,7 +113,7 @@ class Streams:
         """An axis loses its reference, passes 1:1 for some setpoints of both, and is declared to have it."""
         place = self.random.choice(list(PLACES))
         axis = self.bench.line.axes[list(PLACES).index(place)]
-        axis.lose()
+        axis.lose_reference()
         self.told.pop(place, None)
         for _ in range(self.random.randrange(3)):
             self.cycle(self.random.choice(list(PLACES)), self.random.randrange(-5, 6))

@@ -12,7 +12,7 @@ from gateway.compensation.settings import AxisSettings, Gain, Outside, OutsideKi
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.exchange import control
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import ControlError, TableChange
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.modbus.registers import PositionField, RegisterType
@@ -56,7 +56,7 @@ def counting_table(height: float) -> tuple[CorrectionTable, tuple[Counting, ...]
     return counting, columns
 
 
-def axis_with(table: CorrectionTable | None, setpoints: Setpoints) -> AxisExchange:
+def axis_with(table: CorrectionTable | None, setpoints: Setpoints) -> Axis:
     settings = AxisSettings(
         units=Units.MM,
         counts_per_unit=1000.0,
@@ -64,7 +64,7 @@ def axis_with(table: CorrectionTable | None, setpoints: Setpoints) -> AxisExchan
         outside=Outside(OutsideKind.FADE, fade_length=10.0),
     )
     command = (PositionField(100, RegisterType.INT32),)
-    return AxisExchange(AxisPlan("x", 1, settings, table, CompensationMode.ON, Reference.ABSOLUTE, command))
+    return Axis(AxisPlan("x", 1, settings, table, CompensationMode.ON, Reference.ABSOLUTE, command))
 
 
 def change_of(table: CorrectionTable) -> TableChange:
@@ -84,7 +84,7 @@ def test_no_change_walks_over_the_points_of_a_table(setpoints: Setpoints) -> Non
     control.set_gain([axis], "x", Gain(0.5, 0.9))
     control.switch([axis], "x", is_wanted=False)
     control.switch([axis], "x", is_wanted=True)
-    axis.lose()
+    axis.lose_reference()
     axis.declare_referenced()
     # The ends of both columns, whenever a curve is made of them; 50 000 where somebody walks.
     assert sum(column.looks for column in (*old_columns, *new_columns)) < 100

@@ -9,7 +9,7 @@ from gateway.compensation.fingerprint import table_digest
 from gateway.compensation.settings import Gain, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import (
     ControlError,
     Declare,
@@ -115,7 +115,7 @@ class Machine:
     def pick(self) -> Model:
         return self.models[self.random.choice("xy")]
 
-    def axis(self, model: Model) -> AxisExchange:
+    def axis(self, model: Model) -> Axis:
         return next(axis for axis in self.bench.line.axes if axis.plan.name == model.name)
 
     def counts(self, model: Model) -> int:
@@ -254,12 +254,12 @@ class Machine:
     def stopped(self) -> None:
         """Something else decides where it is."""
         model = self.pick()
-        self.axis(model).forget_place(keeps_branch=self.random.random() < 0.5)
+        self.axis(model).displace(keeps_branch=self.random.random() < 0.5)
         model.nominal = None
 
     def lost(self) -> None:
         model = self.pick()
-        self.axis(model).lose()
+        self.axis(model).lose_reference()
         self.learn(model)
 
     def found(self) -> None:

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from gateway.compensation.settings import ThermalSettings
+from gateway.exchange.axis.groups import join_terms
 from gateway.exchange.control import set_temperature, switch
 from gateway.exchange.status import axis_status
-from gateway.exchange.terms import join_terms, tell_terms
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, stream_plan, write
 from tests.exchange.test_cross_terms import FLAT, TRAVEL, go_y, x_plan, y_plan
 
@@ -91,7 +91,7 @@ def test_a_sensor_is_silent_after_its_time_also_when_it_was_never_heard() -> Non
     bench = both()
 
     def state() -> tuple[str, bool]:
-        tell_terms(bench.line.axes[0], bench.now_ns)  # as the line does every few seconds
+        bench.line.axes[0].tell_terms(bench.now_ns)  # as the line does every few seconds
         thermal = terms(bench)["thermal"]
         return thermal["state"], thermal["is_silent"]
 

@@ -18,7 +18,6 @@ from gateway.exchange.control import (
 )
 from gateway.exchange.control import Limits as LimitsOf
 from gateway.exchange.plan import AxisPlan, Reference
-from gateway.exchange.terms import tell_terms
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench
 from tests.exchange.staged_bench import RUN_RELATIVE_PDU, StagedBench, staged_plan
@@ -130,7 +129,7 @@ def test_it_is_told_that_a_sensor_is_silent_also_where_nothing_moves() -> None:
     warm(bench, 30.0)
     bench.move(10_000)
     bench.wait(61_000.0)
-    tell_terms(bench.line.axes[0], bench.now_ns)
+    bench.line.axes[0].tell_terms(bench.now_ns)
     bench.actual()
     assert events(bench, "term-held") == ["the sensor says nothing: its last value is held; +10 K count"]
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from gateway.exchange.axis.record_layout import Remembered
 from gateway.exchange.control import switch
 from gateway.exchange.plan import AxisPlan, Reference
-from gateway.exchange.record_layout import Remembered
 from gateway.modbus.registers import PositionField, RegisterType
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Memory, axis_plan, monitor, read, write
 from tests.exchange.record_bench import RecordBench, Records

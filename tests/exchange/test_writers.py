@@ -131,7 +131,7 @@ def test_w10_a_stop_of_another_one_passes_and_takes_nothing_over() -> None:
 def test_w10_the_hold_ends_so_long_after_the_last_move_and_each_move_begins_it_anew() -> None:
     bench = Bench(axis_plan(writer_hold_s=2.0))
     cnc, panel = controller("cnc"), controller("panel")
-    for counts in (1_000, 2_000, 3_000):  # the first goes the long way, the others the short one
+    for counts in (1_000, 2_000, 3_000):  # the first goes the slow path, the others the fast one
         move(bench, cnc, counts)
         bench.wait(1_900)
     assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))

@@ -11,10 +11,10 @@ from gateway.config.load import load
 from gateway.drives import library
 from gateway.exchange.control import ClearTable, ControlError, Declare, SetGain, SetTemperature, Switch
 from gateway.exchange.events import Event
-from gateway.exchange.life import Exchange
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Reference, Role
 from gateway.exchange.ports import Unmeasured
+from gateway.exchange.transaction import Transaction
 from gateway.modbus.crc import crc16
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.pdu import EXCEPTION_BIT, MAX_PDU
@@ -147,7 +147,7 @@ class Drives(Unmeasured):
         self._rtu = RtuReplyDecoder()
         self._mbap = MbapDecoder()
         self._last_id = 0
-        self._sent: list[Exchange] = []
+        self._sent: list[Transaction] = []
         self._memories: dict[int, Memory] = {}
 
     def memory(self, unit_id: int) -> Memory:

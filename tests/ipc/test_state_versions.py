@@ -17,8 +17,8 @@ from gateway.cli.configuration import compile_for_start_or_exit
 from gateway.config.compile import compile_into_state
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
-from gateway.exchange import record_layout
-from gateway.exchange.record_layout import RecordSlots, why_not_readable
+from gateway.exchange.axis import record_layout
+from gateway.exchange.axis.record_layout import RecordSlots, why_not_readable
 from gateway.exchange.rights import UNLIMITED
 from gateway.ipc import compiled_table
 from gateway.ipc.compiled_plan import last_plan, read_plan

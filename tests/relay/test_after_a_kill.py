@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gateway.exchange.life import QUEUE_LIMIT
 from gateway.exchange.plan import LineTiming
+from gateway.exchange.queue import QUEUE_LIMIT
 from gateway.ipc import traffic
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import Ping

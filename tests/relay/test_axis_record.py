@@ -7,9 +7,16 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from gateway.exchange.axis.record_layout import (
+    RECORD_SIZE,
+    SLOT_SIZE,
+    SLOTS_AT,
+    RecordSlots,
+    Remembered,
+    header,
+)
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import CompensationMode, LineTiming
-from gateway.exchange.record_layout import RECORD_SIZE, SLOT_SIZE, SLOTS_AT, RecordSlots, Remembered, header
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.axis_record import AxisRecord, record_path
@@ -35,7 +42,7 @@ class Opened:
 
     @property
     def recalled(self) -> Remembered | None:
-        return None if self.axis.memory is None else self.axis.memory.recalled
+        return None if self.axis.record is None else self.axis.record.recalled
 
 
 @pytest.fixture
@@ -97,7 +104,7 @@ def test_a_spoilt_file_is_made_anew_and_the_axis_begins_without_it(
     spoil(path)
     opened = Opened(path)
     assert opened.recalled is None
-    assert opened.axis.memory is not None
+    assert opened.axis.record is not None
     assert len(opened.told) == 1
     assert opened.told[0].startswith(f"{path}: {why}")
     assert opened.told[0].endswith("the axis starts without its record")
@@ -152,7 +159,7 @@ def test_where_no_file_can_be_had_the_axis_runs_without_one(path: Path, spoil: o
     assert callable(spoil)
     spoil(path)
     opened = Opened(path)
-    assert opened.axis.memory is None
+    assert opened.axis.record is None
     [told] = opened.told
     assert told.startswith(f"{path}: ")
     assert told.endswith("no record is kept, and a restart begins without one")
@@ -167,13 +174,13 @@ def test_a_full_disk_is_found_at_the_start_and_not_in_the_middle_of_a_store(tmp_
         opened = Opened(record_path(tmp_path, "x"))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert opened.axis.memory is None
+    assert opened.axis.record is None
     assert "no record is kept" in opened.told[0]
 
 
 def test_an_axis_in_shadow_mode_keeps_none_and_empties_what_there_is(path: Path) -> None:
     opened = Opened(path, CompensationMode.SHADOW)
-    assert opened.axis.memory is None
+    assert opened.axis.record is None
     assert opened.told == [f"{path}: the axis is in shadow mode; the axis starts without its record"]
     opened.record.close()
     assert RecordSlots(memoryview(bytearray(path.read_bytes())), bytes(16)).read() is None
@@ -185,7 +192,7 @@ def test_an_axis_in_shadow_mode_keeps_none_and_empties_what_there_is(path: Path)
 def test_a_run_that_is_recorded_begins_with_nothing(path: Path) -> None:
     opened = Opened(path, is_used=False)
     assert opened.recalled is None
-    assert opened.axis.memory is not None
+    assert opened.axis.record is not None
     assert "a recording begins with nothing" in opened.told[0]
     opened.record.close()
 

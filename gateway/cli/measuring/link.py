@@ -13,7 +13,7 @@ from gateway.cli.measuring.errors import AxisError
 from gateway.cli.measuring.recipe import FULL, Lever, Recipe, acknowledges, pull, writes
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT
 from gateway.modbus.errors import RegisterRangeError
@@ -52,7 +52,7 @@ class AxisLink:
         self.recipe = recipe
         self.plan = recipe.plan
         self._master = master
-        self._axis = AxisExchange(recipe.plan)
+        self._axis = Axis(recipe.plan)
         self._before_stop: int | None = None
 
     def machine(self, counts: float) -> float:

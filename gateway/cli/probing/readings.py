@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Final, Protocol
 
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.plan import LinePlan
 from gateway.modbus.pdu import ExceptionCode, is_exception
@@ -113,7 +113,7 @@ async def read_axis(master: Asking, plan: AxisPlan) -> AxisReadings:
     if not plan.safe_read:
         found.left_out.append("its register map says safe_read = false: nothing is read")
         return found
-    axis = AxisExchange(plan)
+    axis = Axis(plan)
     for place in _places(found):
         found.readings[place.name] = await _read(master, axis, place)
         silent = [reading for reading in found.readings.values() if reading.is_silent]
@@ -140,7 +140,7 @@ async def ask_unused_unit(master: Asking, line: LinePlan, found: AxisReadings) -
     unit_id = next((each for each in range(LAST_UNIT_ID, 0, -1) if each not in known), None)
     if unit_id is None:
         return
-    frame = _frame(AxisExchange(found.plan), told.place)
+    frame = _frame(Axis(found.plan), told.place)
     try:
         is_answered = not is_exception(await master.exchange(unit_id, frame.pdu))
     except NoReplyError:
@@ -168,7 +168,7 @@ def _places(found: AxisReadings) -> Iterator[Place]:
                 yield place
 
 
-async def _read(master: Asking, axis: AxisExchange, place: Place) -> Reading:
+async def _read(master: Asking, axis: Axis, place: Place) -> Reading:
     frame = _frame(axis, place)
     try:
         reply = await master.exchange(axis.plan.unit_id, frame.pdu)
@@ -186,7 +186,7 @@ async def _read(master: Asking, axis: AxisExchange, place: Place) -> Reading:
     return Reading(place, words)
 
 
-def _frame(axis: AxisExchange, place: Place) -> AddedFrame:
+def _frame(axis: Axis, place: Place) -> AddedFrame:
     if place.field is not None:
         return read_field(axis, Purpose.ACTUAL, place.field)
     assert place.bit is not None

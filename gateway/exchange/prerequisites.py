@@ -5,28 +5,31 @@ from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
     homed_read,
+    read_bit,
     read_field,
     read_word,
-    restage,
+    restaging,
 )
-from gateway.exchange.axis import AxisExchange, Rendering
-from gateway.exchange.commands import is_again, render_relative, seen
-from gateway.exchange.effects import check_may_act
+from gateway.exchange.axis.state import Rendering, Whereabouts
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.meaning import Meaning
-from gateway.exchange.parts import nominal_words
+from gateway.exchange.plan import DONE_BIT, MOVING_BIT
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.relative import base_of, next_base_read
 from gateway.exchange.rendering import (
     RefusedPositionError,
     as_it_came,
+    base_of,
+    counts_from_commanded,
+    is_place_untold,
     is_repeat,
     needs_actual,
     needs_look,
     render,
 )
-from gateway.exchange.request import Request
+from gateway.exchange.request import Known, Request
+from gateway.exchange.translate import check_may_act, is_again, nominal_words, render_relative, seen
 from gateway.exchange.unit import FieldHit, FieldRole
 from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import FieldAccess
@@ -94,11 +97,13 @@ def _read_for(
 ) -> AddedFrame | None:
     """Return what must be read for one of the command fields of its axis that a request writes."""
     place, access, known = hit.place, request.access, request.known
-    axis, shadow, field = place.axis, place.shadow, place.field
-    assert shadow is not None
+    axis, image, field = place.axis, place.image, place.field
+    assert image is not None
     words = nominal_words(hit, request)
     if words is None:
-        if axis.passes_unchanged or shadow.is_torn or access.is_mask or id(shadow) in known.command_words:
+        if axis.passes_unchanged or image.is_torn or access.is_mask:
+            return None
+        if (axis.plan.name, place.number) in known.command_words:
             return None
         is_object = axis.plan.addressing is Addressing.OBJECTS
         if field.access is FieldAccess.WRITE or field.block is not None or is_object:
@@ -107,10 +112,10 @@ def _read_for(
     if meaning is not None and hit not in meaning.running:
         return None
     action = Action.ABSOLUTE if meaning is None else meaning.action
-    is_doubtful = axis.arrival.may_have_left or needs_look(axis, request.now_ns, action)
-    if axis.motion.plan.waits_for_trigger or action.is_relative or is_doubtful:
+    is_doubtful = axis.whereabouts is Whereabouts.MAY_HAVE_LEFT or needs_look(axis, request.now_ns, action)
+    if axis.plan.motion.waits_for_trigger or action.is_relative or is_doubtful:
         return _read_for_run(request, axis, place.number, words, action)
-    if is_repeat(axis, shadow, words):
+    if is_repeat(axis, place.number, words):
         written = [(each, nominal_words(each, request)) for each in own]
         if is_again(axis, written):
             return None
@@ -118,7 +123,7 @@ def _read_for(
 
 
 def _read_for_run(
-    request: Request, axis: AxisExchange, number: int, words: bytes, action: Action
+    request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> AddedFrame | None:
     """Return what must be read before a whole target can be rendered."""
     known = request.known
@@ -130,7 +135,7 @@ def _read_for_run(
     if action.is_relative:
         if axis.passes_unchanged:
             return None
-        added = next_base_read(axis, action, known)
+        added = _next_base_read(axis, action, known)
         base = base_of(axis, action, known)
         if added is not None or base is None or base.is_standing or not counts:
             return added
@@ -164,41 +169,42 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
             return None
         known.runs[name] = rendering
     is_as_written = rendering.corrected_words == rendering.nominal_words
-    if axis.passes_unchanged and is_as_written and not rendering.shadow.may_be_corrected:
+    may_be_corrected = axis.fields[rendering.number].may_be_corrected
+    if axis.passes_unchanged and is_as_written and not may_be_corrected:
         return None
-    return _restage(rendering)
+    return _restage(axis, rendering)
 
 
 def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
     """Give the drive the words that the controller wrote before something runs that nobody knows (M2)."""
     axis = meaning.axis
     check_may_act(meaning)
-    number = axis.motion.staged if meaning.number is None else meaning.number
+    number = axis.rules.staged if meaning.number is None else meaning.number
     if number is None:
         return None
-    shadow = axis.shadows[number]
-    if not shadow.may_be_corrected:
+    image = axis.fields[number]
+    if not image.may_be_corrected:
         return None
-    if shadow.nominal_words is None or shadow.is_torn:
+    if image.nominal_words is None or image.is_torn:
         if meaning.number is None:  # a value that nobody knows may be anything; this one runs the target
             return None
         raise _not_ours(axis)
-    return _restage(as_it_came(axis, shadow))
+    return _restage(axis, as_it_came(axis, number))
 
 
-def _restage(rendering: Rendering) -> AddedFrame | None:
-    added = restage(rendering)
+def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
+    added = restaging(axis, rendering)
     if added is not None and rendering.is_distance and _starts(added):
         raise RefusedRequestError(
             ExceptionCode.SERVER_DEVICE_FAILURE,
-            rendering.axis.plan.name,
+            axis.plan.name,
             "the distance has to be written anew, and writing it starts the move: write it in the frame that "
             "runs it",
         )
-    if added is not None and not rendering.axis.plan.added_frames:
+    if added is not None and not axis.plan.added_frames:
         raise RefusedRequestError(
             ExceptionCode.SERVER_DEVICE_FAILURE,
-            rendering.axis.plan.name,
+            axis.plan.name,
             'the staged target has to be written anew for its trigger, and added_frames = "never" forbids it',
         )
     return added
@@ -206,7 +212,7 @@ def _restage(rendering: Rendering) -> AddedFrame | None:
 
 def _starts(added: AddedFrame) -> bool:
     written = range(added.address, added.address + added.quantity)
-    return any(address in written for address in added.axis.motion.plan.starts_on)
+    return any(address in written for address in added.axis.plan.motion.starts_on)
 
 
 def _staged_words(meaning: Meaning) -> bytes | None:
@@ -216,16 +222,16 @@ def _staged_words(meaning: Meaning) -> bytes | None:
         RefusedRequestError: nobody knows what the drive would run.
     """
     axis, number = meaning.axis, meaning.number
-    shadow = None if number is None else axis.shadows[number]
-    if shadow is not None and shadow.nominal_words is not None and not shadow.is_torn:
-        return shadow.nominal_words
-    is_as_written = axis.passes_unchanged and not (shadow and shadow.may_be_corrected)
-    if is_as_written or axis.motion.plan.passes_stored_moves:
+    image = None if number is None else axis.fields[number]
+    if image is not None and image.nominal_words is not None and not image.is_torn:
+        return image.nominal_words
+    is_as_written = axis.passes_unchanged and not (image and image.may_be_corrected)
+    if is_as_written or axis.plan.motion.passes_stored_moves:
         return None
     raise _not_ours(axis)
 
 
-def _not_ours(axis: AxisExchange) -> RefusedRequestError:
+def _not_ours(axis: Axis) -> RefusedRequestError:
     return RefusedRequestError(
         ExceptionCode.SERVER_DEVICE_FAILURE,
         axis.plan.name,
@@ -241,9 +247,29 @@ def _render_run(request: Request, meaning: Meaning, words: bytes) -> Rendering |
     try:
         if meaning.action.is_relative:
             rendering = render_relative(request, axis, number, words, meaning.action)
-            return rendering or as_it_came(axis, axis.shadows[number])
+            return rendering or as_it_came(axis, number)
         return render(axis, number, words, seen(request, axis))
     except RefusedPositionError as error:
         if axis.passes_unchanged:
             return None
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
+
+
+def _next_base_read(axis: Axis, action: Action, known: Known) -> AddedFrame | None:
+    """Return what must be read next to know where a relative move starts; None when no reading helps."""
+    if not axis.may_read or is_place_untold(axis, known) or base_of(axis, action, known) is not None:
+        return None
+    name, bits = axis.plan.name, axis.plan.bits
+    if name not in known.standing:
+        for bit_name in (DONE_BIT, MOVING_BIT):
+            if bit_name in bits:
+                return read_bit(axis, Purpose.STANDING, bits[bit_name])
+    actual, commanded = axis.asked_actual, axis.asked_commanded
+    if axis.is_distance_unproven and actual is not None:
+        return None if name in known.actual else read_field(axis, Purpose.ACTUAL, actual)
+    if counts_from_commanded(axis, action):
+        if commanded is not None and name not in known.commanded:
+            return read_field(axis, Purpose.COMMANDED, commanded)
+    elif actual is not None and name not in known.actual:
+        return read_field(axis, Purpose.ACTUAL, actual)
+    return None

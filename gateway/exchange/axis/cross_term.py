@@ -1,16 +1,12 @@
 """What the place of another axis adds to an axis: straightness, sag, squareness."""
 
-from typing import TYPE_CHECKING
-
 from gateway.compensation.curve import Curve
 from gateway.compensation.moves import Accepted
 from gateway.compensation.table import make_table
 from gateway.counts import Counts
+from gateway.exchange.axis.state import AxisState, Switched
 from gateway.exchange.plan import AxisPlan, CrossPlan
 from gateway.times import NS_PER_S
-
-if TYPE_CHECKING:
-    from gateway.exchange.axis import AxisExchange
 
 
 class CrossTerm:
@@ -25,7 +21,7 @@ class CrossTerm:
         self.largest = max(map(abs, plan.corrections))
         """The most that it adds, in units."""
         self._plan = plan
-        self.partner: AxisExchange | None = None
+        self.partner: AxisState | None = None
         self.seen: Accepted | None = None
 
     @property
@@ -34,10 +30,10 @@ class CrossTerm:
         return self._plan.axis
 
     @property
-    def known_partner(self) -> "AxisExchange | None":
+    def known_partner(self) -> AxisState | None:
         """The other axis, where it is there, its registers mean what they did, and it knows where it is."""
         partner = self.partner
-        is_known = partner is not None and partner.is_referenced and not partner.is_ended
+        is_known = partner is not None and partner.is_referenced and partner.switched is not Switched.ENDED
         return partner if is_known else None
 
     @property

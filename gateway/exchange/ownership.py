@@ -5,21 +5,21 @@ holds it goes on. It comes to count when its sender takes the axis over (M3).
 """
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.drives.motion import Action
 from gateway.exchange.access import MONITOR_FUNCTIONS, coils_written
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.events import Part
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.dispatch import Units, access_of
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.life import Exchange
-from gateway.exchange.losses import Unsent, lose_of_axis, note_unsent
 from gateway.exchange.meaning import Meaning, meanings
-from gateway.exchange.parts import written_part
 from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Request
-from gateway.exchange.seldom import Seldom, times
+from gateway.exchange.throttle import Throttle, times
+from gateway.exchange.transaction import Transaction
+from gateway.exchange.translate import part_of, written_part
 from gateway.exchange.unit import NO_HITS, FieldHit, UnitMap
 from gateway.modbus.pdu import ExceptionCode
 
@@ -33,17 +33,25 @@ _HEAD_BYTES: Final = {0x17: 9, 0x2B: 8}
 """By function code: how many bytes of a PDU say what it writes to; of all others 5 do (``access``)."""
 
 
-class Writers:
+class Unsent(NamedTuple):
+    """A request that never reached the drive."""
+
+    unit_id: int
+    pdu: bytes
+    arrived_ns: int
+
+
+class Ownership:
     """Who moves which axis of one line."""
 
-    def __init__(self, axes: Sequence[AxisExchange], units: Units, on_event: Callable[[Event], None]) -> None:
+    def __init__(self, axes: Sequence[Axis], units: Units, on_event: Callable[[Event], None]) -> None:
         self._axes = axes
         self._units = units
         self._on_event = on_event
         self._connections: dict[str, int] = {}
         self._lost: dict[tuple[str, str], dict[tuple[int, bytes], Unsent]] = {}
         """By axis and writer; the newest of each head."""
-        self._told = Seldom()
+        self._told = Throttle()
 
     def came(self, port: ControllerPort) -> None:
         """Note a connection that asks for something the first time."""
@@ -59,48 +67,59 @@ class Writers:
             if axis.hold.writer == port.writer:
                 axis.hold.leave(now_ns)
 
-    def may_move(self, exchange: Exchange, now_ns: int) -> bool:
+    def may_move(self, transaction: Transaction, now_ns: int) -> bool:
         """Return whether a request may go on as far as other writers are concerned; it takes its axes over.
 
         Stops always may, and take nothing over (M3).
         """
-        port = exchange.port
+        port = transaction.port
         assert port is not None
         writer = port.writer
-        for axis in self._units.axes_of(exchange.unit_id):
+        for axis in self._units.axes_of(transaction.unit_id):
             if axis.hold.writer != writer or axis.hold.overwritten_by:
-                return self._may_take(exchange, port, now_ns)
+                return self._may_take(transaction, port, now_ns)
         return True
 
-    def moved(self, exchange: Exchange, now_ns: int) -> None:
+    def moved(self, transaction: Transaction, now_ns: int) -> None:
         """Note that a request has left: its writer goes on to hold what it moves."""
-        port = exchange.port
+        port = transaction.port
         assert port is not None
-        for rewriting in exchange.rewritings:
+        for rewriting in transaction.rewritings:
             for meaning in rewriting.request.meanings:
                 _hold_on(meaning.axis, port.writer, now_ns)
                 _note_jog(meaning, port.writer)
                 if meaning.is_stop:
                     _note_beside_stop(meaning, rewriting.request, port)
-            for hit in rewriting.command_hits:
-                _hold_on(hit.place.axis, port.writer, now_ns)
+            for axis, written in rewriting.written:
+                if written.parts:
+                    _hold_on(axis, port.writer, now_ns)
 
-    def lose(self, exchange: Exchange, code: int) -> None:
+    def lose(self, transaction: Transaction, code: int) -> None:
         """Note that a request never reached the drive: at once for its own axes, else for later."""
-        port = exchange.port
+        port = transaction.port
         assert port is not None
         writer = port.writer
-        axes = self._units.axes_of(exchange.unit_id)
-        if all(axis.hold.is_shared or axis.hold.writer in ("", writer) for axis in axes):
-            note_unsent(self._units, exchange, code)
-            return
-        unsent = Unsent(exchange.unit_id, exchange.pdu, exchange.arrived_ns)
-        for unit in self._units.reached(exchange.unit_id):
-            for axis in _touched(unit, exchange.pdu):
-                if axis.hold.is_shared or axis.hold.writer in ("", writer):
-                    lose_of_axis(self._units, axis, unsent, code)
-                else:
-                    self._keep((axis.plan.name, writer), unsent)
+        unsent = Unsent(transaction.unit_id, transaction.pdu, transaction.arrived_ns)
+        for axis in self._units.axes_of(transaction.unit_id):
+            if axis.hold.is_shared or axis.hold.writer in ("", writer):
+                self._lose_of_axis(axis, unsent, code)
+            elif any(axis in _touched(unit, unsent.pdu) for unit in self._units.reached(unsent.unit_id)):
+                self._keep((axis.plan.name, writer), unsent)
+
+    def _lose_of_axis(self, axis: Axis, lost: Unsent, code: int) -> None:
+        """Note for one axis that a request never reached its drive."""
+        access = access_of(lost.pdu)
+        for unit in self._units.reached(lost.unit_id):
+            if axis not in unit.axes:
+                continue
+            parts: tuple[Part, ...] = ()
+            if access is not None and access.write_quantity:
+                hits = unit.written(access.write_address, access.write_quantity).fields
+                own = [hit for hit in hits if hit.place.axis is axis and hit.place.image is not None]
+                parts = tuple(part_of(hit, lost.pdu, access) for hit in own)
+            found = meanings(unit, lost.pdu, access) if unit.has_rules else []
+            command = next((meaning for meaning in found if meaning.axis is axis), None)
+            axis.lose_request(parts, command, code, lost.arrived_ns)
 
     def _keep(self, whose: tuple[str, str], unsent: Unsent) -> None:
         lost = self._lost.get(whose)
@@ -111,37 +130,37 @@ class Writers:
         if len(lost) <= LOST_BY_WRITER:  # one more says that there were too many
             lost[unsent.unit_id, unsent.pdu[: _HEAD_BYTES.get(unsent.pdu[0], 5)]] = unsent
 
-    def _may_take(self, exchange: Exchange, port: ControllerPort, now_ns: int) -> bool:
+    def _may_take(self, transaction: Transaction, port: ControllerPort, now_ns: int) -> bool:
         """Judge a request to axes that another one moved last, or nobody."""
-        if exchange.pdu[0] in MONITOR_FUNCTIONS:
+        if transaction.pdu[0] in MONITOR_FUNCTIONS:
             return True
-        wanted = self._wanted(exchange)
+        wanted = self._wanted(transaction)
         for axis, meaning in wanted:
             for member in (axis, *axis.peers):
                 hold = member.hold
                 if hold.is_barred(port.writer, now_ns):
-                    self._refuse(exchange, port, member, f"{hold.writer} moves it", now_ns)
+                    self._refuse(transaction, port, member, f"{hold.writer} moves it", now_ns)
                     return False
             if _runs_of_another(axis, meaning, port.writer):
                 whose = axis.hold.overwritten_by or axis.hold.writer
                 why = f"it would run what {whose} wrote: write the whole target again"
-                self._refuse(exchange, port, axis, why, now_ns)
+                self._refuse(transaction, port, axis, why, now_ns)
                 return False
         for axis, meaning in wanted:
             for member in (axis, *axis.peers):
                 self._take_over(member, port.writer, now_ns)
             if meaning is not None and meaning.commands:
-                axis.hold.overwritten_by = ""
+                axis.hold.overwrite("")
         return True
 
-    def _wanted(self, exchange: Exchange) -> list[tuple[AxisExchange, Meaning | None]]:
+    def _wanted(self, transaction: Transaction) -> list[tuple[Axis, Meaning | None]]:
         """Return the axes that a request would move or prepare to move; not those that it stops.
 
         To let go of a jog, as a button is let go of, is a stop for whoever jogged.
         """
-        pdu, writer = exchange.pdu, "" if exchange.port is None else exchange.port.writer
-        wanted: list[tuple[AxisExchange, Meaning | None]] = []
-        for unit in self._units.reached(exchange.unit_id):
+        pdu, writer = transaction.pdu, "" if transaction.port is None else transaction.port.writer
+        wanted: list[tuple[Axis, Meaning | None]] = []
+        for unit in self._units.reached(transaction.unit_id):
             found = meanings(unit, pdu, access_of(pdu)) if unit.has_rules else []
             for axis in _touched(unit, pdu):
                 meaning = next((each for each in found if each.axis is axis), None)
@@ -150,49 +169,46 @@ class Writers:
         return wanted
 
     def _refuse(
-        self, exchange: Exchange, port: ControllerPort, axis: AxisExchange, why: str, now_ns: int
+        self, transaction: Transaction, port: ControllerPort, axis: Axis, why: str, now_ns: int
     ) -> None:
-        self.lose(exchange, _BUSY)
         count = self._told.due((axis.plan.name, port.writer), now_ns)
         if count:
             more = (
                 ("holder", axis.hold.writer),
                 ("controller", port.plan.name),
                 ("peer", port.peer),
-                ("function_code", exchange.pdu[0]),
-                ("unit_id", exchange.unit_id),
+                ("function_code", transaction.pdu[0]),
+                ("unit_id", transaction.unit_id),
             )
             detail = f"{port.writer} was refused: {why}{times(count)}"
             self._on_event(Event(EventKind.SECOND_WRITER, axis.plan.name, detail, more))
 
-    def _take_over(self, axis: AxisExchange, writer: str, now_ns: int) -> None:
+    def _take_over(self, axis: Axis, writer: str, now_ns: int) -> None:
         hold = axis.hold
-        if hold.writer != writer:
-            if hold.writer and not hold.is_shared:
-                _forget_targets(axis, hold.writer)
-            hold.writer = writer
+        former = hold.writer
+        hold.move(writer, now_ns)
+        if former != writer:
+            if former and not hold.is_shared:
+                axis.take_over(former, _BUSY)
             self._apply_lost(axis, writer)
-        hold.last_ns = now_ns
 
-    def _apply_lost(self, axis: AxisExchange, writer: str) -> None:
+    def _apply_lost(self, axis: Axis, writer: str) -> None:
         """What was refused to a writer while another one held the axis counts from now on."""
         lost = self._lost.pop((axis.plan.name, writer), {})
         if len(lost) > LOST_BY_WRITER:
-            _lose_everything(axis)
+            axis.lose_everything(_BUSY)
             return
         for unsent in lost.values():
-            lose_of_axis(self._units, axis, unsent, _BUSY)
+            self._lose_of_axis(axis, unsent, _BUSY)
 
 
-def _hold_on(axis: AxisExchange, writer: str, now_ns: int) -> None:
-    if axis.hold.writer == writer:
-        axis.hold.last_ns = now_ns
-    for peer in axis.peers:
-        if peer.hold.writer == writer:
-            peer.hold.last_ns = now_ns
+def _hold_on(axis: Axis, writer: str, now_ns: int) -> None:
+    for member in (axis, *axis.peers):
+        if member.hold.writer == writer:
+            member.hold.extend(now_ns)
 
 
-def _touched(unit: UnitMap, pdu: bytes) -> tuple[AxisExchange, ...]:
+def _touched(unit: UnitMap, pdu: bytes) -> tuple[Axis, ...]:
     """Return the axes whose registers a request writes that have to do with their motion."""
     access = access_of(pdu)
     hits = unit.written(access.write_address, access.write_quantity) if access else NO_HITS
@@ -208,7 +224,7 @@ def _touched(unit: UnitMap, pdu: bytes) -> tuple[AxisExchange, ...]:
     )
 
 
-def _runs_of_another(axis: AxisExchange, meaning: Meaning | None, writer: str) -> bool:
+def _runs_of_another(axis: Axis, meaning: Meaning | None, writer: str) -> bool:
     """Whether a request runs a target that another one may have written."""
     hold = axis.hold
     is_own = hold.is_shared or hold.writer in ("", writer)
@@ -220,9 +236,9 @@ def _runs_of_another(axis: AxisExchange, meaning: Meaning | None, writer: str) -
 def _note_jog(meaning: Meaning, writer: str) -> None:
     hold, action = meaning.axis.hold, meaning.action
     if action is Action.OTHER_MOTION:
-        hold.jogged_by = writer
+        hold.note_jog(writer)
     elif meaning.is_stop or action.runs_target or action is Action.HOME:
-        hold.jogged_by = ""
+        hold.note_jog("")
 
 
 def _lets_go(meaning: Meaning, writer: str) -> bool:
@@ -233,53 +249,24 @@ def _lets_go(meaning: Meaning, writer: str) -> bool:
 
 def _note_beside_stop(stop: Meaning, request: Request, port: ControllerPort) -> None:
     """A stop of somebody who does not move the axis changed more: its writer has to write that again (M3)."""
-    axis, hold, motion = stop.axis, stop.axis.hold, stop.axis.motion
+    axis, hold = stop.axis, stop.axis.hold
     is_writer = hold.is_shared or hold.writer in ("", port.writer)
     if is_writer and port.plan.role is Role.MOTION:
         if stop.commands:
-            hold.overwritten_by = ""
+            hold.overwrite("")
         return
-    for address in {mode.address for mode in motion.plan.modes if mode is not None}:
-        was = motion.word(address)
-        if address in stop.unclear_words or (address in stop.words and stop.words[address] != was):
-            motion.lose_mode(address, _BUSY)
-    changed = [hit for hit in stop.commands if _is_changed(hit, request)]
-    for hit in changed:
-        assert hit.place.shadow is not None
-        hit.place.shadow.tear()
-    if not changed:
-        return
-    hold.overwritten_by = port.writer
-    if motion.plan.waits_for_trigger and motion.block(_BUSY):
-        detail = f"a stop of {port.writer} changed the target: triggers are refused until a complete one came"
-        axis.tell(EventKind.AXIS_BLOCKED, detail)
+    for address in stop.modes_written:
+        if address in stop.unclear_words or stop.words[address] != axis.rules.word(address):
+            axis.lose_mode(address, _BUSY)
+    changed = [hit.place.number for hit in stop.commands if _is_changed(hit, request)]
+    axis.overwrite(changed, port.writer, _BUSY)
 
 
 def _is_changed(hit: FieldHit, request: Request) -> bool:
     """Whether a request writes other words into a command field than its writer believes there."""
-    shadow, access = hit.place.shadow, request.access
-    assert shadow is not None
-    if shadow.is_torn or shadow.nominal_words is None or access.is_mask or not access.is_consistent:
+    image, access = hit.place.image, request.access
+    assert image is not None
+    if image.is_torn or image.nominal_words is None or access.is_mask or not access.is_consistent:
         return True
     first, words = written_part(hit, request.pdu, access)
-    return shadow.nominal_words[2 * first : 2 * first + len(words)] != words
-
-
-def _forget_targets(axis: AxisExchange, former: str) -> None:
-    """What the former one wrote is no part of what the next one means: it writes whole targets (M3)."""
-    for shadow in axis.shadows:
-        shadow.tear()
-    motion = axis.motion
-    if motion.plan.waits_for_trigger and motion.staged is not None and motion.block(_BUSY):
-        detail = f"it was taken over from {former}: triggers are refused until a complete target was accepted"
-        axis.tell(EventKind.AXIS_BLOCKED, detail)
-
-
-def _lose_everything(axis: AxisExchange) -> None:
-    for shadow in axis.shadows:
-        shadow.tear()
-    for mode in axis.motion.plan.modes:
-        if mode is not None:
-            axis.motion.lose_mode(mode.address, _BUSY)
-    if axis.motion.plan.waits_for_trigger:
-        axis.motion.block(_BUSY)
+    return image.nominal_words[2 * first : 2 * first + len(words)] != words

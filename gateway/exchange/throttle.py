@@ -10,7 +10,7 @@ KINDS: Final = 256
 """So many kinds are told apart, all others together: what somebody sends must not fill the memory."""
 
 
-class Seldom:
+class Throttle:
     """Counts what happens, by kind; ``burst`` of each may be told in ``every_ns``."""
 
     def __init__(self, every_ns: int = EVERY_NS, burst: int = 1) -> None:

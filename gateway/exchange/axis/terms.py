@@ -3,23 +3,21 @@
 All of it is one line over the position of the axis (``compensation.correction_spec.with_line``), so it is
 inverted, remembered and taken over like every other correction: with different targets, never by itself.
 Here is kept what the line ought to be. It is looked at before a different target is rendered, where that is
-due (:meth:`Terms.is_due`); such a target takes the long way.
+due (:meth:`Terms.is_due`); such a target takes the slow path.
 """
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Final
+from collections.abc import Mapping
+from typing import Final
 
 from gateway.compensation.blend import shape
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, with_line
 from gateway.compensation.errors import SettingsError
 from gateway.compensation.thermal import TermState, Thermal
-from gateway.exchange.cross_term import CrossTerm
+from gateway.exchange.axis.cross_term import CrossTerm
+from gateway.exchange.axis.state import AxisState
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan
 from gateway.times import NS_PER_MS, NS_PER_S
-
-if TYPE_CHECKING:
-    from gateway.exchange.axis import AxisExchange
 
 LOOK_NS: Final = 500 * NS_PER_MS
 """At the slowest, the temperature is followed so often: at 2 K/min and 1 m of steel a step is 0.2 µm."""
@@ -66,7 +64,7 @@ class Terms:
 
     # --- what is heard ---------------------------------------------------------------------------------
 
-    def join(self, axes: Mapping[str, "AxisExchange"]) -> None:
+    def join(self, axes: Mapping[str, AxisState]) -> None:
         """Find the other axes among these."""
         for cross in self.crosses:
             cross.partner = axes.get(cross.axis, cross.partner)
@@ -245,7 +243,7 @@ class Terms:
             states["cross"] = self.cross_state(now_ns)
         return states
 
-    def status(self, axis: "AxisExchange", now_ns: int) -> dict[str, object]:
+    def status(self, axis: AxisState, now_ns: int) -> dict[str, object]:
         """Return its part of the status model. Corrections are in units, in force at the last target."""
         of_thermal, of_cross = self._in_force(axis)
         total = None if of_thermal is None or of_cross is None else of_thermal + of_cross
@@ -269,7 +267,7 @@ class Terms:
             }
         return found
 
-    def _in_force(self, axis: "AxisExchange") -> tuple[float, float] | tuple[None, None]:
+    def _in_force(self, axis: AxisState) -> tuple[float, float] | tuple[None, None]:
         """Return what the temperature and what the other axes added to the last target, in units.
 
         Only the temperature tilts the line, and it leaves ``fixed_at`` where it is: so the two can be told
@@ -308,38 +306,3 @@ _OF_PARTNER: Final = {
     TermState.FADING: "still nobody knows where the other axes are; what they add goes back to 0",
     TermState.FADED: "still nobody knows where the other axes are; they add nothing",
 }
-
-
-def follow_terms(axis: "AxisExchange", now_ns: int) -> None:
-    """Look what the terms of an axis ought to be; another line comes into force with different targets."""
-    terms = axis.terms
-    assert terms is not None
-    if terms.follow(axis.base, axis.plan, now_ns):
-        axis.wanted = terms.on(axis.base, axis.plan)
-        if axis.is_referenced:
-            axis.compensation.want(axis.wanted)
-    tell_terms(axis, now_ns)
-
-
-def tell_terms(axis: "AxisExchange", now_ns: int) -> None:
-    """Report what is new about how well the terms of an axis are known."""
-    if axis.terms is not None:
-        axis.news += axis.terms.news(axis.plan.name, now_ns)
-
-
-def resume_terms(axis: "AxisExchange", now_ns: int) -> None:
-    """Let the terms of an axis go on from what its record put into force."""
-    terms, spec = axis.terms, axis.compensation.state.spec
-    if terms is None or spec.curve is None:  # a mere offset holds a table too
-        return
-    terms.resume(spec, now_ns)
-    axis.wanted = spec if spec.is_kin_of(axis.base) else terms.on(axis.base, axis.plan)
-    axis.compensation.want(axis.wanted)
-
-
-def join_terms(axes: Iterable["AxisExchange"]) -> None:
-    """Let each axis find the axes that act on it."""
-    by_name = {axis.plan.name: axis for axis in axes}
-    for axis in by_name.values():
-        if axis.terms is not None:
-            axis.terms.join(by_name)

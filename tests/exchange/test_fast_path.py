@@ -1,7 +1,7 @@
-"""The short way and the long way come to the same bytes and leave the same state behind.
+"""The fast path and the slow path come to the same bytes and leave the same state behind.
 
-Two lines get the same traffic: one remembers short ways, the other one none, so that all of its frames go the
-long way. The drive acknowledges, refuses, refuses and obeys all the same, stays silent, or says something
+Two lines get the same traffic: one remembers fast paths, the other one none, so that all of its frames go the
+slow path. The drive acknowledges, refuses, refuses and obeys all the same, stays silent, or says something
 else.
 """
 
@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from gateway.compensation.settings import Gain, Outside, OutsideKind, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.axis import AxisExchange
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import set_temperature, switch
+from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
-from gateway.exchange.short_ways import ReadWay, WriteWay
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Memory, axis_plan, read, stream_plan, write
 
@@ -59,40 +59,41 @@ PLANS: dict[str, AxisPlan] = {
 }
 
 
-def state_of(axis: AxisExchange) -> dict[str, Any]:
+def state_of(axis: Axis) -> dict[str, Any]:
     """Everything that the next frame may depend on, without the identity of curves."""
     compensation = axis.compensation
     state, readback = compensation.state, compensation.readback
-    shadows = [
-        (s.nominal_words, s.corrected_words, s.is_torn, s.losses, s.may_be_corrected) for s in axis.shadows
+    fields = [
+        (f.nominal_words, f.corrected_words, f.completeness, f.losses, f.may_be_corrected)
+        for f in axis.fields
     ]
     return {
         "state": state._replace(spec=None, previous=None),  # type: ignore[arg-type]
         "blends": (state.previous is None, state.spec is compensation._wanted),
         "accepted": compensation.accepted,
         "readback": (readback.anchor_counts, readback.fade, readback.correction_map.correction(12.345)),
-        "shadows": shadows,
+        "fields": fields,
         "flags": (
-            axis.arrival.stage, axis.is_moving, axis.is_branch_known,
+            axis.whereabouts, axis.is_moving, axis.reference, axis.said,
             axis.silent_since_ns, axis.is_referenced, axis.is_unsure,
         ),
         "actual": None if axis.actual is None else (axis.actual.counts, axis.actual.seen_ns),
-        "unproven": None if axis.unproven is None else axis.unproven[2:5],
+        "unproven": None if axis.unproven is None else axis.unproven[1:4],
     }  # fmt: skip
 
 
 class Twins:
-    """The same traffic over a line with short ways and over one without."""
+    """The same traffic over a line with fast paths and over one without."""
 
     def __init__(self, plan: AxisPlan) -> None:
         self.short = Bench(plan)
-        self.long = Bench(plan, remembered_ways=0)
+        self.long = Bench(plan, remembered_paths=0)
         self.plan = plan
         self.place = plan.command[0]
         self.counts = 0
         self.told = 0
         """What was written into the first register last."""
-        self.ways = {WriteWay: 0, ReadWay: 0}
+        self.ways = {WritePath: 0, ReadPath: 0}
 
     @property
     def benches(self) -> tuple[Bench, Bench]:
@@ -164,8 +165,8 @@ class Twins:
                 bench.serve_reads()
         self.compare()
         current = self.short.line._current
-        if current is not None and type(current.way) in self.ways:
-            self.ways[type(current.way)] += 1
+        if current is not None and type(current.path) in self.ways:
+            self.ways[type(current.path)] += 1
         for bench in self.benches:
             self._serve(bench, reply)
 
@@ -257,10 +258,10 @@ def test_a_long_run_goes_the_short_way_often(name: str, writes: int, reads: int)
             sense * random.randrange(1, 700),
             "done" if random.random() < 0.95 else random.choice(REPLIES),
         )
-    assert twins.ways[WriteWay] >= writes
-    assert twins.ways[ReadWay] >= reads
+    assert twins.ways[WritePath] >= writes
+    assert twins.ways[ReadPath] >= reads
     if not writes:
-        assert twins.ways[WriteWay] == 0
+        assert twins.ways[WritePath] == 0
 
 
 def test_an_axis_that_may_have_left_is_looked_at_before_its_target_is_repeated() -> None:
@@ -276,9 +277,9 @@ def test_an_axis_that_may_have_left_is_looked_at_before_its_target_is_repeated()
     assert [pdu[0] for pdu in twins.short.seen[before:]] == [3, 16]
 
 
-@pytest.mark.parametrize("remembered_ways", [4096, 0])
-def test_a_target_written_into_another_register_since_is_no_repeat(remembered_ways: int) -> None:
-    bench = Bench(axis_plan(command=(COMMAND, SECOND), bits=BITS), remembered_ways=remembered_ways)
+@pytest.mark.parametrize("remembered_paths", [4096, 0])
+def test_a_target_written_into_another_register_since_is_no_repeat(remembered_paths: int) -> None:
+    bench = Bench(axis_plan(command=(COMMAND, SECOND), bits=BITS), remembered_paths=remembered_paths)
     told = []
     for place, counts in ((COMMAND, 1000), (COMMAND, 4000), (SECOND, 9000), (COMMAND, 4000)):
         bench.move(counts, place)
@@ -304,14 +305,14 @@ def test_after_a_long_silence_an_axis_goes_the_long_way_once() -> None:
     twins = Twins(PLANS["stream"])
     for _ in range(30):
         twins.step("move", 500, "done")
-    assert twins.ways[WriteWay] > 0
+    assert twins.ways[WritePath] > 0
     twins.step("elsewhere", 0, "silent")
     assert twins.short.line.axes[0].silent_since_ns is not None
-    written = twins.ways[WriteWay]
+    written = twins.ways[WritePath]
     twins.step("move", 500, "done")
-    assert twins.ways[WriteWay] == written
+    assert twins.ways[WritePath] == written
     twins.step("move", 500, "done")
-    assert twins.ways[WriteWay] == written + 1
+    assert twins.ways[WritePath] == written + 1
 
 
 def test_a_request_whose_length_contradicts_its_head_goes_the_long_way() -> None:
@@ -321,14 +322,14 @@ def test_a_request_whose_length_contradicts_its_head_goes_the_long_way() -> None
     assert bench.ask(good) == good[:5]
     bench.send(good[:-1])  # no word of it is mapped, so it passes as it is, but nobody remembers it as usual
     assert bench.line._current is not None
-    assert bench.line._current.way is None
+    assert bench.line._current.path is None
 
 
 def test_no_more_heads_are_remembered_than_asked_for() -> None:
-    bench = Bench(stream_plan(table=CURVE), remembered_ways=3)
+    bench = Bench(stream_plan(table=CURVE), remembered_paths=3)
     for address in range(0x1000, 0x1010):
         bench.ask(bytes((3,)) + address.to_bytes(2, "big") + b"\0\x01")
-        assert sum(map(len, bench.line._units._ways.values())) <= 3
+        assert sum(map(len, bench.line._units._paths.values())) <= 3
 
 
 def test_the_bench_drive_is_memory() -> None:

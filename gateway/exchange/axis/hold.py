@@ -44,3 +44,20 @@ class Hold:
     def leave(self, now_ns: int) -> None:
         """Its writer has no connection any more: it holds for :data:`BACK_NS` at most."""
         self.last_ns = min(self.last_ns, now_ns + BACK_NS - self._hold_ns)
+
+    def move(self, writer: str, now_ns: int) -> None:
+        """A writer moves the axis now."""
+        self.writer = writer
+        self.last_ns = now_ns
+
+    def extend(self, now_ns: int) -> None:
+        """Its writer moves it now."""
+        self.last_ns = now_ns
+
+    def note_jog(self, writer: str) -> None:
+        """Note who makes it move without a target; "": nobody any more."""
+        self.jogged_by = writer
+
+    def overwrite(self, writer: str) -> None:
+        """Note who changed the target beside a stop; "": its writer has written another one since."""
+        self.overwritten_by = writer

@@ -1,0 +1,1 @@
+"""One axis: its state, what can happen to it, its registers, its record."""

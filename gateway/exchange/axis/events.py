@@ -1,0 +1,214 @@
+"""What can happen to an axis, as far as it is one of several; ``transitions`` says what each makes of it."""
+
+from collections.abc import Mapping
+from enum import Enum
+from typing import NamedTuple
+
+from gateway.drives.motion import Action
+from gateway.exchange.axis.registers import FieldImage
+from gateway.exchange.axis.state import Rendering
+
+
+class Outcome(Enum):
+    """How a request ended."""
+
+    __hash__ = object.__hash__  # asked for with each request; that of Enum is slow
+
+    ACKNOWLEDGED = "acknowledged"
+    """Its drive answered with the full native success."""
+    EXCEPTION = "exception"
+    """Its drive refused it, with the function byte of this request."""
+    OTHER_REPLY = "other-reply"
+    """Its drive said something that proves nothing."""
+    NO_REPLY = "no-reply"
+    BROADCAST = "broadcast"
+    """It went to every drive, and none of them answers."""
+    NEVER_SENT = "never-sent"
+    """Refused, withdrawn or given up before its first byte left."""
+
+
+class Happening(Enum):
+    """What decides, or shows, where an axis is."""
+
+    __hash__ = object.__hash__  # looked up with each sample; that of Enum is slow
+
+    ACKNOWLEDGED = "acknowledged"
+    """The drive acknowledged a target and goes there, or was seen to have gone there."""
+    UNACKNOWLEDGED = "unacknowledged"
+    """A target went out, and its acknowledgement never came."""
+    RAN_NOT = "ran-not"
+    """A distance that was not acknowledged did not run: the axis was seen where it would have started."""
+    STOPPED = "stopped"
+    """It stands, or soon will, somewhere on the way that it was on."""
+    DISPLACED = "displaced"
+    """Something else than a target moves it, or has moved it, or nobody knows."""
+    REFERENCE_CHANGED = "reference-changed"
+    """Its last target means nothing from now on, and nothing but a target has moved it since."""
+    DONE = "done"
+    """Its drive says done, and what it says is not of the time before."""
+    DONE_ALONE = "done-alone"
+    """The same, and there is no actual position to look at."""
+    FELL = "fell"
+    """Its drive says: not done."""
+    THERE = "there"
+    """The actual position lies in the in-position window of the last target."""
+    NEAR = "near"
+    """It lies beside it, by no more than a correction."""
+    AWAY = "away"
+    """It lies elsewhere."""
+
+
+class ReferenceEvent(Enum):
+    """What decides whether an axis knows where it is."""
+
+    __hash__ = object.__hash__
+
+    BIT_SET = "bit-set"
+    """The bit that decides is set, and is not that of the time before homing."""
+    BIT_CLEAR = "bit-clear"
+    HOMING = "homing"
+    """A homing command went out."""
+    OTHER_MOTION = "other-motion"
+    """Something else was commanded: the bit that is seen next does not end a homing."""
+    SET_AT_REST = "set-at-rest"
+    """The drive was told that it stands somewhere else, and it stood."""
+    SET_MOVING = "set-moving"
+    """The same, and it moved, or nobody knows whether it was told."""
+    LOSS = "loss"
+    """The drive may have lost its position: switched off, an alarm, a jump."""
+    SILENCE = "silence"
+    """A request was not answered."""
+    DECLARED = "declared"
+    """A person says that the axis stands where its drive says."""
+
+
+class Command:
+    """What a request does to one axis, beside the positions in it."""
+
+    __slots__ = (
+        "action",
+        "coils",
+        "is_doubtful",
+        "losses",
+        "modes_written",
+        "number",
+        "unclear_words",
+        "words",
+        "written",
+    )
+
+    def __init__(
+        self,
+        *,
+        action: Action,
+        number: int | None,
+        words: Mapping[int, int],
+        coils: Mapping[int, int],
+        unclear_words: frozenset[int],
+        written: tuple[int, ...],
+        modes_written: tuple[int, ...],
+        losses: int,
+        is_doubtful: bool,
+    ) -> None:
+        self.action = action
+        """IGNORE where nothing moves; never START: that is what the mode makes of it."""
+        self.number = number
+        """The command field that runs, of an action that runs a target."""
+        self.words = words
+        """Mode and trigger registers, as the request leaves them."""
+        self.coils = coils
+        self.unclear_words = unclear_words
+        """Such registers that it changes in a way that nobody can tell."""
+        self.written = written
+        """Numbers of the command fields that it writes."""
+        self.modes_written = modes_written
+        """Registers that it writes and that decide what a position means."""
+        self.losses = losses
+        """Targets and modes of its axis that had been lost when it was sent."""
+        self.is_doubtful = is_doubtful
+        """A bit that starts the motion is set, and nobody knows whether it was set before."""
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether it must never be refused or late (M3)."""
+        return self.action is Action.STOP
+
+    @property
+    def runs_alone(self) -> bool:
+        """Whether it runs a target that was written before."""
+        return self.action.runs_target and self.number not in self.written
+
+    @property
+    def writes_mode(self) -> bool:
+        """Whether it sets a register that decides what a position means."""
+        return bool(self.modes_written)
+
+
+class Staging(NamedTuple):
+    """Words of a command field or limit that the drive holds and does not run."""
+
+    image: FieldImage
+    nominal_words: bytes
+    corrected_words: bytes | None
+    """None: what the drive holds is not known."""
+    losses: int
+    """Of the field, when it was sent."""
+
+
+class Part(NamedTuple):
+    """What a request writes of one command field or limit."""
+
+    image: FieldImage
+    first: int
+    """Its first word; -1: all of it, or in a way that leaves nothing of it certain."""
+    words: bytes
+
+
+class AxisRequest:
+    """What one request does to one axis, as it was sent."""
+
+    __slots__ = (
+        "arrived_ns",
+        "blind",
+        "command",
+        "goes_unknown",
+        "held_parts",
+        "losses",
+        "parts",
+        "remaps",
+        "runs",
+        "stagings",
+        "targets",
+    )
+
+    def __init__(self, arrived_ns: int, command: Command | None = None) -> None:
+        self.arrived_ns = arrived_ns
+        """When it came from its controller; no two requests of a line came at the same instant."""
+        self.command = command
+        self.targets: list[Rendering] = []
+        """Targets that the drive goes to with this request."""
+        self.runs: list[Rendering] = []
+        """The same of those that it held already."""
+        self.losses: dict[int, int] = {}
+        """Of the field of each of these targets, by its number, when the request was sent."""
+        self.stagings: list[Staging] = []
+        self.parts: tuple[Part, ...] = ()
+        """What it writes of command fields, all of it."""
+        self.held_parts: list[Part] = []
+        """Parts of staged targets whose other parts are not known yet: they pass as they come (M1)."""
+        self.blind: list[FieldImage] = []
+        """Command fields that were written 1:1 in a way that leaves their content unknown."""
+        self.goes_unknown = False
+        """The axis goes somewhere nobody knows: a distance passed unchanged."""
+        self.remaps = False
+        """It writes a register that moves other registers about."""
+
+    @property
+    def is_run_known(self) -> bool:
+        """Whether a trigger ran a target whose end is known."""
+        return any(run.move is not None or not any(run.nominal_words) for run in self.runs)
+
+    @property
+    def sends_somewhere(self) -> bool:
+        """Whether it makes the axis go to a position."""
+        return bool(self.targets or self.runs or self.blind)

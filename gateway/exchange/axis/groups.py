@@ -1,0 +1,23 @@
+"""Axes that know each other: those that carry one beam together (M11), and those that act on each other."""
+
+from collections.abc import Iterable, Sequence
+
+from gateway.exchange.axis.transitions import Axis
+
+
+def join(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
+    """Make the axes of each group know each other, and each axis those that act on it."""
+    join_terms(axes)
+    by_name = {axis.plan.name: axis for axis in axes}
+    for names in groups:
+        members = [by_name[name] for name in names if name in by_name]
+        for axis in members:
+            axis.join(tuple(other for other in members if other is not axis))
+
+
+def join_terms(axes: Iterable[Axis]) -> None:
+    """Let each axis find the axes that act on it, also those of other lines."""
+    by_name = {axis.plan.name: axis for axis in axes}
+    for axis in by_name.values():
+        if axis.terms is not None:
+            axis.terms.join(by_name)

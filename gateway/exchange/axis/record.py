@@ -1,0 +1,391 @@
+"""What the next run of the gateway has to know of an axis, kept at every moment as it is (DESIGN 7).
+
+After each input of the line the axis is compared with what was written last, so that whatever changes it (a
+stop, homing, a lost reply, a command) changes the record as well. What cannot be seen afterwards is written
+before a frame goes out (``transitions``): the target in it, which the drive may have got when the process
+dies; and that nothing is known, where it moves the axis in another way.
+
+At the start the record of the run before is compared with where the drive stands (:func:`find`). Whether it
+counts is :class:`Fate`; the axis is taken up from it in ``transitions``, in one step.
+"""
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Final, NamedTuple
+
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table, with_line
+from gateway.compensation.direction import Direction, Travel
+from gateway.compensation.fingerprint import scale_digest
+from gateway.compensation.moves import State
+from gateway.compensation.settings import Gain
+from gateway.compensation.table import CorrectionTable
+from gateway.counts import Counts
+from gateway.exchange.axis.record_layout import (
+    RecordSlots,
+    Remembered,
+    RememberedSpec,
+    RememberedState,
+    Specs,
+)
+from gateway.exchange.axis.registers import FieldImage
+from gateway.exchange.axis.state import (
+    ON_BRANCH,
+    WAS_THERE,
+    Actual,
+    AxisState,
+    OnWire,
+    Referenced,
+    Rendering,
+    Whereabouts,
+)
+from gateway.exchange.plan import AxisPlan
+from gateway.times import NS_PER_MS, NS_PER_S
+
+LARGEST_COUNTS: Final = 2.0**53
+"""Beyond it a double does not hold every whole count; such a target is not kept."""
+RECENT_NS: Final = 5 * NS_PER_S
+"""A record of this boot and no older may be of a drive that still follows its last setpoint."""
+LONGEST_LOOK_NS: Final = 100 * NS_PER_MS
+"""So long it is watched whether the drive comes nearer."""
+_NO_TARGET: Final[tuple[float, ...]] = (0.0, 0.0)
+_NO_FADE: Final = (False, 0.0, 0.0, 0.0, 0.0)
+FindTable = Callable[[bytes], CorrectionTable | None]
+"""The table with a digest (``compensation.fingerprint.table_digest``); None where it is not to be had."""
+
+
+def digest_of_axis(plan: AxisPlan) -> bytes:
+    """Digest of all that decides what the counts of an axis mean: a record made under another one is void."""
+    fields = [
+        (f.address, f.type.value, f.order.value, float(f.scale), f.block)
+        for f in (*plan.command, *plan.actual[:1])
+    ]
+    return scale_digest(plan.settings, (plan.unit_id, len(plan.command), tuple(fields)))
+
+
+class Fate(Enum):
+    """What became of the record of the run before."""
+
+    NONE = "none"
+    """There was none."""
+    OPEN = "open"
+    """It is not decided yet whether it counts."""
+    FITS = "fits"
+    """It does, and waits for those of the other axes of its group: all of them are taken up, or none."""
+    TAKEN = "taken"
+    DROPPED = "dropped"
+
+
+class Finding(NamedTuple):
+    """Where the drive was found, told from what the record allows."""
+
+    is_at_target: bool
+    """At the last accepted target."""
+    has_arrived: bool | None
+    """Whether the unproven target reached the drive; None: there is none, or nobody can tell."""
+    is_at_unproven: bool
+
+
+class Record:
+    """The record of one axis: what is written for the next run, and what the run before left.
+
+    ``recalled`` is the record of the run before, until it is decided whether it counts.
+    """
+
+    __slots__ = (
+        "_find_elsewhere",
+        "_is_empty",
+        "_is_paused",
+        "_slots",
+        "_written",
+        "fate",
+        "finding",
+        "first",
+        "recalled",
+    )
+
+    def __init__(
+        self, slots: RecordSlots, recalled: Remembered | None, find_table: FindTable | None = None
+    ) -> None:
+        self._slots = slots
+        self._find_elsewhere = find_table
+        self._is_empty = False
+        self._is_paused = False
+        self._written: tuple[object, ...] = ()
+        """What the newest record says of the axis."""
+        self.fate = Fate.NONE if recalled is None else Fate.OPEN
+        self.recalled = recalled
+        self.first: Actual | None = None
+        """Where the drive was read to be first."""
+        self.finding: tuple[Finding, Actual] | None = None
+        if recalled is None:
+            self.clear()
+
+    # --- from the run before ---------------------------------------------------------------------------
+
+    @property
+    def wants_look(self) -> bool:
+        """Whether the drive has to be read once more before it is decided."""
+        return self.fate is Fate.OPEN and self.first is not None
+
+    def look_first(self, actual: Actual) -> None:
+        """The drive has to be watched: one that comes nearer to its target is on its way there."""
+        self.first = self.first or actual
+
+    def fit(self, finding: Finding, actual: Actual) -> None:
+        """It counts, as far as this axis is concerned."""
+        self.fate, self.finding = Fate.FITS, (finding, actual)
+
+    def decide(self, fate: Fate) -> None:
+        """Note what became of the record; it is there only as long as that is open."""
+        self.fate, self.recalled, self.finding = fate, None, None
+
+    def find_table(self, axis: AxisState, digest: bytes) -> CorrectionTable | None:
+        """Return the table with a digest: the one configured, or one that is kept elsewhere."""
+        if axis.wanted.table_digest == digest:
+            return axis.plan.table
+        return None if self._find_elsewhere is None else self._find_elsewhere(digest)
+
+    # --- for the run after -----------------------------------------------------------------------------
+
+    def publish(self, axis: AxisState) -> None:
+        """Write down what has changed since it was written last."""
+        if self._is_paused or self.recalled is not None or axis.on_wire is not OnWire.NOTHING:
+            return
+        if axis.pending is not None:
+            return  # the target may have arrived or not, and the record says so
+        compensation = axis.compensation
+        image = None if axis.last_number is None else axis.fields[axis.last_number]
+        now = (
+            compensation.state,
+            compensation.readback,
+            compensation.accepted,
+            axis.wanted,
+            axis.whereabouts,
+            image is not None and not axis.plan.has_rules and _holds_its_words(image),
+        )
+        if now != self._written:
+            self._write(axis, None, has_target=True)
+            self._written = now
+
+    def keep(self, axis: AxisState, pending: Rendering | None = None, *, has_target: bool = True) -> None:
+        """Write down what holds before a frame leaves."""
+        self._write(axis, pending, has_target=has_target)
+        self._written = ()
+
+    def clear(self) -> None:
+        """Let the record say nothing."""
+        self._written = ()
+        if not self._is_empty:
+            self._slots.clear()
+            self._is_empty = True
+
+    def pause(self) -> None:
+        """The way to the drives is lost, or closed: what the record says stays true."""
+        self._is_paused = True
+
+    def go_on(self) -> None:
+        """The way to the drives is there."""
+        self._is_paused = False
+
+    def _write(self, axis: AxisState, pending: Rendering | None, *, has_target: bool) -> None:
+        compensation = axis.compensation
+        low, high = compensation.way
+        if axis.whereabouts not in ON_BRANCH or high > LARGEST_COUNTS or low < -LARGEST_COUNTS:
+            self.clear()
+            return
+        state, accepted, number = compensation.state, compensation.accepted, axis.last_number
+        _, _, _, anchor, fade, _ = compensation.readback
+        move = None
+        specs: Specs = (state.spec, state.previous, None, None, axis.wanted)
+        if pending is not None and pending.move is not None:
+            after = pending.move.state
+            specs = (state.spec, state.previous, after.spec, after.previous, axis.wanted)
+            ends = (pending.move.nominal_counts, pending.corrected_counts)
+            move = (pending.is_distance, pending.number, *ends, *_state_numbers(after))
+        has_target = has_target and accepted is not None
+        knows_words = number is not None and not axis.plan.has_rules and _holds_its_words(axis.fields[number])
+        numbers = (
+            has_target,
+            has_target and _was_there(axis),
+            has_target and axis.whereabouts is Whereabouts.ARRIVED,
+            has_target and axis.whereabouts is Whereabouts.MAY_HAVE_LEFT,
+            has_target and knows_words,
+            0 if number is None else number,
+            *(accepted or _NO_TARGET),
+            low,
+            high,
+            *_state_numbers(state),
+            anchor,
+            *(_NO_FADE if fade is None else (True, *fade)),
+        )
+        self._is_empty = False
+        self._slots.write(numbers, move, specs)
+
+    @property
+    def generation(self) -> int:
+        """How often the record was written so far."""
+        return self._slots.generation
+
+
+def _was_there(axis: AxisState) -> bool:
+    """Whether an axis was at its target so surely that a drive found elsewhere has been moved since."""
+    accepted, actual, settings = axis.compensation.accepted, axis.actual, axis.plan.settings
+    if axis.whereabouts is not Whereabouts.SEEN_THERE or accepted is None or actual is None:
+        return axis.whereabouts in WAS_THERE
+    near = settings.hysteresis * abs(settings.counts_per_unit)
+    return abs(actual.counts - accepted.corrected_counts) <= near
+
+
+def _holds_its_words(image: FieldImage) -> bool:
+    """Whether the drive holds the words of the last target, and nothing was lost on the way there since."""
+    return image.corrected_words is not None and image.nominal_words is not None and not image.is_torn
+
+
+def _state_numbers(state: State) -> tuple[object, ...]:
+    position, (direction, extreme), progress, _, _, change, change_distance, is_unsure, at_ns = state
+    return (
+        direction._value_,
+        is_unsure,
+        extreme if position is None else position,
+        extreme,
+        progress,
+        change,
+        change_distance,
+        at_ns,
+    )
+
+
+# --- whether it counts -------------------------------------------------------------------------------------
+
+
+class TableNotFoundError(Exception):
+    """A table that a record names is not to be had."""
+
+
+def lacks_reference(axis: AxisState) -> bool:
+    """Whether it is certain that an axis does not know where it is."""
+    return axis.reference in (
+        Referenced.LOST,
+        Referenced.LOST_ASKED,
+        Referenced.HOMING,
+        Referenced.HOMING_ASKED,
+    )
+
+
+def find(axis: AxisState, record: Remembered, first: Actual, now: Actual) -> Finding | str | None:
+    """Compare where the drive is with where its record says that it may be.
+
+    Returns a sentence where it may not be there, and None where it has to be read once more.
+
+    Of a stream the drive lags behind: one that comes nearer to the last setpoint is on its way there, however
+    far it lags, if the record is no older than some seconds.
+
+    Args:
+        axis: the axis, which is not changed.
+        record: its record.
+        first: the first position that was read.
+        now: the last one; the same at the first look.
+    """
+    finding = _find(axis, record, now.counts)
+    if finding is not None:
+        return finding
+    if axis.compensation.is_stream and record.has_target and _is_recent(record, first):
+        if _has_come_nearer(axis, record, first.counts, now.counts):
+            return Finding(is_at_target=False, has_arrived=None, is_at_unproven=False)
+        if now.seen_ns - first.seen_ns <= LONGEST_LOOK_NS:
+            return None
+    low, high = record.way
+    if record.was_at_target or low == high:
+        said = f"at {record.corrected_counts:.10g}"
+    else:
+        said = f"between {low:.10g} and {high:.10g}"
+    return f"the drive stands at {now.counts:.10g} counts, and the record says {said}"
+
+
+def _is_recent(record: Remembered, first: Actual) -> bool:
+    at_ns = record.state.at_ns if record.unproven is None else record.unproven.state.at_ns
+    return record.is_of_this_boot and 0 <= first.seen_ns - at_ns <= RECENT_NS
+
+
+def _has_come_nearer(axis: AxisState, record: Remembered, before: Counts, now: Counts) -> bool:
+    """Whether the drive goes to one of the last two setpoints, by more than a standing one trembles."""
+    settings = axis.plan.settings
+    near = settings.hysteresis * abs(settings.counts_per_unit)
+    targets = [record.corrected_counts]
+    if record.unproven is not None:
+        targets.append(record.unproven.corrected_counts)
+    return any(abs(before - target) - abs(now - target) > near for target in targets)
+
+
+def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None:
+    """Compare where the drive is with where it may be; None where the record cannot be true.
+
+    Between two targets of which one is not proven, the nearer one counts.
+    """
+    settings = axis.plan.settings
+    near = settings.hysteresis * abs(settings.counts_per_unit)
+    low, high = record.way
+    from_target = abs(counts - record.corrected_counts)
+    is_at_target = record.has_target and from_target <= near
+    is_on_way = is_at_target or (not record.was_at_target and low - near <= counts <= high + near)
+    move = record.unproven
+    if move is None:
+        return Finding(is_at_target, None, is_at_unproven=False) if is_on_way else None
+    from_move = abs(counts - move.corrected_counts)
+    if from_move <= near and not (is_at_target and from_target <= from_move):
+        return Finding(is_at_target=False, has_arrived=True, is_at_unproven=True)
+    if is_on_way:
+        return Finding(is_at_target, False if is_at_target else None, is_at_unproven=False)
+    low, high = min(low, move.corrected_counts), max(high, move.corrected_counts)
+    if low - near <= counts <= high + near:
+        return Finding(is_at_target=False, has_arrived=True, is_at_unproven=False)
+    return None
+
+
+def state_of(axis: AxisState, numbers: RememberedState, find_table: FindTable, now_ns: int) -> State:
+    """Return the state of the compensation that numbers stand for.
+
+    Raises:
+        TableNotFoundError: a table is not to be had.
+        TableError, SettingsError: a table does not go with the settings of the axis.
+    """
+    return State(
+        position=numbers.position,
+        travel=Travel(Direction(numbers.direction), numbers.extreme),
+        progress=numbers.progress,
+        spec=_spec(axis, numbers.spec, find_table),
+        previous=None if numbers.previous is None else _spec(axis, numbers.previous, find_table),
+        change=numbers.change,
+        change_distance=numbers.change_distance,
+        is_unsure=numbers.is_unsure,
+        at_ns=min(numbers.at_ns, now_ns),  # the clock begins anew with the machine
+    )
+
+
+def _spec(axis: AxisState, numbers: RememberedSpec, find_table: FindTable) -> CorrectionSpec:
+    """Return the correction that numbers stand for: the one wanted now, where it is the same.
+
+    Raises:
+        TableNotFoundError: its table is not to be had.
+        TableError, SettingsError: its table does not go with the settings of the axis.
+    """
+    if not numbers.digest:
+        return CorrectionSpec(offset=numbers.offset) if numbers.offset else NOTHING
+    wanted, gain = axis.wanted, Gain(numbers.forward_gain, numbers.backward_gain)
+    if numbers.was_wanted and wanted.table_digest == numbers.digest and wanted.gain == gain:
+        is_same = (wanted.offset, wanted.tilt) == (numbers.offset, numbers.tilt)
+        return wanted if is_same else with_line(wanted, numbers.offset, numbers.tilt)
+    table = find_table(numbers.digest)
+    if table is None:
+        raise TableNotFoundError
+    found = spec_of_table(table, axis.plan.settings, gain, numbers.digest)
+    return with_line(found, numbers.offset, numbers.tilt) if numbers.offset or numbers.tilt else found
+
+
+def may_have_stopped(axis: AxisState) -> bool:
+    """Whether an axis that was found on its way may go no further, and its next distance begin where it is.
+
+    A drive that is only told positions gets its target once more, or another one; one that takes stops and
+    distances may have stopped for want of a master, and its target must be no base of a distance (M5).
+    """
+    return axis.plan.has_rules

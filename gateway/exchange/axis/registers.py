@@ -1,0 +1,223 @@
+"""The register image of an axis: what is known of the registers that decide where its drive goes.
+
+Of each command field and limit a :class:`FieldImage`: the *nominal words*, which the controller believes
+there, and the *corrected words*, which the drive acknowledged. Of mode and trigger registers and of coils a
+:class:`RuleImage`: what they hold.
+
+A write that was lost on the way (refused, withdrawn, unanswered) leaves a field *torn*: the controller may
+believe in that write or not, so no part of a position may be combined with what stood there before. Parts
+that come within :data:`JOIN_NS` of each other belong to one command: once they are all there, the position
+is known again and is judged as a whole (M1, M3).
+
+Only ``transitions`` changes an image.
+"""
+
+from enum import Enum
+from typing import Final
+
+from gateway.drives.motion import MotionPlan
+from gateway.modbus.registers import PositionField
+
+JOIN_NS: Final = 200_000_000
+"""Masters that write a position word by word do so 20 to 50 ms apart; the next command comes later."""
+
+
+class Completeness(Enum):
+    """Whether parts of a field may be completed with the rest of it."""
+
+    WHOLE = "whole"
+    """No write was lost since the drive acknowledged a whole position."""
+    TORN = "torn"
+    """A write was lost: every word has to come again."""
+    PARTS_LOST = "parts-lost"
+    """Since then some words came which never reached the drive: they count when the others follow soon."""
+    PARTS_HELD = "parts-held"
+    """Since then some words came which the drive acknowledged: the others need not hurry."""
+
+
+class FieldImage:
+    """Words of one command field or limit, in the order of its registers."""
+
+    __slots__ = (
+        "_all_words",
+        "_lost_ns",
+        "_missing",
+        "_parts",
+        "_since_ns",
+        "completeness",
+        "corrected_words",
+        "losses",
+        "may_be_corrected",
+        "nominal_words",
+    )
+
+    def __init__(self, field: PositionField) -> None:
+        self.nominal_words: bytes | None = None
+        """What the controller believes the drive holds; None: not known."""
+        self.corrected_words: bytes | None = None
+        """What the drive acknowledged; None: not known."""
+        self.completeness = Completeness.WHOLE
+        self._all_words = (1 << field.words) - 1
+        self._parts = bytearray(2 * field.words)
+        """The words that came since a write was lost; which of them still miss is a bit in ``_missing``."""
+        self._missing = self._all_words
+        self._since_ns = 0
+        self._lost_ns = 0
+        """When the newest write that was lost had come."""
+        self.may_be_corrected = False
+        """The drive may hold other words than the controller wrote."""
+        self.losses = 0
+        """How many writes were lost so far: what was sent before a loss does not make up for it."""
+
+    @property
+    def is_torn(self) -> bool:
+        """Whether a write was lost and no whole position has been acknowledged since."""
+        return self.completeness is not Completeness.WHOLE
+
+    def settle(self, nominal_words: bytes, corrected_words: bytes | None, losses: int | None = None) -> None:
+        """Note that the drive holds these words.
+
+        Args:
+            nominal_words: what the controller wrote.
+            corrected_words: what the drive was told; None: that is not known.
+            losses: how many writes had been lost when they were sent; None: none has been lost since.
+        """
+        self.nominal_words = nominal_words
+        self.corrected_words = corrected_words
+        self.may_be_corrected = corrected_words != nominal_words
+        if losses is None or losses == self.losses:
+            self.completeness = Completeness.WHOLE
+
+    def forget(self) -> None:
+        """Nobody knows any more what the drive holds."""
+        self.nominal_words = self.corrected_words = None
+
+    def doubt(self) -> None:
+        """The drive may hold another target than it was told; what the controller believes stays."""
+        self.corrected_words = None
+
+    def tear(self, arrived_ns: int = 0) -> None:
+        """Note that a whole write was lost, and when it had come: every word has to come again."""
+        self._lost_ns = max(self._lost_ns, arrived_ns)
+        self.losses += 1
+        self.completeness = Completeness.TORN
+        self._missing = self._all_words
+
+    def completed(self, first: int, words: bytes, arrived_ns: int) -> bytes | None:
+        """Return the whole position once ``words`` are written from word ``first`` on; None if not known."""
+        if self.completeness is Completeness.WHOLE:
+            base = self.nominal_words
+        elif self._are_joined(arrived_ns) and not self._missing & ~_mask(first, words):
+            base = bytes(self._parts)
+        else:
+            base = None
+        if base is None:
+            return None
+        return base[: 2 * first] + words + base[2 * first + len(words) :]
+
+    def _are_joined(self, arrived_ns: int) -> bool:
+        return self.completeness is Completeness.PARTS_HELD or arrived_ns - self._since_ns <= JOIN_NS
+
+    def hold(self, first: int, words: bytes, arrived_ns: int) -> None:
+        """Note a part that the drive acknowledged, while the other parts are not known."""
+        covers_all = not self._all_words & ~self._missing & ~_mask(first, words)
+        is_new = not self.is_torn or covers_all or not self._are_joined(arrived_ns)
+        stays_held = is_new or self.completeness is Completeness.PARTS_HELD
+        if is_new:
+            self.tear()
+        self.lose(first, words, arrived_ns)
+        if stays_held and self.completeness is Completeness.PARTS_LOST:
+            self.completeness = Completeness.PARTS_HELD
+
+    def lose(self, first: int, words: bytes, arrived_ns: int) -> None:
+        """Note a part that never reached the drive; it counts when the other parts follow soon.
+
+        ``arrived_ns`` is when it came from its controller: of a loss that shows later than that of a newer
+        write nothing counts.
+        """
+        if arrived_ns < self._lost_ns:
+            self.tear()
+            return
+        self._lost_ns = arrived_ns
+        is_first = self.completeness in (Completeness.WHOLE, Completeness.TORN)
+        if is_first or not self._are_joined(arrived_ns):
+            self.tear()
+            self._since_ns = arrived_ns
+        self.losses += 1
+        self.completeness = Completeness.PARTS_LOST
+        self._parts[2 * first : 2 * first + len(words)] = words
+        self._missing &= ~_mask(first, words)
+        if not self._missing:  # all of it was there, and was lost as a whole
+            self.tear()
+
+
+def _mask(first: int, words: bytes) -> int:
+    return ((1 << len(words) // 2) - 1) << first
+
+
+class RuleImage:
+    """What mode and trigger registers and coils hold, as the drive acknowledged it or was read to hold."""
+
+    __slots__ = ("_coils", "_lost_modes", "_words", "addresses", "plan", "staged")
+
+    def __init__(self, plan: MotionPlan) -> None:
+        self.plan = plan
+        modes = {mode.address for mode in plan.modes if mode is not None}
+        triggers = {trigger.address for trigger in plan.triggers if not trigger.is_coil}
+        self.addresses = tuple(sorted(modes | triggers | plan.starts_on))
+        """Registers whose writing may mean something."""
+        self._words: dict[int, int] = {}
+        self._coils: dict[int, int] = {}
+        self._lost_modes: dict[int, tuple[int, int]] = {}
+        """Mode registers whose writing was lost: its exception code, and the losses of the axis then."""
+        self.staged: int | None = None
+        """The command field that a trigger without a number runs."""
+
+    def word(self, address: int) -> int | None:
+        """Return the content of a register, as far as it is known."""
+        return self._words.get(address)
+
+    def coil(self, address: int) -> int | None:
+        """Return the state of a coil, as far as it is known."""
+        return self._coils.get(address)
+
+    def note_words(self, words: dict[int, int], losses: int) -> None:
+        """Note what the drive acknowledged; ``losses``: of its axis, when it was sent."""
+        self._words.update(words)
+        for address in words:
+            if self._lost_modes.get(address, (0, 0))[1] <= losses:
+                self._lost_modes.pop(address, None)
+
+    def note_read(self, address: int, word: int) -> None:
+        """Note what a register was read to hold."""
+        self._words[address] = word
+
+    def note_coils(self, coils: dict[int, int]) -> None:
+        """Note which coils the drive acknowledged."""
+        self._coils.update(coils)
+
+    def stage(self, number: int) -> None:
+        """Note the command field that was written last."""
+        self.staged = number
+
+    def doubt(self, words: dict[int, int], coils: dict[int, int]) -> None:
+        """Note that what these registers and coils hold is not known any more."""
+        for address in words:
+            self._words.pop(address, None)
+        for address in coils:
+            self._coils.pop(address, None)
+
+    def forget(self) -> None:
+        """Nobody knows any more what the drive's registers hold."""
+        self._words.clear()
+        self._coils.clear()
+        self.staged = None
+
+    def lose_mode(self, address: int, code: int, losses: int) -> None:
+        """Note that the writing of a mode register was lost, as the loss of that number."""
+        self._lost_modes[address] = (code, losses)
+
+    def lost_mode(self, number: int | None) -> int | None:
+        """Return the exception code with which the mode of a command field was lost, if it was."""
+        mode = None if number is None else self.plan.mode(number)
+        return None if mode is None else self._lost_modes.get(mode.address, (None, 0))[0]

@@ -1,0 +1,521 @@
+"""The state of one axis: everything that decides what its next target becomes, in one record.
+
+Theory of operation
+===================
+
+A controller commands *nominal* positions, its drive is told *corrected* ones. What is added depends on where
+the axis is to go, and, as a worn screw has lost motion, on the side from which it gets there: its *branch*.
+So two things have to be known of an axis: whether its positions mean anything, and where it is.
+
+*Whether its positions mean anything* is :class:`Referenced`; whether they are to be corrected a person
+decides, or a drive whose registers were moved about (:class:`Switched`). While nothing is known, positions
+pass 1:1 in both directions.
+
+*Where it is* is :class:`Whereabouts`. A target that the drive acknowledged makes the axis be under way; bits
+and positions that are seen afterwards prove its arrival step by step; a stop, a jog, homing, an alarm or a
+lost reply takes that away again. Only an axis that has arrived tells by the sign of its next distance on
+which branch the next target lies, and only such a target, or a reading of a standing axis, is the base of a
+distance. What is seen counts only where it cannot be of the time before: a sample is as old as the sending of
+its request, and a done bit may be that of the move before until it was seen to fall or the drive has had the
+time to let it fall (:class:`Said`).
+
+*How it is corrected* at the moment is in ``compensation`` (``gateway.compensation``): direction, blends,
+offset, the last target in both frames, and the readback map that turns readings back. The target is there
+exactly while the place is one of :data:`TARGETED`.
+
+*What the drive holds* is the register image (``registers``): targets may stand in the drive without being
+run, and halves of them may have been lost. What was lost *blocks* the triggers (:class:`Block`).
+
+Everything above changes in ``transitions`` and nowhere else: each thing that can happen to an axis is one
+method of ``Axis`` there, and what one of several states becomes is a table there. This class only answers
+questions.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from math import isfinite
+from typing import Final, NamedTuple
+
+from gateway.compensation.axis import AxisCompensation
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
+from gateway.compensation.moves import Accepted, Move
+from gateway.compensation.readback import Readback
+from gateway.compensation.settings import Setpoints
+from gateway.counts import Counts
+from gateway.drives.motion import Action, Form
+from gateway.exchange.axis.hold import Hold
+from gateway.exchange.axis.hunting import Hunting
+from gateway.exchange.axis.registers import FieldImage, RuleImage
+from gateway.exchange.events import Event
+from gateway.exchange.field_counts import counts_of, raw_of, steps_of
+from gateway.exchange.plan import DONE_BIT, HOMED_BIT, AxisPlan, CompensationMode, Reference
+from gateway.modbus.pdu import ExceptionCode
+from gateway.modbus.registers import PositionField
+from gateway.times import NS_PER_MS, NS_PER_S
+
+REFERENCE_FRESH_NS: Final = NS_PER_S
+"""A homed bit that was seen longer ago is read again before a target."""
+HOMING_SETTLE_NS: Final = 100 * NS_PER_MS
+"""A bit that is still set so soon after a homing command may be that of the homing before."""
+
+
+class Whereabouts(Enum):
+    """Where the axis is, as far as anybody can tell."""
+
+    __hash__ = object.__hash__  # looked up with each sample; that of Enum is slow
+
+    UNKNOWN = "unknown"
+    """Something else than a target decides where it is: homing, a jog, a stored position, an alarm."""
+    STOPPED = "stopped"
+    """A stop came after the last target: it stands somewhere, on the branch of that target."""
+    HELD = "held"
+    """The reference has changed since: the last target means nothing, but its repeat moves nothing."""
+    UNPROVEN = "unproven"
+    """A target was sent and not acknowledged: the drive may hold it or not."""
+    UNPROVEN_AT_REST = "unproven-at-rest"
+    """The same, and the drive has said done since."""
+    UNDER_WAY = "under-way"
+    """The last target was acknowledged, and nothing has shown the axis there."""
+    DONE_SAID = "done-said"
+    """Its drive says done; where it stands has not been seen yet."""
+    SEEN_THERE = "seen-there"
+    """Its actual position was seen in the window; its drive has not said done."""
+    ARRIVED = "arrived"
+    """Both, or the drive's word alone where no actual position is mapped."""
+    MAY_HAVE_LEFT = "may-have-left"
+    """Done fell after that: a motion that is not of our making, or the bit has flickered."""
+
+
+TARGETED: Final = frozenset(
+    {
+        Whereabouts.UNDER_WAY,
+        Whereabouts.DONE_SAID,
+        Whereabouts.SEEN_THERE,
+        Whereabouts.ARRIVED,
+        Whereabouts.MAY_HAVE_LEFT,
+    }
+)
+"""Places of which the last accepted target says where the axis is or goes."""
+WAS_THERE: Final = TARGETED - {Whereabouts.UNDER_WAY}
+"""Places from which an axis that is seen away has been moved by something else."""
+AT_REST: Final = WAS_THERE | {Whereabouts.UNPROVEN_AT_REST}
+"""Places of which anything says that the axis stands."""
+ON_BRANCH: Final = TARGETED | {Whereabouts.STOPPED}
+"""Places at which the branch of the last target is that on which the axis stands or moves."""
+
+
+class Said(Enum):
+    """What the drive has said since the last motion began: the end of an old one and of this look alike."""
+
+    NOTHING = "nothing"
+    """Nothing that could not be of the time before."""
+    MOVES = "moves"
+    STOOD = "stood"
+    """It moved, and then stood."""
+
+
+class Referenced(Enum):
+    """Whether the axis knows where it is (M9). How that can be known, ``plan.Reference`` says.
+
+    *Asked*: where a status bit decides, it has to be read before positions pass.
+    """
+
+    __hash__ = object.__hash__
+
+    UNTOLD = "untold"
+    """The bit that decides was never seen."""
+    UNTOLD_HOMING = "untold-homing"
+    """The same, and a homing command was seen since the start."""
+    LOST = "lost"
+    LOST_ASKED = "lost-asked"
+    HOMING = "homing"
+    """A homing command was seen, and not yet its end."""
+    HOMING_ASKED = "homing-asked"
+    FOUND = "found"
+    FOUND_ASKED = "found-asked"
+    """It was found, and the drive may have been switched off since."""
+
+
+_FOUND: Final = Referenced.FOUND  # a member is looked up slowly, and these are asked for with each frame
+_FOUND_ASKED: Final = Referenced.FOUND_ASKED
+FOUND: Final = frozenset({Referenced.FOUND, Referenced.FOUND_ASKED})
+HOMING: Final = frozenset({Referenced.UNTOLD_HOMING, Referenced.HOMING, Referenced.HOMING_ASKED})
+ASKED: Final = frozenset(
+    {
+        Referenced.UNTOLD,
+        Referenced.UNTOLD_HOMING,
+        Referenced.LOST_ASKED,
+        Referenced.HOMING_ASKED,
+        Referenced.FOUND_ASKED,
+    }
+)
+UNTOLD: Final = frozenset({Referenced.UNTOLD, Referenced.UNTOLD_HOMING})
+
+
+class Switched(Enum):
+    """Whether the table is to be applied, as far as anybody decides that."""
+
+    ON = "on"
+    OFF = "off"
+    ENDED = "ended"
+    """A remapping register of its unit was written (M10): off until a restart."""
+
+
+class Block(Enum):
+    """Whether triggers are refused because a target was lost (M3)."""
+
+    NONE = "none"
+    OWN = "own"
+    """The target was lost for its own sake."""
+    OF_GROUP = "of-group"
+    """It was lost because another axis of the group was blocked (M11)."""
+
+
+class OnWire(Enum):
+    """What is on its way to the drive, where a record is kept: nobody may live to see the reply."""
+
+    NOTHING = "nothing"
+    """Nothing that moves it."""
+    TARGET = "target"
+    """A target that it has or has not got."""
+    STOP = "stop"
+    """Where it goes is not known from now on, only the way that it is on."""
+    MOTION = "motion"
+    """Something that moves it in a way which nobody can say."""
+
+
+@dataclass(slots=True)
+class Actual:
+    """The last actual position seen, as the drive reported it."""
+
+    counts: Counts
+    seen_ns: int
+
+
+class Rendering(NamedTuple):
+    """A target ready to be written: both forms of its words, and what accepting it means."""
+
+    number: int
+    """Of its command field."""
+    nominal_words: bytes
+    corrected_words: bytes
+    corrected_counts: Counts
+    move: Move | None
+    """None for a repeat: the drive is told exactly the same words again (M4)."""
+    is_distance: bool = False
+    """The words are a distance; ``corrected_counts`` is where it ends."""
+    start: Accepted | None = None
+    """Where a distance starts."""
+
+
+class Held(NamedTuple):
+    """The last target as its drive was told it, over a change of the reference: its repeat moves nothing."""
+
+    number: int
+    nominal_words: bytes
+    corrected_words: bytes
+
+
+class AxisState:
+    """What is known of one axis, and the questions that can be asked of it. See the module."""
+
+    __slots__ = (
+        "_done_drop_ns",
+        "actual",
+        "base",
+        "began",
+        "block",
+        "block_code",
+        "blocked_at_loss",
+        "compensation",
+        "fields",
+        "has_branches",
+        "heard_ns",
+        "held",
+        "hold",
+        "homing_since_ns",
+        "hunting",
+        "is_alarmed",
+        "is_held_back",
+        "is_moving",
+        "last_number",
+        "last_run",
+        "limit_fields",
+        "losses",
+        "news",
+        "on_wire",
+        "pending",
+        "plan",
+        "reference",
+        "reference_seen_ns",
+        "rules",
+        "said",
+        "sent_off_ns",
+        "silent_since_ns",
+        "silent_until_ns",
+        "switched",
+        "told_referenced",
+        "told_restaged_ns",
+        "told_unknown",
+        "told_unsure",
+        "unproven",
+        "wanted",
+        "whereabouts",
+    )
+
+    def __init__(self, plan: AxisPlan) -> None:
+        self.plan = plan
+        # --- whether its positions mean anything
+        self.reference = Referenced.FOUND
+        self.reference_seen_ns = 0
+        """When the bit that decides was seen last."""
+        self.homing_since_ns = 0
+        """When the last homing command went out, or when the bit was seen to be down since."""
+        self.is_held_back = False
+        """Another axis of its group is not referenced (M11)."""
+        self.switched = Switched.ON
+        # --- where it is
+        self.whereabouts = Whereabouts.UNKNOWN
+        self.said = Said.NOTHING
+        self.sent_off_ns = 0
+        """When the drive was made to move last, or may have been."""
+        self.unproven: Rendering | None = None
+        """The target that was not acknowledged; there exactly in both places of that name."""
+        self.held: Held | None = None
+        """There exactly in the place of that name."""
+        self.last_number: int | None = None
+        """Of the command field through which the last accepted target came."""
+        self.actual: Actual | None = None
+        self.heard_ns = 0
+        """When it was seen last, or was told something that it acknowledged."""
+        self.is_moving: bool | None = None
+        """What the drive's moving bit said last; None: not known."""
+        self.is_alarmed = False
+        self.silent_since_ns: int | None = None
+        self.silent_until_ns = 0
+        """The first and the last request since then that its drive left unanswered."""
+        # --- how it is corrected
+        self.compensation = AxisCompensation(plan.settings)
+        self.base: CorrectionSpec = NOTHING
+        """What the table asks for."""
+        self.wanted: CorrectionSpec = NOTHING
+        """The same with its terms."""
+        self.has_branches = False
+        """Whether the direction of travel makes a difference to the correction."""
+        # --- what the drive holds
+        self.fields = [FieldImage(each) for each in plan.command]
+        self.limit_fields = [FieldImage(each) for each in plan.limits]
+        self.rules = RuleImage(plan.motion)
+        self.block = Block.NONE
+        self.block_code = 0
+        """Exception code of the target that was lost; its triggers are refused with it."""
+        self.blocked_at_loss = 0
+        self.losses = 0
+        """Targets and modes lost so far: what was sent before a loss does not make up for it."""
+        self.last_run = Action.ABSOLUTE
+        """How the last target was meant: the best guess for one that is staged before its mode is known."""
+        self.on_wire = OnWire.NOTHING
+        self.pending: Rendering | None = None
+        """The target that was on the wire last, as long as its record has to name it."""
+        # --- who moves it, and what is to be told
+        self.hold = Hold(plan.writer_hold_s, is_shared=not plan.has_one_writer)
+        self.hunting = Hunting()
+        self.news: list[Event] = []
+        """What the line has still to report."""
+        self.began: tuple[float, float] | None = None
+        """Offset with which a stream has begun and what of it was motion, in units, until it is told."""
+        self.told_referenced: bool | None = None
+        self.told_unsure = False
+        self.told_restaged_ns: int | None = None
+        self.told_unknown: tuple[tuple[int, int], ...] | None = None
+        """Register contents that were reported as unknown last."""
+        self._done_drop_ns = int(plan.done_drop_ms * NS_PER_MS)
+
+    # --- whether its positions mean anything -----------------------------------------------------------
+
+    @property
+    def is_found(self) -> bool:
+        """Whether the axis itself knows where it is, as far as one can tell."""
+        return self.reference is _FOUND or self.reference is _FOUND_ASKED
+
+    @property
+    def is_referenced(self) -> bool:
+        """Whether the axis, and every axis of its group, knows where it is, as far as one can tell."""
+        reference = self.reference
+        return (reference is _FOUND or reference is _FOUND_ASKED) and not self.is_held_back
+
+    @property
+    def follows_homed_bit(self) -> bool:
+        """Whether the drive's homed bit decides."""
+        return self.plan.referenced is Reference.DRIVE_BIT
+
+    @property
+    def hangs_on_a_bit(self) -> bool:
+        """Whether a status bit of the drive tells when the reference is found."""
+        return self.plan.referenced in (Reference.DRIVE_BIT, Reference.HOMING)
+
+    @property
+    def is_reference_told(self) -> bool:
+        """Whether the homed bit was ever seen, where it decides."""
+        return self.reference not in UNTOLD
+
+    @property
+    def is_enabled(self) -> bool:
+        """Whether a person or the configuration wants the table to be applied."""
+        return self.switched is Switched.ON
+
+    @property
+    def is_dry_run(self) -> bool:
+        """Compute and show, but write and read 1:1 (``compensation = "shadow"``)."""
+        return self.plan.compensation is CompensationMode.SHADOW
+
+    @property
+    def passes_unchanged(self) -> bool:
+        """Whether words of this axis go through 1:1 in both directions (M9)."""
+        return self.is_dry_run or self.compensation.is_passing
+
+    @property
+    def reads_unchanged(self) -> bool:
+        """Whether what is read of it goes through 1:1: not yet while the last correction fades out."""
+        return self.passes_unchanged and (self.is_dry_run or self.compensation.readback.fade is None)
+
+    @property
+    def homed_bit(self) -> str:
+        """Name of the bit that tells when homing has ended."""
+        return (
+            DONE_BIT
+            if self.plan.referenced is Reference.HOMING and HOMED_BIT not in self.plan.bits
+            else HOMED_BIT
+        )
+
+    def needs_reference(self, now_ns: int, *, is_target: bool) -> bool:
+        """Whether the homed bit has to be read before this axis's positions pass.
+
+        A stream of setpoints is not held up for an old bit while the axis is referenced.
+        """
+        if not self.may_read:
+            return False
+        is_stream = self.plan.settings.setpoints is Setpoints.STREAM
+        before_target = is_target and not (is_stream and self.is_referenced)
+        if not self.follows_homed_bit:
+            return before_target and self.reference in HOMING and self.plan.referenced is Reference.HOMING
+        is_old = self.reference not in FOUND or now_ns - self.reference_seen_ns > REFERENCE_FRESH_NS
+        return self.reference in ASKED or (before_target and is_old)
+
+    # --- where it is -----------------------------------------------------------------------------------
+
+    @property
+    def has_arrived(self) -> bool:
+        """Whether the axis is known to stand at its target."""
+        return self.whereabouts is Whereabouts.ARRIVED
+
+    @property
+    def is_unsure(self) -> bool:
+        """Whether the branch in force was assumed, where there are two and they count."""
+        unproven = self.unproven
+        is_assumed = self.compensation.state.is_unsure or (unproven is not None and unproven.is_distance)
+        return is_assumed and self.has_branches and not self.compensation.is_passing
+
+    @property
+    def is_distance_unproven(self) -> bool:
+        """Whether a distance was sent of which nobody knows if it ran: its axis is at one of two places."""
+        return self.unproven is not None and self.unproven.is_distance
+
+    def is_unseen(self, now_ns: int) -> bool:
+        """Whether somebody may have moved it since anything was heard of it or said to it (M5, M6)."""
+        return now_ns - self.heard_ns > self.plan.unseen_ms * NS_PER_MS
+
+    def is_at_target(self, corrected_counts: Counts) -> bool:
+        """Whether a position lies in the in-position window of the last accepted target."""
+        accepted = self.compensation.accepted
+        if accepted is None:
+            return False
+        return abs(corrected_counts - accepted.corrected_counts) <= self.plan.settings.in_position_counts
+
+    def has_started(self, asked_ns: int) -> bool:
+        """Whether a done bit that was asked for then is not that of the move before."""
+        is_new = self.said is not Said.NOTHING or asked_ns - self.sent_off_ns >= self._done_drop_ns
+        return is_new and asked_ns >= self.sent_off_ns
+
+    def may_stand(self, asked_ns: int) -> bool:
+        """Whether a position that was asked for then may be that of an axis that has come to rest."""
+        return self.has_started(asked_ns) and self.said is not Said.MOVES
+
+    # --- what the gateway may ask ----------------------------------------------------------------------
+
+    @property
+    def may_read(self) -> bool:
+        """Whether the gateway may add reads of this axis's registers (W8)."""
+        return self.plan.safe_read and self.plan.added_frames
+
+    @property
+    def asked_actual(self) -> PositionField | None:
+        """The actual position that the gateway may read by itself (W8); None: it only sees it in passing."""
+        return self._asked(self.plan.actual)
+
+    @property
+    def asked_commanded(self) -> PositionField | None:
+        """The same of the drive's own commanded position."""
+        return self._asked(self.plan.commanded)
+
+    def _asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
+        return fields[0] if self.may_read and fields and fields[0].is_readable else None
+
+    # --- what the drive holds --------------------------------------------------------------------------
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether triggers are refused for a lost target of its own."""
+        return self.block is not Block.NONE
+
+    @property
+    def writes_words_alone(self) -> bool:
+        """Whether the drive takes single registers only: a word is sent as it is written."""
+        return self.plan.writes_with is Form.FC06
+
+    def writes_nothing(self, code: int) -> bool:
+        """Whether an exception to a write proves that nothing was written (M7).
+
+        A function code that a drive does not know it cannot have carried out.
+        """
+        return self.plan.exception_writes_nothing or code == ExceptionCode.ILLEGAL_FUNCTION
+
+    @property
+    def held_target(self) -> Held | None:
+        """The last accepted target with its words, where nothing but a target moves the axis since."""
+        accepted, number = self.compensation.accepted, self.last_number
+        if self.compensation.is_stream or accepted is None or number is None:
+            return self.held
+        image = self.fields[number]
+        if image.nominal_words is None or image.corrected_words is None:
+            return None
+        field_ = self.plan.command[number]
+        if counts_of(field_, field_.unpack(image.nominal_words)) != accepted.nominal_counts:
+            return None  # another one is staged there by now, or a distance
+        return Held(number, image.nominal_words, image.corrected_words)
+
+    # --- what is read of it ----------------------------------------------------------------------------
+
+    def nominal_words(self, field_: PositionField, words: bytes, readback: Readback) -> bytes:
+        """Turn words reported by the drive into what the controller is to see.
+
+        Raises:
+            RegisterRangeError: the nominal position does not fit the register.
+        """
+        corrected = field_.unpack(words)
+        if not isfinite(corrected):
+            return words
+        corrected_counts = counts_of(field_, corrected)
+        accepted = self.compensation.accepted
+        if accepted is not None and corrected_counts == accepted.corrected_counts:
+            return field_.pack(raw_of(field_, accepted.nominal_counts))
+        correction = readback.correction_counts(corrected_counts)
+        if not correction:
+            return words
+        return field_.pack(corrected - steps_of(field_, correction))
+
+    def nominal_of(self, corrected_counts: Counts) -> float:
+        """Nominal counts of an actual position, as the controller would read it, not rounded."""
+        if self.is_dry_run:
+            return corrected_counts
+        return corrected_counts - self.compensation.readback.correction_counts(corrected_counts)

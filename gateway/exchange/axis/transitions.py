@@ -1,0 +1,1239 @@
+"""What can happen to an axis, each as one method: nothing else changes its state.
+
+What one of several states becomes is a table: :data:`WHEREABOUTS_AFTER`, :data:`REFERENCE_AFTER`. What is not
+in a table changes nothing. A method says what follows beside the table; what it changes is the axis alone,
+and what is to be told of it, which the line passes on (``news``).
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from math import isfinite
+from typing import Final
+
+from gateway.compensation.correction_spec import NOTHING, spec_of_table
+from gateway.compensation.errors import SettingsError, TableError
+from gateway.compensation.fingerprint import table_digest
+from gateway.compensation.moves import Accepted, Move, State
+from gateway.compensation.readback import Fade, Readback
+from gateway.compensation.settings import AxisSettings
+from gateway.drives.motion import Action
+from gateway.exchange.axis.events import (
+    AxisRequest,
+    Command,
+    Happening,
+    Outcome,
+    Part,
+    ReferenceEvent,
+)
+from gateway.exchange.axis.hunting import MOST
+from gateway.exchange.axis.record import (
+    Fate,
+    Finding,
+    Record,
+    TableNotFoundError,
+    find,
+    lacks_reference,
+    may_have_stopped,
+    state_of,
+)
+from gateway.exchange.axis.record_layout import Remembered, RememberedMove
+from gateway.exchange.axis.state import (
+    AT_REST,
+    HOMING,
+    HOMING_SETTLE_NS,
+    ON_BRANCH,
+    TARGETED,
+    Actual,
+    AxisState,
+    Block,
+    Held,
+    OnWire,
+    Referenced,
+    Rendering,
+    Said,
+    Switched,
+    Whereabouts,
+)
+from gateway.exchange.axis.terms import Terms
+from gateway.exchange.events import Event, EventKind
+from gateway.exchange.field_counts import counts_of, raw_of
+from gateway.exchange.plan import (
+    ALARM_BIT,
+    DONE_BIT,
+    HOMED_BIT,
+    MOVING_BIT,
+    AxisPlan,
+    CompensationMode,
+    Reference,
+)
+from gateway.modbus.registers import PositionField
+from gateway.times import NS_PER_MS, NS_PER_S
+
+RECENT_NS: Final = 500 * NS_PER_MS
+"""An actual position seen so long ago says where a stream begins, where none can be read."""
+RESTAGED_EVERY_NS: Final = 60 * NS_PER_S
+"""How often restaging is reported; all of it is counted."""
+
+MOVES_OTHERWISE: Final = frozenset(
+    {
+        Action.STOP,
+        Action.HOME,
+        Action.SET_POSITION,
+        Action.STORED,
+        Action.OTHER_MOTION,
+        Action.UNKNOWN,
+    }
+)
+"""Actions after which the last target does not say any more where the axis is."""
+
+_UNDER_WAY: Final = (
+    Whereabouts.UNDER_WAY
+)  # a member is looked up slowly, and these are asked for with each move
+_ARRIVED: Final = Whereabouts.ARRIVED
+_NOTHING: Final = OnWire.NOTHING
+REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
+
+_UNPROVEN: Final = frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST})
+
+WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
+    **{(place, Happening.ACKNOWLEDGED): Whereabouts.UNDER_WAY for place in Whereabouts},
+    **{(place, Happening.UNACKNOWLEDGED): Whereabouts.UNPROVEN for place in Whereabouts},
+    **{(place, Happening.RAN_NOT): Whereabouts.UNDER_WAY for place in _UNPROVEN},
+    **{
+        (place, Happening.STOPPED): Whereabouts.STOPPED if place in ON_BRANCH else Whereabouts.UNKNOWN
+        for place in Whereabouts
+    },
+    **{(place, Happening.DISPLACED): Whereabouts.UNKNOWN for place in Whereabouts},
+    **{
+        (place, Happening.REFERENCE_CHANGED): Whereabouts.HELD
+        for place in (*TARGETED, Whereabouts.HELD, Whereabouts.UNKNOWN)
+    },
+    (Whereabouts.UNPROVEN, Happening.DONE): Whereabouts.UNPROVEN_AT_REST,
+    (Whereabouts.UNPROVEN, Happening.DONE_ALONE): Whereabouts.UNPROVEN_AT_REST,
+    (Whereabouts.UNDER_WAY, Happening.DONE): Whereabouts.DONE_SAID,
+    (Whereabouts.UNDER_WAY, Happening.DONE_ALONE): Whereabouts.ARRIVED,
+    (Whereabouts.UNDER_WAY, Happening.THERE): Whereabouts.SEEN_THERE,
+    (Whereabouts.DONE_SAID, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
+    (Whereabouts.DONE_SAID, Happening.THERE): Whereabouts.ARRIVED,
+    (Whereabouts.DONE_SAID, Happening.AWAY): Whereabouts.UNKNOWN,
+    (Whereabouts.SEEN_THERE, Happening.DONE): Whereabouts.ARRIVED,
+    (Whereabouts.SEEN_THERE, Happening.DONE_ALONE): Whereabouts.ARRIVED,
+    (Whereabouts.SEEN_THERE, Happening.AWAY): Whereabouts.UNKNOWN,
+    (Whereabouts.ARRIVED, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
+    (Whereabouts.ARRIVED, Happening.AWAY): Whereabouts.UNKNOWN,
+    (Whereabouts.MAY_HAVE_LEFT, Happening.THERE): Whereabouts.SEEN_THERE,
+    (Whereabouts.MAY_HAVE_LEFT, Happening.NEAR): Whereabouts.SEEN_THERE,
+    (Whereabouts.MAY_HAVE_LEFT, Happening.AWAY): Whereabouts.UNKNOWN,
+}
+"""What each happening makes of each place; what is not here changes nothing."""
+
+_ASKED_AGAIN: Final = {
+    Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
+    Referenced.LOST: Referenced.LOST_ASKED,
+    Referenced.HOMING: Referenced.LOST_ASKED,
+    Referenced.HOMING_ASKED: Referenced.LOST_ASKED,
+    Referenced.FOUND: Referenced.LOST_ASKED,
+    Referenced.FOUND_ASKED: Referenced.LOST_ASKED,
+}
+
+REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Referenced]]]] = {
+    # An absolute encoder: only a set position ends it, until somebody says otherwise.
+    Reference.ABSOLUTE: {
+        ReferenceEvent.SET_AT_REST: {Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.SET_MOVING: {Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND},
+    },
+    # The controller tells the drive where it stands, at rest.
+    Reference.SET_POSITION: {
+        ReferenceEvent.HOMING: {Referenced.LOST: Referenced.HOMING, Referenced.FOUND: Referenced.HOMING},
+        ReferenceEvent.OTHER_MOTION: {Referenced.HOMING: Referenced.LOST},
+        ReferenceEvent.SET_AT_REST: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
+        ReferenceEvent.SET_MOVING: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.LOSS: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
+    },
+    # A homing command was seen, and after it the bit that ends it.
+    Reference.HOMING: {
+        ReferenceEvent.BIT_SET: {Referenced.HOMING: Referenced.FOUND},
+        ReferenceEvent.HOMING: {Referenced.LOST: Referenced.HOMING, Referenced.FOUND: Referenced.HOMING},
+        ReferenceEvent.OTHER_MOTION: {Referenced.HOMING: Referenced.LOST},
+        ReferenceEvent.SET_AT_REST: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.SET_MOVING: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.LOSS: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
+    },
+    # The drive's homed bit. Nobody declares it: the drive says it.
+    Reference.DRIVE_BIT: {
+        ReferenceEvent.BIT_SET: dict.fromkeys(Referenced, Referenced.FOUND),
+        ReferenceEvent.BIT_CLEAR: {
+            Referenced.UNTOLD: Referenced.LOST,
+            Referenced.UNTOLD_HOMING: Referenced.HOMING,
+            Referenced.LOST_ASKED: Referenced.LOST,
+            Referenced.HOMING_ASKED: Referenced.HOMING,
+            Referenced.FOUND: Referenced.LOST,
+            Referenced.FOUND_ASKED: Referenced.LOST,
+        },
+        ReferenceEvent.HOMING: {
+            Referenced.UNTOLD: Referenced.UNTOLD_HOMING,
+            Referenced.LOST: Referenced.HOMING_ASKED,
+            Referenced.LOST_ASKED: Referenced.HOMING_ASKED,
+            Referenced.HOMING: Referenced.HOMING_ASKED,
+            Referenced.FOUND: Referenced.HOMING_ASKED,
+            Referenced.FOUND_ASKED: Referenced.HOMING_ASKED,
+        },
+        ReferenceEvent.OTHER_MOTION: {
+            Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
+            Referenced.HOMING: Referenced.LOST,
+            Referenced.HOMING_ASKED: Referenced.LOST_ASKED,
+        },
+        ReferenceEvent.SET_AT_REST: _ASKED_AGAIN,
+        ReferenceEvent.SET_MOVING: _ASKED_AGAIN,
+        ReferenceEvent.LOSS: {
+            Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
+            Referenced.LOST: Referenced.LOST_ASKED,
+            Referenced.HOMING: Referenced.LOST_ASKED,
+            Referenced.HOMING_ASKED: Referenced.LOST_ASKED,
+            Referenced.FOUND: Referenced.FOUND_ASKED,
+        },
+        ReferenceEvent.SILENCE: {
+            Referenced.LOST: Referenced.LOST_ASKED,
+            Referenced.HOMING: Referenced.HOMING_ASKED,
+            Referenced.FOUND: Referenced.FOUND_ASKED,
+        },
+    },
+}
+"""What each event makes of each state of the reference, by the way in which it is known."""
+
+REFERENCE_AT_START: Final = {
+    Reference.ABSOLUTE: Referenced.FOUND,
+    Reference.DRIVE_BIT: Referenced.UNTOLD,
+    Reference.HOMING: Referenced.LOST,
+    Reference.SET_POSITION: Referenced.LOST,
+}
+
+
+class Axis(AxisState):
+    """An axis on its line: its state, and what can happen to it."""
+
+    __slots__ = ("_has_rules", "peers", "record", "terms")
+
+    def __init__(self, plan: AxisPlan) -> None:
+        super().__init__(plan)
+        self._has_rules = plan.has_rules
+        self.terms = Terms(plan) if plan.thermal or plan.cross else None
+        self.peers: tuple[Axis, ...] = ()
+        """The other axes of its group (M11)."""
+        self.record: Record | None = None
+        """What is kept of it for the next run of the gateway."""
+        self.reference = REFERENCE_AT_START[plan.referenced]
+        self.switched = Switched.OFF if plan.compensation is CompensationMode.OFF else Switched.ON
+        self._choose_correction()
+        if self.is_referenced:
+            self.compensation.find_reference(self.wanted)
+        self.told_referenced = None if self.follows_homed_bit else self.is_referenced
+
+    def tell(self, kind: EventKind, detail: str = "") -> None:
+        """Report something about this axis."""
+        self.news.append(Event(kind, self.plan.name, detail))
+
+    def take_news(self) -> Sequence[Event]:
+        """Return what is to be reported of this axis, each change once; its record says the same then."""
+        if self.record is not None:
+            self.publish()
+        if self.is_referenced is not self.told_referenced and self.is_reference_told:
+            self._tell_reference()
+        if self.is_unsure is not self.told_unsure:
+            self.told_unsure = self.is_unsure
+            if self.told_unsure:
+                detail = "where the axis is could not be told; it keeps its branch"
+                self.tell(EventKind.DIRECTION_UNSURE, detail)
+        if not self.news:
+            return ()
+        taken, self.news = self.news, []
+        return taken
+
+    def _tell_reference(self) -> None:
+        self.told_referenced = self.is_referenced
+        if self.is_referenced:
+            self.tell(EventKind.AXIS_REFERENCED)
+            return
+        detail = "the drive does not say that it is homed: positions pass 1:1"
+        if not self.follows_homed_bit:
+            detail = "it may not stand where its drive says any more: positions pass 1:1"
+        if self.is_held_back and self.is_found:
+            detail = "another axis of its group is not referenced: positions pass 1:1"
+        self.tell(EventKind.REFERENCE_LOST, detail)
+
+    # --- where it is -----------------------------------------------------------------------------------
+
+    def _happens(self, happening: Happening) -> None:
+        """Go on to the place that the table says, and let go of what belongs to other places."""
+        place = WHEREABOUTS_AFTER.get((self.whereabouts, happening))
+        if place is None:
+            return
+        self.whereabouts = place
+        if place not in TARGETED:
+            self.compensation.forget_target()
+        if place not in _UNPROVEN:
+            self.unproven = None
+        if place is not Whereabouts.HELD:
+            self.held = None
+
+    def _is_sent_off(self, now_ns: int) -> None:
+        """The drive is made to move, or may be: what it said before is of the time before."""
+        self.sent_off_ns = now_ns
+        self.said = Said.NOTHING
+
+    def displace(self, moved_ns: int | None = None, *, keeps_branch: bool = False) -> None:
+        """Something else than the last target decides where the axis is (M5).
+
+        ``moved_ns``: since when it may be on a new way; None: it is on none. ``keeps_branch``: it came there
+        by the last target all the same, as after a stop.
+        """
+        self._happens(Happening.STOPPED if keeps_branch else Happening.DISPLACED)
+        if moved_ns is not None:
+            self._is_sent_off(moved_ns)
+        self.is_moving = None
+
+    def forget(self) -> None:
+        """What the drive holds is unknown (M7)."""
+        self.displace()
+        self.rules.forget()
+        for image in (*self.fields, *self.limit_fields):
+            image.forget()
+
+    def doubt_words(self) -> None:
+        """The drive may hold other targets than it was told; what the controller believes stays."""
+        for image in self.fields:
+            image.doubt()
+
+    # --- whether its positions mean anything -----------------------------------------------------------
+
+    def _reference_happens(self, event: ReferenceEvent) -> None:
+        """Go on to the state of the reference that the table says; :meth:`_follow_reference` is to follow."""
+        after = REFERENCE_AFTER[self.plan.referenced].get(event, {})
+        self.reference = after.get(self.reference, self.reference)
+
+    def _follow_reference(self, *, was_referenced: bool) -> None:
+        """Put into force what the reference is now."""
+        is_referenced = self.is_referenced
+        if is_referenced is was_referenced:
+            return
+        held = self.held_target
+        if self.compensation.is_stream:
+            self.displace(keeps_branch=True)  # a stream keeps its offset
+        elif held is None:
+            self.displace()
+        else:
+            self._hold_target(held)
+            self.is_moving = None
+        self.doubt_words()
+        if is_referenced:
+            self.actual = None  # it may have been counted from another zero
+            self.compensation.find_reference(self.wanted)
+        else:
+            self.compensation.lose_reference()
+
+    def _hold_target(self, held: Held) -> None:
+        """Let the last target mean nothing, and its repeat move nothing."""
+        self._happens(Happening.REFERENCE_CHANGED)
+        self.held = held
+
+    def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:
+        """Take note of the drive's homed bit, where it decides."""
+        was_referenced = self.is_referenced
+        is_homing = self.reference in HOMING
+        if is_set and is_homing and now_ns - self.homing_since_ns < HOMING_SETTLE_NS:
+            return  # it may be that of the homing before
+        if not is_set and is_homing:
+            self.homing_since_ns = now_ns - HOMING_SETTLE_NS
+        self._reference_happens(ReferenceEvent.BIT_SET if is_set else ReferenceEvent.BIT_CLEAR)
+        self.reference_seen_ns = now_ns
+        self._follow_reference(was_referenced=was_referenced)
+
+    def _see_end_of_homing(self, now_ns: int, *, is_set: bool) -> None:
+        """Take note of the bit that ends a homing command."""
+        if self.plan.referenced is not Reference.HOMING or self.reference is not Referenced.HOMING:
+            return
+        if not is_set:
+            self.homing_since_ns = now_ns - HOMING_SETTLE_NS
+        elif now_ns - self.homing_since_ns >= HOMING_SETTLE_NS:
+            was_referenced = self.is_referenced
+            self._reference_happens(ReferenceEvent.BIT_SET)
+            self._follow_reference(was_referenced=was_referenced)
+
+    def lose_reference(self) -> None:
+        """The drive may have lost its position."""
+        was_referenced = self.is_referenced
+        self._reference_happens(ReferenceEvent.LOSS)
+        self._follow_reference(was_referenced=was_referenced)
+
+    def declare_referenced(self) -> None:
+        """A person says that the axis stands where its drive says."""
+        was_referenced = self.is_referenced
+        self._reference_happens(ReferenceEvent.DECLARED)
+        self._follow_reference(was_referenced=was_referenced)
+
+    def follow_group(self) -> None:
+        """Compensate the axes of its group only while every one of them knows where it is (M11)."""
+        members = (self, *self.peers)
+        is_whole = all(member.is_found for member in members)
+        for member in members:
+            member.hold_back(is_held_back=not is_whole)
+
+    def hold_back(self, *, is_held_back: bool) -> None:
+        """Another axis of the group does not know where it is, or all of them do."""
+        was_referenced = self.is_referenced
+        self.is_held_back = is_held_back
+        self._follow_reference(was_referenced=was_referenced)
+
+    def join(self, peers: "tuple[Axis, ...]") -> None:
+        """Be one of a group from now on."""
+        self.peers = peers
+        self.follow_group()
+
+    @property
+    def blocked_by(self) -> int | None:
+        """Exception code with which its triggers are refused, for a lost target of its own or its group's."""
+        return self.block_code if self.block is not Block.NONE else self.blocked_by_peer
+
+    @property
+    def blocked_by_peer(self) -> int | None:
+        """Exception code of a target that another axis of the group lost for its own sake (M11)."""
+        for axis in self.peers:
+            if axis.block is Block.OWN:
+                return axis.block_code
+        return None
+
+    # --- what correction is wanted ---------------------------------------------------------------------
+
+    def _choose_correction(self) -> None:
+        self.base = NOTHING
+        self.has_branches = False
+        if self.switched is Switched.ON and self.plan.table is not None:
+            table = self.plan.table
+            self.base = spec_of_table(table, self.plan.settings, digest=table_digest(table))
+            curve = self.base.curve
+            one_way = curve is not None and curve.table.is_unidirectional and self.base.gain.is_even
+            self.has_branches = not one_way
+        self.wanted = self.base if self.terms is None else self.terms.on(self.base, self.plan)
+
+    def enable(self, *, is_wanted: bool) -> None:
+        """Apply the table, or stop to: with the next different target, never by itself."""
+        if self.switched is not Switched.ENDED:
+            self.switched = Switched.ON if is_wanted else Switched.OFF
+        self._choose_correction()
+        if self.is_referenced:
+            self.compensation.want(self.wanted)
+
+    def adopt(self, plan: AxisPlan) -> None:
+        """Go on with another table or gain; comes into force as in :meth:`enable`."""
+        self.plan = plan
+        self._choose_correction()
+        if self.is_referenced:
+            self.compensation.want(self.wanted)
+
+    def limit(self, plan: AxisPlan, settings: AxisSettings) -> None:
+        """Go on with other limits, from now on."""
+        self.plan = plan
+        self.compensation.take_limits(settings)
+
+    def end(self) -> None:
+        """End the compensation until the gateway is started again: its registers mean something else now."""
+        if self.switched is Switched.ENDED:
+            return
+        self.tell(EventKind.COMPENSATION_ENDED, REMAPPED)
+        self.switched = Switched.ENDED
+        self._choose_correction()
+        self.forget()
+        self.compensation.begin_anew()
+
+    def follow_terms(self, now_ns: int) -> None:
+        """Look what its terms ought to be; another line comes into force with different targets."""
+        terms = self.terms
+        assert terms is not None
+        if terms.follow(self.base, self.plan, now_ns):
+            self.wanted = terms.on(self.base, self.plan)
+            if self.is_referenced:
+                self.compensation.want(self.wanted)
+        self.tell_terms(now_ns)
+
+    def tell_terms(self, now_ns: int) -> None:
+        """Report what is new about how well its terms are known."""
+        if self.terms is not None:
+            self.news += self.terms.news(self.plan.name, now_ns)
+
+    def _begin_stream_anew(self) -> None:
+        """The drive counts from another zero: setpoints begin again from where it is."""
+        if self.compensation.is_stream:
+            self.compensation.begin_anew()
+            if self.is_referenced:
+                self.compensation.find_reference(self.wanted)
+
+    def begin_stream(self, number: int, nominal_words: bytes, fresh: Actual | None, now_ns: int) -> None:
+        """Let the offset that the drive has be in force before the first setpoint of a stream (M6).
+
+        Read for this setpoint; where the gateway may not read, seen in passing a moment ago.
+        """
+        actual = fresh
+        if actual is None and self.asked_actual is None and self.actual is not None:
+            is_recent = now_ns - self.actual.seen_ns <= RECENT_NS
+            actual = self.actual if is_recent else None
+        field_ = self.plan.command[number]
+        raw = field_.unpack(nominal_words)
+        if actual is None or not isfinite(raw):
+            return
+        settings = self.plan.settings
+        fields = (field_, self.plan.actual[0])
+        slack = sum(0.5 * each.step_counts(settings.largest_counts) for each in fields)
+        slack /= abs(settings.counts_per_unit)
+        position = self.compensation.machine_position(actual.counts)
+        slack += 0.0 if self.terms is None else self.terms.largest_at(position)
+        rest = self.compensation.assume_offset(actual.counts, counts_of(field_, raw), self.base, slack)
+        self.began = (self.compensation.state.spec.offset, rest)
+
+    def tell_beginning(self) -> None:
+        """Report with what offset a stream has begun."""
+        if self.began is None:
+            return
+        (offset, rest), units = self.began, self.plan.settings.units.value
+        self.began = None
+        if offset or rest:
+            what = f"the drive stood {offset:+.6g} {units} from the first setpoint, which stays in force"
+            motion = f"; {rest:+.6g} {units} more cannot be a correction and were gone" if rest else ""
+            self.tell(EventKind.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
+
+    # --- silence ---------------------------------------------------------------------------------------
+
+    def fall_silent(self, now_ns: int) -> None:
+        """The drive left a request unanswered, and may have lost its reference."""
+        if self.silent_since_ns is None:
+            self.silent_since_ns = now_ns
+        self.silent_until_ns = now_ns
+        if not self.follows_homed_bit:
+            return
+        if self.may_read:
+            self._reference_happens(ReferenceEvent.SILENCE)
+        else:
+            self.see_homed_bit(now_ns, is_set=False)
+
+    def end_silence(self, *, is_answer: bool, until_ns: int | None = None) -> None:
+        """Look at how long the drive has been silent: it may have been switched off meanwhile.
+
+        ``until_ns``: so long at least, where that is known.
+        """
+        if until_ns is not None:
+            self.silent_until_ns = until_ns
+        since_ns = self.silent_since_ns
+        if since_ns is None:
+            return
+        if is_answer:
+            self.silent_since_ns = None
+        if self.silent_until_ns - since_ns <= self.plan.lost_ms * NS_PER_MS:
+            return
+        unproven, held = self.unproven, self.held_target
+        self.forget()
+        if unproven is not None:  # it may have arrived before the drive fell silent
+            self._happens(Happening.UNACKNOWLEDGED)
+            self.unproven = unproven
+        self._is_sent_off(self.silent_until_ns)
+        self.lose_reference()
+        if not self.is_referenced and held is not None:
+            self._hold_target(held)
+
+    def lose_link(self, now_ns: int) -> None:
+        """Forget what may have changed while nobody looked."""
+        if self.record is not None:
+            self.record.pause()
+        self.forget()
+        self.actual = None
+        self.fall_silent(now_ns)
+
+    # --- a target on its way ---------------------------------------------------------------------------
+
+    def send_target(self, rendering: Rendering) -> None:
+        """A target goes out next: when the process dies now, the drive may hold it or not."""
+        record = self.record
+        if record is None:
+            return
+        if record.recalled is not None:
+            self.drop_record("a target came before the axis was read")
+        if rendering.move is None and not rendering.is_distance:
+            return  # a repeat changes nothing
+        if rendering.move is None or self.pending is not None or self.whereabouts not in ON_BRANCH:
+            self.send_motion()
+            return
+        self.on_wire = OnWire.TARGET
+        self.pending = rendering
+        record.keep(self, pending=rendering)
+
+    def send_stop(self) -> None:
+        """A stop goes out next: where the axis goes is not known from now on, only the way that it is on."""
+        record = self.record
+        if record is None or record.recalled is not None:
+            return
+        if self.pending is not None:
+            self.send_motion()
+            return
+        self.on_wire = OnWire.STOP
+        record.keep(self, has_target=False)
+
+    def send_motion(self) -> None:
+        """Something goes out that moves the axis in a way that its record does not say."""
+        record = self.record
+        if record is None:
+            return
+        if record.recalled is not None:
+            self.drop_record("the axis was moved before it was read")
+        self.on_wire = OnWire.MOTION
+        self.pending = None
+        record.clear()
+
+    def conclude(self) -> None:
+        """What was sent has been answered, or never will be."""
+        self.on_wire = _NOTHING
+        if self.unproven is not self.pending:
+            self.pending = None
+
+    def acknowledge(self, rendering: Rendering, now_ns: int = 0, losses: int | None = None) -> None:
+        """The drive acknowledged a target with its full native success, and goes there (M7).
+
+        ``losses``: of its field, when the target was sent.
+        """
+        self.fields[rendering.number].settle(rendering.nominal_words, rendering.corrected_words, losses)
+        self.heard_ns = now_ns
+        if rendering.move is None:
+            self.compensation.touch(now_ns)
+        else:
+            self.go(rendering, rendering.move, now_ns)
+
+    def go(self, rendering: Rendering, move: Move, now_ns: int) -> None:
+        """The axis goes to a target, or has gone there, whatever its registers hold by now."""
+        compensation, place = self.compensation, self.whereabouts
+        is_stream, is_reached = compensation.is_stream, place is _ARRIVED
+        if not is_stream and compensation.state.travel.direction is not move.state.travel.direction:
+            self._note_branch_change(now_ns)
+        compensation.commit(move, rendering.corrected_counts, is_reached=is_reached)
+        self.last_number = rendering.number
+        if place is not _UNDER_WAY:
+            self._happens(Happening.ACKNOWLEDGED)
+        if not is_stream or place in AT_REST:
+            self._is_sent_off(now_ns)
+        self.is_moving = None
+
+    def _note_branch_change(self, now_ns: int) -> None:
+        if self.has_branches and self.hunting.note_change(now_ns):
+            detail = f"its branch changed more than {MOST} times in 10 s"
+            self.tell(EventKind.BRANCH_HUNTS, detail)
+
+    def leave_unproven(self, rendering: Rendering, now_ns: int) -> None:
+        """A target was sent and not acknowledged: the drive may hold it or not.
+
+        Of a repeat it holds the same words in either case.
+        """
+        is_repeat = rendering.move is None and not rendering.is_distance
+        if is_repeat and (self.compensation.accepted is not None or self.held is not None):
+            return
+        self.leave_run_unproven(rendering, now_ns)
+        self.fields[rendering.number].forget()
+
+    def leave_run_unproven(self, rendering: Rendering, now_ns: int) -> None:
+        """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
+        self.displace(now_ns)
+        if rendering.move is not None:
+            self._happens(Happening.UNACKNOWLEDGED)
+            self.unproven = rendering
+
+    def _run_not(self, start: Accepted) -> None:
+        """A distance that was not acknowledged did not run: the axis stands where it would have started."""
+        was_at_rest = self.whereabouts is Whereabouts.UNPROVEN_AT_REST
+        self._happens(Happening.RAN_NOT)
+        self.compensation.accept_again(start)
+        if was_at_rest:
+            self._happens(Happening.DONE if self.plan.actual else Happening.DONE_ALONE)
+
+    # --- a request -------------------------------------------------------------------------------------
+
+    def send(self, request: AxisRequest) -> bool:
+        """A request goes out next: keep what must be known if nobody lives to see the reply.
+
+        Returns:
+            Whether it means something that the register map does not know.
+        """
+        for rendering in (*request.targets, *request.runs):
+            self.send_target(rendering)
+        command = request.command
+        if command is not None:
+            runs_unknown = command.runs_alone and not request.runs
+            if command.is_stop:
+                self.send_stop()
+            elif command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown:
+                self.send_motion()
+        if request.blind or request.goes_unknown or request.remaps:
+            self.send_motion()
+        is_unknown = command is not None and command.action is Action.UNKNOWN and not self.passes_unchanged
+        if command is not None and is_unknown:
+            self._tell_unknown(command)
+        return is_unknown
+
+    def finish(self, request: AxisRequest, outcome: Outcome, code: int, now_ns: int) -> None:
+        """Take note of how a request ended that went out, and of which exception it ended with."""
+        if outcome is Outcome.ACKNOWLEDGED:
+            self._obeyed(request, now_ns)
+        else:
+            self._not_obeyed(request, outcome, code, now_ns)
+        self.conclude()
+        if request.remaps:
+            for axis in (self, *self.peers):
+                axis.end()
+
+    def _obeyed(self, request: AxisRequest, now_ns: int) -> None:
+        """The drive acknowledged a request in full (M7)."""
+        for image, nominal_words, corrected_words, losses in request.stagings:
+            image.settle(nominal_words, corrected_words, losses)
+        for part in request.held_parts:
+            part.image.hold(part.first, part.words, request.arrived_ns)
+        for rendering in (*request.targets, *request.runs):
+            self.acknowledge(rendering, now_ns, request.losses.get(rendering.number))
+            self.tell_beginning()
+        self._write_blindly(request, now_ns)
+        if request.goes_unknown:
+            self.displace(now_ns)
+        command = request.command
+        if command is None:
+            return
+        rules, action = self.rules, command.action
+        rules.note_words(dict(command.words), command.losses)
+        rules.note_coils(dict(command.coils))
+        rules.doubt(dict.fromkeys(command.unclear_words, 0), {})
+        for number in command.written:
+            rules.stage(number)
+        if action.runs_target:
+            self._reference_happens(ReferenceEvent.OTHER_MOTION)
+            self.last_run = action
+            mode = None if command.number is None else rules.plan.mode(command.number)
+            if mode is not None and mode.resets_to is not None:
+                rules.note_words({mode.address: mode.resets_to}, command.losses)
+        if action in MOVES_OTHERWISE:
+            self._move_otherwise(action, now_ns, is_certain=True)
+        elif command.is_doubtful:
+            self.displace(now_ns, keeps_branch=True)  # the reading counts on it already
+        is_whole = not any(self.fields[number].is_torn for number in command.written)
+        if command.written and is_whole:
+            self._release(command.losses)
+        if command.runs_alone and not request.is_run_known:
+            self.displace(now_ns)
+
+    def _not_obeyed(self, request: AxisRequest, outcome: Outcome, code: int, now_ns: int) -> None:
+        """A request went out and was not acknowledged; what a refusal proves, the register map says (M7)."""
+        is_broadcast = outcome is Outcome.BROADCAST
+        is_refusal = outcome is Outcome.EXCEPTION
+        is_undone = is_refusal and self.writes_nothing(code)
+        if not is_undone:
+            for rendering in request.targets:
+                self.leave_unproven(rendering, now_ns)
+            for rendering in request.runs:
+                self.leave_run_unproven(rendering, now_ns)
+        if not is_broadcast:
+            self._lose(request.parts, request.arrived_ns)
+        for staging in request.stagings:
+            staging.image.forget()
+        self._write_blindly(request, now_ns)
+        if request.goes_unknown and not is_undone:
+            self.displace(now_ns)
+        command = request.command
+        if command is None:
+            return
+        if not is_undone:
+            unclear = dict.fromkeys(command.unclear_words, 0)
+            self.rules.doubt({**command.words, **unclear}, dict(command.coils))
+            if command.action in MOVES_OTHERWISE:
+                self._move_otherwise(command.action, now_ns, is_certain=False)
+            elif command.runs_alone and not request.is_run_known:
+                self.displace(now_ns)
+        if not (is_broadcast or (self.passes_unchanged and is_refusal)):
+            self._block_for(command, code)
+
+    def _write_blindly(self, request: AxisRequest, now_ns: int) -> None:
+        """Nobody knows what command fields hold that were written, nor where the axis goes with them."""
+        for image in request.blind:
+            self.displace(now_ns)
+            image.forget()
+
+    def lose_request(
+        self, parts: tuple[Part, ...], command: Command | None, code: int, arrived_ns: int
+    ) -> None:
+        """A request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
+        self._lose(parts, arrived_ns)
+        if command is not None:
+            self._block_for(command, code)
+
+    @staticmethod
+    def _lose(parts: tuple[Part, ...], arrived_ns: int) -> None:
+        for image, first, words in parts:
+            if first < 0:
+                image.tear(arrived_ns)
+            else:
+                image.lose(first, words, arrived_ns)
+
+    def _move_otherwise(self, action: Action, now_ns: int, *, is_certain: bool) -> None:
+        """Something else than a target moves the axis, or stops it, or moves its zero."""
+        is_at_rest = self.is_moving is not True
+        was_referenced = self.is_referenced
+        moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
+        self.displace(moved_ns, keeps_branch=action is Action.STOP)
+        if action in (Action.HOME, Action.SET_POSITION):
+            self.doubt_words()
+            self.actual = None  # it was counted from another zero
+            self._begin_stream_anew()
+        if action is Action.HOME:
+            self.homing_since_ns = now_ns
+            self._reference_happens(ReferenceEvent.HOMING)
+            if not is_certain:
+                self._reference_happens(ReferenceEvent.OTHER_MOTION)
+        elif action is Action.SET_POSITION:
+            is_set_at_rest = is_at_rest and is_certain
+            self._reference_happens(
+                ReferenceEvent.SET_AT_REST if is_set_at_rest else ReferenceEvent.SET_MOVING
+            )
+        else:
+            self._reference_happens(ReferenceEvent.OTHER_MOTION)
+        self._follow_reference(was_referenced=was_referenced)
+
+    # --- triggers that are refused ---------------------------------------------------------------------
+
+    def _block_for(self, command: Command, code: int) -> None:
+        """A target, its mode or a part of it was lost: its triggers are refused from now on (M3)."""
+        # The others of a beam must not go alone (M11); a run refused for their sake holds nobody up.
+        is_run_of_beam = bool(self.peers) and command.action.runs_target and self.blocked_by_peer is None
+        may_stand = self.plan.motion.waits_for_trigger or bool(self.peers)
+        if not may_stand or not (command.written or command.writes_mode or is_run_of_beam):
+            return
+        for address in command.modes_written:
+            self.lose_mode(address, code)
+        if command.written or is_run_of_beam:
+            why = (
+                f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a "
+                "complete one was accepted; stops always pass"
+            )
+            self.block_triggers(code, why, is_own=self.blocked_by_peer is None)
+
+    def lose_mode(self, address: int, code: int) -> None:
+        """The writing of a mode register was lost."""
+        self.losses += 1
+        self.rules.lose_mode(address, code, self.losses)
+
+    def block_triggers(self, code: int, why: str, *, is_own: bool = True) -> None:
+        """Refuse triggers from now on, and say why if they were not refused before.
+
+        ``is_own``: for its own sake, not because another axis of the group was blocked (M11).
+        """
+        self.losses += 1
+        self.blocked_at_loss = self.losses
+        if self.block is Block.NONE:
+            self.block_code = code
+            self.tell(EventKind.AXIS_BLOCKED, why)
+        if is_own or self.block is Block.NONE:
+            self.block = Block.OWN if is_own else Block.OF_GROUP
+
+    def _release(self, losses: int) -> None:
+        """A complete target was accepted; ``losses``: when it was sent."""
+        if losses < self.blocked_at_loss or self.block is Block.NONE:
+            return
+        self.block = Block.NONE
+        self.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
+
+    def _tell_unknown(self, command: Command) -> None:
+        """Report a frame that means something the register map does not know: once for the same contents."""
+        words = dict(command.words)
+        mode = None if command.number is None else self.rules.plan.mode(command.number)
+        held = None if mode is None else self.rules.word(mode.address)
+        if mode is not None and held is not None:
+            words.setdefault(mode.address, held)
+        contents = tuple(sorted(words.items()))
+        if self.told_unknown == contents:
+            return
+        self.told_unknown = contents
+        shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
+        what = f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
+        self.tell(EventKind.UNKNOWN_MODE, f"{what}: it passed untouched")
+
+    # --- a staged target that is written once more -----------------------------------------------------
+
+    def restage(self, rendering: Rendering, first: int, words: bytes, losses: int) -> None:
+        """The drive acknowledged words of a staged target, from its word ``first`` on (M2)."""
+        image = self.fields[rendering.number]
+        if len(words) < len(rendering.corrected_words):
+            held = bytearray(image.corrected_words or bytes(len(rendering.corrected_words)))
+            held[2 * first : 2 * first + len(words)] = words
+            words = bytes(held)
+        image.settle(rendering.nominal_words, words, losses)
+
+    def tell_restaged(self, count: int, now_ns: int) -> None:
+        """Report restaging now and then: where an axis goes to and fro, every second move needs it."""
+        told_ns = self.told_restaged_ns
+        if told_ns is None or now_ns - told_ns >= RESTAGED_EVERY_NS:
+            self.told_restaged_ns = now_ns
+            detail = f"a staged target was written anew for its trigger; {count} on this line since the start"
+            self.tell(EventKind.RESTAGED, detail)
+
+    def lose_restaged(self, rendering: Rendering, code: int, why: str) -> None:
+        """A staged target that was written anew was not acknowledged."""
+        self.fields[rendering.number].tear()
+        self.block_triggers(code, why)
+
+    # --- another writer --------------------------------------------------------------------------------
+
+    def take_over(self, former: str, code: int) -> None:
+        """What the former writer wrote is no part of what the next one means, who writes all of it (M3)."""
+        for image in self.fields:
+            image.tear()
+        if self.plan.motion.waits_for_trigger and self.rules.staged is not None:
+            why = (
+                f"it was taken over from {former}: triggers are refused until a complete target was accepted"
+            )
+            self.block_triggers(code, why)
+
+    def lose_everything(self, code: int) -> None:
+        """More requests of a writer were lost than are remembered: all of its targets and modes are."""
+        for image in self.fields:
+            image.tear()
+        for mode in self.plan.motion.modes:
+            if mode is not None:
+                self.lose_mode(mode.address, code)
+        if self.plan.motion.waits_for_trigger:
+            self.block_triggers(code, "more requests of its writer were lost than are remembered")
+
+    def overwrite(self, numbers: list[int], writer: str, code: int) -> None:
+        """A stop of somebody else changed targets: whoever moves the axis has to write them again."""
+        for number in numbers:
+            self.fields[number].tear()
+        if not numbers:
+            return
+        self.hold.overwrite(writer)
+        if self.plan.motion.waits_for_trigger:
+            why = f"a stop of {writer} changed the target: triggers are refused until a complete one came"
+            self.block_triggers(code, why)
+
+    # --- what is seen of it ----------------------------------------------------------------------------
+
+    def observe_actual(self, field_: PositionField, words: bytes, asked_ns: int) -> Actual | None:
+        """Note an actual position as it was when asked at ``asked_ns``; None where it is no number."""
+        raw = field_.unpack(words)
+        if not isfinite(raw):
+            return None
+        before, now = self.actual, Actual(counts_of(field_, raw), asked_ns)
+        self.actual = now
+        self.heard_ns = asked_ns
+        if self.record is not None and self.record.recalled is not None:
+            self._decide_record(now)
+        if self.unproven is not None:
+            self._prove(self.unproven, before, now)
+        self.compensation.observe(now.counts)
+        is_at_rest = self.whereabouts in AT_REST
+        if self.compensation.accepted is not None:
+            self._see_place(now)
+        if before is not None and is_at_rest:
+            self._look_for_jump(before, now)
+        return now
+
+    def _prove(self, unproven: Rendering, before: Actual | None, now: Actual) -> None:
+        """Take a target without a reply as accepted when the axis is seen to have gone there (M7)."""
+        if unproven.is_distance:
+            self.prove_distance(now)
+            return
+        if before is None or unproven.move is None:
+            return
+        settings = self.plan.settings
+        near = settings.hysteresis * abs(settings.counts_per_unit)
+        if (
+            abs(now.counts - unproven.corrected_counts)
+            <= near
+            < abs(before.counts - unproven.corrected_counts)
+        ):
+            self.go(unproven, unproven.move, now.seen_ns)
+
+    def prove_distance(self, now: Actual) -> None:
+        """Find out whether a distance that was never acknowledged has run: from which of its ends (M5).
+
+        Only of an axis that has had the time to start and may stand. At neither of the ends, or at both,
+        nobody knows where the next distance would begin.
+        """
+        unproven = self.unproven
+        if unproven is None or not unproven.is_distance or unproven.start is None or unproven.move is None:
+            return
+        if not self.may_stand(now.seen_ns):
+            return
+        window = self.plan.settings.in_position_counts
+        is_at_end = abs(now.counts - unproven.corrected_counts) <= window
+        is_at_start = abs(now.counts - unproven.start.corrected_counts) <= window
+        if is_at_end and not is_at_start:
+            self.go(unproven, unproven.move, now.seen_ns)
+        elif is_at_start and not is_at_end:
+            self._run_not(unproven.start)
+
+    def note_rule(self, address: int, word: int) -> None:
+        """Note what a mode or trigger register was read to hold."""
+        self.rules.note_read(address, word)
+
+    def look(self, actual: Actual) -> None:
+        """The axis was asked for, because nobody had seen it for a while: it may have been moved."""
+        if not self.is_at_target(actual.counts):
+            self.displace()
+
+    def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
+        """Note one of the drive's status bits, as it was when asked at ``asked_ns``."""
+        if not self.is_unseen(
+            asked_ns
+        ):  # whoever looks again does not see by it where the axis has been since
+            self.heard_ns = asked_ns
+        if name == DONE_BIT:
+            self.observe_done(asked_ns, is_done=is_set)
+        elif name == MOVING_BIT:
+            self.is_moving = is_set
+            if DONE_BIT not in self.plan.bits:  # a done bit may be older than this one
+                self.hear(asked_ns, moves=is_set)
+        elif name == ALARM_BIT:
+            if is_set and not self.is_alarmed:
+                self.displace()  # the drive has given up: it stands somewhere
+                self.lose_reference()
+            self.is_alarmed = is_set
+        elif name == HOMED_BIT and self.follows_homed_bit:
+            self.see_homed_bit(asked_ns, is_set=is_set)
+        if name == self.homed_bit:
+            self._see_end_of_homing(asked_ns, is_set=is_set)
+
+    def hear(self, asked_ns: int, *, moves: bool) -> None:
+        """Take note of the drive's word that it moves, or stands, wherever it goes."""
+        if asked_ns < self.sent_off_ns:
+            return
+        if moves:
+            self.said = Said.MOVES
+        elif self.said is Said.MOVES:
+            self.said = Said.STOOD
+
+    def observe_done(self, asked_ns: int, *, is_done: bool) -> None:
+        """Note the drive's done bit; of an axis that goes nowhere we know it only says whether it moves."""
+        self.hear(asked_ns, moves=not is_done)
+        if asked_ns < self.sent_off_ns:
+            return
+        has_actual = bool(self.plan.actual)
+        if not is_done:
+            self._happens(Happening.FELL)
+        elif self.has_started(asked_ns) and (has_actual or not self.plan.done_is_in_position):
+            self._happens(Happening.DONE if has_actual else Happening.DONE_ALONE)
+
+    def _see_place(self, actual: Actual) -> None:
+        """Notice that the axis has come to its target, or that something else moved it away (M4)."""
+        if actual.seen_ns < self.sent_off_ns:
+            return
+        accepted = self.compensation.accepted
+        assert accepted is not None
+        if self.is_at_target(actual.counts):
+            happening = Happening.THERE
+        elif abs(actual.counts - accepted.corrected_counts) <= self.plan.settings.max_correction_counts:
+            happening = Happening.NEAR
+        elif self.compensation.is_stream and self.whereabouts is Whereabouts.DONE_SAID:
+            return  # a stream lags behind its setpoints, done or not
+        else:
+            happening = Happening.AWAY
+        self._happens(happening)
+
+    def _look_for_jump(self, before: Actual, now: Actual) -> None:
+        """Notice that an axis at rest stands where no motion can have brought it (M9).
+
+        Its drive counts from another zero now.
+        """
+        settings = self.plan.settings
+        if not settings.max_speed:
+            return
+        distance = abs(now.counts - before.counts) / abs(settings.counts_per_unit)
+        reach = settings.max_speed * (now.seen_ns - before.seen_ns) / NS_PER_S + settings.max_correction
+        if distance > 2.0 * reach:
+            self.displace()
+            self.lose_reference()
+
+    def read_command_words(
+        self, number: int, field_: PositionField, words: bytes, readback: Readback
+    ) -> bytes:
+        """Turn the words of a command field that is read back into what the controller wrote.
+
+        They also prove that a target arrived which was never acknowledged; of a distance they say nothing
+        about its having run.
+        """
+        unproven, image = self.unproven, self.fields[number]
+        if (
+            unproven is not None
+            and unproven.number == number
+            and unproven.corrected_words == words
+            and not unproven.is_distance
+            and not self.plan.motion.waits_for_trigger
+        ):
+            self.acknowledge(unproven, self.heard_ns)
+        if image.nominal_words is not None and image.corrected_words == words:
+            return image.nominal_words
+        return self.nominal_words(field_, words, readback)
+
+    # --- its record ------------------------------------------------------------------------------------
+
+    def keep_record(self, record: Record | None) -> None:
+        """Keep a record from now on, and let that of the run before count where it does; None: keep none."""
+        self.record = record
+        if record is not None and record.recalled is not None and not self.is_enabled:
+            self.drop_record("the compensation of the axis is off")
+
+    @property
+    def is_recalling(self) -> bool:
+        """Whether it is not decided yet if the record of the run before counts."""
+        return self.record is not None and self.record.recalled is not None
+
+    def publish(self) -> None:
+        """Let its record say what holds now."""
+        if self.pending is not None and self.on_wire is OnWire.NOTHING and self.unproven is not self.pending:
+            self.pending = None
+        if self.record is not None:
+            self.record.publish(self)
+
+    def _decide_record(self, actual: Actual) -> None:
+        """Find out, with an actual position, whether the record of the run before counts."""
+        record = self.record
+        assert record is not None
+        recalled = record.recalled
+        assert recalled is not None
+        if not self.is_referenced:
+            lacking = [each for each in (self, *self.peers) if lacks_reference(each)]
+            if not lacking:
+                return
+            if not (self.compensation.is_stream and recalled.is_of_this_boot):
+                if self in lacking:
+                    self.drop_record("the axis is not referenced now")
+                return
+        found = find(self, recalled, record.first or actual, actual)
+        if found is None:
+            record.look_first(actual)
+        elif isinstance(found, str):
+            self.drop_record(found)
+        else:
+            record.fit(found, actual)
+            self._take_group_up()
+
+    def _take_group_up(self) -> None:
+        """Take all axes of the group up, as soon as the records of all of them fit."""
+        members = [self, *(peer for peer in self.peers if peer.record is not None)]
+        fates = [member.record.fate for member in members if member.record is not None]
+        if Fate.NONE in fates or Fate.DROPPED in fates:
+            self.drop_record("another axis of its group has none that counts")
+        elif Fate.OPEN not in fates:
+            for member in members:
+                if member.record is not None and member.record.fate is Fate.FITS:
+                    member.take_up(member.record)
+
+    def drop_record(self, reason: str) -> None:
+        """The record of the run before does not count."""
+        assert self.record is not None
+        self.record.decide(Fate.DROPPED)
+        self.record.clear()
+        self.tell(EventKind.RECORD_NOT_USED, f"{reason}; it starts without its record")
+        for peer in self.peers:
+            if peer.is_recalling:
+                peer.drop_record(f"axis {self.plan.name} of its group starts without one")
+
+    def take_up(self, record: Record) -> None:
+        """Go on from the record of the run before, which fits: all of it, or nothing of it."""
+        recalled, fitting = record.recalled, record.finding
+        assert recalled is not None
+        assert fitting is not None
+        finding, actual = fitting
+        find_table = partial(record.find_table, self)
+        try:
+            state = state_of(self, recalled.state, find_table, actual.seen_ns)
+            move = recalled.unproven
+            after = None if move is None else state_of(self, move.state, find_table, actual.seen_ns)
+        except TableNotFoundError:
+            self.drop_record("the table that was in force is not the one configured now")
+            return
+        except (TableError, SettingsError) as error:
+            self.drop_record(f"the table that was in force cannot be used any more ({error})")
+            return
+        self._restore(recalled, state, is_at_target=finding.is_at_target)
+        if move is not None and after is not None:
+            self._restore_unproven(move, after, finding)
+        self._resume_terms(actual.seen_ns)
+        if not self.is_referenced:
+            self.displace(keeps_branch=self.compensation.is_stream)
+            self.compensation.lose_reference()  # what a stream has passed with stays, and fades (M9)
+        record.decide(Fate.TAKEN)
+        settings, in_force = self.plan.settings, self.compensation.state
+        position = (
+            self.compensation.machine_position(self.nominal_of(actual.counts)) - settings.machine_offset
+        )
+        self.tell(
+            EventKind.RESTORED,
+            f"goes on from its record: nominal {position:.6g} {settings.units.value}, the drive at "
+            f"{actual.counts:.10g} counts, {in_force.travel.direction.name.lower()}, progress of a reversal "
+            f"{in_force.progress:.3g}, of a change-over {in_force.change:.3g}, generation "
+            f"{recalled.generation}",
+        )
+
+    def _restore(self, recalled: Remembered, state: State, *, is_at_target: bool) -> None:
+        """Be where the record says, on its branch, with its correction."""
+        accepted = None
+        if is_at_target or (recalled.has_target and not may_have_stopped(self)):
+            accepted = Accepted(recalled.nominal_counts, recalled.corrected_counts)
+        fade = None if recalled.fade is None else Fade(*recalled.fade)
+        self.compensation.resume(state, accepted, recalled.anchor_counts, fade, recalled.way)
+        if accepted is None:
+            self.whereabouts = Whereabouts.STOPPED
+        elif not is_at_target:
+            self.whereabouts = Whereabouts.UNDER_WAY
+        elif recalled.may_have_left:
+            self.whereabouts = Whereabouts.MAY_HAVE_LEFT
+        else:
+            self.whereabouts = Whereabouts.ARRIVED if recalled.was_done_seen else Whereabouts.SEEN_THERE
+        self.unproven = self.held = None
+        self._is_sent_off(state.at_ns if recalled.is_of_this_boot else 0)
+        self.last_number = recalled.number
+        if accepted is not None and recalled.knows_words:
+            field_ = self.plan.command[recalled.number]
+            self.fields[recalled.number].settle(
+                field_.pack(raw_of(field_, accepted.nominal_counts)),
+                field_.pack(raw_of(field_, accepted.corrected_counts)),
+            )
+
+    def _restore_unproven(self, move: RememberedMove, after: State, finding: Finding) -> None:
+        """Take the target that was on its way as accepted, or as one that nobody acknowledged."""
+        field_ = self.plan.command[move.number]
+        nominal_words = corrected_words = b""
+        if not move.is_distance:
+            nominal_words = field_.pack(raw_of(field_, move.nominal_counts))
+            corrected_words = field_.pack(raw_of(field_, move.corrected_counts))
+        correction_counts = move.corrected_counts - move.nominal_counts
+        planned = Move(move.nominal_counts, correction_counts, self.compensation.map_of(after), after)
+        start = self.compensation.accepted if move.is_distance else None
+        rendering = Rendering(
+            move.number,
+            nominal_words,
+            corrected_words,
+            move.corrected_counts,
+            planned,
+            move.is_distance,
+            start,
+        )
+        if not finding.has_arrived:
+            self.leave_unproven(rendering, self.heard_ns)
+            return
+        if self.plan.has_rules:
+            self.go(rendering, planned, self.heard_ns)
+        else:
+            self.acknowledge(rendering, self.heard_ns)
+        if not finding.is_at_unproven and may_have_stopped(self):
+            self.displace(keeps_branch=True)
+
+    def _resume_terms(self, now_ns: int) -> None:
+        """Let its terms go on from what its record put into force."""
+        terms, spec = self.terms, self.compensation.state.spec
+        if terms is None or spec.curve is None:  # a mere offset holds a table too
+            return
+        terms.resume(spec, now_ns)
+        self.wanted = spec if spec.is_kin_of(self.base) else terms.on(self.base, self.plan)
+        self.compensation.want(self.wanted)

@@ -1,0 +1,274 @@
+"""The fast path: most frames need no judgement, and leave with a lookup or with one correction.
+
+A path is found once for a unit id and the head of a request, which says what registers it touches, and is
+remembered. It is a cache of the slow path and has no meaning of its own: it holds prepared lookups, takes the
+usual case only, and calls the same transitions. Whenever anything is not as usual it returns None, and the
+request or the reply goes the slow path (``dispatch``, ``translate``, ``transaction``), which knows every
+case. Both come to the same bytes and leave the same state behind; tests/exchange/test_fast_path.py holds one
+against the other.
+"""
+
+from typing import Final, NamedTuple
+
+from gateway.counts import Counts
+from gateway.exchange.access import ACCESS, Access
+from gateway.exchange.aliases import ANY_TCP_DRIVE
+from gateway.exchange.axis.events import AxisRequest, Part
+from gateway.exchange.axis.state import Rendering, Whereabouts
+from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.rendering import nominal_limit
+from gateway.exchange.request import NOTHING_KNOWN, Request, Rewriting
+from gateway.exchange.transaction import FastPath, Transaction
+from gateway.exchange.translate import READS_BITS, note_bits
+from gateway.exchange.unit import FieldHit, FieldRole, Hits, UnitMap
+from gateway.modbus.errors import RegisterRangeError
+from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
+from gateway.modbus.registers import BitTable, PositionField
+
+ARRIVED: Final = Whereabouts.ARRIVED
+MAY_HAVE_LEFT: Final = Whereabouts.MAY_HAVE_LEFT
+NOBODY: Final[frozenset[str]] = frozenset()
+"""Names of the axes that a read sends somewhere."""
+
+
+class _Read(NamedTuple):
+    """A position inside a reply: where its bytes are."""
+
+    axis: Axis
+    role: FieldRole
+    is_first_actual: bool
+    number: int
+    field: PositionField
+    start: int
+    end: int
+
+
+class ReadPath(FastPath):
+    """Reads of whole positions and status bits."""
+
+    __slots__ = ("_access", "_asks_for_bits", "_hits", "_reads", "_unit")
+
+    def __init__(self, unit: UnitMap, access: Access, hits: Hits) -> None:
+        super().__init__(5, unit.axes)
+        self._unit = unit
+        self._access = access
+        self._hits = hits
+        self._asks_for_bits = unit.asks_for_bits
+        self._reads = tuple(_read(hit) for hit in hits.fields if hit.place.role.is_position)
+
+    def sent(self, transaction: Transaction, now_ns: int) -> bytes | None:
+        """See ``FastPath``."""
+        for axis in self.axes:
+            record = axis.record
+            if axis.silent_since_ns is not None or (record is not None and record.recalled is not None):
+                return None
+        if self._asks_for_bits:
+            for read in self._reads:
+                if read.axis.needs_reference(now_ns, is_target=False):
+                    return None
+        transaction.readbacks = [
+            None if read.axis.reads_unchanged else read.axis.compensation.readback for read in self._reads
+        ]
+        return transaction.pdu
+
+    def answered(self, transaction: Transaction, reply: bytes, now_ns: int) -> bytes | None:
+        """See ``FastPath``."""
+        if reply[0] != transaction.pdu[0] or len(reply) != 2 + 2 * self._access.read_quantity:
+            return reply
+        if reply[1] != len(reply) - 2:
+            return reply
+        data = bytearray(reply)
+        try:
+            for read, readback in zip(self._reads, transaction.readbacks, strict=True):
+                axis, role, is_first_actual, number, field, start, end = read
+                words = reply[start:end]
+                if is_first_actual:
+                    axis.observe_actual(field, words, transaction.sent_ns)  # as old as its request
+                if readback is None:
+                    continue
+                if role is FieldRole.COMMAND:
+                    data[start:end] = axis.read_command_words(number, field, words, readback)
+                elif role is FieldRole.LIMIT:
+                    data[start:end] = nominal_limit(axis, number, words)
+                else:
+                    data[start:end] = axis.nominal_words(field, words, readback)
+        except RegisterRangeError:
+            return exception_pdu(reply[0], ExceptionCode.SERVER_DEVICE_FAILURE)
+        if self._hits.bits:
+            note_bits(self._hits.bits, data[2:], NOBODY, transaction.sent_ns)
+        return bytes(data)
+
+
+class WritePath(FastPath):
+    """Writes of one whole target, in a frame that may hold other words beside it."""
+
+    __slots__ = (
+        "_access",
+        "_asks_for_bits",
+        "_axis",
+        "_echo",
+        "_end",
+        "_hit",
+        "_hold",
+        "_image",
+        "_number",
+        "_pack",
+        "_scale",
+        "_start",
+        "_terms",
+        "_unit",
+        "_unpack",
+    )
+
+    def __init__(self, pdu: bytes, unit: UnitMap, access: Access, hit: FieldHit) -> None:
+        super().__init__(len(pdu), unit.axes)
+        assert hit.place.image is not None
+        self._unit, self._access, self._hit = unit, access, hit
+        self._axis = hit.place.axis
+        self._hold = self._axis.hold
+        self._terms = self._axis.terms
+        self._image = hit.place.image
+        self._number = hit.place.number
+        codec = hit.place.field.codec
+        self._pack, self._unpack, self._scale = codec.pack, codec.unpack, hit.place.field.scale
+        self._start = access.data_offset + 2 * hit.word
+        self._end = self._start + 2 * hit.place.field.words
+        self._echo = pdu[:5]
+        self._asks_for_bits = unit.asks_for_bits
+
+    def sent(self, transaction: Transaction, now_ns: int) -> bytes | None:
+        """See ``FastPath``."""
+        axis, image, pdu = self._axis, self._image, transaction.pdu
+        compensation = axis.compensation
+        port = transaction.port
+        if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
+            return None  # another one moved it last, or nobody
+        if not compensation.is_steady or len(pdu) != self._size or not self._is_usual(now_ns):
+            return None
+        start, end = self._start, self._end
+        words = pdu[start:end]
+        steady = None
+        corrected_counts: Counts = 0.0
+        if words == image.nominal_words:
+            if compensation.accepted is None or image.corrected_words is None:
+                return None
+            if self._number != axis.last_number:
+                return None  # another register of the axis was written since: this is a target
+            corrected_words = image.corrected_words
+        else:
+            if self._terms is not None and self._terms.is_due(now_ns):
+                return None
+            raw = self._unpack(words, 0)
+            nominal_counts = raw if self._scale == 1.0 else raw * self._scale
+            steady = compensation.plan_steady(nominal_counts, now_ns, axis.whereabouts is ARRIVED)
+            if steady is None:
+                return None
+            raw += round(steady[1] / self._scale)
+            try:
+                corrected_words = self._pack(raw)
+            except RegisterRangeError:
+                return None
+            corrected_counts = raw if self._scale == 1.0 else raw * self._scale
+        transaction.carry(self, (words, corrected_words, corrected_counts, image.losses, steady))
+        if axis.record is not None:
+            axis.send_target(transaction.rendering())
+        return pdu[:start] + corrected_words + pdu[end:]
+
+    def left(self, transaction: Transaction) -> None:
+        """See ``FastPath``."""
+        assert transaction.port is not None
+        self._hold.move(transaction.port.writer, transaction.sent_ns)
+
+    def _is_usual(self, now_ns: int) -> bool:
+        """Whether nothing has happened that must be looked at before the next target."""
+        axis = self._axis
+        for each in self.axes:
+            record = each.record
+            if each.silent_since_ns is not None or (record is not None and record.recalled is not None):
+                return False
+        if not axis.compensation.is_stream and axis.has_branches and axis.is_unseen(now_ns):
+            return False
+        if axis.unproven is not None or axis.whereabouts is MAY_HAVE_LEFT or self._image.is_torn:
+            return False
+        return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
+
+    def answered(self, transaction: Transaction, reply: bytes, now_ns: int) -> bytes | None:
+        """See ``FastPath``."""
+        return reply if reply == self._echo else None
+
+    def settle(self, transaction: Transaction, now_ns: int) -> None:
+        """See ``FastPath``."""
+        assert transaction.target is not None
+        self._axis.acknowledge(transaction.rendering(), now_ns, transaction.target[3])
+        if self._axis.record is not None:
+            self._axis.conclude()
+
+    def rendering(self, transaction: Transaction) -> Rendering:
+        """See ``FastPath``."""
+        assert transaction.target is not None
+        nominal_words, corrected_words, corrected_counts, _, steady = transaction.target
+        move = None if steady is None else self._axis.compensation.move_of(steady)
+        fields = (self._number, nominal_words, corrected_words, corrected_counts, move, False, None)
+        return tuple.__new__(Rendering, fields)
+
+    def rewriting(self, transaction: Transaction) -> Rewriting:
+        """See ``FastPath``."""
+        assert transaction.target is not None
+        rendering = transaction.rendering()
+        pdu, words = transaction.pdu, rendering.corrected_words
+        sent_pdu = pdu[: self._start] + words + pdu[self._end :]
+        request = Request(
+            self._unit, pdu, self._access, [], NOTHING_KNOWN, transaction.sent_ns, transaction.arrived_ns
+        )
+        written = AxisRequest(transaction.arrived_ns)
+        written.targets.append(rendering)
+        written.parts = (Part(self._image, -1, b""),)
+        written.losses[self._number] = transaction.target[3]
+        return Rewriting(request, sent_pdu, {self._axis.plan.name: written})
+
+
+def find_path(unit: UnitMap | None, unit_id: int, pdu: bytes) -> FastPath | None:
+    """Return the fast path of the requests to a unit id that begin as this one does; None: there is none."""
+    access = ACCESS[pdu[0]](pdu) if pdu[0] in ACCESS else None
+    if access is not None and not access.is_consistent:
+        return None
+    if unit is None:
+        return None if unit_id in ANY_TCP_DRIVE else FastPath(len(pdu))
+    if unit.has_objects:
+        return None
+    if access is None:
+        return FastPath(len(pdu), unit.axes) if pdu[0] in READS_BITS and not _has_bits(unit, pdu) else None
+    if access.write_quantity:
+        return _write_path(unit, pdu, access)
+    hits = unit.read(access.read_address, access.read_quantity)
+    if not (hits.fields or hits.bits):
+        return FastPath(len(pdu), unit.axes)
+    if all(hit.is_whole and hit.place.role.is_position for hit in hits.fields):
+        return ReadPath(unit, access, hits)
+    return None
+
+
+def _write_path(unit: UnitMap, pdu: bytes, access: Access) -> FastPath | None:
+    hits = unit.written(access.write_address, access.write_quantity)
+    if hits.rules:
+        return None
+    if not hits.fields:
+        return FastPath(len(pdu), unit.axes)
+    hit = hits.fields[0]
+    is_target = len(hits.fields) == 1 and hit.is_whole and hit.place.role is FieldRole.COMMAND
+    is_plain = not (unit.has_rules or hit.place.axis.is_dry_run or hit.place.field.type.is_float)
+    is_block = pdu[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS
+    return WritePath(pdu, unit, access, hit) if is_target and is_plain and is_block else None
+
+
+def _has_bits(unit: UnitMap, pdu: bytes) -> bool:
+    table = BitTable.COIL if pdu[0] == FunctionCode.READ_COILS else BitTable.INPUT
+    address, quantity = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
+    return bool(unit.read_bits(table, address, quantity))
+
+
+def _read(hit: FieldHit) -> _Read:
+    axis, role, number, field, _ = hit.place
+    start = 2 + 2 * hit.word
+    is_first_actual = role is FieldRole.ACTUAL and number == 0
+    return _Read(axis, role, is_first_actual, number, field, start, start + 2 * field.words)

@@ -1,0 +1,124 @@
+"""The transactions of a line that wait: stops first, then the gateway's own, then motion, then the others."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from gateway.exchange.added_frames import AddedFrame
+from gateway.exchange.plan import Role
+from gateway.exchange.ports import ControllerPort
+from gateway.exchange.transaction import Transaction
+
+QUEUE_LIMIT: Final = 32
+"""Requests of one connection that may wait; the next gets exception 6 (Messaging guide V1.0b, p. 29)."""
+
+
+class WaitingQueue:
+    """See the module. Each controller's requests keep their order."""
+
+    def __init__(self) -> None:
+        self._stops: deque[Transaction] = deque()
+        self._own: deque[Transaction] = deque()
+        self._motion: deque[Transaction] = deque()
+        self._others: deque[Transaction] = deque()
+        self._queues = (self._stops, self._own, self._motion, self._others)
+        self.total = 0
+        """How many wait: a number of its own, for it is looked at with each request."""
+
+    @property
+    def only_others(self) -> bool:
+        """Whether nothing waits but what monitors and operators read."""
+        return self.total == len(self._others)
+
+    def first_of_others(self) -> list[Transaction]:
+        """Return the first one of each monitor or operator, oldest first."""
+        first: dict[int, Transaction] = {}
+        for transaction in self._others:
+            first.setdefault(id(transaction.port), transaction)
+        return list(first.values())
+
+    def take(self, transaction: Transaction) -> None:
+        """Take out one that is known to wait among the others."""
+        self._others.remove(transaction)
+        self.total -= 1
+
+    def __len__(self) -> int:
+        return self.total
+
+    def __iter__(self) -> Iterator[Transaction]:
+        for queue in self._queues:
+            yield from queue
+
+    def add(self, transaction: Transaction) -> None:
+        """Queue a transaction behind those of its rank."""
+        self.total += 1
+        if transaction.port is None:
+            self._own.append(transaction)
+        elif transaction.port.plan.role is Role.MOTION:
+            self._motion.append(transaction)
+        else:
+            self._others.append(transaction)
+
+    def add_own(self, frame: AddedFrame | None, now_ns: int) -> None:
+        """Queue a frame of the gateway's own, if there is one."""
+        if frame is not None:
+            transaction = Transaction(None, 0, frame.axis.plan.unit_id, frame.pdu, now_ns)
+            transaction.need(frame)
+            self.add(transaction)
+
+    @property
+    def has_stops(self) -> bool:
+        """Whether a stop waits."""
+        return bool(self._stops)
+
+    def add_stop(self, stop: Transaction) -> bool:
+        """Queue a stop in front of everything; return False when the same one waits more often than enough.
+
+        It takes the place of those like it whose controllers have given up.
+        """
+        self.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan)
+        if self.count(stop.port) >= QUEUE_LIMIT and any(each.is_same_stop(stop) for each in self):
+            return False
+        self._stops.append(stop)
+        self.total += 1
+        return True
+
+    def put_back(self, transaction: Transaction) -> None:
+        """Queue a transaction before those of its rank: it was its turn already."""
+        is_motion = transaction.port is not None and transaction.port.plan.role is Role.MOTION
+        self.total += 1
+        (self._motion if is_motion else self._others).appendleft(transaction)
+
+    def pop(self) -> Transaction:
+        """Take the next one."""
+        for queue in self._queues:
+            if queue:
+                self.total -= 1
+                return queue.popleft()
+        raise IndexError("nothing waits")
+
+    def count(self, port: ControllerPort | None) -> int:
+        """Return how many requests of one connection wait."""
+        return sum(1 for transaction in self if transaction.port is port)
+
+    def give_up(self, port: ControllerPort) -> list[Transaction]:
+        """Take out and return what a controller does not wait for any more; its stops stay, without it."""
+        taken = self.withdraw(lambda each: each.port is port and not each.is_stop)
+        for transaction in self:
+            if transaction.port is port:
+                transaction.give_up()
+        return taken
+
+    def withdraw(self, condition: Callable[[Transaction], bool]) -> list[Transaction]:
+        """Take out and return every transaction that meets a condition."""
+        taken: list[Transaction] = []
+        for queue in self._queues:
+            if not queue:
+                continue
+            kept = [transaction for transaction in queue if not condition(transaction)]
+            if len(kept) != len(queue):
+                taken += [transaction for transaction in queue if condition(transaction)]
+                queue.clear()
+                queue.extend(kept)
+        self.total -= len(taken)
+        return taken

@@ -1,0 +1,389 @@
+"""One request from its arrival to its end: why nothing is sent twice, and what each end leaves behind.
+
+A :class:`Transaction` is in one :class:`Phase`, and goes from one to the next only as :data:`PHASE_AFTER`
+says. Its own frame leaves once: a frame may leave only from ``WAITING`` (:meth:`Transaction.leave`, asked by
+the line in the one place where frames leave), and no phase leads back to ``WAITING`` from ``SENT``. A
+prerequisite, which the gateway adds, may come before it, as often as it takes; each is another frame.
+
+A transaction ends once, in :meth:`Endings.finish`, with one :class:`~gateway.exchange.axis.events.Outcome`.
+Which outcomes an end may have follows from the phase (:data:`OUTCOMES`): what never left cannot have been
+acknowledged, and what left cannot be withdrawn.
+"""
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from typing import Final
+
+from gateway.compensation.moves import SteadyMove
+from gateway.compensation.readback import Readback
+from gateway.counts import Counts
+from gateway.exchange.access import only_reads
+from gateway.exchange.added_frames import AddedFrame
+from gateway.exchange.axis.events import Outcome
+from gateway.exchange.axis.state import Rendering
+from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.counters import LineCounters
+from gateway.exchange.events import Event, EventKind
+from gateway.exchange.plan import Role
+from gateway.exchange.ports import ControllerPort
+from gateway.exchange.request import Known, Rewriting
+from gateway.exchange.translate import note_discrete, outcome_of, reply_without_positions, turned_back
+from gateway.exchange.unit import UnitMap
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
+from gateway.times import NS_PER_MS
+
+LOST: Final = ExceptionCode.SERVER_DEVICE_FAILURE
+NO_RESPONSE: Final = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
+
+
+class Phase(Enum):
+    """How far a transaction has come."""
+
+    __hash__ = object.__hash__
+
+    WAITING = "waiting"
+    """Its own frame has not left, and nothing of it is on the wire."""
+    PREREQUISITE = "prerequisite"
+    """A frame of the gateway's own that it needs first is on the wire."""
+    SENT = "sent"
+    """Its own frame has left."""
+    ENDED = "ended"
+
+
+PHASE_AFTER: Final = {
+    Phase.WAITING: frozenset({Phase.PREREQUISITE, Phase.SENT, Phase.ENDED}),
+    Phase.PREREQUISITE: frozenset({Phase.WAITING, Phase.ENDED}),
+    Phase.SENT: frozenset({Phase.ENDED}),
+    Phase.ENDED: frozenset(),
+}
+"""Where each phase may lead."""
+
+OUTCOMES: Final = {
+    Phase.WAITING: frozenset({Outcome.NEVER_SENT}),
+    Phase.PREREQUISITE: frozenset({Outcome.NEVER_SENT}),
+    Phase.SENT: frozenset(set(Outcome) - {Outcome.NEVER_SENT}),
+    Phase.ENDED: frozenset(),
+}
+"""How a transaction may end in each phase."""
+
+
+_WAITING: Final = Phase.WAITING  # a member is looked up slowly, and these are asked for with each request
+_PREREQUISITE: Final = Phase.PREREQUISITE
+_SENT: Final = Phase.SENT
+_ENDED: Final = Phase.ENDED
+
+
+class Answer(Enum):
+    """What its controller hears of a request that its drive did not answer (W7)."""
+
+    REFUSAL = "refusal"
+    """An exception of the gateway's own, on serial lines too; counted."""
+    DENIAL = "denial"
+    """The same, but what may not be reached is as good as absent: 0x0A is silence on a serial line."""
+    ABSENCE = "absence"
+    """An exception on TCP, silence on a serial line: the drive cannot be had."""
+    NOTHING = "nothing"
+    """It does not wait for it any more."""
+
+
+Target = tuple[bytes, bytes, Counts, int, SteadyMove | None]
+"""A target on the fast path: nominal and corrected words, corrected counts, losses of its field when it was
+sent, and what accepting it means (None for a repeat). A plain tuple: one is made for each setpoint."""
+
+
+class FastPath:
+    """How a request leaves and its reply comes back where nothing about them needs to be judged.
+
+    This one is for frames that hold nothing the gateway cares for: both directions pass as they are. What
+    positions need is in ``fast_path``.
+    """
+
+    __slots__ = ("_size", "axes")
+
+    def __init__(self, size: int, axes: tuple[Axis, ...] = ()) -> None:
+        self._size = size
+        """Bytes of the PDU: of a request whose length contradicts its head nobody knows what it writes."""
+        self.axes = axes
+        """Axes of its unit, of which something may have been learned."""
+
+    def sent(self, transaction: "Transaction", now_ns: int) -> bytes | None:
+        """Return what is sent for a request; None: it goes the slow path."""
+        for axis in self.axes:
+            if axis.silent_since_ns is not None:
+                return None
+        pdu = transaction.pdu
+        return pdu if len(pdu) == self._size else None
+
+    def answered(self, transaction: "Transaction", reply: bytes, now_ns: int) -> bytes | None:
+        """Return what the controller gets for a drive's reply; None: it goes the slow path."""
+        return reply
+
+    def left(self, transaction: "Transaction") -> None:
+        """Take note that a target is on its way."""
+
+    def settle(self, transaction: "Transaction", now_ns: int) -> None:
+        """Take note of what the reply proved, once it was passed on."""
+
+    def rendering(self, transaction: "Transaction") -> Rendering:
+        """Return the target that a transaction carries, as the slow path would have rendered it."""
+        raise NotImplementedError
+
+    def rewriting(self, transaction: "Transaction") -> Rewriting:
+        """Return the request as the slow path would have prepared it."""
+        raise NotImplementedError
+
+
+class Transaction:
+    """One request with its reply. ``port`` is None for a read that the gateway added by itself."""
+
+    # Defaults of the class: most leave most of them alone, and one is made for each request.
+    phase = _WAITING
+    sent_ns = 0
+    deadline_ns = 0
+    started_ns = 0
+    """When its turn came, after it had waited or after a frame that it needed; 0: as it arrived."""
+    queue_ns = 0
+    """How long it waited for the line."""
+    added_ns = 0
+    """How long frames of the gateway's own held it up."""
+    excused_ns = 0
+    """How much of that no deadline counts: a look at where the axis stands."""
+    is_orphan = False
+    """Its controller has gone or gone on: the reply is taken note of and then dropped."""
+    overtaken_by = ""
+    """Why it must not be sent any more, although its controller waits for it."""
+    is_stop = False
+    added: AddedFrame | None = None
+    """A frame of the gateway's own that goes first, or alone."""
+    known: Known | None = None
+    path: FastPath | None = None
+    """The fast path on which it was sent; None: it went the slow one."""
+    target: Target | None = None
+    """What it carries on the fast path."""
+    readbacks: Sequence[Readback | None] = ()
+    """Of each position that it reads, on the fast path: as they were when it was sent."""
+    _rewritings: tuple[Rewriting, ...] = ()
+    _rendering: Rendering | None = None
+
+    def __init__(
+        self, port: ControllerPort | None, transaction_id: int, unit_id: int, pdu: bytes, arrived_ns: int
+    ) -> None:
+        self.port = port
+        self.transaction_id = transaction_id
+        self.unit_id = unit_id
+        self.wire_unit_id = unit_id
+        """Of the frame that is on the wire for it."""
+        self.pdu = pdu
+        self.arrived_ns = arrived_ns
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether a motion controller asked for it."""
+        return self.port is not None and self.port.plan.role is Role.MOTION
+
+    @property
+    def rewritings(self) -> tuple[Rewriting, ...]:
+        """What it makes of each unit that it reaches; a broadcast reaches several."""
+        if self.target is not None and self.path is not None and not self._rewritings:
+            self._rewritings = (self.path.rewriting(self),)
+        return self._rewritings
+
+    @rewritings.setter
+    def rewritings(self, rewritings: tuple[Rewriting, ...]) -> None:
+        self._rewritings = rewritings
+
+    def rendering(self) -> Rendering:
+        """Return the target that it carries on the fast path: always the same object."""
+        if self._rendering is None:
+            assert self.path is not None
+            self._rendering = self.path.rendering(self)
+        return self._rendering
+
+    # --- phases ----------------------------------------------------------------------------------------
+
+    def start(self, now_ns: int) -> None:
+        """Note that it is its turn: after it waited for the line, or for a frame that goes first."""
+        if self.added is not None or self.known is not None:
+            self.added_ns += now_ns - (self.started_ns or self.arrived_ns)
+        else:
+            self.queue_ns = now_ns - self.arrived_ns
+        self.started_ns = now_ns
+
+    def need(self, frame: AddedFrame | None) -> None:
+        """Note which frame of the gateway's own it needs first; None: none any more."""
+        self.added = frame
+
+    def carry(self, path: FastPath, target: Target) -> None:
+        """Note the target that it carries on a fast path."""
+        self.path, self.target = path, target
+
+    def leave(self, now_ns: int, unit_id: int, patience_ns: int) -> None:
+        """A frame leaves for it now: its own, which does so once, or one that it needs first."""
+        assert self.phase is _WAITING, f"a frame leaves in phase {self.phase.value}"
+        self.phase = _SENT if self.added is None or self.port is None else _PREREQUISITE
+        self.sent_ns = now_ns
+        self.wire_unit_id = unit_id
+        self.deadline_ns = now_ns + patience_ns
+
+    def learn(self) -> None:
+        """What it needed first was answered: it waits for its turn again."""
+        assert self.phase is Phase.PREREQUISITE, f"nothing was asked for in phase {self.phase.value}"
+        self.phase = Phase.WAITING
+
+    def excuse(self, span_ns: int) -> None:
+        """No deadline counts so much of its waiting."""
+        self.excused_ns += span_ns
+
+    def overtake(self, why: str) -> None:
+        """It must not be sent any more, although its controller waits for it."""
+        self.overtaken_by = why
+
+    def give_up(self) -> None:
+        """Its controller does not wait for it any more: a reply is taken note of and then dropped."""
+        self.is_orphan = True
+
+    def end(self, outcome: Outcome) -> None:
+        """It ends, once, in a way that is possible in its phase."""
+        assert outcome in OUTCOMES[self.phase], f"{outcome.value} in phase {self.phase.value}"
+        self.phase = _ENDED
+
+    def is_same_stop(self, other: "Transaction") -> bool:
+        """Whether both are stops that say the same to the same drive."""
+        return self.is_stop and self.unit_id == other.unit_id and self.pdu == other.pdu
+
+    def why_given_up(self, now_ns: int) -> str:
+        """Return why its controller does not wait for it any more; empty while it does (W5).
+
+        A stop goes out all the same: to stop once too often does no harm.
+        """
+        if self.is_stop:
+            return ""
+        if self.is_orphan:
+            return "its controller gave up on it"
+        if self.port is not None and now_ns - self.arrived_ns > self.port.plan.timeout_ms * NS_PER_MS:
+            return "it waited longer than its controller's timeout_ms"
+        return ""
+
+
+class Endings:
+    """How the transactions of a line end.
+
+    Args:
+        counters: of the line.
+        on_event: hears what is worth a word.
+        lose: notes what a request that never left would have written (``ownership``).
+        unit_of: the register map of a unit id.
+    """
+
+    def __init__(
+        self,
+        counters: LineCounters,
+        on_event: Callable[[Event], None],
+        lose: Callable[[Transaction, int], None],
+        unit_of: Callable[[int], UnitMap | None],
+    ) -> None:
+        self._counters = counters
+        self._on_event = on_event
+        self._lose = lose
+        self._unit_of = unit_of
+
+    def finish(
+        self,
+        transaction: Transaction,
+        outcome: Outcome,
+        now_ns: int,
+        *,
+        code: int = 0,
+        reply: bytes = b"",
+        answer: Answer = Answer.NOTHING,
+        withdrawn: str = "",
+        is_lost: bool = True,
+    ) -> None:
+        """End a transaction: answer its controller, and take note of what the end says of its axes.
+
+        Args:
+            transaction: what ends.
+            outcome: how.
+            now_ns: when.
+            code: exception code that its controller gets, or would get, where its drive did not answer.
+            reply: of its drive.
+            answer: what its controller hears where there is no reply.
+            withdrawn: why it was not sent any more; "" where it was not withdrawn.
+            is_lost: what it would have written is lost, where it never left (M3); not for those who have no
+                right to write, and not where that was noted already.
+        """
+        transaction.end(outcome)
+        if outcome is Outcome.NEVER_SENT:
+            if is_lost and transaction.port is not None and not only_reads(transaction.pdu):
+                self._lose(transaction, code)
+            if withdrawn:
+                self._note_withdrawn(transaction, withdrawn)
+        elif reply:
+            self._pass_back(transaction, outcome, code, reply, now_ns)
+        else:
+            for rewriting in transaction.rewritings:
+                _finish_axes(rewriting, outcome, code, now_ns)
+        self._answer(transaction, code, answer)
+
+    def reply(self, transaction: Transaction, pdu: bytes) -> None:
+        """Give the controller its reply, if it still waits for one."""
+        port = transaction.port
+        if port is None or transaction.is_orphan:
+            return
+        if not (port.plan.serial and transaction.unit_id == BROADCAST_UNIT_ID):  # nobody answers a broadcast
+            port.send_reply(transaction.transaction_id, transaction.unit_id, pdu)
+
+    def _pass_back(
+        self, transaction: Transaction, outcome: Outcome, code: int, reply: bytes, now_ns: int
+    ) -> None:
+        """Give the controller a drive's reply, and take note of what it says.
+
+        The controller waits for its reply, so it is sent as soon as it is known: before the state of the axis
+        is worked out, unless the same frame also reads positions, which that state turns back.
+        """
+        self._counters.note_reply(reply)
+        if not transaction.rewritings:
+            self.reply(transaction, reply)
+            unit = self._unit_of(transaction.unit_id)
+            note_discrete(unit, transaction.pdu, reply, transaction.sent_ns)
+            return
+        for rewriting in transaction.rewritings:
+            is_acknowledged = outcome is Outcome.ACKNOWLEDGED
+            if is_acknowledged and rewriting.access.read_quantity:
+                _finish_axes(rewriting, outcome, code, now_ns)
+                self.reply(transaction, turned_back(rewriting, reply))
+            else:
+                passed = reply_without_positions(rewriting, reply, is_acknowledged=is_acknowledged)
+                self.reply(transaction, passed)
+                _finish_axes(rewriting, outcome, code, now_ns)
+            self._counters.unmapped_reads += rewriting.reads_unmapped
+
+    def _answer(self, transaction: Transaction, code: int, answer: Answer) -> None:
+        if answer is Answer.NOTHING:
+            return
+        port = transaction.port
+        if answer is not Answer.ABSENCE:
+            self._counters.note_refusal(None if port is None else port.plan.name)
+        is_absent = answer is Answer.ABSENCE or (
+            answer is Answer.DENIAL and code == ExceptionCode.GATEWAY_PATH_UNAVAILABLE
+        )
+        if not (is_absent and (port is None or port.plan.serial)):
+            self.reply(transaction, exception_pdu(transaction.pdu[0], code))
+
+    def _note_withdrawn(self, transaction: Transaction, why: str) -> None:
+        self._counters.withdrawn += 1
+        if transaction.port is not None:
+            name = transaction.port.plan.name
+            self._on_event(Event(EventKind.WITHDRAWN, None, f"a request of {name} was not sent: {why}"))
+
+
+def outcome_of_reply(transaction: Transaction, reply: bytes) -> tuple[Outcome, int]:
+    """Return how a transaction ends that its drive replied to, and the exception code that stands for it."""
+    for rewriting in transaction.rewritings:
+        return outcome_of(rewriting, reply)
+    return (Outcome.EXCEPTION, reply[-1]) if is_exception(reply) else (Outcome.ACKNOWLEDGED, 0)
+
+
+def _finish_axes(rewriting: Rewriting, outcome: Outcome, code: int, now_ns: int) -> None:
+    for axis, written in rewriting.written:
+        axis.finish(written, outcome, code, now_ns)

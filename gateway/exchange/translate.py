@@ -1,0 +1,776 @@
+"""What is sent for a request, and what its controller gets for the reply (M1 to M5, M8, M10).
+
+:func:`prepare` renders the positions that a request writes and makes cut ones whole; nothing of what it finds
+counts before the request was acknowledged. :func:`turned_back` puts every position of a reply back on the
+controller's scale.
+"""
+
+from collections.abc import Iterable, Sequence
+from collections.abc import Set as AbstractSet
+from typing import Final
+
+from gateway.compensation.readback import Readback
+from gateway.drives.motion import Action, Addressing, Form
+from gateway.exchange.access import MEI_HEAD, Access, swapped
+from gateway.exchange.axis.events import Outcome, Part, Staging
+from gateway.exchange.axis.state import Rendering
+from gateway.exchange.axis.transitions import MOVES_OTHERWISE, Axis
+from gateway.exchange.events import EventKind
+from gateway.exchange.meaning import Meaning
+from gateway.exchange.plan import HOMED_BIT
+from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.rendering import (
+    RefusedPositionError,
+    Seen,
+    base_of,
+    is_repeat,
+    nominal_limit,
+    render,
+    render_distance,
+    render_limit,
+    render_repeat,
+)
+from gateway.exchange.request import Known, Request, Rewriting, Span, Standing
+from gateway.exchange.unit import BitHit, FieldHit, FieldPlace, FieldRole, UnitMap
+from gateway.modbus.errors import RegisterRangeError
+from gateway.modbus.pdu import (
+    EXCEPTION_BIT,
+    MAX_READ_REGISTERS,
+    MAX_READ_WRITE_WRITE_REGISTERS,
+    MAX_WRITE_REGISTERS,
+    ExceptionCode,
+    FunctionCode,
+    exception_pdu,
+    is_exception,
+)
+from gateway.modbus.registers import BitTable, WordOrder
+
+READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
+
+Written = tuple[FieldHit, bytes | None]
+"""A command field, and all its nominal words once the request is applied; None: not known."""
+
+
+# --- what is sent ------------------------------------------------------------------------------------------
+
+
+def prepare(request: Request) -> Rewriting:
+    """Work out what is sent for a request. Nothing is changed until its reply is there.
+
+    Raises:
+        RefusedRequestError: the request must not reach the drive.
+    """
+    rewriting = Rewriting(request, request.pdu)
+    for meaning in request.meanings:
+        check_may_act(meaning)
+        rewriting.of(meaning.axis)
+    if request.access.write_quantity:
+        _prepare_write(rewriting)
+    for name, run in request.known.runs.items():
+        if name in rewriting.by_axis:
+            rewriting.by_axis[name].runs.append(run)
+    for axis, written in rewriting.written:
+        for target in (*written.targets, *written.runs):
+            written.losses[target.number] = axis.fields[target.number].losses
+    if request.access.read_quantity:
+        _prepare_read(request.unit, rewriting)
+    return rewriting
+
+
+def _prepare_write(rewriting: Rewriting) -> None:
+    request, access = rewriting.request, rewriting.access
+    hits = request.unit.written(access.write_address, access.write_quantity)
+    stopped = {id(meaning.axis) for meaning in request.meanings if meaning.is_stop}
+    changed: list[tuple[FieldHit, bytes]] = []
+    commands: list[FieldHit] = []
+    for hit in hits.fields:
+        axis, role = hit.place.axis, hit.place.role
+        if role is FieldRole.COMMAND:
+            commands.append(hit)
+        elif role is FieldRole.REMAPPING:
+            _check_counts(hit, access)
+            for each in request.unit.axes:
+                rewriting.of(each).remaps = True
+        elif id(axis) not in stopped and not axis.passes_unchanged:
+            if role is FieldRole.LIMIT:
+                changed.append((hit, _stage_limit(hit, rewriting)))
+            elif not (role is FieldRole.ACTUAL and hit.place.number in axis.plan.settable):
+                _refuse_guarded(hit)
+    if hits.is_unclear and any(not axis.passes_unchanged for axis in request.unit.axes) and not stopped:
+        raise RefusedRequestError(
+            ExceptionCode.ILLEGAL_DATA_ADDRESS,
+            request.unit.axes[0].plan.name,
+            f"a write at {access.write_address:#06x} runs over an object of unknown width into a mapped one",
+        )
+    if commands:
+        for hit in commands:
+            rewriting.of(hit.place.axis).parts += (part_of(hit, request.pdu, access),)
+        changed += prepare_commands(rewriting, commands)
+    if changed:
+        rewriting.sent_pdu = _written_pdu(rewriting.request.pdu, access, changed)
+
+
+def _check_counts(hit: FieldHit, access: Access) -> None:
+    """Refuse what no drive can obey: it must not end the compensation.
+
+    Raises:
+        RefusedRequestError: the counts of the request contradict each other, and its axis is corrected.
+    """
+    if not access.is_consistent and not hit.place.axis.passes_unchanged:
+        raise RefusedRequestError(
+            ExceptionCode.ILLEGAL_DATA_VALUE,
+            hit.place.axis.plan.name,
+            f"the counts of a write to {_at(hit)} contradict each other",
+        )
+
+
+def _stage_limit(hit: FieldHit, rewriting: Rewriting) -> bytes:
+    """Render a limit; one of which a part is written alone is refused."""
+    axis, image = hit.place.axis, hit.place.image
+    assert image is not None
+    if not (hit.is_whole and rewriting.access.is_consistent) or rewriting.access.is_mask:
+        raise RefusedRequestError(
+            ExceptionCode.SERVER_DEVICE_FAILURE,
+            axis.plan.name,
+            f"a part of the limit at {_at(hit)} was written: write all of it in one frame",
+        )
+    _, words = written_part(hit, rewriting.request.pdu, rewriting.access)
+    try:
+        corrected_words = render_limit(axis, hit.place.number, words)
+    except RefusedPositionError as error:
+        raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, axis.plan.name, str(error)) from error
+    rewriting.of(axis).stagings.append(Staging(image, words, corrected_words, image.losses))
+    return corrected_words
+
+
+def _refuse_guarded(hit: FieldHit) -> None:
+    """Refuse to write a position around the correction (M10).
+
+    Raises:
+        RefusedRequestError: unless the axis lets such writes pass.
+    """
+    plan = hit.place.axis.plan
+    if hit.place.role is not FieldRole.GUARDED:
+        reason = f"{_at(hit)} reports a position; writing it would move the frame"
+    elif plan.passes_unmapped:
+        return
+    else:
+        reason = f'{_at(hit)} holds a position that is not mapped (unmapped = "pass" lets it through)'
+    raise RefusedRequestError(ExceptionCode.ILLEGAL_DATA_ADDRESS, plan.name, reason)
+
+
+def _key(hit: FieldHit) -> tuple[str, int]:
+    return hit.place.axis.plan.name, hit.place.number
+
+
+def _at(hit: FieldHit) -> str:
+    return f"register {hit.place.field.address:#06x}"
+
+
+def _written_pdu(pdu: bytes, access: Access, rendered: list[tuple[FieldHit, bytes]]) -> bytes:
+    """Put rendered words into a request, widening it where it cuts a position (M1)."""
+    axis = rendered[0][0].place.axis
+    if not access.is_mask and (axis.writes_words_alone or all(hit.is_whole for hit, _ in rendered)):
+        patched = bytearray(access.words(pdu))
+        for hit, corrected_words in rendered:
+            cut = max(0, -2 * hit.word)
+            at = 2 * max(0, hit.word)
+            part = corrected_words[cut : cut + len(patched) - at]
+            patched[at : at + len(part)] = part
+        return access.with_words(pdu, bytes(patched))
+    span = Span(access.write_address, access.write_quantity)
+    whole = span.widened([hit.place.field for hit, _ in rendered])
+    words = bytearray(2 * whole.quantity)
+    if not access.is_mask:
+        at = 2 * (span.address - whole.address)
+        words[at : at + 2 * span.quantity] = access.words(pdu)
+    for hit, corrected_words in rendered:
+        at = 2 * (hit.place.field.address - whole.address)
+        words[at : at + len(corrected_words)] = corrected_words
+    return _build_write(pdu, whole, bytes(words), axis)
+
+
+def _build_write(pdu: bytes, span: Span, words: bytes, axis: Axis) -> bytes:
+    is_read_write = pdu[0] == FunctionCode.READ_WRITE_MULTIPLE_REGISTERS
+    limit = min(
+        axis.plan.max_registers, MAX_READ_WRITE_WRITE_REGISTERS if is_read_write else MAX_WRITE_REGISTERS
+    )
+    if span.quantity > limit:
+        raise RefusedRequestError(
+            ExceptionCode.ILLEGAL_DATA_ADDRESS,
+            axis.plan.name,
+            f"this write cuts a position, and {span.quantity} registers are more than the drive's {limit}",
+        )
+    head = span.address.to_bytes(2, "big") + span.quantity.to_bytes(2, "big") + bytes((len(words),))
+    if is_read_write:
+        return pdu[:5] + head + words
+    if axis.plan.writes_with is Form.FC06 and span.quantity == 1:
+        return bytes((FunctionCode.WRITE_SINGLE_REGISTER,)) + head[:2] + words
+    return bytes((FunctionCode.WRITE_MULTIPLE_REGISTERS,)) + head + words
+
+
+def _prepare_read(unit: UnitMap, rewriting: Rewriting) -> None:
+    access = rewriting.access
+    span = Span(access.read_address, access.read_quantity)
+    hits = unit.read(span.address, span.quantity)
+    rewriting.ask(hits, span)
+    if hits.is_unclear and any(not axis.passes_unchanged for axis in unit.axes):
+        raise RefusedRequestError(
+            ExceptionCode.ILLEGAL_DATA_ADDRESS,
+            unit.axes[0].plan.name,
+            f"a read at {span.address:#06x} runs over an object of unknown width into a mapped one",
+        )
+    if not hits.fields:
+        return
+    active: list[FieldPlace] = []
+    readbacks: dict[str, Readback] = {}
+    for hit in hits.fields:
+        axis = hit.place.axis
+        if not axis.reads_unchanged and hit.place.role.is_position:
+            active.append(hit.place)
+            readbacks[axis.plan.name] = axis.compensation.readback
+    rewriting.readbacks = readbacks
+    whole = span.widened([place.field for place in active])
+    if whole == span or access.is_mei:
+        return
+    limit = min(MAX_READ_REGISTERS, *(place.axis.plan.max_registers for place in active))
+    if whole.quantity > limit:
+        raise RefusedRequestError(
+            ExceptionCode.ILLEGAL_DATA_ADDRESS,
+            active[0].axis.plan.name,
+            f"this read cuts a position, and {whole.quantity} registers are more than the drive's {limit}",
+        )
+    pdu = rewriting.sent_pdu
+    head = whole.address.to_bytes(2, "big") + whole.quantity.to_bytes(2, "big")
+    rewriting.ask(unit.read(whole.address, whole.quantity), whole)
+    rewriting.sent_pdu = pdu[:1] + head + pdu[5:]
+
+
+# --- what must not run -------------------------------------------------------------------------------------
+
+
+def check_may_act(meaning: Meaning) -> None:
+    """Refuse what must not run: a stored position, a trigger whose target was lost.
+
+    Raises:
+        RefusedRequestError: with the exception code of the lost target, or 4.
+    """
+    axis = meaning.axis
+    action = meaning.action
+    if action is Action.STORED and not (axis.passes_unchanged or axis.plan.motion.passes_stored_moves):
+        raise RefusedRequestError(
+            ExceptionCode.SERVER_DEVICE_FAILURE,
+            axis.plan.name,
+            "it runs a position that the drive keeps, and nobody knows which correction that carries "
+            '(stored_moves = "uncorrected" lets it pass)',
+            EventKind.STORED_MOVE,
+        )
+    if meaning.is_stop or axis.passes_unchanged:
+        return
+    code = _blocking_code(meaning)
+    if code is not None:
+        raise RefusedRequestError(
+            code,
+            axis.plan.name,
+            "a trigger, but a target, its mode or a part of it was lost before: write all of it again",
+            EventKind.AXIS_BLOCKED,
+        )
+
+
+def _blocking_code(meaning: Meaning) -> int | None:
+    """Return the exception code with which an action is refused; None where it may go on.
+
+    What writes a whole target and runs it may go on, unless its mode was lost or another axis of the group
+    has lost its target: the beam would rack.
+    """
+    axis, action = meaning.axis, meaning.action
+    runs_unseen = meaning.runs_alone or (action is Action.UNKNOWN and not meaning.commands)
+    if runs_unseen and axis.blocked_by is not None:
+        return axis.blocked_by
+    if not action.runs_target and action is not Action.UNKNOWN:
+        return None
+    mode = None if meaning.number is None else axis.plan.motion.mode(meaning.number)
+    lost_mode = axis.rules.lost_mode(meaning.number)
+    if lost_mode is not None and mode is not None and mode.address not in meaning.words:
+        return lost_mode
+    return axis.blocked_by_peer if action.runs_target else None
+
+
+# --- command fields ----------------------------------------------------------------------------------------
+
+
+def prepare_commands(rewriting: Rewriting, hits: Sequence[FieldHit]) -> list[tuple[FieldHit, bytes]]:
+    """Render the command fields of a request.
+
+    Returns:
+        The fields whose words go out changed, with all their corrected words.
+
+    Raises:
+        RefusedRequestError: the request must not reach the drive.
+    """
+    request = rewriting.request
+    meanings = {id(meaning.axis): meaning for meaning in request.meanings}
+    axes = {id(hit.place.axis): hit.place.axis for hit in hits}
+    changed: list[tuple[FieldHit, bytes]] = []
+    has_stop = any(meaning.is_stop for meaning in request.meanings)
+    for key, axis in axes.items():
+        own = [hit for hit in hits if hit.place.axis is axis]
+        for hit in own:
+            if _is_no_part(hit):
+                assert hit.place.image is not None
+                rewriting.of(axis).blind.append(hit.place.image)
+        written: list[Written] = [
+            (hit, nominal_words(hit, request) if request.access.is_consistent else None)
+            for hit in own
+            if not _is_no_part(hit)
+        ]
+        try:
+            changed += _prepare_axis(rewriting, axis, meanings.get(key), written)
+        except RefusedRequestError:
+            if not has_stop:
+                raise
+            for hit, words in written:  # a stop of another axis is in the same frame: it is never refused
+                _pass_raw(rewriting, hit, words)
+    return changed
+
+
+def _is_no_part(hit: FieldHit) -> bool:
+    """Whether a cut position is none at all: where addresses are commands or objects, there are no halves."""
+    is_object = hit.place.axis.plan.addressing is Addressing.OBJECTS
+    return not hit.is_whole and (is_object or hit.place.field.block is not None)
+
+
+def _prepare_axis(
+    rewriting: Rewriting,
+    axis: Axis,
+    meaning: Meaning | None,
+    written: list[Written],
+) -> list[tuple[FieldHit, bytes]]:
+    if meaning is None:
+        return _run(rewriting, axis, Action.ABSOLUTE, written)
+    if meaning.action in MOVES_OTHERWISE:
+        for hit, words in written:
+            _pass_raw(rewriting, hit, words)
+        return []
+    running = meaning.running
+    changed = _run(rewriting, axis, meaning.action, [w for w in written if w[0] in running])
+    for hit, words in written:
+        if hit not in running:
+            changed += _stage(rewriting, meaning, hit, words)
+    return changed
+
+
+# --- targets that the drive goes to --------------------------------------------------------------------
+
+
+def _run(
+    rewriting: Rewriting,
+    axis: Axis,
+    action: Action,
+    written: list[Written],
+) -> list[tuple[FieldHit, bytes]]:
+    again = not axis.plan.motion.waits_for_trigger and not action.is_relative and is_again(axis, written)
+    changed = []
+    for hit, words in written:
+        if words is None:
+            _refuse_unknown(rewriting, hit)
+            continue
+        rendering = _render(rewriting, hit, words, action, is_again=again)
+        if rendering is None:
+            continue
+        rewriting.of(axis).targets.append(rendering)
+        if not axis.passes_unchanged or rendering.corrected_words != words:
+            changed.append((hit, rendering.corrected_words))
+    return changed
+
+
+def _render(
+    rewriting: Rewriting,
+    hit: FieldHit,
+    words: bytes,
+    action: Action,
+    *,
+    is_again: bool,
+) -> Rendering | None:
+    """Render one command field; None for a 1:1 write that leaves its content unknown."""
+    place = hit.place
+    axis, image, request = place.axis, place.image, rewriting.request
+    assert image is not None
+    if is_again:
+        return render_repeat(axis, place.number)
+    try:
+        if action.is_relative:
+            rendering = render_relative(request, axis, place.number, words, action)
+            if rendering is None:
+                rewriting.of(axis).stagings.append(Staging(image, words, words, image.losses))
+                rewriting.of(axis).goes_unknown = True
+            return rendering
+        return render(axis, place.number, words, seen(request, axis))
+    except RefusedPositionError as error:
+        if axis.passes_unchanged:
+            rewriting.of(axis).blind.append(image)
+            return None
+        name = axis.plan.name
+        raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
+
+
+def seen(request: Request, axis: Axis) -> Seen:
+    """Return what a target is rendered with: the time, and an actual position that was read for it."""
+    return Seen(request.now_ns, request.known.actual.get(axis.plan.name))
+
+
+def render_relative(
+    request: Request, axis: Axis, number: int, words: bytes, action: Action
+) -> Rendering | None:
+    """Render a relative move; None where it passes as it is, and nobody knows where it leads.
+
+    Raises:
+        RefusedPositionError: where it would end must not be gone to (M8).
+        RefusedRequestError: nobody knows where it starts (M5).
+    """
+    base = base_of(axis, action, request.known)
+    is_passing = axis.passes_unchanged
+    if base is not None:
+        return render_distance(axis, number, words, base, seen(request, axis), is_passing=is_passing)
+    if is_passing:
+        return None
+    is_moving = request.known.standing.get(axis.plan.name) is Standing.MOVES
+    why = "the axis moves" if is_moving else "nothing tells where the axis is"
+    if axis.plan.motion.passes_unknown_relative:
+        axis.tell(EventKind.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
+        return None
+    raise RefusedRequestError(
+        ExceptionCode.SERVER_DEVICE_BUSY,
+        axis.plan.name,
+        f'a relative move, and {why} (relative_unknown = "pass" lets it through unchanged)',
+        EventKind.BASE_UNKNOWN,
+    )
+
+
+def is_again(axis: Axis, written: list[Written]) -> bool:
+    """Whether a request writes nothing into the axis's command fields but what they hold already (M4).
+
+    A cyclic image with several command fields is judged as a whole; one field rewritten alone is a target.
+    """
+    return any(hit.place.number == axis.last_number for hit, _ in written) and all(
+        words is not None and is_repeat(axis, hit.place.number, words) for hit, words in written
+    )
+
+
+# --- targets that the drive only holds -----------------------------------------------------------------
+
+
+def _pass_raw(rewriting: Rewriting, hit: FieldHit, words: bytes | None) -> None:
+    """Let words go out as they came: in a stop, homing or unknown frame they are no target (M2)."""
+    axis, image = hit.place.axis, hit.place.image
+    assert image is not None
+    if words is None:
+        rewriting.of(axis).blind.append(image)
+        return
+    first, part = written_part(hit, rewriting.request.pdu, rewriting.access)
+    is_as_written = hit.is_whole or (axis.passes_unchanged and not image.may_be_corrected)
+    held = words if is_as_written else _merged(image.corrected_words, first, part)
+    rewriting.of(axis).stagings.append(Staging(image, words, held, image.losses))
+
+
+def _stage(
+    rewriting: Rewriting, meaning: Meaning, hit: FieldHit, words: bytes | None
+) -> list[tuple[FieldHit, bytes]]:
+    """Render a staged target as well as it can be foreseen; its trigger computes it anew (M2)."""
+    axis, image = hit.place.axis, hit.place.image
+    assert image is not None
+    if words is None:
+        if rewriting.access.is_mask or not rewriting.access.is_consistent:
+            _refuse_unknown(rewriting, hit)
+        else:  # its trigger is refused until the other parts have come
+            part = part_of(hit, rewriting.request.pdu, rewriting.access)
+            rewriting.of(axis).held_parts.append(part)
+        return []
+    waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
+    if axis.passes_unchanged or waits_for_other_words:
+        _pass_raw(rewriting, hit, words)
+        return []
+    corrected_words = _foreseen(rewriting.request, meaning, hit, words)
+    held: bytes | None = corrected_words
+    if axis.writes_words_alone and not hit.is_whole:
+        first, written = written_part(hit, rewriting.request.pdu, rewriting.access)
+        held = _merged(image.corrected_words, first, corrected_words[2 * first : 2 * first + len(written)])
+    rewriting.of(axis).stagings.append(Staging(image, words, held, image.losses))
+    return [(hit, corrected_words)]
+
+
+def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -> bytes:
+    axis, number, image = hit.place.axis, hit.place.number, hit.place.image
+    assert image is not None
+    now = Seen(request.now_ns, None)
+    if image.nominal_words == words and image.corrected_words is not None and not image.is_torn:
+        return image.corrected_words
+    action, is_certain = _expected(meaning, number)
+    try:
+        if action.is_relative:
+            base = base_of(axis, action, Known())
+            if base is None:
+                return words
+            return render_distance(axis, number, words, base, now, is_passing=False).corrected_words
+        if action is Action.ABSOLUTE or action is Action.FOLLOW:
+            return render(axis, number, words, now).corrected_words
+    except RefusedPositionError as error:
+        if is_certain:
+            raise RefusedRequestError(
+                ExceptionCode.SERVER_DEVICE_FAILURE, axis.plan.name, str(error)
+            ) from error
+    return words
+
+
+def _expected(meaning: Meaning, number: int) -> tuple[Action, bool]:
+    """Return how a staged target will probably be run, and whether that is certain enough to refuse it."""
+    axis = meaning.axis
+    motion = axis.plan.motion
+    mode = motion.mode(number)
+    if mode is None:
+        can_be_relative = any(
+            deed.action.is_relative for trigger in motion.triggers for deed in trigger.deeds.values()
+        )
+        return (axis.last_run, False) if can_be_relative else (Action.ABSOLUTE, True)
+    word = meaning.words.get(mode.address, axis.rules.word(mode.address))
+    action = Action.UNKNOWN if word is None or mode.is_in_frame else mode.action(word)
+    is_same_frame = mode.address in meaning.words
+    return (Action.ABSOLUTE if action is Action.START else action), is_same_frame
+
+
+def _merged(words: bytes | None, first: int, part: bytes) -> bytes | None:
+    if words is None:
+        return None
+    return words[: 2 * first] + part + words[2 * first + len(part) :]
+
+
+# --- parts whose rest is not known ---------------------------------------------------------------------
+
+
+def _refuse_unknown(rewriting: Rewriting, hit: FieldHit) -> None:
+    """Refuse a write that leaves a position nobody knows, unless the axis passes 1:1.
+
+    Raises:
+        RefusedRequestError: unless it may pass.
+    """
+    axis, image = hit.place.axis, hit.place.image
+    assert image is not None
+    if axis.passes_unchanged:
+        rewriting.of(axis).blind.append(image)
+        return
+    if not rewriting.access.is_consistent:
+        raise RefusedRequestError(
+            ExceptionCode.ILLEGAL_DATA_VALUE,
+            axis.plan.name,
+            f"the counts of a write to {_at(hit)} contradict each other",
+        )
+    reason = _why_incomplete(hit, rewriting.request)
+    raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, axis.plan.name, reason)
+
+
+def _why_incomplete(hit: FieldHit, request: Request) -> str:
+    if hit.place.image is not None and hit.place.image.is_torn:
+        return f"a part of the position at {_at(hit)} was lost before: write all of it again"
+    if request.access.is_mask or _key(hit) not in request.known.command_words:
+        return f"part of the position at {_at(hit)} was written and the rest is not known"
+    return (
+        f"part of the position at {_at(hit)} was written and the rest is not certain: what the drive holds "
+        "may lie across a word's border from what was commanded; write all of it in one frame"
+    )
+
+
+# --- parts of positions ------------------------------------------------------------------------------------
+
+
+def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]:
+    """Return the part of a command field that a request writes: its first word, and the words."""
+    data = access.words(pdu)
+    first = max(0, -hit.word)
+    start = 2 * max(0, hit.word)
+    return first, data[start : start + 2 * (hit.place.field.words - first)]
+
+
+def nominal_words(hit: FieldHit, request: Request) -> bytes | None:
+    """Return all words of a command field once this request is applied, or None when some are not known."""
+    image = hit.place.image
+    assert image is not None
+    pdu, access, known = request.pdu, request.access, request.known
+    if access.is_mask:
+        return _masked(hit, pdu, access)
+    first, words = written_part(hit, pdu, access)
+    if hit.is_whole:
+        return words
+    completed = image.completed(first, words, request.arrived_ns)
+    read = known.command_words.get(_key(hit))
+    if completed is None and read is not None and not image.is_torn:
+        merged = bytearray(read)
+        merged[2 * first : 2 * first + len(words)] = words
+        if kept_words_are_certain(hit.place, read, first, len(words) // 2):
+            completed = bytes(merged)
+    return completed
+
+
+def _masked(hit: FieldHit, pdu: bytes, access: Access) -> bytes | None:
+    image = hit.place.image
+    if image is None or image.is_torn or image.nominal_words is None:
+        return None  # a mask needs the exact word that it is laid over
+    merged = bytearray(image.nominal_words)
+    at = -2 * hit.word
+    data = pdu[access.data_offset :]
+    current = merged[at] << 8 | merged[at + 1]
+    and_mask, or_mask = data[0] << 8 | data[1], data[2] << 8 | data[3]
+    merged[at : at + 2] = ((current & and_mask) | (or_mask & ~and_mask & 0xFFFF)).to_bytes(2, "big")
+    return bytes(merged)
+
+
+def kept_words_are_certain(place: FieldPlace, words: bytes, first: int, count: int) -> bool:
+    """Whether the words that a partial write keeps are the same for every position that they may stand for.
+
+    The drive's register holds a corrected position, and which correction it was given may not be known any
+    more: the nominal one lies within ``max_correction`` of it, perhaps across a word's border.
+    """
+    settings = place.axis.plan.settings
+    margin = settings.max_correction * abs(settings.counts_per_unit) / place.field.scale
+    raw = place.field.unpack(words)
+    if place.field.type.is_float:
+        return False
+    try:
+        ends = [place.field.pack(round(raw + sign * margin)) for sign in (-1.0, 1.0)]
+    except RegisterRangeError:
+        return False
+    kept = [i for i in range(place.field.words) if not first <= i < first + count]
+    least = 0 if place.field.order is WordOrder.LOW_FIRST else place.field.words - 1
+    return least not in kept and all(
+        end[2 * i : 2 * i + 2] == words[2 * i : 2 * i + 2] for end in ends for i in kept
+    )
+
+
+def part_of(hit: FieldHit, pdu: bytes, access: Access) -> Part:
+    """Return what a request writes of one command field or limit."""
+    image = hit.place.image
+    assert image is not None
+    if hit.is_whole or access.is_mask or not access.is_consistent:
+        return Part(image, -1, b"")
+    return Part(image, *written_part(hit, pdu, access))
+
+
+# --- the reply ---------------------------------------------------------------------------------------------
+
+
+def outcome_of(rewriting: Rewriting, reply: bytes) -> tuple[Outcome, int]:
+    """Return how a request ended that was replied to, and the exception code that stands for it (M7)."""
+    if _acknowledges(rewriting, reply):
+        return Outcome.ACKNOWLEDGED, 0
+    if len(reply) == 2 and reply[0] == rewriting.sent_pdu[0] | EXCEPTION_BIT:
+        return Outcome.EXCEPTION, reply[1]
+    return Outcome.OTHER_REPLY, ExceptionCode.SERVER_DEVICE_FAILURE
+
+
+def reply_without_positions(rewriting: Rewriting, reply: bytes, *, is_acknowledged: bool) -> bytes:
+    """Return what the controller gets for a reply that carries no positions."""
+    return _native_echo(rewriting.request.pdu, reply) if is_acknowledged else _foreign_reply(rewriting, reply)
+
+
+def _acknowledges(rewriting: Rewriting, reply: bytes) -> bool:
+    """Whether a reply is the full native success of what was sent (M7)."""
+    sent, access = rewriting.sent_pdu, rewriting.access
+    if access.is_mei:
+        is_same = reply[:8] == sent[:8]
+        return is_same and (not access.read_quantity or len(reply) == MEI_HEAD + 2 * access.read_quantity)
+    if access.read_quantity:
+        expected = 2 * rewriting.read_span.quantity
+        return reply[0] == sent[0] and len(reply) == 2 + expected and reply[1] == expected
+    if sent[0] in (FunctionCode.WRITE_MULTIPLE_REGISTERS, FunctionCode.WRITE_MULTIPLE_COILS):
+        return reply == sent[:5]
+    return reply == sent
+
+
+def _foreign_reply(rewriting: Rewriting, reply: bytes) -> bytes:
+    """Pass what is no acknowledgement untouched; of a recast request, in the form that was asked (W4)."""
+    asked, sent = rewriting.request.pdu[0], rewriting.sent_pdu[0]
+    if asked == sent:
+        return reply
+    is_refusal = len(reply) == 2 and is_exception(reply)
+    return exception_pdu(asked, reply[1] if is_refusal else ExceptionCode.SERVER_DEVICE_FAILURE)
+
+
+def _native_echo(request: bytes, reply: bytes) -> bytes:
+    """Give the controller the echo that belongs to its own request."""
+    if request[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS:
+        return request[:5]
+    if request[0] in (FunctionCode.WRITE_SINGLE_REGISTER, FunctionCode.MASK_WRITE_REGISTER):
+        return request
+    return reply
+
+
+def turned_back(rewriting: Rewriting, reply: bytes) -> bytes:
+    """Return a reply to a read with every position on the controller's scale."""
+    access = rewriting.access
+    head = MEI_HEAD if access.is_mei else 2
+    data = bytearray(swapped(reply[head:]) if access.is_mei else reply[head:])
+    try:
+        for hit in rewriting.read_hits.fields:
+            if hit.is_whole and hit.place.role.is_position:
+                _turn_field_back(hit, rewriting, data)
+    except RegisterRangeError:
+        return exception_pdu(rewriting.request.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
+    note_bits(rewriting.read_hits.bits, data, sent_somewhere(rewriting), rewriting.request.now_ns)
+    if access.is_mei:
+        return reply[:head] + swapped(bytes(data)) if rewriting.read_hits.fields else reply
+    skip = 2 * (access.read_address - rewriting.read_span.address)
+    asked = data[skip : skip + 2 * access.read_quantity]
+    return bytes((reply[0], len(asked))) + bytes(asked)
+
+
+def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray) -> None:
+    place = hit.place
+    axis, at, end = place.axis, 2 * hit.word, 2 * (hit.word + place.field.words)
+    words = bytes(data[at:end])
+    readback = rewriting.readback(axis)
+    if readback is not None and any(each.targets for each in rewriting.by_axis.values()):
+        readback = axis.compensation.readback  # FC23 writes before it reads
+    if place.role is FieldRole.ACTUAL and place.number == 0:
+        was_undecided = axis.is_recalling
+        axis.observe_actual(place.field, words, rewriting.request.now_ns)  # as old as its request
+        if was_undecided and readback is not None:
+            readback = axis.compensation.readback  # nothing else was in force when the request was sent
+    if readback is None:
+        return
+    if place.role is FieldRole.COMMAND and place.image is not None:
+        data[at:end] = axis.read_command_words(place.number, place.field, words, readback)
+    elif place.role is FieldRole.LIMIT and place.image is not None:
+        data[at:end] = nominal_limit(axis, place.number, words)
+    else:
+        data[at:end] = axis.nominal_words(place.field, words, readback)
+
+
+def sent_somewhere(rewriting: Rewriting) -> set[str]:
+    """Return the names of the axes that a request sends somewhere."""
+    return {name for name, written in rewriting.by_axis.items() if written.sends_somewhere}
+
+
+def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, asked_ns: int) -> None:
+    """Take note of status bits among coils or discrete inputs that were read (6.1, 6.2)."""
+    if unit is None or request[0] not in READS_BITS or len(request) != 5:
+        return
+    if len(reply) < 3 or reply[0] != request[0] or len(reply) != 2 + reply[1]:
+        return
+    table = BitTable.COIL if request[0] == FunctionCode.READ_COILS else BitTable.INPUT
+    address, quantity = int.from_bytes(request[1:3], "big"), int.from_bytes(request[3:5], "big")
+    hits = unit.read_bits(table, address, min(quantity, 8 * reply[1]))
+    if hits:
+        words = b"".join(bytes((0, reply[2 + i // 8] >> i % 8 & 1)) for i in range(8 * reply[1]))
+        note_bits(hits, words, set(), asked_ns)
+
+
+def note_bits(
+    hits: Iterable[BitHit], data: bytes | bytearray, written: AbstractSet[str], asked_ns: int
+) -> None:
+    """Take note of status bits, a word for each in ``data``: as old as their request.
+
+    The done bit of a frame that wrote a target is still that of the one before.
+    """
+    for axis, name, bit, word in hits:
+        is_set = bit.is_set(data[2 * word] << 8 | data[2 * word + 1])
+        if axis.plan.name not in written or name == HOMED_BIT:
+            axis.observe_bit(name, asked_ns, is_set=is_set)

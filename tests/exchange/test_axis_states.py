@@ -1,0 +1,408 @@
+"""The tables of states, walked: each happening in each state, reached and caused by what a line does."""
+
+from collections.abc import Callable
+from itertools import pairwise, product
+from typing import Final
+
+import pytest
+
+from gateway.compensation.moves import Accepted
+from gateway.drives.motion import Action
+from gateway.exchange.added_frames import AddedFrame, read_word
+from gateway.exchange.axis.events import AxisRequest, Command, Happening, Outcome, ReferenceEvent
+from gateway.exchange.axis.state import (
+    ASKED,
+    AT_REST,
+    FOUND,
+    HOMING,
+    TARGETED,
+    Referenced,
+    Rendering,
+    Whereabouts,
+)
+from gateway.exchange.axis.transitions import REFERENCE_AFTER, REFERENCE_AT_START, WHEREABOUTS_AFTER, Axis
+from gateway.exchange.plan import ControllerPlan, Reference
+from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase, Transaction
+from gateway.modbus.registers import BitField
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Port, axis_plan
+
+# --- where the axis is -------------------------------------------------------------------------------------
+
+PLACES: Final = {
+    "?": Whereabouts.UNKNOWN,
+    "S": Whereabouts.STOPPED,
+    "H": Whereabouts.HELD,
+    "u": Whereabouts.UNPROVEN,
+    "r": Whereabouts.UNPROVEN_AT_REST,
+    "w": Whereabouts.UNDER_WAY,
+    "d": Whereabouts.DONE_SAID,
+    "t": Whereabouts.SEEN_THERE,
+    "A": Whereabouts.ARRIVED,
+    "L": Whereabouts.MAY_HAVE_LEFT,
+}
+WALK: Final = """
+                    ? S H u r w d t A L
+acknowledged        w w w w w w w w w w
+unacknowledged      u u u u u u u u u u
+ran-not             . . . w w . . . . .
+stopped             ? S ? ? ? S S S S S
+displaced           ? ? ? ? ? ? ? ? ? ?
+reference-changed   H . H . . H H H H H
+done                . . . r . d . A . .
+done-alone          . . . r . A . A . .
+fell                . . . . . . L . L .
+there               . . . . . t A . . t
+near                . . . . . . . . . t
+away                . . . . . . ? ? ? ?
+"""
+"""By hand, from M4 to M6 and M9: a letter is where the axis is then, a dot where nothing changes."""
+
+
+def _walk() -> dict[tuple[Whereabouts, Happening], Whereabouts]:
+    head, *rows = WALK.strip("\n").splitlines()
+    columns = [PLACES[letter] for letter in head.split()]
+    found = {}
+    for row in rows:
+        name, *cells = row.split()
+        for place, cell in zip(columns, cells, strict=True):
+            if cell != ".":
+                found[place, Happening(name)] = PLACES[cell]
+    return found
+
+
+def test_the_table_of_whereabouts_is_what_the_rules_say() -> None:
+    assert _walk() == WHEREABOUTS_AFTER
+
+
+DONE_BIT: Final = {"done": BitField(0x30, 0)}
+
+
+def an_axis(*, has_actual: bool = True) -> Axis:
+    return Axis(axis_plan(bits=DONE_BIT, done_drop_ms=0.0, actual=(ACTUAL,) if has_actual else ()))
+
+
+def target(axis: Axis, counts: int, *, is_distance: bool = False) -> Rendering:
+    move = axis.compensation.plan(counts, None, 0)
+    start = Accepted(1000, 1010) if is_distance else None
+    return Rendering(
+        0, COMMAND.pack(counts), COMMAND.pack(counts + 10), counts + 10, move, is_distance, start
+    )
+
+
+def see(axis: Axis, counts: int) -> None:
+    axis.observe_actual(ACTUAL, ACTUAL.pack(counts), 5 * MS)
+
+
+def do(axis: Axis, action: Action) -> None:
+    command = Command(
+        action=action,
+        number=None,
+        words={},
+        coils={},
+        unclear_words=frozenset(),
+        written=(),
+        modes_written=(),
+        losses=0,
+        is_doubtful=False,
+    )
+    axis.finish(AxisRequest(0, command), Outcome.ACKNOWLEDGED, 0, 1 * MS)
+
+
+def acknowledge(axis: Axis) -> None:
+    axis.acknowledge(target(axis, 50_000), 1 * MS)
+
+
+def leave_unproven(axis: Axis) -> None:
+    axis.leave_unproven(target(axis, 70_000, is_distance=True), 1 * MS)
+
+
+REACHED: Final[dict[Whereabouts, tuple[Callable[[Axis], None], ...]]] = {
+    Whereabouts.UNKNOWN: (acknowledge, lambda axis: do(axis, Action.OTHER_MOTION)),
+    Whereabouts.STOPPED: (acknowledge, lambda axis: do(axis, Action.STOP)),
+    Whereabouts.HELD: (acknowledge, lambda axis: axis.hold_back(is_held_back=True)),
+    Whereabouts.UNPROVEN: (leave_unproven,),
+    Whereabouts.UNPROVEN_AT_REST: (leave_unproven, lambda axis: axis.observe_done(3 * MS, is_done=True)),
+    Whereabouts.UNDER_WAY: (acknowledge,),
+    Whereabouts.DONE_SAID: (acknowledge, lambda axis: axis.observe_done(3 * MS, is_done=True)),
+    Whereabouts.SEEN_THERE: (acknowledge, lambda axis: see(axis, 50_010)),
+    Whereabouts.ARRIVED: (
+        acknowledge,
+        lambda axis: axis.observe_done(3 * MS, is_done=True),
+        lambda axis: see(axis, 50_010),
+    ),
+    Whereabouts.MAY_HAVE_LEFT: (
+        acknowledge,
+        lambda axis: axis.observe_done(3 * MS, is_done=True),
+        lambda axis: axis.observe_done(4 * MS, is_done=False),
+    ),
+}
+CAUSED: Final[dict[Happening, Callable[[Axis], None]]] = {
+    Happening.ACKNOWLEDGED: acknowledge,
+    Happening.UNACKNOWLEDGED: leave_unproven,
+    Happening.STOPPED: lambda axis: do(axis, Action.STOP),
+    Happening.DISPLACED: lambda axis: do(axis, Action.OTHER_MOTION),
+    Happening.DONE: lambda axis: axis.observe_done(6 * MS, is_done=True),
+    Happening.FELL: lambda axis: axis.observe_done(6 * MS, is_done=False),
+    Happening.THERE: lambda axis: see(axis, 50_010),
+    Happening.AWAY: lambda axis: see(axis, 0),
+}
+
+
+def check(axis: Axis) -> None:
+    """What belongs to a place is there in it, and only in it."""
+    assert (axis.compensation.accepted is not None) is (axis.whereabouts in TARGETED)
+    assert (axis.held is not None) is (axis.whereabouts is Whereabouts.HELD)
+    unproven = (Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST)
+    assert (axis.unproven is not None) is (axis.whereabouts in unproven)
+
+
+@pytest.mark.parametrize(
+    ("place", "happening"), list(product(REACHED, CAUSED)), ids=lambda each: str(each.value)
+)
+def test_each_happening_is_taken_in_each_place(place: Whereabouts, happening: Happening) -> None:
+    axis = an_axis()
+    for step in REACHED[place]:
+        step(axis)
+        check(axis)
+    assert axis.whereabouts is place
+    CAUSED[happening](axis)
+    check(axis)
+    after = _walk().get((place, happening), place)
+    if (place, happening) == (Whereabouts.UNPROVEN_AT_REST, Happening.FELL):
+        after = Whereabouts.UNPROVEN_AT_REST
+    if (place, happening) == (Whereabouts.HELD, Happening.ACKNOWLEDGED):
+        assert not axis.is_referenced  # it passes 1:1, and is gone to all the same
+    assert axis.whereabouts is after
+
+
+def test_done_alone_is_arrival_where_no_position_is_mapped() -> None:
+    axis = an_axis(has_actual=False)
+    acknowledge(axis)
+    axis.observe_done(3 * MS, is_done=True)
+    assert axis.whereabouts is Whereabouts.ARRIVED
+
+
+@pytest.mark.parametrize(
+    ("was_done", "after"), [(False, Whereabouts.SEEN_THERE), (True, Whereabouts.ARRIVED)]
+)
+def test_a_distance_that_did_not_run_leaves_the_axis_at_its_start(was_done: bool, after: Whereabouts) -> None:
+    axis = an_axis()
+    leave_unproven(axis)
+    if was_done:
+        axis.observe_done(3 * MS, is_done=True)
+    see(axis, 1010)
+    assert axis.compensation.accepted == Accepted(1000, 1010)
+    assert axis.whereabouts is after
+    check(axis)
+
+
+def test_a_distance_that_ran_leaves_it_at_its_end() -> None:
+    axis = an_axis()
+    leave_unproven(axis)
+    see(axis, 70_010)
+    assert axis.compensation.accepted == Accepted(70_000, 70_010)
+    assert axis.whereabouts is Whereabouts.SEEN_THERE
+    check(axis)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "code", "after"),
+    [
+        (Outcome.ACKNOWLEDGED, 0, Whereabouts.UNKNOWN),
+        (Outcome.NO_REPLY, 0x0B, Whereabouts.UNKNOWN),
+        (Outcome.EXCEPTION, 4, Whereabouts.UNKNOWN),
+        (Outcome.EXCEPTION, 1, Whereabouts.UNDER_WAY),  # what a drive does not know it has not done
+    ],
+)
+def test_a_distance_that_passed_unchanged_leaves_nobody_knowing_where_the_axis_is(
+    outcome: Outcome, code: int, after: Whereabouts
+) -> None:
+    axis = an_axis()
+    acknowledge(axis)
+    request = AxisRequest(0)
+    request.goes_unknown = True
+    axis.finish(request, outcome, code, 9 * MS)
+    assert axis.whereabouts is after
+    check(axis)
+
+
+def test_a_sample_of_before_the_motion_shows_nothing() -> None:
+    axis = an_axis()
+    acknowledge(axis)
+    axis.observe_done(1 * MS - 1, is_done=True)
+    axis.observe_actual(ACTUAL, ACTUAL.pack(50_010), 1 * MS - 1)
+    assert axis.whereabouts is Whereabouts.UNDER_WAY
+
+
+def test_an_axis_is_at_rest_only_where_something_says_so() -> None:
+    assert {place for place in Whereabouts if place not in AT_REST} == {
+        Whereabouts.UNKNOWN,
+        Whereabouts.STOPPED,
+        Whereabouts.HELD,
+        Whereabouts.UNPROVEN,
+        Whereabouts.UNDER_WAY,
+    }
+
+
+# --- whether it knows where it is --------------------------------------------------------------------------
+
+REFERENCES: Final = {
+    "U": Referenced.UNTOLD,
+    "V": Referenced.UNTOLD_HOMING,
+    "l": Referenced.LOST,
+    "L": Referenced.LOST_ASKED,
+    "h": Referenced.HOMING,
+    "H": Referenced.HOMING_ASKED,
+    "f": Referenced.FOUND,
+    "F": Referenced.FOUND_ASKED,
+}
+REFERENCE_WALK: Final = {
+    Reference.ABSOLUTE: """
+                 l f
+    set-at-rest  . l
+    set-moving   . l
+    declared     f .
+    """,
+    Reference.SET_POSITION: """
+                 l h f
+    homing       h . h
+    other-motion . l .
+    set-at-rest  f f .
+    set-moving   . l l
+    loss         . l l
+    declared     f f .
+    """,
+    Reference.HOMING: """
+                 l h f
+    bit-set      . f .
+    homing       h . h
+    other-motion . l .
+    set-at-rest  . l l
+    set-moving   . l l
+    loss         . l l
+    declared     f f .
+    """,
+    Reference.DRIVE_BIT: """
+                 U V l L h H f F
+    bit-set      f f f f f f . f
+    bit-clear    l h . l . h l l
+    homing       V . H H H . H H
+    other-motion . U . . l L . .
+    set-at-rest  . U L . L L L L
+    set-moving   . U L . L L L L
+    loss         . U L . L L F .
+    silence      . . L . H . F .
+    """,
+}
+"""By hand, from M9: capital letters are to be asked before positions pass."""
+
+
+@pytest.mark.parametrize("kind", Reference)
+def test_the_table_of_references_is_what_the_rules_say(kind: Reference) -> None:
+    head, *rows = REFERENCE_WALK[kind].strip().splitlines()
+    columns = [REFERENCES[letter] for letter in head.split()]
+    expected = {}
+    for row in rows:
+        name, *cells = row.split()
+        for state, cell in zip(columns, cells, strict=True):
+            if cell != ".":
+                expected[ReferenceEvent(name), state] = REFERENCES[cell]
+    changes = {
+        (event, state): after
+        for event, by_state in REFERENCE_AFTER[kind].items()
+        for state, after in by_state.items()
+        if after is not state
+    }
+    assert changes == expected
+    assert REFERENCE_AT_START[kind] in columns
+
+
+def test_every_state_of_a_reference_is_one_thing() -> None:
+    assert not FOUND & HOMING
+    assert {Referenced.UNTOLD, Referenced.UNTOLD_HOMING} <= ASKED
+
+
+@pytest.mark.parametrize("kind", Reference)
+def test_no_state_leads_nowhere(kind: Reference) -> None:
+    """From each state that is reached there is a way to be referenced."""
+    after = REFERENCE_AFTER[kind]
+    reached = {REFERENCE_AT_START[kind]}
+    while True:
+        more = {by_state[s] for by_state in after.values() for s in reached if s in by_state} - reached
+        if not more:
+            break
+        reached |= more
+    for state in reached:
+        ways = {state}
+        while not ways & FOUND:
+            more = {by_state[s] for by_state in after.values() for s in ways if s in by_state} - ways
+            assert more, state
+            ways |= more
+
+
+# --- a transaction -----------------------------------------------------------------------------------------
+
+
+def a_transaction(phase: Phase) -> Transaction:
+    transaction = Transaction(Port(ControllerPlan("cnc")), 1, 1, b"\x03\0\0\0\1", 0)
+    if phase is Phase.PREREQUISITE:
+        transaction.need(read_word(an_axis(), 0x10))
+        transaction.leave(1, 1, MS)
+    elif phase is Phase.SENT:
+        transaction.leave(1, 1, MS)
+    elif phase is Phase.ENDED:
+        transaction.end(Outcome.NEVER_SENT)
+    assert transaction.phase is phase
+    return transaction
+
+
+def leave(transaction: Transaction, added: AddedFrame | None) -> None:
+    transaction.need(added)
+    transaction.leave(2, 1, MS)
+
+
+@pytest.mark.parametrize(("phase", "after"), list(product(Phase, Phase)))
+def test_a_transaction_goes_on_as_the_table_says(phase: Phase, after: Phase) -> None:
+    transaction = a_transaction(phase)
+    steps: dict[Phase, Callable[[], None]] = {
+        Phase.WAITING: transaction.learn,
+        Phase.PREREQUISITE: lambda: leave(transaction, read_word(an_axis(), 0x10)),
+        Phase.SENT: lambda: leave(transaction, None),
+        Phase.ENDED: lambda: transaction.end(next(iter(OUTCOMES[phase]))),
+    }
+    if after in PHASE_AFTER[phase]:
+        steps[after]()
+        assert transaction.phase is after
+    else:
+        with pytest.raises((AssertionError, StopIteration)):
+            steps[after]()
+        assert transaction.phase is phase
+
+
+@pytest.mark.parametrize(("phase", "outcome"), list(product(Phase, Outcome)))
+def test_only_what_left_can_be_answered_and_only_what_did_not_can_be_withdrawn(
+    phase: Phase, outcome: Outcome
+) -> None:
+    transaction = a_transaction(phase)
+    may = {
+        Phase.WAITING: outcome is Outcome.NEVER_SENT,
+        Phase.PREREQUISITE: outcome is Outcome.NEVER_SENT,
+        Phase.SENT: outcome is not Outcome.NEVER_SENT,
+        Phase.ENDED: False,
+    }[phase]
+    if may:
+        transaction.end(outcome)
+        assert transaction.phase is Phase.ENDED
+    else:
+        with pytest.raises(AssertionError):
+            transaction.end(outcome)
+
+
+def test_no_way_leads_to_sending_twice() -> None:
+    """Walked to the end: on each way from the arrival SENT comes once at most."""
+    ways: list[tuple[Phase, ...]] = [(Phase.WAITING,)]
+    for _ in range(8):
+        ways = [(*way, after) for way in ways for after in PHASE_AFTER[way[-1]]]
+        for way in ways:
+            assert way.count(Phase.SENT) <= 1
+            assert all(b in PHASE_AFTER[a] for a, b in pairwise(way))
