@@ -15,7 +15,8 @@ from gateway.secret_files import (
     refuse_open_to_others,
     secret_path,
 )
-from gateway.transport.tls import LARGEST_FILE, reason_of
+from gateway.transport.tls import reason_of
+from gateway.transport.tls_files import LARGEST_FILE
 
 LARGEST_SECRET: Final = 4096
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.transport.certificate_times import Life
 from gateway.transport.certificates import NoRoleError, role_of
-from gateway.transport.tls import LARGEST_FILE
+from gateway.transport.tls_files import LARGEST_FILE
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate

@@ -12,10 +12,8 @@ from typing import Final
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.secret_files import refuse_open_to_others
 from gateway.transport.certificate_ends import Held, read_held
-from gateway.transport.tls_files import TlsFileError, TlsFiles
+from gateway.transport.tls_files import LARGEST_FILE, TlsFileError, TlsFiles
 
-LARGEST_FILE: Final = 4_000_000
-"""Bytes. A list of revoked certificates may be long."""
 MOST_SESSIONS: Final = 64
 """OpenSSL keeps every session of TLS 1.2 for two hours, some 16 KiB each, and Python cannot tell it not to: a
 context that has so many makes room for a new one."""

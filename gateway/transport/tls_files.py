@@ -2,9 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from gateway.files import FileRefusedError
 from gateway.secret_files import secret_path
+
+LARGEST_FILE: Final = 4_000_000
+"""Bytes. A list of revoked certificates may be long."""
 
 
 class TlsFileError(Exception):
