@@ -4,8 +4,8 @@ import asyncio
 import contextlib
 import socket
 import time
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final, cast
+from collections.abc import Callable, Mapping
+from typing import Any, Final, cast
 
 import h11
 from uvicorn import Config
@@ -13,10 +13,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
 from gateway.supervisor.http.answers import json_bytes, shortened
-from gateway.supervisor.http.limits import HEAD_BYTES, SEND_BUFFER_BYTES, WRITE_HIGH_BYTES
-
-if TYPE_CHECKING:
-    from gateway.supervisor.http.door import Door
+from gateway.supervisor.http.limits import HEAD_BYTES, SEND_BUFFER_BYTES, WRITE_HIGH_BYTES, Limits
+from gateway.supervisor.http.refusals import Refused
 
 LEAVING_S: Final = 2.0
 """For somebody to notice that nobody listens any more."""
@@ -35,11 +33,24 @@ def last_words(status: str, what: str) -> bytes:
 
 
 class Connection(H11Protocol):
-    """A connection that may be told to go; :meth:`is_overdue` says when it has to."""
+    """A connection that may be told to go; :meth:`is_overdue` says when it has to.
 
-    def __init__(self, config: Config, state: ServerState, door: "Door") -> None:
+    ``make_room`` says whether there is room for it, once it is made. ``refused`` is told where there is none,
+    and of what is no request.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        state: ServerState,
+        limits: Limits,
+        make_room: Callable[[], bool],
+        refused: Refused,
+    ) -> None:
         super().__init__(config=config, server_state=state, app_state={})
-        self._door = door
+        self._limits = limits
+        self._make_room = make_room
+        self._refused = refused
         now_s = time.monotonic()
         self.quiet_since_s = now_s
         """When it was opened, or when its last answer was whole; for whoever has to make room."""
@@ -81,11 +92,11 @@ class Connection(H11Protocol):
         certificate = transport.get_extra_info("peercert")
         if certificate:  # it was verified in the handshake
             self.app_state["certificate"] = name_in(certificate)
-        has_room = self._door.make_room()
+        has_room = self._make_room()
         super().connection_made(transport)
         if not has_room:
             self.connections.discard(self)
-            self._door.refused(self.peer, "too many connections at once")
+            self._refused(self.peer, "too many connections at once")
             transport.write(last_words("503 Service Unavailable", "too many connections; try again later"))
             transport.close()
 
@@ -112,7 +123,7 @@ class Connection(H11Protocol):
         else:
             what = "that is no request of HTTP/1.1"
             self.transport.write(last_words("400 Bad Request", what))
-        self._door.refused(self.peer, what)
+        self._refused(self.peer, what)
         self._leaving_since_s = time.monotonic()
         # Not closed at once: bytes that nobody read would have the system throw the answer away.
         if self.transport.can_write_eof():
@@ -136,8 +147,8 @@ class Connection(H11Protocol):
         super().resume_writing()
 
     def is_overdue(self, now_s: float) -> bool:
-        """Whether it has kept somebody waiting for longer than the limits of its door allow."""
-        limits = self._door.limits
+        """Whether it has kept somebody waiting for longer than its limits allow."""
+        limits = self._limits
         if self._closing_since_s is None and self.transport.is_closing():
             self._closing_since_s = now_s
         return (

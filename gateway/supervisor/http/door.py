@@ -41,7 +41,7 @@ class Door:
 
     def connection(self) -> Connection:
         """Return the protocol of a new connection."""
-        return Connection(self._config, self._state, self)
+        return Connection(self._config, self._state, self.limits, self.make_room, self.refused)
 
     @property
     def _connections(self) -> list[Connection]:
