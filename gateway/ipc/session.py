@@ -1,13 +1,16 @@
-"""One connection to the gateway's socket: requests in, with their descriptors; replies and news out."""
+"""Those who are connected to the socket: requests in, with their descriptors; replies and news out."""
 
 import array
 import asyncio
 import contextlib
+import itertools
 import os
 import socket
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from gateway.ipc.complaints import Complaints
+from gateway.ipc.desk import Desk
 from gateway.ipc.listener import Listener
 from gateway.ipc.messages import (
     MAX_REQUEST_BYTES,
@@ -26,9 +29,11 @@ from gateway.ipc.messages import (
 )
 from gateway.ipc.outbox import Outbox
 
-if TYPE_CHECKING:
-    from gateway.ipc.server import ControlServer
-
+MAX_CLIENTS: Final = 8
+"""At once. When they are all there, the one that has been silent longest makes room for the next; where
+none is idle the next is refused, with the reason."""
+MAX_LISTENERS: Final = MAX_CLIENTS // 2
+"""Of them; so that listeners which hang leave room for commands."""
 READ_BYTES: Final = 4096
 UNTAKEN_BYTES: Final = 65536
 """Replies that wait for a client; beyond that nothing more is read from it."""
@@ -38,12 +43,44 @@ _ANCILLARY_BYTES: Final = socket.CMSG_SPACE((MAX_TABLES + 1) * _DESCRIPTOR_BYTES
 """Room for one too many; of what is beyond it the system closes the rest itself."""
 
 
+class Clients:
+    """Everybody who is connected, and what they share: the desk, and how many they may be."""
+
+    def __init__(self, desk: Desk, idle_s: float) -> None:
+        self.desk = desk
+        self.idle_s = idle_s
+        self.complaints = Complaints(desk.complain)
+        self.sessions: set[Session] = set()
+        self.turns = itertools.count()
+        """Tells which client was heard last."""
+
+    @property
+    def listeners(self) -> list[Listener]:
+        """Of those who are told what happens."""
+        return [session.listener for session in self.sessions if session.listener is not None]
+
+    @property
+    def has_room_for_listener(self) -> bool:
+        """Whether one more may subscribe."""
+        return len(self.listeners) < MAX_LISTENERS
+
+    def make_room(self) -> bool:
+        """Whether one more may connect; of too many, the idle one heard longest ago gives up its place."""
+        if len(self.sessions) < MAX_CLIENTS:
+            return True
+        idle = [session for session in self.sessions if not session.is_busy]
+        if not idle:
+            return False
+        min(idle, key=lambda session: session.last_turn).give_way()
+        return True
+
+
 class Session:
     """Serves one client from its first byte to its last."""
 
-    def __init__(self, server: "ControlServer", connection: socket.socket, uid: int) -> None:
+    def __init__(self, clients: Clients, connection: socket.socket, uid: int) -> None:
         self.listener: Listener | None = None
-        self._server = server
+        self._clients = clients
         self._connection = connection
         self._uid = uid
         self._data = b""
@@ -51,13 +88,13 @@ class Session:
         self._outbox = Outbox(connection, self._emptied, self.drop)
         self._is_open = True
         self._is_ending = False
-        self.last_turn = next(server.turns)
-        """When it was heard last, by the count of its server."""
+        self.last_turn = next(clients.turns)
+        """When it was heard last, by the count of all clients."""
         self._loop = asyncio.get_running_loop()
         self._is_reading = False
         self._handing_over: asyncio.Task[None] | None = None
         """Nothing else of this client is taken until its tables are."""
-        self._idle = self._loop.call_later(server.idle_s, self.drop)
+        self._idle = self._loop.call_later(clients.idle_s, self.drop)
         self._read_on()
 
     @property
@@ -88,7 +125,7 @@ class Session:
         self._read_no_more()
         self._close_descriptors()
         self._connection.close()
-        self._server.forget(self)
+        self._clients.sessions.discard(self)
 
     # --- reading ---------------------------------------------------------------------------------------
 
@@ -127,7 +164,7 @@ class Session:
         elif flags & socket.MSG_CTRUNC or len(self._descriptors) > MAX_TABLES:
             self._refuse("descriptor", f"more than {MAX_TABLES} descriptors")
         else:
-            self.last_turn = next(self._server.turns)
+            self.last_turn = next(self._clients.turns)
             self._data += data
             self._next()
 
@@ -179,7 +216,7 @@ class Session:
             return
         if (
             not isinstance(request, Ping | GetStatus | Subscribe)
-            and self._uid not in self._server.desk.masters
+            and self._uid not in self._clients.desk.masters
         ):
             self._refuse("user", f"user {self._uid} may look, and change nothing")
             return
@@ -194,7 +231,7 @@ class Session:
         self._answer(request)
 
     def _answer(self, request: Request) -> None:
-        desk = self._server.desk
+        desk = self._clients.desk
         if isinstance(request, Subscribe):
             self._subscribe(request)
         elif isinstance(request, SetTable):
@@ -207,7 +244,7 @@ class Session:
     async def _hand_over(self, request: SetTable, descriptors: list[int]) -> None:
         reply: Reply | None = None
         try:
-            reply = await self._server.desk.hand_over(request, tuple(descriptors))
+            reply = await self._clients.desk.hand_over(request, tuple(descriptors))
         finally:
             _close(descriptors)
             self._handing_over = None
@@ -223,12 +260,12 @@ class Session:
     def _subscribe(self, request: Subscribe) -> None:
         if self.listener is not None:
             self._refuse("subscribe", "subscribed already")
-        elif not self._server.has_room_for_listener:
+        elif not self._clients.has_room_for_listener:
             self._refuse("subscribe", "as many listeners as there may be are subscribed")
         else:
             self._idle.cancel()  # it may be silent from now on
             self._send(Subscribed(interval_s=request.interval_s))
-            self.listener = Listener(self._outbox, request.interval_s, self._server.desk.status)
+            self.listener = Listener(self._outbox, request.interval_s, self._clients.desk.status)
 
     def _refuse(self, kind: str, reason: str) -> None:
         """Say why, close what came with it, and end."""
@@ -247,14 +284,14 @@ class Session:
     def _wait_for_it(self) -> None:
         """Give it so long to say something whole, or to take what it is told last."""
         self._idle.cancel()
-        self._idle = self._loop.call_later(self._server.idle_s, self.drop)
+        self._idle = self._loop.call_later(self._clients.idle_s, self.drop)
 
     def _send(self, reply: Reply) -> None:
         if self._is_open:
             self._outbox.write(encode(reply))
 
     def _complain(self, kind: str, reason: str) -> None:
-        self._server.complaints.add(kind, f"a client (user {self._uid}): {reason}")
+        self._clients.complaints.add(kind, f"a client (user {self._uid}): {reason}")
 
     def _close_descriptors(self) -> None:
         _close(self._descriptors)

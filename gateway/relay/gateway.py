@@ -32,12 +32,13 @@ from gateway.exchange.latency_status import BOUNDS_US
 from gateway.ipc.compiled_plan import find_table as find_table_in
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.complaints import Complaints
+from gateway.ipc.desk import Desk
 from gateway.ipc.folder_problems import why_open_to_others
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note
 from gateway.ipc.place import ROOT_UID, SocketError
 from gateway.ipc.plan import GatewayPlan, RelayOptions
-from gateway.ipc.server import ControlServer, Desk
+from gateway.ipc.server import ControlServer
 from gateway.relay.activity import Activity
 from gateway.relay.collecting import Collecting
 from gateway.relay.control import answer

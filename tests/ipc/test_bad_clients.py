@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from gateway.ipc.complaints import Complaints
+from gateway.ipc.desk import Desk
 from gateway.ipc.messages import (
     MAX_TABLES,
     Disable,
@@ -29,7 +30,7 @@ from gateway.ipc.messages import (
     encode,
 )
 from gateway.ipc.sealed_memory import NotSealedError, map_sealed, seal
-from gateway.ipc.server import ControlServer, Desk
+from gateway.ipc.server import ControlServer
 
 PATIENCE_S = 20.0
 TABLE = TableFor("x", "x.tab", "centroid-3", "0" * 64)

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
+from gateway.ipc.desk import Desk
 from gateway.ipc.listener import EVENTS_KEPT
 from gateway.ipc.messages import (
     GetStatus,
@@ -23,7 +24,8 @@ from gateway.ipc.messages import (
     decode_reply,
     encode,
 )
-from gateway.ipc.server import MAX_LISTENERS, ControlServer, Desk
+from gateway.ipc.server import ControlServer
+from gateway.ipc.session import MAX_LISTENERS
 
 PATIENCE_S = 20.0
 SLOW = Subscribe(interval_s=60.0)
@@ -132,7 +134,7 @@ async def test_a_listener_that_does_not_read_keeps_the_newest_and_knows_how_many
                 server.tell(happened(number))
                 if number % 4 == 3:
                     await asyncio.sleep(0)  # a turn of the loop, so that what can be sent is
-            [session] = server._sessions
+            [session] = server._clients.sessions
             assert session.listener is not None
             assert len(session.listener._events) == EVENTS_KEPT
             assert session._outbox.waiting_bytes < 200  # the rest of one event
@@ -167,7 +169,7 @@ async def test_snapshots_that_nobody_takes_are_not_even_made(tmp_path: Path) -> 
                     message = await ear.next()
                     if isinstance(message, Snapshot) and message.status["number"] > 5:
                         break
-            session = max(server._sessions, key=lambda each: each._outbox.waiting_bytes)
+            session = max(server._clients.sessions, key=lambda each: each._outbox.waiting_bytes)
             assert session.listener is not None
             assert session._outbox.waiting_bytes < 1_100_000
             asked, missed = model.asked, session.listener._dropped
@@ -215,7 +217,7 @@ async def test_a_listener_that_talks_nonsense_and_takes_nothing_is_dropped(tmp_p
             deaf.connect(str(server.path))
             deaf.sendall(encode(SLOW))
             await _until(lambda: server.has_listeners)
-            [session] = server._sessions
+            [session] = server._clients.sessions
             async with asyncio.timeout(PATIENCE_S):
                 while not session._outbox.waiting_bytes:  # the refusal will have to wait behind it
                     server.tell(happened(1))

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from gateway.ipc.client import NoGatewayError, ask
+from gateway.ipc.desk import Desk
 from gateway.ipc.messages import (
     VERSION,
     Done,
@@ -30,8 +31,8 @@ from gateway.ipc.messages import (
     encode,
 )
 from gateway.ipc.sealed_memory import seal
-from gateway.ipc.server import MAX_CLIENTS, MAX_LISTENERS, NO_PLACE, ControlServer, Desk
-from gateway.ipc.session import GAVE_WAY
+from gateway.ipc.server import NO_PLACE, ControlServer
+from gateway.ipc.session import GAVE_WAY, MAX_CLIENTS, MAX_LISTENERS
 
 PATIENCE_S = 30.0
 USER = f"a client (user {os.geteuid()})"
@@ -89,10 +90,10 @@ class Site:
     async def half(self) -> Client:
         """Connect, and have half a request under way."""
         client = await self.client()
-        busy = sum(session.is_busy for session in self.server._sessions)
+        busy = sum(session.is_busy for session in self.server._clients.sessions)
         client.begins()
         async with asyncio.timeout(PATIENCE_S):
-            while sum(each.is_busy for each in self.server._sessions) == busy:  # noqa: ASYNC110 - as above
+            while sum(each.is_busy for each in self.server._clients.sessions) == busy:  # noqa: ASYNC110 - as above
                 await asyncio.sleep(0)
         return client
 
@@ -153,7 +154,7 @@ async def test_a_client_whose_table_is_looked_at_keeps_its_place(tmp_path: Path)
     mine = seal(b"points", "x")
     giving = asyncio.create_task(asyncio.to_thread(ask, server.path, request, descriptors=[mine]))
     async with asyncio.timeout(PATIENCE_S):
-        while not any(session.is_busy for session in server._sessions):  # noqa: ASYNC110 - nobody is told
+        while not any(session.is_busy for session in server._clients.sessions):  # noqa: ASYNC110 - nobody is told
             await asyncio.sleep(0)
     others = [await asyncio.open_unix_connection(str(server.path)) for _ in range(MAX_CLIENTS)]
     assert await others[0][0].readline() == encode(Refused(reason=GAVE_WAY))

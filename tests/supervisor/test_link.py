@@ -6,9 +6,10 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
+from gateway.ipc.desk import Desk
 from gateway.ipc.messages import Happened, Pong, Request
 from gateway.ipc.place import socket_path
-from gateway.ipc.server import ControlServer, Desk
+from gateway.ipc.server import ControlServer
 from gateway.supervisor.link import Link
 
 PATIENCE_S = 30.0
