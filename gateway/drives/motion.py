@@ -95,6 +95,8 @@ class Deed(NamedTuple):
 
     action: Action
     number: int | None = None
+    is_letting_go: bool = False
+    """A stop that ends no more than what the same coil began: whatever else a frame starts, runs."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -180,6 +180,10 @@ class TriggerSpec(_Values):
                     return f"path {sum_ - value} of {value:#x} is {sum_:#x}, listed as {listed[sum_].value}"
         return ""
 
+    def _lets_go(self, value: int) -> bool:
+        """Whether a value is that of a coil let go of which moves the axis for as long as it is set."""
+        return self.coil is not None and value == 0 and 1 in (*self.other_motion, *self.stored)
+
     def plan(self, paths: int = 1) -> TriggerPlan:
         """Return it as the exchange uses it, for a drive with so many paths."""
         deeds: dict[int, Deed] = {}
@@ -188,7 +192,7 @@ class TriggerSpec(_Values):
                 for number in range(paths):
                     deeds[value + number] = Deed(action, number)
             else:
-                deeds[value] = Deed(action)
+                deeds[value] = Deed(action, is_letting_go=action is Action.STOP and self._lets_go(value))
         address = self.coil if self.address is None else self.address
         assert address is not None
         return TriggerPlan(

@@ -34,6 +34,8 @@ PRECEDENCE: Final = (
 )
 """Which one counts where a request does several things to one axis."""
 _RANK: Final = {action: rank for rank, action in enumerate(PRECEDENCE)}
+_RANK_OF_LETTING_GO: Final = _RANK[Action.OTHER_MOTION] + 0.5
+"""A jog let go of in the frame that starts something else is no stop of that."""
 
 
 class Meaning(Command):
@@ -175,7 +177,7 @@ class _Reading:
         following = self._unknown_following()
         if following is not None:
             return self._meaning(Action.UNKNOWN, None, needs_word=following)
-        deed = min(self._deeds(), key=lambda each: _RANK[each.action], default=NOTHING_DONE)
+        deed = min(self._deeds(), key=_rank, default=NOTHING_DONE)
         if deed.action is Action.FOLLOW_NEXT:
             deed = Deed(Action.FOLLOW) if self.commands else NOTHING_DONE
         if not deed.action.runs_target:
@@ -293,6 +295,10 @@ class _Reading:
         if mode.address in self.unclear or (mode.is_in_frame and mode.address not in self.words):
             return None
         return self._known(mode.address)
+
+
+def _rank(deed: Deed) -> float:
+    return _RANK_OF_LETTING_GO if deed.is_letting_go else _RANK[deed.action]
 
 
 def _run_as(trigger: Action, mode: Action) -> Action:

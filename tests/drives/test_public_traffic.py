@@ -1,6 +1,8 @@
 """What public programs send to each drive, through the gateway and to a drive that is plain memory."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -38,6 +40,11 @@ class Replaying(Memory):
         if function == 5:
             (self.on.add if pdu[3] else self.on.discard)((BitTable.COIL, address))
             return pdu
+        if function == 15:
+            bits = int.from_bytes(pdu[6:], "little")
+            for n in range(int.from_bytes(pdu[3:5], "big")):
+                (self.on.add if bits >> n & 1 else self.on.discard)((BitTable.COIL, address + n))
+            return pdu[:5]
         if function == 43:
             return self._object(pdu)
         if function == 3 and self.state is not self:
@@ -67,8 +74,8 @@ class Replaying(Memory):
 class Machine(Bench):
     """The gateway with a shipped profile, before a drive that stands at 0, is homed and has no alarm."""
 
-    def __init__(self, drive: str) -> None:
-        plan = axis_plan(drive, 1, table_of(CORRECTION_MM, CORRECTION_MM))
+    def __init__(self, drive: str, **changes: Any) -> None:
+        plan = replace(axis_plan(drive, 1, table_of(CORRECTION_MM, CORRECTION_MM)), **changes)
         told, shown = {field.address for field in plan.command}, {field.address for field in plan.actual}
         self.drive = Replaying(has_two_images=bool(told & shown))
         self.positions = (*plan.actual[:1], *plan.commanded[:1])
