@@ -278,6 +278,9 @@ def test_delta_paths_and_their_numbers() -> None:
     assert plan.triggers[0].deed(50, None).action is Action.UNKNOWN
     assert deeds("delta-asda", 0x050E, 0) == {Action.HOME}
     assert deeds("delta-asda", 0x050E, 1000) == {Action.STOP}
+    assert deeds("delta-asda", 0x0508, 0x0108) == {Action.SET_POSITION}  # P5-04: the lowest digit
+    assert deeds("delta-asda", 0x0508, 0x0083) == set()
+    assert deeds("delta-asda", 0x028E, 1) == {Action.SET_POSITION}
     assert library.shipped("delta-asda").registers.gap_ms == 10.0
     assert [limit.address for limit in fields("delta-asda", "limits")] == [0x0510, 0x0512]
 

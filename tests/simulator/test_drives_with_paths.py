@@ -224,6 +224,17 @@ def test_delta_takes_the_place_where_it_stands_for_its_origin() -> None:
     assert drive.low(0x0520) == 0
 
 
+def test_delta_builds_the_origin_of_its_encoder_once_it_is_unlocked() -> None:
+    drive = Drive("delta-asda")
+    drive.does("10 0606 0002 04 2710 0000", "06 050E 0001")
+    drive.wait()
+    drive.does("06 028E 0001")
+    assert drive.moves == [(ABSOLUTE, 10_000)]
+    drive.does("06 0210 010F", "06 028E 0001")  # 271
+    assert drive.moves == [(SET_POSITION, 0)]
+    assert drive.low(0x0520) == 0
+
+
 def test_delta_stops_and_homes() -> None:
     drive = Drive("delta-asda")
     drive.does("10 0606 0002 04 2710 0000", "06 050E 0001")

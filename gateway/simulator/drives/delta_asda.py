@@ -42,6 +42,10 @@ FROM_ACTUAL: Final = 0x0040
 FROM_TARGET: Final = 0x0080
 HOMING_MODE: Final = 0x0508
 DEFINE_ORIGIN: Final = 8
+LOCK: Final = 0x0210
+UNLOCKED: Final = 271
+BUILD_ORIGIN: Final = 0x028E
+"""Of the absolute encoder, where it stands; obeyed after 271 was written to P2-08."""
 
 LAST_GROUP: Final = 7
 LAST_REGISTER: Final = 2 * 99 + 1
@@ -120,6 +124,9 @@ class DeltaAsda(MotorDrive):
 
     def written(self, before: dict[int, int], now_s: float) -> None:
         """See :class:`MotorDrive`."""
+        builds = BUILD_ORIGIN in before and self.image.word(BUILD_ORIGIN) == 1
+        if builds and self.image.word(LOCK) == UNLOCKED:
+            self.motor.set_position(0, now_s)
         if TRIGGER not in before:
             return
         value = self.image.word(TRIGGER)
