@@ -32,6 +32,8 @@ MODE: Final = 3 << 14
 DIRECT: Final = 1 << 14
 RUNNING: Final = ENABLE | NO_STOP | NO_HALT
 RELATIVE: Final = 1 << 8
+OTHER_KINDS: Final = 0x1E00
+"""Force and speed, and what sister drives call a continuous set-point."""
 
 
 class FestoCmmoFhpp(MotorDrive):
@@ -91,6 +93,8 @@ class FestoCmmoFhpp(MotorDrive):
     def _start(self, is_direct: bool, now_s: float) -> None:
         if not is_direct:
             self.motor.other()  # the record that register 1 names
+        elif self.image.word(DIRECTION) & OTHER_KINDS:
+            self.unheard_of(DIRECTION, self.image.word(DIRECTION))
         elif self.image.word(DIRECTION) & RELATIVE:
             self.motor.relative(self.get32(SETPOINT), Basis.TARGET, now_s)
         else:

@@ -138,7 +138,10 @@ class FestoCmmt111(MotorDrive):
                 self.motor.absolute(target, now_s)
             else:
                 self.motor.relative(target, Basis.COMMANDED, now_s)
-        elif mode & MDI and not mode & SET_UP and mode & CONTINUOUS and mode & ABSOLUTE and changed:
-            self.motor.absolute(target, now_s)
+        elif mode & CONTINUOUS and changed:
+            if mode & (MDI | SET_UP | ABSOLUTE) == MDI | ABSOLUTE:
+                self.motor.absolute(target, now_s)
+            else:
+                self.unheard_of(POS_STW1, mode)
         elif self._interrupted_target is not None:
             self.motor.absolute(self._interrupted_target, now_s)

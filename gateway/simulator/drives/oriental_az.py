@@ -131,6 +131,9 @@ class OrientalAz(MotorDrive):
         trigger = self.trigger()
         if TRIGGER + 1 in before and trigger == ALL_DATA:
             self.consume_trigger(before)
+        elif TRIGGER + 1 in before and trigger and trigger not in FIELDS:
+            self.unheard_of(TRIGGER + 1, self.image.word(TRIGGER + 1))
+            return
         elif trigger not in FIELDS or not {FIELDS[trigger], FIELDS[trigger] + 1} & before.keys():
             return
         self.run(self.get32(TYPE), self.get32(POSITION), now_s)

@@ -93,7 +93,10 @@ class SmcLec(MotorDrive):
 
     def written(self, before: dict[int, int], now_s: float) -> None:
         """See :class:`MotorDrive`."""
-        if START not in before or self.image.word(START) != RUN:
+        if START not in before or not self.image.word(START):
+            return
+        if self.image.word(START) != RUN:
+            self.unheard_of(START, self.image.word(START))
             return
         self.image.set_word(START, 0)
         self._run(MOVEMENT_MODE, TARGET, now_s)

@@ -31,6 +31,7 @@ INTERRUPT: Final = 1 << 2
 JOG: Final = 1 << 3
 HOME: Final = 1 << 4
 STOPS: Final = 1 << 5 | 1 << 6
+BITS: Final = START | ABSOLUTE | INTERRUPT | JOG | HOME | STOPS
 TAKEN_REGISTERS: Final = 4
 KNOWN: Final = ((0, 199),)
 
@@ -73,6 +74,8 @@ class TlR(MotorDrive):
             self.unheard_of(AUXILIARY, command)
 
     def _control(self, word: int, now_s: float) -> None:
+        if word & ~BITS:
+            self.unheard_of(CONTROL, word)
         if word & STOPS:
             self.motor.stop(now_s)
         elif word & HOME:
