@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gateway.drives import library
+from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
 from gateway.drives.profile import Evidence, Profile, entries, evidence_of
 from gateway.drives.public import Kind, public_traffic
@@ -13,6 +14,30 @@ WIDTH: Final = 110
 ADDRESSES: Final = ("address", "block", "coil")
 FIRST: Final = frozenset({*ADDRESSES, "source"})
 LISTS_OF_VALUES: Final = frozenset(action.value for action in Action)
+IN_HEXADECIMAL: Final = frozenset(
+    {*ADDRESSES, *LISTS_OF_VALUES, "mask", "rising", "starts_on", "refused_read"}
+)
+CONSEQUENCES: Final = {
+    "limits": "are positions, and corrected like a target",
+    "aliases": "show a position once more, and are corrected like it",
+    "position_like": (
+        'are positions that the drive keeps: writing one is refused with 2 (unmapped = "pass" lets it pass, '
+        "uncorrected)"
+    ),
+    "remap": "change what registers show: writing one ends the compensation until a restart",
+    "stored": (
+        'values run a position that the drive keeps: refused with 4 (stored_moves = "uncorrected" lets them '
+        "pass)"
+    ),
+    "stop": "values go before everything else, and are never refused",
+    "home": 'values and "set_position" pass unchanged, and end or make the reference as referenced says',
+    "other_motion": "values pass unchanged; where the axis is has to be read after them",
+}
+"""What comes of a key of the register map, by the key or the meaning of a value."""
+NOT_LISTED: Final = (
+    'a value of a mode or trigger that is not listed and has no "otherwise" passes unchanged, and counts as '
+    "unknown"
+)
 
 
 def list_data() -> list[dict[str, Any]]:
@@ -79,6 +104,9 @@ def profile_lines(name: str, profile: Profile) -> Iterator[str]:
     yield ""
     yield "registers"
     yield from _map_lines(profile)
+    yield ""
+    yield "what comes of them while the axis is corrected"
+    yield from _consequence_lines(profile)
     if profile.traps:
         yield ""
         yield "traps: go through them before the machine is run"
@@ -128,15 +156,36 @@ def _map_lines(profile: Profile) -> Iterator[str]:
     widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
     for key, confidence, said in rows:
         first = f"  {key:<{widths[0]}}  {confidence:<{widths[1]}}  "
-        yield from textwrap.wrap(
-            said, WIDTH, initial_indent=first, subsequent_indent=" " * len(first), break_on_hyphens=False
+        lines = textwrap.wrap(
+            said.replace("/", "/ "),  # a list of values is broken between two of them
+            WIDTH,
+            initial_indent=first,
+            subsequent_indent=" " * len(first),
+            break_on_hyphens=False,
         )
+        yield from (line.replace("/ ", "/") for line in lines)
+
+
+def _consequence_lines(profile: Profile) -> Iterator[str]:
+    """Yield why something is refused, passed or corrected, as far as this map has it."""
+    registers = profile.registers
+    for key, said in CONSEQUENCES.items():
+        if key in LISTS_OF_VALUES:
+            is_there = rule_meaning(registers, Action(key)) is not None
+            is_there |= key == "home" and rule_meaning(registers, Action.SET_POSITION) is not None
+            name = f'"{key}"'
+        else:
+            is_there, name = bool(getattr(registers, key)), key
+        if is_there:
+            yield from _wrapped(f"{name} {said}", "  ")
+    if registers.mode is not None or registers.trigger:
+        yield from _wrapped(NOT_LISTED, "  ")
 
 
 def _rows(profile: Profile) -> Iterator[tuple[str, str, str]]:
     written = profile.written()
     for key in entries(written):
-        yield _row(key, _in_words(_value_at(written, key)), evidence_of(profile, key))
+        yield _row(key, _said_at(written, key), evidence_of(profile, key))
         for inner, own in profile.evidence.items():
             if inner.startswith(f"{key}."):
                 yield _row(f"  {inner.removeprefix(f'{key}.')}", "", own)
@@ -146,6 +195,11 @@ def _row(key: str, said: str, evidence: Evidence | None) -> tuple[str, str, str]
     if evidence is None:
         return key, "", said
     return key, evidence.confidence.value, f"{said} [{', '.join(evidence.sources)}]".strip()
+
+
+def _said_at(written: Mapping[str, Any], key: str) -> str:
+    value = _value_at(written, key)
+    return _in_words(value) if isinstance(value, Mapping) else _in_words(value, key)
 
 
 def _value_at(written: Mapping[str, Any], key: str) -> Any:
@@ -165,7 +219,7 @@ def _in_words(value: Any, key: str = "") -> str:
         return "/".join(_in_words(found, key) for found in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, int) and (key in ADDRESSES or key in LISTS_OF_VALUES or key in {"mask", "rising"}):
+    if isinstance(value, int) and key in IN_HEXADECIMAL:
         return f"{value:#06x}"
     return str(value)
 

@@ -1,6 +1,7 @@
 """``pitch-gateway drives``: the list and one profile, for people and for programs."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -54,6 +55,26 @@ def test_a_shown_map_says_addresses_meanings_and_how_well_they_are_known() -> No
     assert "start 0x0010" in shown
     assert "bits.homed verified address 0x1003, bit 6" in shown
     assert "relative_to_commanded single-source [icl]" in shown
+
+
+def test_a_shown_map_says_why_something_is_refused_or_passes() -> None:
+    shown = " ".join(run("show", "leadshine-el7").stdout.split())
+    assert "position_like are positions that the drive keeps: writing one is refused with 2" in shown
+    assert '"stored" values' not in shown  # it has none
+    assert "passes unchanged, and counts as unknown" in shown
+    assert '"stored" values run a position that the drive keeps: refused with 4' in " ".join(
+        run("show", "festo-cmmt-111").stdout.split()
+    )
+
+
+def test_a_shown_number_is_never_broken_between_two_lines() -> None:
+    shown = run("show", "oriental-blv-r").stdout
+    assert not [line for line in shown.splitlines() if re.search(r"0x[0-9a-f]{0,3}$", line)]
+    assert "0x000d/0x000e" in shown
+
+
+def test_a_shown_register_that_starts_is_an_address() -> None:
+    assert "0x9901/0x9904/0x9905/0x9906/0x9907" in run("show", "iai-robo-cylinder").stdout
 
 
 @pytest.mark.parametrize("name", library.names())
