@@ -68,7 +68,12 @@ def git(*arguments: str) -> str:
     """
     command = ["git", "-C", str(ROOT), *arguments]
     done = subprocess.run(
-        command, capture_output=True, text=True, check=False, env=os.environ | {"LC_ALL": "C"}
+        command,
+        capture_output=True,
+        encoding="utf-8",
+        errors="backslashreplace",
+        check=False,
+        env=os.environ | {"LC_ALL": "C"},
     )
     if "dubious ownership" in done.stderr:
         raise RefusedError(
@@ -92,7 +97,9 @@ def examined() -> Release:
         raise RefusedError(
             f"{ROOT} is no checkout of git, and a release is made from a commit: clone the repository"
         )
-    if changed := git("status", "--porcelain").splitlines():
+    # With -z a name stands as it is, and not in quotes and octal numbers.
+    status = git("status", "--porcelain", "-z", "--no-renames").split("\0")
+    if changed := [entry for entry in status if entry]:
         more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
         raise RefusedError(
             f"not committed: {changed[0][3:]}{more}; commit, or put aside with git stash --include-untracked"

@@ -113,13 +113,13 @@ def left(folder: Path) -> set[str]:
 NO_ROOM = "release: the disk is full, here or in the folder of temporary files: make room. dist/ is as it was"
 
 
-@pytest.mark.parametrize("names", [["notes.txt"], ["notes.txt", "other.txt"]])
+@pytest.mark.parametrize("names", [["notes.txt"], ["notes.txt", "other.txt"], ["Maße der Achse.txt"]])
 def test_what_is_not_committed_is_no_release(own: Path, names: list[str]) -> None:
     for name in names:
         (own / name).write_text("")
     more = "" if len(names) == 1 else " and 1 more"
     assert release(own, *QUICK, expected=1) == (
-        f"release: not committed: notes.txt{more}; commit, or put aside with git stash --include-untracked\n"
+        f"release: not committed: {names[0]}{more}; commit, or put aside with git stash --include-untracked\n"
     )
     assert left(own) == {"kept"}
 
