@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.drives.library import names
+
 ROOT = Path(__file__).parents[2]
 PACKAGES = {path.name for path in (ROOT / "gateway").iterdir() if (path / "__init__.py").exists()}
 NAMES = sorted(
@@ -40,6 +42,12 @@ def test_the_architecture_names_the_functions_of_its_routes() -> None:
 
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+
+
+def test_the_readme_counts_the_drives_that_have_a_name() -> None:
+    (number,) = re.findall(r"\[(\w+) families of drives\]", (ROOT / "README.md").read_text())
+    words = {18: "Eighteen", 19: "Nineteen", 20: "Twenty", 21: "Twenty-one", 22: "Twenty-two"}
+    assert number == words[len(names())]
 
 
 def anchors(text: str) -> set[str]:
