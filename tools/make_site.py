@@ -17,6 +17,8 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 NEEDED: Final = ("sphinx", "myst_parser", "furo")
 MARK: Final = "searchindex.js"
 """Stands in every site."""
+SPACE_MB: Final = 40
+"""What the site and what Sphinx keeps beside it take of the disk, rounded up."""
 _LINK: Final = re.compile(r'<a class="reference external" href="([^"]+)"')
 
 
@@ -59,6 +61,12 @@ def main() -> int:
         return 1
     if target.exists() and not (target / MARK).exists():
         sys.stderr.write(f"{target} is there and is no site: name a folder that can be made anew\n")
+        return 1
+    existing = next(folder for folder in target.parents if folder.exists())
+    if (free := shutil.disk_usage(existing).free // 1_000_000) < SPACE_MB:
+        sys.stderr.write(
+            f"the disk is full: {existing} has {free} MB left and {SPACE_MB} MB are needed; make room\n"
+        )
         return 1
     if code := build(target):
         sys.stderr.write(f"no site was built: mend what is named above; {target} is as it was\n")

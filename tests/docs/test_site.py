@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from tests.browser import started_browser
 from tests.docs.pages import DOCS, ROOT
 from tools.make_site import external_links
+from tools.make_site import main as make_site_main
 
 INDEX = DOCS / "index.md"
 DECISIONS = DOCS / "decisions" / "index.md"
@@ -148,6 +150,17 @@ def test_without_its_programs_it_says_what_to_install(tmp_path: Path) -> None:
         "the site needs sphinx and myst_parser and furo, not installed here: where there is a network, "
         f"{sys.executable} -m pip install --editable '.[docs]'\n"
     )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_named_before_anything_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=39_999_999))
+    monkeypatch.setattr(sys, "argv", ["make_site", str(tmp_path / "build" / "site")])
+    assert make_site_main() == 1
+    said = f"the disk is full: {tmp_path} has 39 MB left and 40 MB are needed; make room\n"
+    assert capsys.readouterr().err == said
     assert list(tmp_path.iterdir()) == []
 
 
