@@ -75,7 +75,7 @@ soak: setup ## what tests repeat, in full (tests/soak.py), and the ledger of 2 0
 fuzz: setup ## inputs that nobody thought of; TARGET=… one target, SECONDS=… for each (60)
 	@$(BIN)/python -c 'import atheris' 2>/dev/null \
 		|| $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]' \
-		|| { echo "make fuzz needs atheris, which pip could not install here (see above): take Python 3.11 to 3.14 on x86-64 Linux with glibc" >&2; exit 1; }
+		|| { echo "make fuzz needs atheris, which pip could not install (see above): connect this machine, or take Python 3.11 to 3.14 on x86-64 Linux with glibc" >&2; exit 1; }
 	@$(BIN)/python -m tests.fuzz $(TARGET) --seconds $(or $(SECONDS),60)
 
 bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes; writes bench/results.md
@@ -95,15 +95,13 @@ pictures: setup test-programs ## take the pictures of the page and of reports th
 docs: setup ## write what the documents have from the code: keys, events, errors, drives
 	@$(BIN)/python -m tools.docs
 
-lock: $(TOOLS)/bin/uv ## pin what is installed into deploy/requirements.txt: the newest that pyproject.toml allows
-	$(TOOLS)/bin/python tools/lock.py
+lock: ## pin what is installed into deploy/requirements.txt: the newest that pyproject.toml allows
+	@VENV=$(TOOLS)/uv tools/bootstrap.sh uv
+	$(TOOLS)/uv/bin/python tools/lock.py
 
-audit: $(TOOLS)/bin/pip-audit ## ask whether a hole is known in what is pinned, and say so where nobody can be asked
-	@$(TOOLS)/bin/python tools/audit.py
-
-$(TOOLS)/bin/%: | setup
-	$(BIN)/python -m venv $(TOOLS)
-	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check $*
+audit: ## ask whether a hole is known in what is pinned, and say so where nobody can be asked
+	@VENV=$(TOOLS)/pip-audit tools/bootstrap.sh pip-audit
+	@$(TOOLS)/pip-audit/bin/python tools/audit.py
 
 site: setup ## the documents as a site, into build/site: open index.html there
 	@$(BIN)/python -m tools.make_site

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Makes a fresh checkout ready: a virtual environment with the package and its development tools, in .venv or where
-# VENV says, of the Python that PYTHON names or of the first one that is new enough. Idempotent: it does nothing while
-# pyproject.toml is older than the last run, and nothing that is half made stays.
+# VENV says, of the Python that PYTHON names or of the first one that is new enough; with the packages that are named
+# instead, where some are. Idempotent: it does nothing while pyproject.toml is older than the last run, and nothing that
+# is half made stays.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -10,6 +11,8 @@ exec 9< pyproject.toml
 flock 9
 
 venv=${VENV:-.venv}
+packages=("$@") space_mb=150
+[ $# != 0 ] || { packages=(--editable '.[dev,docs,uvloop]'); space_mb=700; }
 stamp=$venv/.ready           # what it was made for, once it is whole
 unfinished=$venv/.unfinished # there until then, in one that is made anew
 
@@ -55,7 +58,7 @@ is_full() { [[ $1 == *"No space left on device"* || $1 == *"Disk quota exceeded"
 # What venv and pip say is long where the reason is short.
 die_because() {
     if is_full "$1"; then
-        die "the disk is full: $venv needs about 700 MB, and $(free_mb .) are free there; pip unpacks in" \
+        die "the disk is full: $venv needs about $space_mb MB, and $(free_mb .) are free there; pip unpacks in" \
             "${TMPDIR:-/tmp}, where $(free_mb "${TMPDIR:-/tmp}") are free (TMPDIR names another folder)"
     fi
     case $1 in
@@ -96,7 +99,7 @@ fi
 [ -w . ] || die "$(id -un) may not write into $PWD: make a clone of your own"
 if [ -e "$unfinished" ] || is_of_another; then rm -rf "$venv"; fi
 [ -x "$venv/bin/python" ] || make_environment
-said=$("$venv/bin/python" -m pip install --quiet --disable-pip-version-check --editable '.[dev,docs,uvloop]' 2>&1) \
+said=$("$venv/bin/python" -m pip install --quiet --disable-pip-version-check "${packages[@]}" 2>&1) \
     || die_because "$said"
 made_for "$venv/bin/python" > "$stamp"
 rm -f "$unfinished"

@@ -74,7 +74,7 @@ def _ready(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def bootstrap(folder: Path, **environment: str) -> tuple[int, str]:
+def bootstrap(folder: Path, *packages: str, **environment: str) -> tuple[int, str]:
     """Run it where no index answers; returns its exit code and what it said."""
     known = {
         "PATH": os.environ["PATH"],
@@ -85,7 +85,7 @@ def bootstrap(folder: Path, **environment: str) -> tuple[int, str]:
         "PIP_RETRIES": "0",
         "PIP_NO_CACHE_DIR": "1",
     }
-    command = [str(folder / "tools" / "bootstrap.sh")]
+    command = [str(folder / "tools" / "bootstrap.sh"), *packages]
     done = subprocess.run(command, env=known | environment, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
 
@@ -147,6 +147,22 @@ def test_without_a_network_it_says_so_and_leaves_nothing(checkout: Path) -> None
         "setup: no index that has the packages could be reached: connect this machine, or let "
     )
     assert not (checkout / ".venv").exists()
+
+
+def test_a_tool_has_an_environment_of_its_own(checkout: Path) -> None:
+    code, said = bootstrap(checkout, "--editable", ".", VENV="build/tools/small")
+    assert code == 0, said
+    assert bootstrap(checkout, "--editable", ".", VENV="build/tools/small") == (0, "")
+    assert (checkout / "build" / "tools" / "small" / "bin" / "python").exists()
+    assert not (checkout / ".venv").exists()
+
+
+def test_a_tool_that_cannot_be_fetched_is_told_in_a_sentence_and_leaves_nothing(checkout: Path) -> None:
+    code, said = bootstrap(checkout, "pip-audit", VENV="build/tools/pip-audit")
+    assert code == 1
+    (told,) = said.splitlines()[1:]
+    assert told.startswith("setup: no index that has the packages could be reached: connect this machine")
+    assert list((checkout / "build" / "tools").iterdir()) == []
 
 
 def test_what_was_interrupted_counts_as_nothing(checkout: Path) -> None:
