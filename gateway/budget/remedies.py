@@ -44,7 +44,13 @@ class Remedy:
         return self.then.round.total_ns
 
     def is_worth_it(self, counted: Callable[[ExchangeBudget], int]) -> bool:
-        """Whether it is enough for the words, by what is counted of an exchange or by a round."""
+        """Whether it is enough for the words, by what is counted of an exchange or by a round.
+
+        A faster controller may have to wait longer: its next request is there before the drives' wire has
+        been silent. What makes anything slower is no remedy.
+        """
+        if self.waited_ns > self.waited_before_ns or self.round_ns > self.round_before_ns:
+            return False
         gains = (
             (self.now.longest_ns(counted), self.then.longest_ns(counted)),
             (self.round_before_ns, self.round_ns),
