@@ -215,11 +215,10 @@ REFERENCE_AT_START: Final = {
 class Axis(AxisState):
     """An axis on its line: its state, and what can happen to it."""
 
-    __slots__ = ("_has_rules", "peers", "record", "terms")
+    __slots__ = ("peers", "record", "terms")
 
     def __init__(self, plan: AxisPlan) -> None:
         super().__init__(plan)
-        self._has_rules = plan.has_rules
         self.terms = Terms(plan) if plan.thermal or plan.cross else None
         self.peers: tuple[Axis, ...] = ()
         """The other axes of its group (M11)."""
@@ -310,9 +309,11 @@ class Axis(AxisState):
     # --- whether its positions mean anything -----------------------------------------------------------
 
     def _reference_happens(self, event: ReferenceEvent) -> None:
-        """Go on to the state of the reference that the table says; :meth:`_follow_reference` is to follow."""
+        """Go on to the state of the reference that the table says, and put it into force."""
+        was_referenced = self.is_referenced
         after = REFERENCE_AFTER[self.plan.referenced].get(event, {})
         self.reference = after.get(self.reference, self.reference)
+        self._follow_reference(was_referenced=was_referenced)
 
     def _follow_reference(self, *, was_referenced: bool) -> None:
         """Put into force what the reference is now."""
@@ -341,15 +342,13 @@ class Axis(AxisState):
 
     def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:
         """Take note of the drive's homed bit, where it decides."""
-        was_referenced = self.is_referenced
         is_homing = self.reference in HOMING
         if is_set and is_homing and now_ns - self.homing_since_ns < HOMING_SETTLE_NS:
             return  # it may be that of the homing before
         if not is_set and is_homing:
             self.homing_since_ns = now_ns - HOMING_SETTLE_NS
-        self._reference_happens(ReferenceEvent.BIT_SET if is_set else ReferenceEvent.BIT_CLEAR)
         self.reference_seen_ns = now_ns
-        self._follow_reference(was_referenced=was_referenced)
+        self._reference_happens(ReferenceEvent.BIT_SET if is_set else ReferenceEvent.BIT_CLEAR)
 
     def _see_end_of_homing(self, now_ns: int, *, is_set: bool) -> None:
         """Take note of the bit that ends a homing command."""
@@ -358,21 +357,15 @@ class Axis(AxisState):
         if not is_set:
             self.homing_since_ns = now_ns - HOMING_SETTLE_NS
         elif now_ns - self.homing_since_ns >= HOMING_SETTLE_NS:
-            was_referenced = self.is_referenced
             self._reference_happens(ReferenceEvent.BIT_SET)
-            self._follow_reference(was_referenced=was_referenced)
 
     def lose_reference(self) -> None:
         """The drive may have lost its position."""
-        was_referenced = self.is_referenced
         self._reference_happens(ReferenceEvent.LOSS)
-        self._follow_reference(was_referenced=was_referenced)
 
     def declare_referenced(self) -> None:
         """A person says that the axis stands where its drive says."""
-        was_referenced = self.is_referenced
         self._reference_happens(ReferenceEvent.DECLARED)
-        self._follow_reference(was_referenced=was_referenced)
 
     def follow_group(self) -> None:
         """Compensate the axes of its group only while every one of them knows where it is (M11)."""
@@ -779,7 +772,6 @@ class Axis(AxisState):
     def _move_otherwise(self, action: Action, now_ns: int, *, is_certain: bool) -> None:
         """Something else than a target moves the axis, or stops it, or moves its zero."""
         is_at_rest = self.is_moving is not True
-        was_referenced = self.is_referenced
         moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
         self.displace(moved_ns, keeps_branch=action is Action.STOP)
         if action in (Action.HOME, Action.SET_POSITION):
@@ -798,7 +790,6 @@ class Axis(AxisState):
             )
         else:
             self._reference_happens(ReferenceEvent.OTHER_MOTION)
-        self._follow_reference(was_referenced=was_referenced)
 
     # --- triggers that are refused ---------------------------------------------------------------------
 
