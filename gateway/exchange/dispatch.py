@@ -13,7 +13,7 @@ from gateway.exchange.meaning import NO_ACCESS, Meaning, meanings
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
 from gateway.exchange.prerequisites import next_frame
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.request import NOTHING_KNOWN, Known, Request
+from gateway.exchange.request import NOTHING_KNOWN, Request
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.exchange.translate import prepare
 from gateway.exchange.unit import UnitMap
@@ -132,7 +132,7 @@ class Units:
         if transaction.unit_id not in self._units:
             self._check_unmapped(transaction.unit_id, pdu, access or NO_ACCESS)
         if transaction.known is None and self.have_rules:
-            transaction.known = Known()
+            transaction.knowledge()
         known = transaction.known or NOTHING_KNOWN
         requests = []
         for unit in self.reached(transaction.unit_id):
@@ -146,9 +146,9 @@ class Units:
             requests.append(request)
         if len(requests) == 1:
             rewriting = prepare(requests[0])
-            transaction.rewritings = (rewriting,)
+            transaction.prepare((rewriting,))
             return None, rewriting.sent_pdu
-        transaction.rewritings = tuple(map(prepare, requests))
+        transaction.prepare(tuple(map(prepare, requests)))
         return None, pdu
 
     def _check_unmapped(self, unit_id: int, pdu: bytes, access: Access) -> None:

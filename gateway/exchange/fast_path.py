@@ -222,7 +222,7 @@ class WritePath(FastPath):
         )
         written = AxisRequest(transaction.arrived_ns)
         written.targets.append(rendering)
-        written.parts = (Part(self._image, -1, b""),)
+        written.parts.append(Part(self._image, -1, b""))
         written.losses[self._number] = transaction.target[3]
         return Rewriting(request, sent_pdu, {self._axis.plan.name: written})
 

@@ -185,7 +185,7 @@ class LineExchange:
         current = self._current
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
             current.overtake(reason)
-        stop.is_stop = True
+        stop.become_stop()
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
             self._refuse(stop, busy, now_ns, is_lost=False)
@@ -298,7 +298,7 @@ class LineExchange:
         Returns:
             The exception code with which the request that it was for is refused; None when it can go on.
         """
-        known = transaction.known = transaction.known or Known()
+        known = transaction.knowledge()
         rendering = frame.rendering
         if rendering is None:
             self.counters.added_reads += 1

@@ -92,7 +92,7 @@ class Rewriting:
     """What it does to each axis that it does something to, by name."""
     read_hits: Hits = NO_HITS
     read_span: Span = NO_SPAN
-    readbacks: dict[str, Readback] | None = None
+    readbacks: dict[str, Readback] = field(default_factory=dict)
     """By axis; an axis that passed 1:1 at the moment of the request is not here."""
 
     def of(self, axis: Axis) -> AxisRequest:
@@ -108,6 +108,10 @@ class Rewriting:
         """Note what is read of the drive: what was asked for, or more, where that cuts a position."""
         self.read_hits, self.read_span = hits, span
 
+    def send_instead(self, pdu: bytes) -> None:
+        """Note what is sent in place of the request as it came."""
+        self.sent_pdu = pdu
+
     @property
     def written(self) -> list[tuple[Axis, AxisRequest]]:
         """The axes that it does something to, in their order, with what that is."""
@@ -116,7 +120,7 @@ class Rewriting:
 
     def readback(self, axis: Axis) -> Readback | None:
         """Return the readback map of an axis as it was at the moment of the request; None: it passed 1:1."""
-        return None if self.readbacks is None else self.readbacks.get(axis.plan.name)
+        return self.readbacks.get(axis.plan.name)
 
     @property
     def access(self) -> Access:

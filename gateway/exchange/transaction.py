@@ -188,9 +188,19 @@ class Transaction:
             self._rewritings = (self.path.rewriting(self),)
         return self._rewritings
 
-    @rewritings.setter
-    def rewritings(self, rewritings: tuple[Rewriting, ...]) -> None:
+    def prepare(self, rewritings: tuple[Rewriting, ...]) -> None:
+        """Note what was made of it."""
         self._rewritings = rewritings
+
+    def knowledge(self) -> Known:
+        """Return what was read for it, to be added to."""
+        if self.known is None:
+            self.known = Known()
+        return self.known
+
+    def become_stop(self) -> None:
+        """Note that it stops an axis: it goes before everything else, and is never given up."""
+        self.is_stop = True
 
     def rendering(self) -> Rendering:
         """Return the target that it carries on the fast path: always the same object."""

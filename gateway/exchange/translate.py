@@ -9,7 +9,6 @@ from collections.abc import Iterable, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Final
 
-from gateway.compensation.readback import Readback
 from gateway.drives.motion import Action, Addressing, Form
 from gateway.exchange.access import MEI_HEAD, Access, swapped
 from gateway.exchange.axis.events import Outcome, Part, Staging
@@ -90,7 +89,7 @@ def _prepare_write(rewriting: Rewriting) -> None:
         elif role is FieldRole.REMAPPING:
             _check_counts(hit, access)
             for each in request.unit.axes:
-                rewriting.of(each).remaps = True
+                rewriting.of(each).remap()
         elif id(axis) not in stopped and not axis.passes_unchanged:
             if role is FieldRole.LIMIT:
                 changed.append((hit, _stage_limit(hit, rewriting)))
@@ -104,10 +103,10 @@ def _prepare_write(rewriting: Rewriting) -> None:
         )
     if commands:
         for hit in commands:
-            rewriting.of(hit.place.axis).parts += (part_of(hit, request.pdu, access),)
+            rewriting.of(hit.place.axis).parts.append(part_of(hit, request.pdu, access))
         changed += prepare_commands(rewriting, commands)
     if changed:
-        rewriting.sent_pdu = _written_pdu(rewriting.request.pdu, access, changed)
+        rewriting.send_instead(_written_pdu(rewriting.request.pdu, access, changed))
 
 
 def _check_counts(hit: FieldHit, access: Access) -> None:
@@ -223,13 +222,11 @@ def _prepare_read(unit: UnitMap, rewriting: Rewriting) -> None:
     if not hits.fields:
         return
     active: list[FieldPlace] = []
-    readbacks: dict[str, Readback] = {}
     for hit in hits.fields:
         axis = hit.place.axis
         if not axis.reads_unchanged and hit.place.role.is_position:
             active.append(hit.place)
-            readbacks[axis.plan.name] = axis.compensation.readback
-    rewriting.readbacks = readbacks
+            rewriting.readbacks[axis.plan.name] = axis.compensation.readback
     whole = span.widened([place.field for place in active])
     if whole == span or access.is_mei:
         return
@@ -243,7 +240,7 @@ def _prepare_read(unit: UnitMap, rewriting: Rewriting) -> None:
     pdu = rewriting.sent_pdu
     head = whole.address.to_bytes(2, "big") + whole.quantity.to_bytes(2, "big")
     rewriting.ask(unit.read(whole.address, whole.quantity), whole)
-    rewriting.sent_pdu = pdu[:1] + head + pdu[5:]
+    rewriting.send_instead(pdu[:1] + head + pdu[5:])
 
 
 # --- what must not run -------------------------------------------------------------------------------------
@@ -403,7 +400,7 @@ def _render(
             rendering = render_relative(request, axis, place.number, words, action)
             if rendering is None:
                 rewriting.of(axis).stagings.append(Staging(image, words, words, image.losses))
-                rewriting.of(axis).goes_unknown = True
+                rewriting.of(axis).go_anywhere()
             return rendering
         return render(axis, place.number, words, seen(request, axis))
     except RefusedPositionError as error:

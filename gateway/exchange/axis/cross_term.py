@@ -1,5 +1,7 @@
 """What the place of another axis adds to an axis: straightness, sag, squareness."""
 
+from collections.abc import Mapping
+
 from gateway.compensation.curve import Curve
 from gateway.compensation.moves import Accepted
 from gateway.compensation.table import make_table
@@ -23,6 +25,14 @@ class CrossTerm:
         self._plan = plan
         self.partner: AxisState | None = None
         self.seen: Accepted | None = None
+
+    def join(self, axes: Mapping[str, AxisState]) -> None:
+        """Find the other axis among these."""
+        self.partner = axes.get(self.axis, self.partner)
+
+    def look(self) -> None:
+        """Take note of the last target of the other axis, which counts from now on."""
+        self.seen = self.target
 
     @property
     def axis(self) -> str:

@@ -192,7 +192,7 @@ class AxisRequest:
         self.losses: dict[int, int] = {}
         """Of the field of each of these targets, by its number, when the request was sent."""
         self.stagings: list[Staging] = []
-        self.parts: tuple[Part, ...] = ()
+        self.parts: list[Part] = []
         """What it writes of command fields, all of it."""
         self.held_parts: list[Part] = []
         """Parts of staged targets whose other parts are not known yet: they pass as they come (M1)."""
@@ -202,6 +202,14 @@ class AxisRequest:
         """The axis goes somewhere nobody knows: a distance passed unchanged."""
         self.remaps = False
         """It writes a register that moves other registers about."""
+
+    def go_anywhere(self) -> None:
+        """Note that nobody knows where the axis goes."""
+        self.goes_unknown = True
+
+    def remap(self) -> None:
+        """Note that it moves registers about."""
+        self.remaps = True
 
     @property
     def is_run_known(self) -> bool:

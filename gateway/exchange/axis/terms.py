@@ -67,7 +67,7 @@ class Terms:
     def join(self, axes: Mapping[str, AxisState]) -> None:
         """Find the other axes among these."""
         for cross in self.crosses:
-            cross.partner = axes.get(cross.axis, cross.partner)
+            cross.join(axes)
 
     def take_temperature(self, celsius: float, now_ns: int) -> None:
         """Take what the sensor says; it counts with the next look. Raises TemperatureError."""
@@ -163,7 +163,7 @@ class Terms:
             return 0.0
         total, is_known = 0.0, True
         for cross in self.crosses:
-            cross.seen = cross.target
+            cross.look()
             place = cross.place(now_ns)
             if place is None:
                 is_known = False

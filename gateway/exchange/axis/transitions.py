@@ -754,7 +754,7 @@ class Axis(AxisState):
             image.forget()
 
     def lose_request(
-        self, parts: tuple[Part, ...], command: Command | None, code: int, arrived_ns: int
+        self, parts: Sequence[Part], command: Command | None, code: int, arrived_ns: int
     ) -> None:
         """A request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
         self._lose(parts, arrived_ns)
@@ -762,7 +762,7 @@ class Axis(AxisState):
             self._block_for(command, code)
 
     @staticmethod
-    def _lose(parts: tuple[Part, ...], arrived_ns: int) -> None:
+    def _lose(parts: Sequence[Part], arrived_ns: int) -> None:
         for image, first, words in parts:
             if first < 0:
                 image.tear(arrived_ns)
