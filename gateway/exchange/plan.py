@@ -38,9 +38,13 @@ class Reference(Enum):
     """How the gateway knows that the axis knows where it is."""
 
     ABSOLUTE = "absolute"
+    """An absolute encoder: only a set position ends it, until somebody says otherwise."""
     DRIVE_BIT = "drive-bit"
+    """The drive's homed bit. Nobody declares it: the drive says it."""
     HOMING = "homing"
+    """A homing command was seen, and after it the bit that ends it."""
     SET_POSITION = "set-position"
+    """The controller tells the drive where it stands, at rest."""
 
 
 class Late(Enum):

@@ -48,6 +48,7 @@ class Phase(Enum):
     SENT = "sent"
     """Its own frame has left."""
     ENDED = "ended"
+    """Its outcome is known, and its axes have taken note of it."""
 
 
 PHASE_AFTER: Final = {

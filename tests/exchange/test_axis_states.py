@@ -9,18 +9,32 @@ import pytest
 from gateway.compensation.moves import Accepted
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, read_word
-from gateway.exchange.axis.events import AxisRequest, Command, Happening, Outcome, ReferenceEvent
+from gateway.exchange.axis.events import (
+    AxisRequest,
+    BlockEvent,
+    Command,
+    Happening,
+    Outcome,
+    ReferenceEvent,
+)
 from gateway.exchange.axis.state import (
     ASKED,
     AT_REST,
     FOUND,
     HOMING,
     TARGETED,
+    Block,
     Referenced,
     Rendering,
     Whereabouts,
 )
-from gateway.exchange.axis.transitions import REFERENCE_AFTER, REFERENCE_AT_START, WHEREABOUTS_AFTER, Axis
+from gateway.exchange.axis.transitions import (
+    BLOCK_AFTER,
+    REFERENCE_AFTER,
+    REFERENCE_AT_START,
+    WHEREABOUTS_AFTER,
+    Axis,
+)
 from gateway.exchange.plan import ControllerPlan, Reference
 from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase, Transaction
 from gateway.modbus.registers import BitField
@@ -338,6 +352,72 @@ def test_no_state_leads_nowhere(kind: Reference) -> None:
             more = {by_state[s] for by_state in after.values() for s in ways if s in by_state} - ways
             assert more, state
             ways |= more
+
+
+# --- whether its triggers are refused ----------------------------------------------------------------------
+
+BLOCKED: Final[dict[Block, tuple[Callable[[Axis], None], ...]]] = {
+    Block.NONE: (),
+    Block.OWN: (lambda axis: axis.block_triggers(4, "lost"),),
+    Block.OF_GROUP: (lambda axis: axis.block_triggers(4, "lost", is_own=False),),
+}
+BLOCK_CAUSED: Final[dict[BlockEvent, Callable[[Axis], None]]] = {
+    BlockEvent.LOST: lambda axis: axis.block_triggers(6, "lost"),
+    BlockEvent.LOST_OF_GROUP: lambda axis: axis.block_triggers(6, "lost", is_own=False),
+    BlockEvent.COMPLETED: lambda axis: write_whole(axis, losses=axis.losses),
+}
+BLOCK_WALK: Final = {
+    (Block.NONE, BlockEvent.LOST): Block.OWN,
+    (Block.NONE, BlockEvent.LOST_OF_GROUP): Block.OF_GROUP,
+    (Block.NONE, BlockEvent.COMPLETED): Block.NONE,
+    (Block.OWN, BlockEvent.LOST): Block.OWN,
+    (Block.OWN, BlockEvent.LOST_OF_GROUP): Block.OWN,
+    (Block.OWN, BlockEvent.COMPLETED): Block.NONE,
+    (Block.OF_GROUP, BlockEvent.LOST): Block.OWN,
+    (Block.OF_GROUP, BlockEvent.LOST_OF_GROUP): Block.OF_GROUP,
+    (Block.OF_GROUP, BlockEvent.COMPLETED): Block.NONE,
+}
+"""By hand, from M3 and M11."""
+
+
+def write_whole(axis: Axis, *, losses: int) -> None:
+    command = Command(
+        action=Action.IGNORE,
+        number=None,
+        words={},
+        coils={},
+        unclear_words=frozenset(),
+        written=(0,),
+        modes_written=(),
+        losses=losses,
+        is_doubtful=False,
+    )
+    axis.finish(AxisRequest(0, command), Outcome.ACKNOWLEDGED, 0, 1 * MS)
+
+
+@pytest.mark.parametrize(("block", "event"), list(product(Block, BlockEvent)), ids=lambda each: each.value)
+def test_each_loss_blocks_and_each_complete_target_lets_go(block: Block, event: BlockEvent) -> None:
+    axis = an_axis()
+    for step in BLOCKED[block]:
+        step(axis)
+    assert axis.block is block
+    BLOCK_CAUSED[event](axis)
+    assert axis.block is BLOCK_WALK[block, event]
+    assert BLOCK_AFTER.get((block, event), block) is BLOCK_WALK[block, event]
+    if block is not Block.NONE:
+        assert axis.block_code == 4  # that of the loss which blocked it
+    told = {
+        (True, False): ["axis-blocked"],
+        (False, True): ["axis-released"],
+    }.get((block is Block.NONE, axis.block is Block.NONE), [])
+    assert [each.kind.value for each in axis.take_news()][len(BLOCKED[block]) :] == told
+
+
+def test_what_was_sent_before_a_loss_does_not_let_go_of_its_block() -> None:
+    axis = an_axis()
+    axis.block_triggers(4, "lost")
+    write_whole(axis, losses=axis.losses - 1)
+    assert axis.block is Block.OWN
 
 
 # --- a transaction -----------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ class Outcome(Enum):
     OTHER_REPLY = "other-reply"
     """Its drive said something that proves nothing."""
     NO_REPLY = "no-reply"
+    """It was sent, and no reply came in time, or the link went down."""
     BROADCAST = "broadcast"
     """It went to every drive, and none of them answers."""
     NEVER_SENT = "never-sent"
@@ -66,6 +67,7 @@ class ReferenceEvent(Enum):
     BIT_SET = "bit-set"
     """The bit that decides is set, and is not that of the time before homing."""
     BIT_CLEAR = "bit-clear"
+    """The bit that decides is not set."""
     HOMING = "homing"
     """A homing command went out."""
     OTHER_MOTION = "other-motion"
@@ -80,6 +82,17 @@ class ReferenceEvent(Enum):
     """A request was not answered."""
     DECLARED = "declared"
     """A person says that the axis stands where its drive says."""
+
+
+class BlockEvent(Enum):
+    """What decides whether the triggers of an axis are refused."""
+
+    LOST = "lost"
+    """A target, its mode or a part of it was lost for its own sake."""
+    LOST_OF_GROUP = "lost-of-group"
+    """It was lost because another axis of the group was blocked (M11)."""
+    COMPLETED = "completed"
+    """The drive accepted a complete target that was sent after the loss."""
 
 
 class Command:

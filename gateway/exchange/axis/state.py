@@ -127,11 +127,15 @@ class Referenced(Enum):
     UNTOLD_HOMING = "untold-homing"
     """The same, and a homing command was seen since the start."""
     LOST = "lost"
+    """Nobody has said yet where the axis stands, or it may have lost that."""
     LOST_ASKED = "lost-asked"
+    """The same, and the bit has to be read before positions pass."""
     HOMING = "homing"
     """A homing command was seen, and not yet its end."""
     HOMING_ASKED = "homing-asked"
+    """The same, and the bit has to be read before positions pass."""
     FOUND = "found"
+    """The axis knows where it is: its positions are corrected."""
     FOUND_ASKED = "found-asked"
     """It was found, and the drive may have been switched off since."""
 
@@ -165,6 +169,7 @@ class Block(Enum):
     """Whether triggers are refused because a target was lost (M3)."""
 
     NONE = "none"
+    """Triggers pass."""
     OWN = "own"
     """The target was lost for its own sake."""
     OF_GROUP = "of-group"

@@ -1,8 +1,9 @@
 """What can happen to an axis, each as one method: nothing else changes its state.
 
-What one of several states becomes is a table: :data:`WHEREABOUTS_AFTER`, :data:`REFERENCE_AFTER`. What is not
-in a table changes nothing. A method says what follows beside the table; what it changes is the axis alone,
-and what is to be told of it, which the line passes on (``news``).
+What one of several states becomes is a table: :data:`WHEREABOUTS_AFTER`, :data:`REFERENCE_AFTER`,
+:data:`BLOCK_AFTER`. What is not in a table changes nothing. A method says what follows
+beside the table; what it changes is the axis alone, and what is to be told of it, which the line passes on
+(``news``).
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from gateway.compensation.settings import AxisSettings
 from gateway.drives.motion import Action
 from gateway.exchange.axis.events import (
     AxisRequest,
+    BlockEvent,
     Command,
     Happening,
     Outcome,
@@ -137,13 +139,11 @@ _ASKED_AGAIN: Final = {
 }
 
 REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Referenced]]]] = {
-    # An absolute encoder: only a set position ends it, until somebody says otherwise.
     Reference.ABSOLUTE: {
         ReferenceEvent.SET_AT_REST: {Referenced.FOUND: Referenced.LOST},
         ReferenceEvent.SET_MOVING: {Referenced.FOUND: Referenced.LOST},
         ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND},
     },
-    # The controller tells the drive where it stands, at rest.
     Reference.SET_POSITION: {
         ReferenceEvent.HOMING: {Referenced.LOST: Referenced.HOMING, Referenced.FOUND: Referenced.HOMING},
         ReferenceEvent.OTHER_MOTION: {Referenced.HOMING: Referenced.LOST},
@@ -152,7 +152,6 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Ref
         ReferenceEvent.LOSS: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
         ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
     },
-    # A homing command was seen, and after it the bit that ends it.
     Reference.HOMING: {
         ReferenceEvent.BIT_SET: {Referenced.HOMING: Referenced.FOUND},
         ReferenceEvent.HOMING: {Referenced.LOST: Referenced.HOMING, Referenced.FOUND: Referenced.HOMING},
@@ -162,7 +161,6 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Ref
         ReferenceEvent.LOSS: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
         ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
     },
-    # The drive's homed bit. Nobody declares it: the drive says it.
     Reference.DRIVE_BIT: {
         ReferenceEvent.BIT_SET: dict.fromkeys(Referenced, Referenced.FOUND),
         ReferenceEvent.BIT_CLEAR: {
@@ -210,6 +208,15 @@ REFERENCE_AT_START: Final = {
     Reference.HOMING: Referenced.LOST,
     Reference.SET_POSITION: Referenced.LOST,
 }
+
+BLOCK_AFTER: Final[dict[tuple[Block, BlockEvent], Block]] = {
+    (Block.NONE, BlockEvent.LOST): Block.OWN,
+    (Block.OF_GROUP, BlockEvent.LOST): Block.OWN,
+    (Block.NONE, BlockEvent.LOST_OF_GROUP): Block.OF_GROUP,
+    (Block.OWN, BlockEvent.COMPLETED): Block.NONE,
+    (Block.OF_GROUP, BlockEvent.COMPLETED): Block.NONE,
+}
+"""What each event makes of each block."""
 
 
 class Axis(AxisState):
@@ -824,14 +831,17 @@ class Axis(AxisState):
         if self.block is Block.NONE:
             self.block_code = code
             self.tell(EventKind.AXIS_BLOCKED, why)
-        if is_own or self.block is Block.NONE:
-            self.block = Block.OWN if is_own else Block.OF_GROUP
+        self._block_happens(BlockEvent.LOST if is_own else BlockEvent.LOST_OF_GROUP)
+
+    def _block_happens(self, event: BlockEvent) -> None:
+        """Go on to the block that the table says."""
+        self.block = BLOCK_AFTER.get((self.block, event), self.block)
 
     def _release(self, losses: int) -> None:
         """A complete target was accepted; ``losses``: when it was sent."""
         if losses < self.blocked_at_loss or self.block is Block.NONE:
             return
-        self.block = Block.NONE
+        self._block_happens(BlockEvent.COMPLETED)
         self.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
 
     def _tell_unknown(self, command: Command) -> None:
