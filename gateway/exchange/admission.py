@@ -35,7 +35,7 @@ def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[boo
 
 
 class Admission:
-    """The doors of one line: what is not allowed is refused here, counted, and told of seldom."""
+    """The doors of one line: what is not allowed is refused here and counted; its events are throttled."""
 
     def __init__(
         self, units: Units, ends: Endings, ownership: Ownership, on_event: Callable[[Event], None]

@@ -1,17 +1,17 @@
 """When monitors get the line: into the gaps that motion leaves, and never for long without (DESIGN 8).
 
-A monitor's exchange starts at two kinds of chances, and only if it fits the gap that it finds there:
+A monitor's transaction starts at two kinds of chances, and only if it fits the gap that it finds there:
 
-- directly after a motion exchange ended, into the shortest gap of the last second;
+- directly after a motion transaction ended, into the shortest gap of the last second;
 - after ``quiet_ms`` without motion, into what is left of the shortest gap of the last second that was as long
   as that. Bursts leave short gaps between their frames and long ones behind them; a pause is one of the long.
 
-It is taken to last as long as it did the last time; one that was never seen, as long as a motion exchange.
+It is taken to last as long as it did the last time; one that was never seen, as long as a motion transaction.
 One that has waited for ``monitor_max_wait_ms``, or for half of its controller's ``timeout_ms``, starts at the
 next chance all the same: it is forced. However many monitors there are, the next one is forced only when
 ``monitor_max_wait_ms`` has passed since the last one ended, and nine times as long as that one held the line,
 the rest after a time-out included: at most a tenth of the line's time is taken from motion. Where no motion
-exchange was seen for a second, monitors need not wait at all.
+transaction was seen for a second, monitors need not wait at all.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ REMEMBERED: Final = 256
 SHRINKS: Final = 8
 """A duration that was not reached again is taken to be an eighth shorter the next time."""
 PAID_BACK: Final = 9
-"""Motion gets the line for so many times as long as a forced exchange held it."""
+"""Motion gets the line for so many times as long as a forced transaction held it."""
 HEAD_BYTES: Final = 5
 """Bytes of a PDU that say what is asked for."""
 
@@ -63,7 +63,7 @@ class _Shortest:
 
 
 class Gaps:
-    """The gaps between the motion exchanges of one line, and what fits into them."""
+    """The gaps between the motion transactions of one line, and what fits into them."""
 
     def __init__(self, timing: LineTiming) -> None:
         self._quiet_ns = int(timing.quiet_ms * NS_PER_MS)
@@ -71,7 +71,7 @@ class Gaps:
         self.is_watching = False
         """Whether anybody but motion controllers uses the line; nothing is watched before."""
         self._ended_ns: int | None = None
-        """When the last motion exchange ended; None: none was seen yet."""
+        """When the last motion transaction ended; None: none was seen yet."""
         self._any = _Shortest()
         self._long = _Shortest()
         """Of the gaps of ``quiet_ms`` and more."""
@@ -84,7 +84,7 @@ class Gaps:
         """No other one is forced before."""
 
     def motion_came(self, now_ns: int) -> None:
-        """Note a motion request that found no other motion exchange under way."""
+        """Note a motion request that found no other motion transaction under way."""
         if self._ended_ns is None:
             return
         gap_ns = now_ns - self._ended_ns
@@ -93,7 +93,7 @@ class Gaps:
             self._long.note(gap_ns, now_ns)
 
     def ended(self, transaction: Transaction, now_ns: int, rests_until_ns: int | None = None) -> None:
-        """Note the end of an exchange, answered or not, and the rest of the line that it leaves behind it."""
+        """Note the end of a transaction, answered or not, and the rest of the line that it leaves."""
         if not self.is_watching:
             return
         if transaction.is_motion:
@@ -113,7 +113,7 @@ class Gaps:
             self._next_forced_ns = free_ns + max(self._max_wait_ns, PAID_BACK * held_ns)
 
     def choose(self, first: Sequence[Transaction], now_ns: int) -> tuple[Transaction | None, int | None]:
-        """Return the first exchange whose turn it is; else None, and when to ask again.
+        """Return the first transaction whose turn it is; else None, and when to ask again.
 
         The line is free, and no motion waits. One whose controller has given up is returned too: it is to be
         withdrawn, and must not keep back what waits behind it.
@@ -133,7 +133,7 @@ class Gaps:
         return None, min((self.next_chance_ns(transaction, now_ns) for transaction in first), default=None)
 
     def next_chance_ns(self, transaction: Transaction, now_ns: int) -> int:
-        """When to ask again, if no motion exchange comes before."""
+        """When to ask again, if no motion transaction comes before."""
         ended_ns = now_ns - self._idle_ns(now_ns)
         next_ns = ended_ns + self._quiet_ns
         if not self._fits(transaction, self._quiet_ns, next_ns) or next_ns <= now_ns:

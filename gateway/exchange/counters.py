@@ -34,7 +34,7 @@ class LineCounters:
     """Requests without a function code."""
 
     def note_reply(self, reply: bytes) -> None:
-        """Count an exchange that a drive answered."""
+        """Count a transaction that a drive answered."""
         self.exchanges += 1
         self.exceptions += is_exception(reply)
 

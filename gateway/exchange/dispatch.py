@@ -121,7 +121,7 @@ class Units:
         return all(m.is_stop or (m.action is Action.IGNORE and not m.commands) for m in found)
 
     def next_to_send(self, transaction: Transaction, now_ns: int) -> tuple[AddedFrame | None, bytes]:
-        """Return what goes out next for an exchange: a frame that it needs first, or its own request.
+        """Return what goes out next for a transaction: a frame that it needs first, or its own request.
 
         Raises:
             RefusedRequestError: it must not reach the drive.

@@ -80,7 +80,7 @@ class LatencyStatus:
         return self._shown("controller", name)
 
     def axis(self, name: str) -> dict[str, object]:
-        """Return an axis's part: of all exchanges with its unit id."""
+        """Return an axis's part: of all transactions with its unit id."""
         budget = self._meter.axes[name]
         return {
             **self._shown("axis", name),

@@ -2,9 +2,9 @@
 
 States of the line:
 
-- *down*: no way to the drives; requests are answered 0x0A (serial controllers: silence).
+- *down*: no link to the drives; requests are answered 0x0A (serial controllers: silence).
 - *free*: the next request is sent in the same call in which it arrives.
-- *busy*: one exchange is on the wire (W6); others wait, stops at their head (M3).
+- *busy*: one transaction is on the wire (W6); others wait, stops at their head (M3).
 - *resting*: nothing is sent until an instant passes: the turnaround after a broadcast, or the silence after a
   time-out, so that a late reply never answers the next request (W6).
 """
@@ -51,7 +51,7 @@ REFUSALS_TOLD: Final = 10
 
 
 class LineExchange:
-    """The exchanges of one line and the axes on it."""
+    """The transactions of one line and the axes on it."""
 
     def __init__(
         self,
@@ -81,7 +81,7 @@ class LineExchange:
         self._waiting = WaitingQueue()
         self._current: Transaction | None = None
         self.is_up = False
-        """Whether there is a way to the drives."""
+        """Whether there is a link to the drives."""
         self._is_stopping = False
         self._silent: set[int] = set()
         """Unit ids whose last request was not answered."""
@@ -112,7 +112,7 @@ class LineExchange:
 
     @property
     def is_idle(self) -> bool:
-        """Whether no exchange is on the wire."""
+        """Whether no transaction is on the wire."""
         return self._current is None
 
     # --- from controllers ------------------------------------------------------------------------------
@@ -218,7 +218,7 @@ class LineExchange:
     # --- from the drives -------------------------------------------------------------------------------
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
-        """Take the reply that the link framed for the exchange on the wire."""
+        """Take the reply that the link framed for the transaction on the wire."""
         transaction = self._current
         if transaction is None or unit_id != transaction.wire_unit_id or not pdu:
             self.stray(now_ns)
@@ -349,7 +349,7 @@ class LineExchange:
         if not self.is_up:
             return
         self.is_up = False
-        if not self._is_stopping:  # closing it ourselves is no news
+        if not self._is_stopping:  # closing it ourselves is no event
             self._on_event(Event(EventKind.LINE_DOWN))
         current, self._current = self._current, None
         is_busy = current is not None or self.rest.is_draining
@@ -376,7 +376,7 @@ class LineExchange:
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
-        """Send nothing new; the exchange on the wire ends as it would have (see :attr:`is_idle`)."""
+        """Send nothing new; the transaction on the wire ends as it would have (see :attr:`is_idle`)."""
         self._is_stopping = True
         for transaction in self._waiting.withdraw(lambda _: True):
             self._withdraw(transaction, "the gateway stops", now_ns)
@@ -385,7 +385,7 @@ class LineExchange:
 
     @property
     def _is_moving(self) -> bool:
-        """Whether a motion exchange is on the wire or waits."""
+        """Whether a motion transaction is on the wire or waits."""
         current = self._current
         return (current is not None and current.is_motion) or not self._waiting.only_others
 
@@ -403,7 +403,7 @@ class LineExchange:
             self._start(transaction, now_ns)
 
     def _start(self, transaction: Transaction, now_ns: int) -> None:
-        """Send an transaction, or the frame that it needs first; or withdraw or refuse it."""
+        """Send a transaction, or the frame that it needs first; or withdraw or refuse it."""
         transaction.start(now_ns)
         reason = "the gateway stops" if self._is_stopping else transaction.why_given_up(now_ns)
         if reason:
@@ -491,9 +491,9 @@ class LineExchange:
             if axis.peers:
                 axis.follow_group()
                 for peer in axis.peers:
-                    for event in peer.take_news():
+                    for event in peer.take_events():
                         self._on_event(event)
-            for event in axis.take_news():
+            for event in axis.take_events():
                 self._on_event(event)
 
     # --- endings ---------------------------------------------------------------------------------------
@@ -510,7 +510,7 @@ class LineExchange:
         )
 
     def _refuse_absent(self, transaction: Transaction, now_ns: int) -> None:
-        """Say that there is no way to the drives (W7)."""
+        """Say that there is no link to the drives (W7)."""
         code = ExceptionCode.GATEWAY_PATH_UNAVAILABLE
         self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
 

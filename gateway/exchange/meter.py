@@ -1,6 +1,6 @@
-"""What the gateway itself costs: each exchange measured, held against the budget of its axes (DESIGN 8).
+"""What the gateway itself costs: each transaction measured, held against the budget of its axes (DESIGN 8).
 
-Times are those of ``read()`` and ``write()``. Of one exchange:
+Times are those of ``read()`` and ``write()``. Of one transaction:
 
 - *queue*: from its last byte until the line was free for it;
 - *request leg*: from then until its frame was written to the drive, without the frames of the gateway's own
@@ -22,7 +22,7 @@ from gateway.exchange.transaction import Transaction
 from gateway.times import NS_PER_S, NS_PER_US
 
 WITHIN_TO_END: Final = 100
-"""So many exchanges in a row within the budget end an overrun, when they also lasted ``CALM_NS``."""
+"""So many transactions in a row within the budget end an overrun, when they also lasted ``CALM_NS``."""
 CALM_NS: Final = 10 * NS_PER_S
 """A busy machine exceeds a budget every second; told each time, it would push all other events out."""
 RTU_OVERHEAD: Final = 3
@@ -37,7 +37,7 @@ Key = tuple[str, int]
 
 
 class Measured:
-    """Times of the exchanges of one controller with one unit id: counts by ``latency.bucket_of``."""
+    """Times of the transactions of one controller with one unit id: counts by ``latency.bucket_of``."""
 
     __slots__ = ("budget_ns", "drive", "gateway", "high", "queue", "reply", "request")
 
@@ -65,7 +65,7 @@ class AxisBudget:
         self.overruns = 0
         self.is_over = False
         self.within = 0
-        """Exchanges since the last overrun, while it lasts."""
+        """Transactions since the last overrun, while it lasts."""
         self.exceeded_ns = 0
         """When the last overrun was."""
 
@@ -79,7 +79,7 @@ class AxisBudget:
         return not was_over
 
     def keep(self, now_ns: int) -> int:
-        """Note an exchange within the budget; return how many there were if they end an overrun, else 0."""
+        """Note a transaction within the budget; return how many there were if they end an overrun, else 0."""
         self.within += 1
         if self.within < WITHIN_TO_END or now_ns - self.exceeded_ns < CALM_NS:
             return 0
@@ -88,7 +88,7 @@ class AxisBudget:
 
 
 class LineMeter:
-    """Measures the exchanges of one line.
+    """Measures the transactions of one line.
 
     ``what_ran`` says what else the loop ran between two instants; it is asked when a budget is exceeded.
     """
@@ -107,13 +107,13 @@ class LineMeter:
         self._what_ran = what_ran
         self._axes_over = 0
         self.wire_ns = 0
-        """All the time that bytes of exchanges took on the drives' wire, as their number says."""
+        """All the time that bytes of transactions took on the drives' wire, as their number says."""
         self.added_ns = 0
         """All the time that the gateway's own frames held requests up."""
 
     @property
     def overruns(self) -> int:
-        """Exchanges that took longer than the budget of their axis."""
+        """Transactions that took longer than the budget of their axis."""
         return sum(budget.overruns for budget in self.axes.values())
 
     def set_budget(self, axis: str, budget_us: float) -> None:
@@ -128,7 +128,7 @@ class LineMeter:
             measured.high.turn(now_ns)
 
     def note(self, transaction: Transaction, port: ControllerPort, reply: bytes, reply_ns: int) -> None:
-        """Measure an exchange whose reply has been passed on."""
+        """Measure a transaction whose reply has been passed on."""
         link = self._link
         sent, replied = link.stamps, port.stamps
         sent_ns, started_ns = sent.sent_ns, transaction.started_ns
@@ -182,7 +182,7 @@ class LineMeter:
             measured.queue[bucket_of(transaction.queue_ns)] += 1
 
     def _judge(self, transaction: Transaction, port: ControllerPort, gateway_ns: int, reply_ns: int) -> None:
-        """Hold an exchange against the budgets of the axes that it was for."""
+        """Hold a transaction against the budgets of the axes that it was for."""
         for budget in self.axes.values():
             if budget.unit_id != transaction.unit_id:
                 continue

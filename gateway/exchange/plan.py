@@ -23,11 +23,11 @@ DEFAULT_WRITER_HOLD_S: Final = 5.0
 the way from one panel to the next."""
 
 DEFAULT_BUDGET_US: Final = 1000.0
-"""About ten times what the relay takes in the median on a small Linux machine: an overrun is news."""
+"""About ten times what the relay takes in the median on a small Linux machine: an overrun is told."""
 
 
 class CompensationMode(Enum):
-    """``shadow`` computes and shows everything and writes the original."""
+    """``shadow`` is the dry run: it computes and shows everything and writes the original."""
 
     ON = "on"
     SHADOW = "shadow"
@@ -136,7 +136,7 @@ class AxisPlan:
     reads_with: Form = Form.FC03
     writes_with: Form = Form.FC16
     budget_us: float = DEFAULT_BUDGET_US
-    """The gateway's own time in one exchange: last byte in to first byte out, both ways added."""
+    """The gateway's own time in one transaction: last byte in to first byte out, both ways added."""
     deadline_ms: float = 0.0
     """Age, since its last byte came in, at which a target or trigger is late; 0: never."""
     late: Late = Late.FORWARD
@@ -223,6 +223,6 @@ class LineTiming:
     gap_ms: float = 0.0
     """Silence that a drive needs before each request, beyond 3.5 characters (Delta: 10 ms)."""
     quiet_ms: float = 5.0
-    """Time without a motion exchange after which a monitor's may start; directly after one it may always."""
+    """Time without motion after which a monitor's may start; directly after motion it may always."""
     monitor_max_wait_ms: float = 200.0
     """A monitor's request that has waited for as long goes at the next gap, though it does not fit."""

@@ -72,7 +72,7 @@ class ControllerPort(Protocol):
 
 
 class DriveLink(Protocol):
-    """The way to the drives of one line."""
+    """The link to the drives of one line."""
 
     @property
     def stamps(self) -> Stamps:

@@ -1,4 +1,4 @@
-"""What is told seldom: the first of a kind, and then few in a while with how many there were."""
+"""The throttle of events: the first of a kind, and then few in a while with how many there were."""
 
 from typing import Final
 

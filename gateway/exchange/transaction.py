@@ -48,7 +48,7 @@ class Phase(Enum):
     SENT = "sent"
     """Its own frame has left."""
     ENDED = "ended"
-    """Its outcome is known, and its axes have taken note of it."""
+    """Its outcome is known, and nothing leaves for it any more."""
 
 
 PHASE_AFTER: Final = {

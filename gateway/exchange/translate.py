@@ -332,7 +332,7 @@ def prepare_commands(rewriting: Rewriting, hits: Sequence[FieldHit]) -> list[tup
 
 
 def _is_no_part(hit: FieldHit) -> bool:
-    """Whether a cut position is none at all: where addresses are commands or objects, there are no halves."""
+    """Whether a cut position is none at all: where addresses are commands or objects, there are no parts."""
     is_object = hit.place.axis.plan.addressing is Addressing.OBJECTS
     return not hit.is_whole and (is_object or hit.place.field.block is not None)
 

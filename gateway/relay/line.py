@@ -217,7 +217,7 @@ class Line:
         now_ns = boot_ns()
         self._exchange.meter.turn(now_ns)
         for axis in self._exchange.axes:
-            for event in () if axis.terms is None else axis.terms.news(axis.plan.name, now_ns):
+            for event in () if axis.terms is None else axis.terms.events(axis.plan.name, now_ns):
                 self._journal.exchange_event(self.plan.name, event)
         now = now_utc()
         for front in self._fronts:

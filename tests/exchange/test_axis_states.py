@@ -410,7 +410,7 @@ def test_each_loss_blocks_and_each_complete_target_lets_go(block: Block, event: 
         (True, False): ["axis-blocked"],
         (False, True): ["axis-released"],
     }.get((block is Block.NONE, axis.block is Block.NONE), [])
-    assert [each.kind.value for each in axis.take_news()][len(BLOCKED[block]) :] == told
+    assert [each.kind.value for each in axis.take_events()][len(BLOCKED[block]) :] == told
 
 
 def test_what_was_sent_before_a_loss_does_not_let_go_of_its_block() -> None:

@@ -184,9 +184,9 @@ def test_an_other_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> No
     """As when a cable is pulled before the first target: y was read, and x was never told anything."""
     bench = Bench(x_plan(), y_plan())
     go_y(bench, 400_000)
-    assert [event.kind.value for event in terms(bench).news("x", bench.now_ns)] == ["term-follows"]
+    assert [event.kind.value for event in terms(bench).events("x", bench.now_ns)] == ["term-follows"]
     bench.line.link_down(bench.now_ns)
-    assert terms(bench).news("x", bench.now_ns) == []
+    assert terms(bench).events("x", bench.now_ns) == []
     bench.line.link_up(bench.now_ns)
     bench.serve()
     bench.move(100_000)

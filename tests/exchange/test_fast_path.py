@@ -43,7 +43,7 @@ PLANS: dict[str, AxisPlan] = {
     "stream in a narrow travel": stream_plan(table=CURVE, travel=(-20.0, 20.0), travel_margin=0.01),
     "targets after the homed bit": axis_plan(table=CURVE, bits=BITS, referenced=Reference.DRIVE_BIT),
     "stream after the homed bit": stream_plan(table=CURVE, bits=BITS, referenced=Reference.DRIVE_BIT),
-    "shadow": stream_plan(table=CURVE, bits=BITS, compensation=CompensationMode.SHADOW),
+    "dry-run": stream_plan(table=CURVE, bits=BITS, compensation=CompensationMode.SHADOW),
     "stream without a table": stream_plan(table=None, bits=BITS),
     "targets without a table": axis_plan(table=None, bits=BITS),
     "off": stream_plan(table=CURVE, bits=BITS, compensation=CompensationMode.OFF),
@@ -110,7 +110,7 @@ class Twins:
             "again": write(self.place, self.told),
             "move elsewhere": write(self.plan.command[-1], self._raw()),
             "block": self._block(),
-            "half": b"\x06" + self.place.address.to_bytes(2, "big") + amount.to_bytes(2, "big", signed=True),
+            "part": b"\x06" + self.place.address.to_bytes(2, "big") + amount.to_bytes(2, "big", signed=True),
             "read": read(ACTUAL),
             "status": b"\x03" + ACTUAL.address.to_bytes(2, "big") + b"\0\x03",
             "read back": read(self.place),
@@ -204,7 +204,7 @@ class Twins:
 
 STEPS = st.tuples(
     st.sampled_from(
-        ["move"] * 6 + ["block", "again", "half", "read", "status", "status", "read back", "elsewhere"]
+        ["move"] * 6 + ["block", "again", "part", "read", "status", "status", "read back", "elsewhere"]
         + ["arrive"] * 3 + ["move elsewhere", "switch", "cable", "warm"]
     ),
     st.one_of(st.integers(1, 900), st.integers(-900, 900)),
@@ -229,7 +229,7 @@ def test_both_ways_come_to_the_same(name: str, steps: list[tuple[str, int, str]]
         ("targets in two registers", 30, 100),
         ("stream in two registers", 100, 100),
         ("stream after the homed bit", 100, 100),
-        ("shadow", 0, 100),
+        ("dry-run", 0, 100),
         ("stream of a warm screw", 200, 100),
         ("targets of a warm screw", 30, 100),
     ],

@@ -35,7 +35,7 @@ def test_a_target_to_another_unit_id_of_a_drive_that_may_not_look_at_it_is_refus
     bench = bench_of()
     assert sent_to(bench, unit_id, write(COMMAND, 70_000)) == []
     assert bench.port.take() == bytes((0x90, 0x0A))
-    assert sent_to(bench, unit_id, bytes.fromhex("06 0607 0001")) == []  # a half of it
+    assert sent_to(bench, unit_id, bytes.fromhex("06 0607 0001")) == []  # a part of it
     assert bench.port.take() == bytes((0x86, 0x0A))
     assert bench.kinds().count("unknown-unit") == 1
     assert bench.line.unit_ids["requests"] == {str(unit_id): 2}

@@ -222,8 +222,8 @@ def test_m2_targets_pass_as_they_come_while_the_trigger_register_holds_something
 
 def test_m1_halves_that_the_drive_acknowledged_may_come_slowly() -> None:
     bench = StagedBench(staged_plan(writes_with=Form.FC06, motion=ONLY_ABSOLUTE))
-    for half in ("06 0606 FFFA", "06 0607 0000"):
-        assert bench.ask(bytes.fromhex(half)) == bytes.fromhex(half)
+    for part in ("06 0606 FFFA", "06 0607 0000"):
+        assert bench.ask(bytes.fromhex(part)) == bytes.fromhex(part)
         bench.wait(700)
     bench.trigger()
     assert bench.drive.moves == [("absolute", 65_540)]

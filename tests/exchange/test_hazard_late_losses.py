@@ -27,7 +27,7 @@ def test_m3_a_half_that_was_withdrawn_is_not_joined_with_what_was_on_the_wire() 
     bench.go_to(50_000)
     bench.send(bytes.fromhex("06 0606 1111"))  # on the wire: 0x0000_1111
     bench.send(bytes.fromhex("06 0607 0001"))  # waits
-    bench.send(bytes.fromhex("03 0800 0001"))  # the controller went on: the half is withdrawn
+    bench.send(bytes.fromhex("03 0800 0001"))  # the controller went on: the part is withdrawn
     bench.serve()
     bench.port.replies.clear()
     bench.wait(500)
@@ -56,18 +56,18 @@ def test_m3_a_mode_that_was_withdrawn_is_not_replaced_by_the_one_on_the_wire() -
 
 
 def test_m3_a_part_whose_loss_shows_later_than_that_of_a_newer_one_counts_for_nothing() -> None:
-    shadow = FieldImage(COMMAND)
-    shadow.settle(bytes(4), bytes(4))
-    shadow.lose(1, b"\x00\x02", 100 * MS)  # came later, was refused at once
-    shadow.lose(1, b"\x00\x01", 90 * MS)  # came first; that nobody answered it is known only now
-    assert shadow.completed(0, b"\x12\x34", 150 * MS) is None
+    image = FieldImage(COMMAND)
+    image.settle(bytes(4), bytes(4))
+    image.lose(1, b"\x00\x02", 100 * MS)  # came later, was refused at once
+    image.lose(1, b"\x00\x01", 90 * MS)  # came first; that nobody answered it is known only now
+    assert image.completed(0, b"\x12\x34", 150 * MS) is None
 
 
 def test_m1_a_half_that_was_lost_and_given_again_may_wait_for_the_other() -> None:
-    shadow = FieldImage(COMMAND)
-    shadow.lose(1, b"\x00\x01", 100 * MS)
-    shadow.hold(1, b"\x00\x01", 250 * MS)
-    assert shadow.completed(0, b"\x12\x34", 900 * MS) == bytes.fromhex("1234 0001")
+    image = FieldImage(COMMAND)
+    image.lose(1, b"\x00\x01", 100 * MS)
+    image.hold(1, b"\x00\x01", 250 * MS)
+    assert image.completed(0, b"\x12\x34", 900 * MS) == bytes.fromhex("1234 0001")
 
 
 def test_m3_halves_that_came_at_one_instant_are_lost_in_their_order() -> None:

@@ -54,8 +54,8 @@ SINGLE = {"writes_with": Form.FC06, "motion": ONLY_ABSOLUTE}
 
 def test_fc06_drives_get_each_word_alone_and_the_trigger_puts_them_right() -> None:
     bench = StagedBench(staged_plan(**SINGLE))
-    for half in ("06 0606 FFFA", "06 0607 0000"):  # 65 530
-        assert bench.ask(bytes.fromhex(half)) == bytes.fromhex(half)
+    for part in ("06 0606 FFFA", "06 0607 0000"):  # 65 530
+        assert bench.ask(bytes.fromhex(part)) == bytes.fromhex(part)
     bench.trigger()
     # forward it is 65 540: both words change with the carry
     assert bench.drive.moves == [("absolute", 65_540)]

@@ -47,8 +47,8 @@ def test_halves_of_different_commands_are_never_joined() -> None:
 
 def test_a_refused_pair_leaves_nothing_behind_to_join_the_next_half_with() -> None:
     bench = standing_at(5_000, travel=(-300.0, 10.0))
-    for half in ("06 0606 EC78", "06 0607 7FFF"):  # 0x7FFF_EC78 is far outside
-        assert bench.ask(bytes.fromhex(half)) == REFUSED
+    for part in ("06 0606 EC78", "06 0607 7FFF"):  # 0x7FFF_EC78 is far outside
+        assert bench.ask(bytes.fromhex(part)) == REFUSED
     assert bench.ask(bytes.fromhex("06 0606 1770")) == REFUSED
     assert bench.ask(bytes.fromhex("06 0607 0000")) == bytes.fromhex("06 0607 0000")
     assert bench.memory.get(COMMAND) == 6_010
@@ -66,10 +66,10 @@ def test_a_withdrawn_half_is_joined_with_the_one_that_withdrew_it_and_not_with_w
 
 
 def test_a_half_is_not_joined_with_one_that_was_lost_before_a_newer_whole_one() -> None:
-    """The half waits for a read, the whole one behind it; both are withdrawn, the newer one first."""
+    """The part waits for a read, the whole one behind it; both are withdrawn, the newer one first."""
     bench = Bench(axis_plan(), timing=LineTiming(response_timeout_ms=50), serial=False, tcp_drive=True)
     bench.send(HIGH_1)
-    assert bench.link.sent[-1][1][0] == 3  # for the other half
+    assert bench.link.sent[-1][1][0] == 3  # for the other part
     bench.send(write(COMMAND, 50_000))
     bench.line.controller_gone(bench.port, bench.now_ns)
     bench.link.sent.clear()

@@ -1,4 +1,4 @@
-"""Halves, masks, cuts: whatever part is written or read, the drive sees whole corrected positions."""
+"""Partial writes, masks, cuts: whatever part is written or read, the drive sees whole corrected positions."""
 
 import pytest
 from hypothesis import given, settings
@@ -35,12 +35,12 @@ def test_a_half_of_an_unknown_position_is_completed_from_the_drive() -> None:
     assert bench.memory.get(COMMAND) == 0x00018009 + 10
 
 
-@pytest.mark.parametrize("half", ["06 0606 0009", "06 0607 0001"])
-def test_a_half_is_refused_where_the_other_may_not_be_what_the_drive_holds(half: str) -> None:
+@pytest.mark.parametrize("part", ["06 0606 0009", "06 0607 0001"])
+def test_a_part_is_refused_where_the_other_may_not_be_what_the_drive_holds(part: str) -> None:
     bench = Bench(axis_plan())
     # 0x10005 may stand for 0x0FFFB: its high word is not certain, and its low word never is
     bench.memory.put(COMMAND, 0x00010005)
-    assert bench.ask(bytes.fromhex(half)) == bytes.fromhex("86 04")
+    assert bench.ask(bytes.fromhex(part)) == bytes.fromhex("86 04")
     assert bench.memory.get(COMMAND) == 0x00010005
 
 

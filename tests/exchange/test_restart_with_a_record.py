@@ -141,8 +141,8 @@ def test_m1_a_half_after_a_restart_is_completed_from_the_record() -> None:
     bench.move(50_000)
     bench.move(20_000)
     again = bench.restarted()
-    half = bytes.fromhex("06 0606") + (20_001).to_bytes(2, "big")
-    assert again.ask(half) == half
+    part = bytes.fromhex("06 0606") + (20_001).to_bytes(2, "big")
+    assert again.ask(part) == part
     assert again.writes == [write(COMMAND, 20_011)]  # one count forward, as far as a reading tells
     assert again.line.axes[0].is_unsure
     assert read(COMMAND) not in again.seen

@@ -106,7 +106,7 @@ class Streams:
         """What the line does every few seconds, and whoever asks for the status."""
         for axis in self.bench.line.axes:
             assert axis.terms is not None
-            axis.terms.news(axis.plan.name, self.bench.now_ns)
+            axis.terms.events(axis.plan.name, self.bench.now_ns)
             axis.terms.status(axis, self.bench.now_ns)
 
     def lost(self) -> None:

@@ -267,7 +267,7 @@ def test_m1_parts_of_two_writers_never_make_one_position() -> None:
     before = bench.memory.get(COMMAND)
     reply = ask(
         bench, panel, low
-    )  # its other half was refused: it is not combined with that of the other one
+    )  # its other part was refused: it is not combined with that of the other one
     assert reply[0] == 0x86
     assert bench.memory.get(COMMAND) == before
 

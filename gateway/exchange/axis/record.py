@@ -180,11 +180,11 @@ class Record:
             self._is_empty = True
 
     def pause(self) -> None:
-        """The way to the drives is lost, or closed: what the record says stays true."""
+        """The link to the drives is lost, or closed: what the record says stays true."""
         self._is_paused = True
 
     def go_on(self) -> None:
-        """The way to the drives is there."""
+        """The link to the drives is up."""
         self._is_paused = False
 
     def _write(self, axis: AxisState, pending: Rendering | None, *, has_target: bool) -> None:

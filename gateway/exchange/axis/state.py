@@ -24,7 +24,7 @@ offset, the last target in both frames, and the readback map that turns readings
 exactly while the place is one of :data:`TARGETED`.
 
 *What the drive holds* is the register image (``registers``): targets may stand in the drive without being
-run, and halves of them may have been lost. What was lost *blocks* the triggers (:class:`Block`).
+run, and parts of them may have been lost. What was lost *blocks* the triggers (:class:`Block`).
 
 Everything above changes in ``transitions`` and nowhere else: each thing that can happen to an axis is one
 method of ``Axis`` there, and what one of several states becomes is a table there. This class only answers
@@ -233,6 +233,7 @@ class AxisState:
         "block_code",
         "blocked_at_loss",
         "compensation",
+        "events",
         "fields",
         "has_branches",
         "heard_ns",
@@ -247,7 +248,6 @@ class AxisState:
         "last_run",
         "limit_fields",
         "losses",
-        "news",
         "on_wire",
         "pending",
         "plan",
@@ -325,7 +325,7 @@ class AxisState:
         # --- who moves it, and what is to be told
         self.hold = Hold(plan.writer_hold_s, is_shared=not plan.has_one_writer)
         self.hunting = Hunting()
-        self.news: list[Event] = []
+        self.events: list[Event] = []
         """What the line has still to report."""
         self.began: tuple[float, float] | None = None
         """Offset with which a stream has begun and what of it was motion, in units, until it is told."""
@@ -371,7 +371,7 @@ class AxisState:
 
     @property
     def is_dry_run(self) -> bool:
-        """Compute and show, but write and read 1:1 (``compensation = "shadow"``)."""
+        """Whether it is a dry run: computed and shown, written and read 1:1 (``compensation = "shadow"``)."""
         return self.plan.compensation is CompensationMode.SHADOW
 
     @property

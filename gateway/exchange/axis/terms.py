@@ -200,7 +200,7 @@ class Terms:
             return TermState.HELD
         return TermState.FADING if left else TermState.FADED
 
-    def news(self, name: str, now_ns: int) -> list[Event]:
+    def events(self, name: str, now_ns: int) -> list[Event]:
         """Return what has changed since it was asked last; nothing else changes."""
         found = []
         for kind, state in self.states(now_ns).items():

@@ -3,7 +3,7 @@
 What one of several states becomes is a table: :data:`WHEREABOUTS_AFTER`, :data:`REFERENCE_AFTER`,
 :data:`BLOCK_AFTER`. What is not in a table changes nothing. A method says what follows
 beside the table; what it changes is the axis alone, and what is to be told of it, which the line passes on
-(``news``).
+(``events``).
 """
 
 from collections.abc import Sequence
@@ -240,9 +240,9 @@ class Axis(AxisState):
 
     def tell(self, kind: EventKind, detail: str = "") -> None:
         """Report something about this axis."""
-        self.news.append(Event(kind, self.plan.name, detail))
+        self.events.append(Event(kind, self.plan.name, detail))
 
-    def take_news(self) -> Sequence[Event]:
+    def take_events(self) -> Sequence[Event]:
         """Return what is to be reported of this axis, each change once; its record says the same then."""
         if self.record is not None:
             self.publish()
@@ -253,9 +253,9 @@ class Axis(AxisState):
             if self.told_unsure:
                 detail = "where the axis is could not be told; it keeps its branch"
                 self.tell(EventKind.DIRECTION_UNSURE, detail)
-        if not self.news:
+        if not self.events:
             return ()
-        taken, self.news = self.news, []
+        taken, self.events = self.events, []
         return taken
 
     def _tell_reference(self) -> None:
@@ -461,7 +461,7 @@ class Axis(AxisState):
     def tell_terms(self, now_ns: int) -> None:
         """Report what is new about how well its terms are known."""
         if self.terms is not None:
-            self.news += self.terms.news(self.plan.name, now_ns)
+            self.events += self.terms.events(self.plan.name, now_ns)
 
     def _begin_stream_anew(self) -> None:
         """The drive counts from another zero: setpoints begin again from where it is."""
