@@ -92,7 +92,7 @@ pictures: setup test-programs ## take the pictures of the page and of reports th
 	$(BIN)/python -m tests.pictures
 	$(BIN)/python -m tests.report.pictures
 
-docs: setup ## write what the documents have from the code: keys, events, errors, drives
+docs: setup ## write what the documents have from the code: keys, events, errors, drives, states
 	@$(BIN)/python -m tools.docs
 
 lock: ## pin what is installed into deploy/requirements.txt: the newest that pyproject.toml allows

@@ -17,6 +17,8 @@ from gateway.catalogue.states import STATES
 from gateway.catalogue.troubles import TROUBLES
 from gateway.cli.drives_output import markdown_lines
 from gateway.config.reference.tables import TABLES, rows
+from tools import state_machine
+from tools.diagram import LayoutError
 from tools.markers import filled, table
 
 DOCUMENTS: Final = Path(__file__).parents[1] / "docs"
@@ -126,23 +128,38 @@ PARTS: Final = {
     "exit codes": exit_codes,
     "drives": drives,
     "decisions": decisions,
+    "whereabouts": state_machine.whereabouts,
+    "references": state_machine.references,
+    "transactions": state_machine.transactions,
+    "blocks": state_machine.blocks,
 }
 
 
 def documents() -> Mapping[Path, str]:
-    """Return every document as it has to be."""
-    return {path: filled(path.read_text(encoding="utf-8"), part) for path in sorted(DOCUMENTS.rglob("*.md"))}
+    """Return every document, and every picture that is drawn from the code, as it has to be.
+
+    Raises:
+        LayoutError: a picture cannot be drawn.
+    """
+    pages = {path: filled(path.read_text(encoding="utf-8"), part) for path in sorted(DOCUMENTS.rglob("*.md"))}
+    drawn = {DOCUMENTS / "pictures" / name: text for name, text in state_machine.pictures().items()}
+    return pages | drawn
 
 
 def main() -> int:
     """Do what the command line says; returns the exit code."""
     is_check = sys.argv[1:] == ["--check"]
-    stale = [path for path, text in documents().items() if path.read_text(encoding="utf-8") != text]
+    try:
+        wanted = documents()
+    except LayoutError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    stale = [path for path, text in wanted.items() if not path.exists() or path.read_text("utf-8") != text]
     for path in stale:
         if is_check:
             sys.stderr.write(f"{path}: not what the code says; run: make docs\n")
         else:
-            path.write_text(documents()[path], encoding="utf-8")
+            path.write_text(wanted[path], encoding="utf-8")
             sys.stdout.write(f"{path.relative_to(DOCUMENTS.parent)}\n")
     return int(is_check and bool(stale))
 
