@@ -1,4 +1,4 @@
-"""Which table each axis is to have where some files are good, some bad and some gone (DESIGN section 7).
+"""Which table each axis is to have where some files are good, some bad and some gone.
 
 A bad file changes nothing: what was in force stays. A file that was taken away takes the correction with it.
 Axes of a group have their tables together or not at all.

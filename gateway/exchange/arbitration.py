@@ -1,4 +1,4 @@
-"""When monitors get the line: into the gaps that motion leaves, and never for long without (DESIGN 8).
+"""When monitors get the line: into the gaps that motion leaves, and never for long without.
 
 A monitor's transaction starts at two kinds of chances, and only if it fits the gap that it finds there:
 

@@ -1,4 +1,4 @@
-"""Targets and triggers that have waited too long (DESIGN 8): sent all the same and counted, or refused.
+"""Targets and triggers that have waited too long: sent all the same and counted, or refused.
 
 In ``targets`` a move must not end short, in ``stream`` a stale setpoint is worse than none: ``late`` says
 which.

@@ -108,7 +108,6 @@ class WritePath(FastPath):
         "_axis",
         "_echo",
         "_end",
-        "_hit",
         "_hold",
         "_image",
         "_number",
@@ -123,7 +122,7 @@ class WritePath(FastPath):
     def __init__(self, pdu: bytes, unit: UnitMap, access: Access, hit: FieldHit) -> None:
         super().__init__(len(pdu), unit.axes)
         assert hit.place.image is not None
-        self._unit, self._access, self._hit = unit, access, hit
+        self._unit, self._access = unit, access
         self._axis = hit.place.axis
         self._hold = self._axis.hold
         self._terms = self._axis.terms

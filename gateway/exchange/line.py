@@ -46,6 +46,7 @@ from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT, MAX_PDU, Except
 from gateway.times import NS_PER_MS, NS_PER_S
 
 ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
+EXCEPTION: Final = Outcome.EXCEPTION
 REFUSALS_TOLD: Final = 10
 """So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
@@ -241,7 +242,7 @@ class LineExchange:
             axes = path.axes
             self.counters.exchanges += 1
             self.counters.exceptions += pdu[0] >= EXCEPTION_BIT
-            transaction.end(ACKNOWLEDGED)
+            transaction.end(ACKNOWLEDGED if pdu[0] < EXCEPTION_BIT else EXCEPTION)
             self._ends.reply(transaction, turned)
             path.settle(transaction, now_ns)
             self._current = None
@@ -277,7 +278,8 @@ class LineExchange:
         if transaction.port is None:
             self.counters.added_reads += 1
             learn(frame, pdu, Known(), transaction.sent_ns)
-            self._ends.finish(transaction, Outcome.ACKNOWLEDGED, now_ns)
+            outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
+            self._ends.finish(transaction, outcome, now_ns)
             record = frame.axis.record
             if frame.purpose is Purpose.ACTUAL and record is not None and record.wants_look:
                 self._waiting.add_own(frame, now_ns)

@@ -1,4 +1,4 @@
-"""What the gateway itself costs: each transaction measured, held against the budget of its axes (DESIGN 8).
+"""What the gateway itself costs: each transaction measured, held against the budget of its axes.
 
 Times are those of ``read()`` and ``write()``. Of one transaction:
 

@@ -24,7 +24,7 @@ COMPENSATION_STATES: Final = (
     "outside",
     "blocked",
 )
-"""Everything that :func:`compensation_state` returns (DESIGN section 11)."""
+"""Everything that :func:`compensation_state` returns."""
 DIRECTION_STATES: Final = ("forward", "backward", "unknown", "unsure")
 """Everything that :func:`direction_state` returns."""
 TERM_STATES: Final = tuple(state.value for state in TermState)

@@ -33,16 +33,10 @@ class FieldRole(Enum):
         """Whether the gateway knows what position the register holds."""
         return self in _POSITIONS
 
-    @property
-    def is_written(self) -> bool:
-        """Whether the controller tells the drive a position there."""
-        return self in _WRITTEN
-
 
 _POSITIONS: Final = frozenset(
     {FieldRole.COMMAND, FieldRole.ACTUAL, FieldRole.COMMANDED, FieldRole.ALIAS, FieldRole.LIMIT}
 )
-_WRITTEN: Final = frozenset({FieldRole.COMMAND, FieldRole.LIMIT})
 
 
 class FieldPlace(NamedTuple):
@@ -102,7 +96,7 @@ class UnitMap:
     def __init__(self, axes: Iterable[Axis]) -> None:
         self.axes = tuple(axes)
         self.has_rules = any(axis.plan.has_rules or axis.peers for axis in self.axes)
-        """Whether a frame may mean something else than positions to be gone to at once."""
+        """Whether a frame may mean something else than positions to be gone to at once, or for its group."""
         self.asks_for_bits = any(axis.hangs_on_a_bit for axis in self.axes)
         """Whether a status bit may have to be read before positions pass."""
         self._places = tuple(place for axis in self.axes for place in _places(axis))

@@ -1,4 +1,4 @@
-"""The whole status model: what the relay says, with what only the supervisor knows (DESIGN section 11).
+"""The whole status model: what the relay says, with what only the supervisor knows.
 
 It is made anew for each snapshot and never changed afterwards.
 """

@@ -18,10 +18,10 @@ from gateway.exchange.axis.events import (
     ReferenceEvent,
 )
 from gateway.exchange.axis.state import (
-    ASKED,
     AT_REST,
     FOUND,
     HOMING,
+    IN_DOUBT,
     TARGETED,
     Block,
     Referenced,
@@ -46,6 +46,7 @@ PLACES: Final = {
     "?": Whereabouts.UNKNOWN,
     "S": Whereabouts.STOPPED,
     "H": Whereabouts.HELD,
+    "O": Whereabouts.OUT_OF_REACH,
     "u": Whereabouts.UNPROVEN,
     "r": Whereabouts.UNPROVEN_AT_REST,
     "w": Whereabouts.UNDER_WAY,
@@ -55,19 +56,20 @@ PLACES: Final = {
     "L": Whereabouts.MAY_HAVE_LEFT,
 }
 WALK: Final = """
-                    ? S H u r w d t A L
-acknowledged        w w w w w w w w w w
-unacknowledged      u u u u u u u u u u
-ran-not             . . . w w . . . . .
-stopped             ? S ? ? ? S S S S S
-displaced           ? ? ? ? ? ? ? ? ? ?
-reference-changed   H . H . . H H H H H
-done                . . . r . d . A . .
-done-alone          . . . r . A . A . .
-fell                . . . . . . L . L .
-there               . . . . . t A . . t
-near                . . . . . . . . . t
-away                . . . . . . ? ? ? ?
+                    ? S H O u r w d t A L
+acknowledged        w w w w w w w w w w w
+unacknowledged      u u u u u u u u u u u
+ran-not             . . . . w w . . . . .
+stopped             ? S ? ? ? ? S S S S S
+displaced           ? ? ? ? ? ? ? ? ? ? ?
+out-of-reach        ? ? . . ? ? O O O O O
+reference-changed   . . H H . . H H H H H
+done                . . . . r . d . A . .
+done-alone          . . . . r . A . A . .
+fell                . . . . . . . L . L .
+there               . . . . . . t A . . t
+near                . . . . . . . . . . t
+away                . . . . . . . ? ? ? ?
 """
 """By hand, from M4 to M6 and M9: a letter is where the axis is then, a dot where nothing changes."""
 
@@ -134,6 +136,7 @@ REACHED: Final[dict[Whereabouts, tuple[Callable[[Axis], None], ...]]] = {
     Whereabouts.UNKNOWN: (acknowledge, lambda axis: do(axis, Action.OTHER_MOTION)),
     Whereabouts.STOPPED: (acknowledge, lambda axis: do(axis, Action.STOP)),
     Whereabouts.HELD: (acknowledge, lambda axis: axis.hold_back(is_held_back=True)),
+    Whereabouts.OUT_OF_REACH: (acknowledge, lambda axis: axis.lose_link(2 * MS)),
     Whereabouts.UNPROVEN: (leave_unproven,),
     Whereabouts.UNPROVEN_AT_REST: (leave_unproven, lambda axis: axis.observe_done(3 * MS, is_done=True)),
     Whereabouts.UNDER_WAY: (acknowledge,),
@@ -155,6 +158,7 @@ CAUSED: Final[dict[Happening, Callable[[Axis], None]]] = {
     Happening.UNACKNOWLEDGED: leave_unproven,
     Happening.STOPPED: lambda axis: do(axis, Action.STOP),
     Happening.DISPLACED: lambda axis: do(axis, Action.OTHER_MOTION),
+    Happening.OUT_OF_REACH: lambda axis: axis.lose_link(5 * MS),
     Happening.DONE: lambda axis: axis.observe_done(6 * MS, is_done=True),
     Happening.FELL: lambda axis: axis.observe_done(6 * MS, is_done=False),
     Happening.THERE: lambda axis: see(axis, 50_010),
@@ -165,7 +169,7 @@ CAUSED: Final[dict[Happening, Callable[[Axis], None]]] = {
 def check(axis: Axis) -> None:
     """What belongs to a place is there in it, and only in it."""
     assert (axis.compensation.accepted is not None) is (axis.whereabouts in TARGETED)
-    assert (axis.held is not None) is (axis.whereabouts is Whereabouts.HELD)
+    assert (axis.held is not None) is (axis.whereabouts in (Whereabouts.HELD, Whereabouts.OUT_OF_REACH))
     unproven = (Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST)
     assert (axis.unproven is not None) is (axis.whereabouts in unproven)
 
@@ -253,6 +257,7 @@ def test_an_axis_is_at_rest_only_where_something_says_so() -> None:
         Whereabouts.UNKNOWN,
         Whereabouts.STOPPED,
         Whereabouts.HELD,
+        Whereabouts.OUT_OF_REACH,
         Whereabouts.UNPROVEN,
         Whereabouts.UNDER_WAY,
     }
@@ -264,11 +269,11 @@ REFERENCES: Final = {
     "U": Referenced.UNTOLD,
     "V": Referenced.UNTOLD_HOMING,
     "l": Referenced.LOST,
-    "L": Referenced.LOST_ASKED,
+    "L": Referenced.LOST_IN_DOUBT,
     "h": Referenced.HOMING,
-    "H": Referenced.HOMING_ASKED,
+    "H": Referenced.HOMING_IN_DOUBT,
     "f": Referenced.FOUND,
-    "F": Referenced.FOUND_ASKED,
+    "F": Referenced.FOUND_IN_DOUBT,
 }
 REFERENCE_WALK: Final = {
     Reference.ABSOLUTE: """
@@ -333,7 +338,7 @@ def test_the_table_of_references_is_what_the_rules_say(kind: Reference) -> None:
 
 def test_every_state_of_a_reference_is_one_thing() -> None:
     assert not FOUND & HOMING
-    assert {Referenced.UNTOLD, Referenced.UNTOLD_HOMING} <= ASKED
+    assert {Referenced.UNTOLD, Referenced.UNTOLD_HOMING} <= IN_DOUBT
 
 
 @pytest.mark.parametrize("kind", Reference)

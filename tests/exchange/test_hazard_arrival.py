@@ -8,7 +8,7 @@ from gateway.drives.motion import Action
 from gateway.exchange.axis.state import Whereabouts
 from gateway.exchange.plan import Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, monitor, read, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Memory, axis_plan, monitor, read, write
 from tests.exchange.staged_bench import (
     BITS,
     HOME_PDU,
@@ -568,6 +568,72 @@ def test_m9_a_held_target_moves_nothing_after_a_silence_in_which_the_reference_w
     assert not bench.line.axes[0].is_referenced
     bench.ask(write(COMMAND, 60_001))
     assert told(bench) == 60_001
+
+
+HOMED = BitField(0x0032, 0)
+
+
+def homed_bench() -> Bench:
+    """An axis that its drive's homed bit references, sent backward to 60 mm."""
+    plan = axis_plan(table=WORN, referenced=Reference.DRIVE_BIT, bits={"homed": HOMED})
+    bench = Bench(plan, timing=LineTiming(drain_ms=1), memory=homed_memory())
+    bench.move(100_000)
+    bench.move(60_000)
+    assert told(bench) == 59_740
+    return bench
+
+
+def homed_memory() -> Memory:
+    memory = Memory()
+    memory.words[HOMED.address] = 1
+    return memory
+
+
+def be_silent(bench: Bench, times: int) -> None:
+    for _ in range(times):
+        bench.send(read(ACTUAL))
+        bench.link.sent.clear()
+        bench.wait(1001)
+        bench.wait(2)
+        bench.port.replies.clear()
+
+
+def cut(bench: Bench, ms: float) -> None:
+    bench.line.link_down(bench.now_ns)
+    bench.wait(ms)
+    bench.line.link_up(bench.now_ns)
+
+
+@pytest.mark.parametrize("trouble", ["a short silence", "a long silence", "a short cut", "a long cut"])
+def test_m9_a_repeat_moves_nothing_where_the_homed_bit_is_gone_afterwards(trouble: str) -> None:
+    bench = homed_bench()
+    bench.memory.words[HOMED.address] = 0
+    if "silence" in trouble:
+        be_silent(bench, 1 if "short" in trouble else 3)
+    else:
+        cut(bench, 500 if "short" in trouble else 3000)
+        bench.serve()
+    bench.ask(write(COMMAND, 60_000))
+    assert told(bench) == 59_740
+    assert not bench.line.axes[0].is_referenced
+    bench.ask(write(COMMAND, 60_001))
+    assert told(bench) == 60_001
+
+
+@pytest.mark.parametrize("stands_at", [59_740, 52_000])
+@pytest.mark.parametrize("trouble", ["a long silence", "a cut"])
+def test_m6_a_repeat_is_planned_anew_where_the_homed_bit_is_still_there(trouble: str, stands_at: int) -> None:
+    """Somebody may have moved it: it is looked at, and a drive that stands where it was told gets the same."""
+    bench = homed_bench()
+    bench.memory.put(ACTUAL, stands_at)
+    if trouble == "a cut":
+        cut(bench, 3000)
+        bench.serve()
+    else:
+        be_silent(bench, 3)
+    bench.ask(write(COMMAND, 60_000))
+    assert told(bench) == (59_740 if stands_at == 59_740 else 60_410)  # from 52 mm it comes forward
+    assert not unsure(bench)
 
 
 # --- what a refusal proves ---------------------------------------------------------------------------------

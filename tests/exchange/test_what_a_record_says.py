@@ -42,6 +42,20 @@ def staged(plan: AxisPlan | None = None) -> tuple[StagedBench, Records]:
     return bench, records
 
 
+@pytest.mark.parametrize(("readings", "was_there"), [((50_022, 50_010), True), ((50_010, 50_022), False)])
+def test_the_newest_reading_decides_whether_the_axis_is_surely_at_its_target(
+    readings: tuple[int, int], was_there: bool
+) -> None:
+    """Both lie in the window of 25 counts, but only one within the hysteresis of 2."""
+    records = Records()
+    bench = Bench(axis_plan(in_position=0.025), before_up=records.attach)
+    bench.ask(write(COMMAND, 50_000))
+    for counts in readings:
+        bench.memory.put(ACTUAL, counts)
+        bench.actual()
+    assert said(records).was_at_target is was_there
+
+
 @pytest.mark.parametrize(
     "pdu", [HOME_PDU, ZERO_PDU, JOG_PDU, UNKNOWN_PDU], ids=["home", "zero", "jog", "odd"]
 )

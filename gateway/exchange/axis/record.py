@@ -1,4 +1,4 @@
-"""What the next run of the gateway has to know of an axis, kept at every moment as it is (DESIGN 7).
+"""What the next run of the gateway has to know of an axis, kept at every moment as it is.
 
 After each input of the line the axis is compared with what was written last, so that whatever changes it (a
 stop, homing, a lost reply, a command) changes the record as well. What cannot be seen afterwards is written
@@ -35,7 +35,6 @@ from gateway.exchange.axis.state import (
     AxisState,
     OnWire,
     Referenced,
-    Rendering,
     Whereabouts,
 )
 from gateway.exchange.plan import AxisPlan
@@ -162,14 +161,15 @@ class Record:
             axis.wanted,
             axis.whereabouts,
             image is not None and not axis.plan.has_rules and _holds_its_words(image),
+            axis.whereabouts is Whereabouts.SEEN_THERE and _was_there(axis),
         )
         if now != self._written:
-            self._write(axis, None, has_target=True)
+            self._write(axis)
             self._written = now
 
-    def keep(self, axis: AxisState, pending: Rendering | None = None, *, has_target: bool = True) -> None:
-        """Write down what holds before a frame leaves."""
-        self._write(axis, pending, has_target=has_target)
+    def keep(self, axis: AxisState) -> None:
+        """Write down what holds before a frame leaves, and the frame."""
+        self._write(axis)
         self._written = ()
 
     def clear(self) -> None:
@@ -187,22 +187,25 @@ class Record:
         """The link to the drives is up."""
         self._is_paused = False
 
-    def _write(self, axis: AxisState, pending: Rendering | None, *, has_target: bool) -> None:
-        compensation = axis.compensation
+    def _write(self, axis: AxisState) -> None:
+        """Write the record that follows from the state of an axis; it follows from nothing else."""
+        compensation, on_wire = axis.compensation, axis.on_wire
         low, high = compensation.way
-        if axis.whereabouts not in ON_BRANCH or high > LARGEST_COUNTS or low < -LARGEST_COUNTS:
+        is_known = axis.whereabouts in ON_BRANCH and on_wire is not OnWire.MOTION
+        if not is_known or high > LARGEST_COUNTS or low < -LARGEST_COUNTS:
             self.clear()
             return
         state, accepted, number = compensation.state, compensation.accepted, axis.last_number
         _, _, _, anchor, fade, _ = compensation.readback
         move = None
+        pending = axis.pending if on_wire is OnWire.TARGET else None
         specs: Specs = (state.spec, state.previous, None, None, axis.wanted)
         if pending is not None and pending.move is not None:
             after = pending.move.state
             specs = (state.spec, state.previous, after.spec, after.previous, axis.wanted)
             ends = (pending.move.nominal_counts, pending.corrected_counts)
             move = (pending.is_distance, pending.number, *ends, *_state_numbers(after))
-        has_target = has_target and accepted is not None
+        has_target = accepted is not None and on_wire is not OnWire.STOP
         knows_words = number is not None and not axis.plan.has_rules and _holds_its_words(axis.fields[number])
         numbers = (
             has_target,
@@ -220,11 +223,6 @@ class Record:
         )
         self._is_empty = False
         self._slots.write(numbers, move, specs)
-
-    @property
-    def generation(self) -> int:
-        """How often the record was written so far."""
-        return self._slots.generation
 
 
 def _was_there(axis: AxisState) -> bool:
@@ -266,9 +264,9 @@ def lacks_reference(axis: AxisState) -> bool:
     """Whether it is certain that an axis does not know where it is."""
     return axis.reference in (
         Referenced.LOST,
-        Referenced.LOST_ASKED,
+        Referenced.LOST_IN_DOUBT,
         Referenced.HOMING,
-        Referenced.HOMING_ASKED,
+        Referenced.HOMING_IN_DOUBT,
     )
 
 

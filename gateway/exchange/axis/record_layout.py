@@ -43,7 +43,6 @@ _MOVE: Final = struct.Struct("<?B2d" + _STATE)
 _SPEC: Final = struct.Struct("<B16s3d")
 _SPECS: Final = 4 * _SPEC.size
 _BODY: Final = struct.Struct(f"<{_HEAD}{_BASE}{_SPECS}s")
-_HEAD_FIELDS: Final = 4
 _CRC: Final = struct.Struct("<I")
 _MOVE_AT: Final = _BODY.size
 _CRC_AT: Final = _MOVE_AT + _MOVE.size

@@ -2,7 +2,7 @@
 
 Of each command field and limit a :class:`FieldImage`: the *nominal words*, which the controller believes
 there, and the *corrected words*, which the drive acknowledged. Of mode and trigger registers and of coils a
-:class:`RuleImage`: what they hold.
+:class:`RuleImage`: what they hold, which of them were lost, and which command field was written last.
 
 A write that was lost on the way (refused, withdrawn, unanswered) leaves a field *torn*: the controller may
 believe in that write or not, so no part of a position may be combined with what stood there before. Parts
@@ -67,7 +67,7 @@ class FieldImage:
         self.may_be_corrected = False
         """The drive may hold other words than the controller wrote."""
         self.losses = 0
-        """How many writes were lost so far: what was sent before a loss does not make up for it."""
+        """Goes up with each write that was lost: what was sent before a loss does not make up for it."""
 
     @property
     def is_torn(self) -> bool:

@@ -13,9 +13,9 @@ pass 1:1 in both directions.
 
 *Where it is* is :class:`Whereabouts`. A target that the drive acknowledged makes the axis be under way; bits
 and positions that are seen afterwards prove its arrival step by step; a stop, a jog, homing, an alarm or a
-lost reply takes that away again. Only an axis that has arrived tells by the sign of its next distance on
-which branch the next target lies, and only such a target, or a reading of a standing axis, is the base of a
-distance. What is seen counts only where it cannot be of the time before: a sample is as old as the sending of
+lost reply takes that away again. Of an axis that has arrived the sign of its next way tells on which branch
+the next target lies, however short that way; of any other a reading has to tell, or the branch is flagged
+(``rendering``). What is seen counts only where it cannot be of the time before: a sample is as old as the sending of
 its request, and a done bit may be that of the move before until it was seen to fall or the drive has had the
 time to let it fall (:class:`Said`).
 
@@ -26,9 +26,9 @@ exactly while the place is one of :data:`TARGETED`.
 *What the drive holds* is the register image (``registers``): targets may stand in the drive without being
 run, and parts of them may have been lost. What was lost *blocks* the triggers (:class:`Block`).
 
-Everything above changes in ``transitions`` and nowhere else: each thing that can happen to an axis is one
-method of ``Axis`` there, and what one of several states becomes is a table there. This class only answers
-questions.
+All of that changes in ``transitions`` and nowhere else: each thing that can happen to an axis is one method of
+``Axis`` there, and what becomes of its whereabouts, its reference and its block is a table there. This class
+only answers questions. Who moves the axis (``hold``) is kept beside it, by ``ownership``.
 """
 
 from dataclasses import dataclass
@@ -70,6 +70,9 @@ class Whereabouts(Enum):
     """A stop came after the last target: it stands somewhere, on the branch of that target."""
     HELD = "held"
     """The reference has changed since: the last target means nothing, but its repeat moves nothing."""
+    OUT_OF_REACH = "out-of-reach"
+    """Its drive could not be reached, or was silent for long: the last target means nothing until the axis is
+    seen; should its reference prove to be lost, a repeat of that target moves nothing."""
     UNPROVEN = "unproven"
     """A target was sent and not acknowledged: the drive may hold it or not."""
     UNPROVEN_AT_REST = "unproven-at-rest"
@@ -117,7 +120,7 @@ class Said(Enum):
 class Referenced(Enum):
     """Whether the axis knows where it is (M9). How that can be known, ``plan.Reference`` says.
 
-    *Asked*: where a status bit decides, it has to be read before positions pass.
+    *In doubt*: where a status bit decides, it has to be read before positions pass.
     """
 
     __hash__ = object.__hash__
@@ -128,29 +131,29 @@ class Referenced(Enum):
     """The same, and a homing command was seen since the start."""
     LOST = "lost"
     """Nobody has said yet where the axis stands, or it may have lost that."""
-    LOST_ASKED = "lost-asked"
+    LOST_IN_DOUBT = "lost-in-doubt"
     """The same, and the bit has to be read before positions pass."""
     HOMING = "homing"
     """A homing command was seen, and not yet its end."""
-    HOMING_ASKED = "homing-asked"
+    HOMING_IN_DOUBT = "homing-in-doubt"
     """The same, and the bit has to be read before positions pass."""
     FOUND = "found"
     """The axis knows where it is: its positions are corrected."""
-    FOUND_ASKED = "found-asked"
+    FOUND_IN_DOUBT = "found-in-doubt"
     """It was found, and the drive may have been switched off since."""
 
 
 _FOUND: Final = Referenced.FOUND  # a member is looked up slowly, and these are asked for with each frame
-_FOUND_ASKED: Final = Referenced.FOUND_ASKED
-FOUND: Final = frozenset({Referenced.FOUND, Referenced.FOUND_ASKED})
-HOMING: Final = frozenset({Referenced.UNTOLD_HOMING, Referenced.HOMING, Referenced.HOMING_ASKED})
-ASKED: Final = frozenset(
+_FOUND_IN_DOUBT: Final = Referenced.FOUND_IN_DOUBT
+FOUND: Final = frozenset({Referenced.FOUND, Referenced.FOUND_IN_DOUBT})
+HOMING: Final = frozenset({Referenced.UNTOLD_HOMING, Referenced.HOMING, Referenced.HOMING_IN_DOUBT})
+IN_DOUBT: Final = frozenset(
     {
         Referenced.UNTOLD,
         Referenced.UNTOLD_HOMING,
-        Referenced.LOST_ASKED,
-        Referenced.HOMING_ASKED,
-        Referenced.FOUND_ASKED,
+        Referenced.LOST_IN_DOUBT,
+        Referenced.HOMING_IN_DOUBT,
+        Referenced.FOUND_IN_DOUBT,
     }
 )
 UNTOLD: Final = frozenset({Referenced.UNTOLD, Referenced.UNTOLD_HOMING})
@@ -287,7 +290,7 @@ class AxisState:
         self.unproven: Rendering | None = None
         """The target that was not acknowledged; there exactly in both places of that name."""
         self.held: Held | None = None
-        """There exactly in the place of that name."""
+        """The last target: there exactly in the places HELD and OUT_OF_REACH."""
         self.last_number: int | None = None
         """Of the command field through which the last accepted target came."""
         self.actual: Actual | None = None
@@ -341,13 +344,13 @@ class AxisState:
     @property
     def is_found(self) -> bool:
         """Whether the axis itself knows where it is, as far as one can tell."""
-        return self.reference is _FOUND or self.reference is _FOUND_ASKED
+        return self.reference is _FOUND or self.reference is _FOUND_IN_DOUBT
 
     @property
     def is_referenced(self) -> bool:
         """Whether the axis, and every axis of its group, knows where it is, as far as one can tell."""
         reference = self.reference
-        return (reference is _FOUND or reference is _FOUND_ASKED) and not self.is_held_back
+        return (reference is _FOUND or reference is _FOUND_IN_DOUBT) and not self.is_held_back
 
     @property
     def follows_homed_bit(self) -> bool:
@@ -405,7 +408,7 @@ class AxisState:
         if not self.follows_homed_bit:
             return before_target and self.reference in HOMING and self.plan.referenced is Reference.HOMING
         is_old = self.reference not in FOUND or now_ns - self.reference_seen_ns > REFERENCE_FRESH_NS
-        return self.reference in ASKED or (before_target and is_old)
+        return self.reference in IN_DOUBT or (before_target and is_old)
 
     # --- where it is -----------------------------------------------------------------------------------
 
@@ -467,11 +470,6 @@ class AxisState:
         return fields[0] if self.may_read and fields and fields[0].is_readable else None
 
     # --- what the drive holds --------------------------------------------------------------------------
-
-    @property
-    def is_blocked(self) -> bool:
-        """Whether triggers are refused for a lost target of its own."""
-        return self.block is not Block.NONE
 
     @property
     def writes_words_alone(self) -> bool:

@@ -96,6 +96,8 @@ _NOTHING: Final = OnWire.NOTHING
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
 _UNPROVEN: Final = frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST})
+_KEEPING: Final = frozenset({Whereabouts.HELD, Whereabouts.OUT_OF_REACH})
+"""Places that keep the last target, which means nothing in them."""
 
 WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
     **{(place, Happening.ACKNOWLEDGED): Whereabouts.UNDER_WAY for place in Whereabouts},
@@ -107,9 +109,12 @@ WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
     },
     **{(place, Happening.DISPLACED): Whereabouts.UNKNOWN for place in Whereabouts},
     **{
-        (place, Happening.REFERENCE_CHANGED): Whereabouts.HELD
-        for place in (*TARGETED, Whereabouts.HELD, Whereabouts.UNKNOWN)
+        (place, Happening.OUT_OF_REACH): Whereabouts.OUT_OF_REACH
+        if place in TARGETED
+        else Whereabouts.UNKNOWN
+        for place in set(Whereabouts) - _KEEPING
     },
+    **{(place, Happening.REFERENCE_CHANGED): Whereabouts.HELD for place in TARGETED | _KEEPING},
     (Whereabouts.UNPROVEN, Happening.DONE): Whereabouts.UNPROVEN_AT_REST,
     (Whereabouts.UNPROVEN, Happening.DONE_ALONE): Whereabouts.UNPROVEN_AT_REST,
     (Whereabouts.UNDER_WAY, Happening.DONE): Whereabouts.DONE_SAID,
@@ -129,13 +134,13 @@ WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
 }
 """What each happening makes of each place; what is not here changes nothing."""
 
-_ASKED_AGAIN: Final = {
+_DOUBTED_AGAIN: Final = {
     Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
-    Referenced.LOST: Referenced.LOST_ASKED,
-    Referenced.HOMING: Referenced.LOST_ASKED,
-    Referenced.HOMING_ASKED: Referenced.LOST_ASKED,
-    Referenced.FOUND: Referenced.LOST_ASKED,
-    Referenced.FOUND_ASKED: Referenced.LOST_ASKED,
+    Referenced.LOST: Referenced.LOST_IN_DOUBT,
+    Referenced.HOMING: Referenced.LOST_IN_DOUBT,
+    Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
+    Referenced.FOUND: Referenced.LOST_IN_DOUBT,
+    Referenced.FOUND_IN_DOUBT: Referenced.LOST_IN_DOUBT,
 }
 
 REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Referenced]]]] = {
@@ -166,37 +171,37 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Ref
         ReferenceEvent.BIT_CLEAR: {
             Referenced.UNTOLD: Referenced.LOST,
             Referenced.UNTOLD_HOMING: Referenced.HOMING,
-            Referenced.LOST_ASKED: Referenced.LOST,
-            Referenced.HOMING_ASKED: Referenced.HOMING,
+            Referenced.LOST_IN_DOUBT: Referenced.LOST,
+            Referenced.HOMING_IN_DOUBT: Referenced.HOMING,
             Referenced.FOUND: Referenced.LOST,
-            Referenced.FOUND_ASKED: Referenced.LOST,
+            Referenced.FOUND_IN_DOUBT: Referenced.LOST,
         },
         ReferenceEvent.HOMING: {
             Referenced.UNTOLD: Referenced.UNTOLD_HOMING,
-            Referenced.LOST: Referenced.HOMING_ASKED,
-            Referenced.LOST_ASKED: Referenced.HOMING_ASKED,
-            Referenced.HOMING: Referenced.HOMING_ASKED,
-            Referenced.FOUND: Referenced.HOMING_ASKED,
-            Referenced.FOUND_ASKED: Referenced.HOMING_ASKED,
+            Referenced.LOST: Referenced.HOMING_IN_DOUBT,
+            Referenced.LOST_IN_DOUBT: Referenced.HOMING_IN_DOUBT,
+            Referenced.HOMING: Referenced.HOMING_IN_DOUBT,
+            Referenced.FOUND: Referenced.HOMING_IN_DOUBT,
+            Referenced.FOUND_IN_DOUBT: Referenced.HOMING_IN_DOUBT,
         },
         ReferenceEvent.OTHER_MOTION: {
             Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
             Referenced.HOMING: Referenced.LOST,
-            Referenced.HOMING_ASKED: Referenced.LOST_ASKED,
+            Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
         },
-        ReferenceEvent.SET_AT_REST: _ASKED_AGAIN,
-        ReferenceEvent.SET_MOVING: _ASKED_AGAIN,
+        ReferenceEvent.SET_AT_REST: _DOUBTED_AGAIN,
+        ReferenceEvent.SET_MOVING: _DOUBTED_AGAIN,
         ReferenceEvent.LOSS: {
             Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
-            Referenced.LOST: Referenced.LOST_ASKED,
-            Referenced.HOMING: Referenced.LOST_ASKED,
-            Referenced.HOMING_ASKED: Referenced.LOST_ASKED,
-            Referenced.FOUND: Referenced.FOUND_ASKED,
+            Referenced.LOST: Referenced.LOST_IN_DOUBT,
+            Referenced.HOMING: Referenced.LOST_IN_DOUBT,
+            Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
+            Referenced.FOUND: Referenced.FOUND_IN_DOUBT,
         },
         ReferenceEvent.SILENCE: {
-            Referenced.LOST: Referenced.LOST_ASKED,
-            Referenced.HOMING: Referenced.HOMING_ASKED,
-            Referenced.FOUND: Referenced.FOUND_ASKED,
+            Referenced.LOST: Referenced.LOST_IN_DOUBT,
+            Referenced.HOMING: Referenced.HOMING_IN_DOUBT,
+            Referenced.FOUND: Referenced.FOUND_IN_DOUBT,
         },
     },
 }
@@ -282,10 +287,10 @@ class Axis(AxisState):
             self.compensation.forget_target()
         if place not in _UNPROVEN:
             self.unproven = None
-        if place is not Whereabouts.HELD:
+        if place not in _KEEPING:
             self.held = None
 
-    def _is_sent_off(self, now_ns: int) -> None:
+    def _send_off(self, now_ns: int) -> None:
         """The drive is made to move, or may be: what it said before is of the time before."""
         self.sent_off_ns = now_ns
         self.said = Said.NOTHING
@@ -298,15 +303,26 @@ class Axis(AxisState):
         """
         self._happens(Happening.STOPPED if keeps_branch else Happening.DISPLACED)
         if moved_ns is not None:
-            self._is_sent_off(moved_ns)
+            self._send_off(moved_ns)
         self.is_moving = None
 
     def forget(self) -> None:
-        """What the drive holds is unknown (M7)."""
+        """Where the axis is and what its drive holds is unknown (M7)."""
         self.displace()
+        self._forget_words()
+
+    def _forget_words(self) -> None:
         self.rules.forget()
         for image in (*self.fields, *self.limit_fields):
             image.forget()
+
+    def _lose_reach(self) -> None:
+        """The drive cannot be seen: what it holds and where its axis is has to be found out anew."""
+        held = self.held_target
+        self._happens(Happening.DISPLACED if held is None else Happening.OUT_OF_REACH)
+        self.held = held
+        self.is_moving = None
+        self._forget_words()
 
     def doubt_words(self) -> None:
         """The drive may hold other targets than it was told; what the controller believes stays."""
@@ -531,21 +547,19 @@ class Axis(AxisState):
             self.silent_since_ns = None
         if self.silent_until_ns - since_ns <= self.plan.lost_ms * NS_PER_MS:
             return
-        unproven, held = self.unproven, self.held_target
-        self.forget()
+        unproven = self.unproven
+        self._lose_reach()
         if unproven is not None:  # it may have arrived before the drive fell silent
             self._happens(Happening.UNACKNOWLEDGED)
             self.unproven = unproven
-        self._is_sent_off(self.silent_until_ns)
+        self._send_off(self.silent_until_ns)
         self.lose_reference()
-        if not self.is_referenced and held is not None:
-            self._hold_target(held)
 
     def lose_link(self, now_ns: int) -> None:
         """Forget what may have changed while nobody looked."""
         if self.record is not None:
             self.record.pause()
-        self.forget()
+        self._lose_reach()
         self.actual = None
         self.fall_silent(now_ns)
 
@@ -565,7 +579,7 @@ class Axis(AxisState):
             return
         self.on_wire = OnWire.TARGET
         self.pending = rendering
-        record.keep(self, pending=rendering)
+        record.keep(self)
 
     def send_stop(self) -> None:
         """A stop goes out next: where the axis goes is not known from now on, only the way that it is on."""
@@ -576,7 +590,7 @@ class Axis(AxisState):
             self.send_motion()
             return
         self.on_wire = OnWire.STOP
-        record.keep(self, has_target=False)
+        record.keep(self)
 
     def send_motion(self) -> None:
         """Something goes out that moves the axis in a way that its record does not say."""
@@ -587,7 +601,7 @@ class Axis(AxisState):
             self.drop_record("the axis was moved before it was read")
         self.on_wire = OnWire.MOTION
         self.pending = None
-        record.clear()
+        record.keep(self)
 
     def conclude(self) -> None:
         """What was sent has been answered, or never will be."""
@@ -618,7 +632,7 @@ class Axis(AxisState):
         if place is not _UNDER_WAY:
             self._happens(Happening.ACKNOWLEDGED)
         if not is_stream or place in AT_REST:
-            self._is_sent_off(now_ns)
+            self._send_off(now_ns)
         self.is_moving = None
 
     def _note_branch_change(self, now_ns: int) -> None:
@@ -632,7 +646,7 @@ class Axis(AxisState):
         Of a repeat it holds the same words in either case.
         """
         is_repeat = rendering.move is None and not rendering.is_distance
-        if is_repeat and (self.compensation.accepted is not None or self.held is not None):
+        if is_repeat and (self.compensation.accepted is not None or self.whereabouts is Whereabouts.HELD):
             return
         self.leave_run_unproven(rendering, now_ns)
         self.fields[rendering.number].forget()
@@ -1192,7 +1206,7 @@ class Axis(AxisState):
         else:
             self.whereabouts = Whereabouts.ARRIVED if recalled.was_done_seen else Whereabouts.SEEN_THERE
         self.unproven = self.held = None
-        self._is_sent_off(state.at_ns if recalled.is_of_this_boot else 0)
+        self._send_off(state.at_ns if recalled.is_of_this_boot else 0)
         self.last_number = recalled.number
         if accepted is not None and recalled.knows_words:
             field_ = self.plan.command[recalled.number]
