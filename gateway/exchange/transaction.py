@@ -5,8 +5,8 @@ says. Its own frame leaves once: a frame may leave only from ``WAITING`` (:meth:
 the line in the one place where frames leave), and no phase leads back to ``WAITING`` from ``SENT``. A
 prerequisite, which the gateway adds, may come before it, as often as it takes; each is another frame.
 
-A transaction ends once, in :meth:`Endings.finish`, with one :class:`~gateway.exchange.axis.events.Outcome`; one
-that went the fast path and was answered as usual ends in ``LineExchange.reply``, which takes the same steps.
+A transaction ends once, in :meth:`Endings.finish`, with one :class:`~gateway.exchange.axis.events.Outcome`;
+one that went the fast path and was answered as usual ends in ``LineExchange.reply``, in the same steps.
 Which outcomes an end may have follows from the phase (:data:`OUTCOMES`): what never left cannot have been
 acknowledged, and what left cannot be withdrawn.
 """

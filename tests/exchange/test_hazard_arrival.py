@@ -570,9 +570,6 @@ def test_m9_a_held_target_moves_nothing_after_a_silence_in_which_the_reference_w
     assert told(bench) == 60_001
 
 
-HOMED = BitField(0x0032, 0)
-
-
 def homed_bench() -> Bench:
     """An axis that its drive's homed bit references, sent backward to 60 mm."""
     plan = axis_plan(table=WORN, referenced=Reference.DRIVE_BIT, bits={"homed": HOMED})
@@ -623,7 +620,7 @@ def test_m9_a_repeat_moves_nothing_where_the_homed_bit_is_gone_afterwards(troubl
 @pytest.mark.parametrize("stands_at", [59_740, 52_000])
 @pytest.mark.parametrize("trouble", ["a long silence", "a cut"])
 def test_m6_a_repeat_is_planned_anew_where_the_homed_bit_is_still_there(trouble: str, stands_at: int) -> None:
-    """Somebody may have moved it: it is looked at, and a drive that stands where it was told gets the same."""
+    """Somebody may have moved it: it is looked at, and one that stands where it was told gets the same."""
     bench = homed_bench()
     bench.memory.put(ACTUAL, stands_at)
     if trouble == "a cut":

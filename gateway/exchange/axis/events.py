@@ -44,7 +44,7 @@ class Happening(Enum):
     DISPLACED = "displaced"
     """Something else than a target moves it, or has moved it, or nobody knows."""
     OUT_OF_REACH = "out-of-reach"
-    """The way to its drive was lost, or its drive was silent for so long that it may have been switched off."""
+    """The way to its drive was lost, or it was silent for so long that it may have been switched off."""
     REFERENCE_CHANGED = "reference-changed"
     """Its last target means nothing from now on, and nothing but a target has moved it since."""
     DONE = "done"

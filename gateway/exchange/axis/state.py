@@ -15,9 +15,9 @@ pass 1:1 in both directions.
 and positions that are seen afterwards prove its arrival step by step; a stop, a jog, homing, an alarm or a
 lost reply takes that away again. Of an axis that has arrived the sign of its next way tells on which branch
 the next target lies, however short that way; of any other a reading has to tell, or the branch is flagged
-(``rendering``). What is seen counts only where it cannot be of the time before: a sample is as old as the sending of
-its request, and a done bit may be that of the move before until it was seen to fall or the drive has had the
-time to let it fall (:class:`Said`).
+(``rendering``). What is seen counts only where it cannot be of the time before: a sample is as old as the
+sending of its request, and a done bit may be that of the move before until it was seen to fall or the drive
+has had the time to let it fall (:class:`Said`).
 
 *How it is corrected* at the moment is in ``compensation`` (``gateway.compensation``): direction, blends,
 offset, the last target in both frames, and the readback map that turns readings back. The target is there
@@ -26,9 +26,9 @@ exactly while the place is one of :data:`TARGETED`.
 *What the drive holds* is the register image (``registers``): targets may stand in the drive without being
 run, and parts of them may have been lost. What was lost *blocks* the triggers (:class:`Block`).
 
-All of that changes in ``transitions`` and nowhere else: each thing that can happen to an axis is one method of
-``Axis`` there, and what becomes of its whereabouts, its reference and its block is a table there. This class
-only answers questions. Who moves the axis (``hold``) is kept beside it, by ``ownership``.
+All of that changes in ``transitions`` and nowhere else: each thing that can happen to an axis is one method
+of ``Axis`` there, and what becomes of its whereabouts, its reference and its block is a table there. This
+class only answers questions. Who moves the axis (``hold``) is kept beside it, by ``ownership``.
 """
 
 from dataclasses import dataclass
