@@ -582,7 +582,7 @@ def homed_bench() -> Bench:
 
 def homed_memory() -> Memory:
     memory = Memory()
-    memory.words[HOMED.address] = 1
+    memory.words[HOMED.address] = 1 << HOMED.bit
     return memory
 
 
