@@ -1,0 +1,410 @@
+"""What must hold in every state and for every event; the numbers are those of docs/verify.md.
+
+All arithmetic is the drive's own (``tests.verify.screw``). Where a rule excuses something, the excuse is a
+reason that the gateway gives aloud: an axis that is flagged unsure, that is not referenced, that is off.
+"""
+
+from typing import TYPE_CHECKING, Any, Final
+
+from gateway.modbus.pdu import is_exception
+from tests.exchange.line_bench import ACTUAL, COMMAND
+from tests.exchange.staged_bench import COMMANDED, RUN, RUN_RELATIVE, STATUS, STOP, TRIGGER
+
+if TYPE_CHECKING:
+    from tests.verify.world import Aim, Asked, Axis, Belief, Run, Side, Wire, World
+
+ROUNDING: Final = 0.5 + 1e-6
+ONE_COUNT: Final = 1.0 + 1e-6
+BESIDE_COUNTS: Final = 2.0 + 1e-6
+"""The hysteresis: nearer to a branch nobody can tell a direction by a measured position."""
+SLOPE_COUNTS: Final = 3.0
+"""What rounding on two scales and an inverse on a steep slope may put a reading beside the branches."""
+PASSING: Final = frozenset({"unreferenced", "off", "no-table"})
+"""States in which positions go through 1:1 (M9)."""
+STOP_TICKS: Final = 12
+NO_PATH: Final = 0x0A
+READABLE: Final = frozenset(
+    {(ACTUAL.address, 2), (COMMAND.address, 2), (COMMANDED.address, 2), (STATUS, 1), (TRIGGER, 1)}
+)
+STOP_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + STOP.to_bytes(2, "big")
+RUN_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN.to_bytes(2, "big")
+RELATIVE_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN_RELATIVE.to_bytes(2, "big")
+RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU})
+ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
+
+
+class Violation(Exception):
+    """A rule that was broken; the message says which one, and how."""
+
+
+def is_stop(pdu: bytes) -> bool:
+    """Whether a request stops the axis."""
+    return pdu == STOP_PDU
+
+
+def writes_target(pdu: bytes) -> bool:
+    """Whether a request writes a word of the target."""
+    return pdu[0] in (6, 16) and (pdu[1] << 8 | pdu[2]) in ENDS
+
+
+# --- frames that leave ---------------------------------------------------------------------------------------
+
+
+def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
+    """Find out why a frame has left (2). Raises Violation."""
+    from tests.verify.world import Wire
+
+    state = world.state
+    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
+    for port, waiting in enumerate(state.asked):
+        for at, request in enumerate(waiting):
+            if not request.is_sent and _is_frame_of(pdu, request.pdu):
+                if is_stop(pdu):
+                    world.tally.stop_ticks = max(world.tally.stop_ticks, request.ticks)
+                    if request.ticks > STOP_TICKS:
+                        raise Violation(f"a stop had to wait for {request.ticks} ticks (2)")
+                asked = list(state.asked)
+                asked[port] = (*waiting[:at], request._replace(is_sent=True), *waiting[at + 1 :])
+                world.state = state._replace(asked=tuple(asked))
+                return Wire(unit_id, pdu, port, request.transaction_id, _aim(world, port, number, pdu, request))
+    if pdu[0] == 3:
+        if (pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4]) not in READABLE:
+            raise Violation(f"a read that nothing names: {pdu.hex(' ')} (W8)")
+        waits = any(not each.is_sent for waiting in state.asked for each in waiting)
+        if not (waits or state.is_starting):
+            raise Violation(f"a read for nothing: {pdu.hex(' ')} (W8)")
+        return Wire(unit_id, pdu, -1, 0, None)
+    _judge_restaging(world, number, pdu)
+    return Wire(unit_id, pdu, -1, 0, None)
+
+
+def _is_frame_of(frame: bytes, request: bytes) -> bool:
+    if frame == request:
+        return True
+    if frame[0] != 16 or not writes_target(request):
+        return False
+    return frame[:6] == b"\x10" + COMMAND.address.to_bytes(2, "big") + b"\0\x02\x04"
+
+
+def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
+    """A write that no controller has asked for: only a staged target right before its trigger (M2)."""
+    state = world.state
+    shown = pdu.hex(" ")
+    for port, waiting in enumerate(state.asked):
+        for at, request in enumerate(waiting):
+            if request.is_sent or request.pdu not in RUNS or not writes_target(pdu):
+                continue
+            if request.is_restaged:
+                raise Violation(f"the staged target was written anew twice: {shown} (2)")
+            belief = state.beliefs[port][number]
+            if belief.lost and world.said(number).compensation not in PASSING:
+                raise Violation(f"a target that was lost is written anew: {shown} (4)")
+            asked = list(state.asked)
+            asked[port] = (*waiting[:at], request._replace(is_restaged=True), *waiting[at + 1 :])
+            world.state = state._replace(asked=tuple(asked))
+            return
+    raise Violation(f"a write that nobody has asked for: {shown} (2)")
+
+
+def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -> "Aim | None":
+    from tests.verify.world import Aim
+
+    state = world.state
+    axis, belief = state.axes[number], state.beliefs[port][number]
+    is_run = pdu in RUNS
+    if not (is_run or (writes_target(pdu) and not world.design.is_staged)):
+        return None
+    if not is_run:
+        belief = _written(belief, request.pdu)
+    base = None
+    if pdu == RELATIVE_PDU:
+        run = axis.run
+        if run is not None and axis.commanded_counts == run.end_counts:
+            base = (run.nominal_counts, True)
+        else:
+            base = (axis.commanded_counts, False)
+    return Aim(
+        belief.nominal_counts,
+        axis.stands_counts,
+        world.said(number).compensation,
+        world.is_sending_unsure() or world.said(number).direction == "unsure",
+        state.table,
+        bool(belief.lost),
+        base,
+    )
+
+
+def _written(belief: "Belief", pdu: bytes) -> "Belief":
+    """Return what a controller believes once a request of it is there."""
+    data = pdu[6:] if pdu[0] == 16 else pdu[3:5]
+    is_low_written = (pdu[1] << 8 | pdu[2]) == COMMAND.address
+    if len(data) == 4:
+        return belief._replace(low=data[0] << 8 | data[1], high=data[2] << 8 | data[3], lost=0)
+    word = data[0] << 8 | data[1]
+    if is_low_written:
+        return belief._replace(low=word, lost=belief.lost & 2)
+    return belief._replace(high=word, lost=belief.lost & 1)
+
+
+# --- motions ---------------------------------------------------------------------------------------------------
+
+
+def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
+    """Judge where the drive is about to go (0, 1, 4). Raises Violation."""
+    from tests.verify.world import Run
+
+    aim = wire.aim
+    if aim is None:
+        raise Violation(f"the drive goes to {end} and no controller has said so (0)")
+    axis = world.state.axes[number]
+    is_passing = aim.state in PASSING
+    if aim.is_lost and not is_passing:
+        raise Violation(f"a target that was lost runs: the drive goes to {end} (4)")
+    if aim.base is not None:
+        nominal = _judge_distance(world, axis, end, aim)
+    else:
+        nominal = aim.nominal_counts
+        _judge_target(world, axis, end, aim)
+    is_certain = aim.base is None or aim.base[1]
+    is_unsure = aim.is_unsure or not is_certain
+    return Run(nominal, end, False, is_unsure, aim.table, aim.state)
+
+
+def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
+    run, nominal = axis.run, aim.nominal_counts
+    if run is not None and run.nominal_counts == nominal:
+        if end == run.end_counts:
+            return
+        is_excused = run.is_unsure or aim.is_unsure or (run.is_restarted and run.table != aim.table)
+        if not is_excused:
+            raise Violation(
+                f"the same target {nominal} again moves the drive from {run.end_counts} to {end} (0, M4)"
+            )
+    if aim.state in PASSING:
+        if end != nominal:
+            raise Violation(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
+        return
+    _judge_branch(world, axis, end, aim, nominal, ROUNDING)
+
+
+def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
+    assert aim.base is not None
+    base, is_certain = aim.base
+    distance = aim.nominal_counts
+    if aim.state in PASSING:
+        if end - axis.commanded_counts != distance:
+            raise Violation(f"a distance of {distance} becomes {end - axis.commanded_counts} (M9)")
+        return end
+    if is_certain:
+        _judge_branch(world, axis, end, aim, base + distance, ONE_COUNT)
+        return base + distance
+    forward, backward = _branches(world, base, aim)
+    low, high = sorted((2 * base - forward, 2 * base - backward))
+    for nominal in range(int(low - SLOPE_COUNTS) + distance, int(high + SLOPE_COUNTS) + distance + 1):
+        if any(abs(end - each) <= ONE_COUNT for each in _branches(world, nominal, aim)):
+            return nominal
+    raise Violation(f"a distance of {distance} from {base} ends at {end}, which is on no branch (1)")
+
+
+def _branches(world: "World", nominal: int, aim: "Aim") -> tuple[float, float]:
+    share = 0.5 if world.state.is_gain_half else 1.0
+    forward, backward = world.screws[aim.table].corrected(nominal)
+    return nominal + share * (forward - nominal), nominal + share * (backward - nominal)
+
+
+def _judge_branch(
+    world: "World", axis: "Axis", end: int, aim: "Aim", nominal: int, tolerance: float
+) -> None:
+    forward, backward = _branches(world, nominal, aim)
+    is_forward, is_backward = abs(end - forward) <= tolerance, abs(end - backward) <= tolerance
+    if aim.is_unsure:
+        if is_forward or is_backward or abs(end - (forward + backward) / 2) <= tolerance:
+            return
+        raise Violation(f"target {nominal} becomes {end}: {forward:.2f} or {backward:.2f} would be right (1)")
+    low, high = sorted((forward, backward))
+    may_be_forward = may_be_backward = False
+    run = axis.run
+    for place in {aim.from_counts, axis.stands_counts}:
+        is_told = run is not None and run.is_told and axis.goes_counts is None and run.table == aim.table
+        if run is not None and is_told and place == run.end_counts and run.state not in PASSING:
+            may_be_forward |= nominal >= run.nominal_counts
+            may_be_backward |= nominal <= run.nominal_counts
+        else:
+            may_be_forward |= place <= high + BESIDE_COUNTS
+            may_be_backward |= place >= low - BESIDE_COUNTS
+    if (is_forward and may_be_forward) or (is_backward and may_be_backward):
+        return
+    what = "is on the wrong branch" if is_forward or is_backward else "is on no branch"
+    raise Violation(
+        f"target {nominal}, the drive stands at {axis.stands_counts} and goes to {end}, which {what}: "
+        f"{forward:.2f} forward, {backward:.2f} backward, and nothing says that it is unsure (1)"
+    )
+
+
+# --- answers -----------------------------------------------------------------------------------------------------
+
+
+def _is_native(sent: bytes, reply: bytes) -> bool:
+    if sent[0] == 3:
+        return reply[0] == 3
+    return reply == (sent[:5] if sent[0] == 16 else sent)
+
+
+def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
+    """Take note of what the drive has answered, before its controller sees it."""
+    if wire.owner < 0 or wire.pdu[0] == 3:
+        return
+    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == wire.unit_id)
+    request = _find(world, wire.owner, wire.transaction_id)
+    if request is None:
+        # Nobody waits for it: what the drive acknowledged counts all the same.
+        request_pdu = wire.pdu
+    else:
+        request_pdu = request.pdu
+    if not _is_native(wire.pdu, reply):
+        if request is not None:
+            note_lost(world, wire.owner, request)
+        return
+    if writes_target(request_pdu):
+        beliefs = [list(own) for own in world.state.beliefs]
+        for port, own in enumerate(beliefs):
+            if port == wire.owner:
+                own[number] = _written(own[number], request_pdu)
+            else:
+                own[number] = own[number]._replace(lost=3)
+        world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
+    if wire.aim is not None:
+        axes = list(world.state.axes)
+        run = axes[number].run
+        if run is not None:
+            axes[number] = axes[number]._replace(run=run._replace(is_told=not wire.aim.is_lost))
+            world.state = world.state._replace(axes=tuple(axes))
+
+
+def note_silence(world: "World", wire: "Wire") -> None:
+    """Take note of a frame that was not answered in time."""
+    axes = tuple(
+        axis if axis.run is None else axis._replace(run=axis.run._replace(is_told=False))
+        for axis in world.state.axes
+    )
+    world.state = world.state._replace(axes=axes)
+    if wire.owner < 0:
+        return
+    request = _find(world, wire.owner, wire.transaction_id)
+    if request is None:
+        return
+    note_lost(world, wire.owner, request)
+    if world.design.controllers[wire.owner].serial:
+        _end(world, wire.owner, request)
+
+
+def note_lost(world: "World", port: int, request: "Asked") -> None:
+    """Take note of a write of a target of which nobody can say that it is in the drive (4)."""
+    if not writes_target(request.pdu):
+        return
+    lost = 3 if request.pdu[0] == 16 else (1 if (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address else 2)
+    beliefs = [list(own) for own in world.state.beliefs]
+    number = 0 if len(world.design.plans) == 1 else -1
+    for i in range(len(beliefs[port])) if number < 0 else (0,):
+        beliefs[port][i] = beliefs[port][i]._replace(lost=beliefs[port][i].lost | lost)
+    world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
+
+
+def _find(world: "World", port: int, transaction_id: int) -> "Asked | None":
+    return next((a for a in world.state.asked[port] if a.transaction_id == transaction_id and a.is_sent), None)
+
+
+def _end(world: "World", port: int, request: "Asked") -> None:
+    asked = list(world.state.asked)
+    asked[port] = tuple(a for a in asked[port] if a.transaction_id != request.transaction_id)
+    world.state = world.state._replace(asked=tuple(asked))
+
+
+def judge_reply(
+    world: "World", port: int, transaction_id: int, pdu: bytes, answered: "Wire | None"
+) -> None:
+    """Judge what a controller is answered (2, 3). Raises Violation."""
+    request = next((a for a in world.state.asked[port] if a.transaction_id == transaction_id), None)
+    if request is None:
+        raise Violation(f"an answer that nobody waits for: {pdu.hex(' ')}")
+    _end(world, port, request)
+    is_own = answered is not None and answered.owner == port and answered.transaction_id == transaction_id
+    if is_exception(pdu):
+        world.tally.refusals.add(pdu[1])
+        if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
+            raise Violation(f"a stop was refused with {pdu[1]} (2, M3)")
+        if not is_own:
+            note_lost(world, port, request)
+        return
+    if not is_own:
+        raise Violation(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")
+    if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
+        assert answered is not None
+        number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
+        _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])))
+
+
+def _judge_reading(world: "World", number: int, read_counts: int) -> None:
+    axis, said = world.state.axes[number], world.said(number)
+    run, stands = axis.run, axis.stands_counts
+    if axis.goes_counts is not None:
+        return
+    is_told = run is not None and run.is_told and stands == run.end_counts
+    if said.compensation in PASSING:
+        if not world.state.is_wanted or read_counts == stands or run is not None:
+            return  # a fade leads to 1:1, and a target that was told holds
+        raise Violation(f"an axis that is {said.compensation} stands at {stands} and reads {read_counts} (3)")
+    if run is not None and is_told and run.state not in PASSING:
+        if read_counts != run.nominal_counts:
+            raise Violation(
+                f"the axis stands where target {run.nominal_counts} has sent it, at {stands}, and reads "
+                f"{read_counts} (3)"
+            )
+        return
+    if said.direction == "unsure":
+        return
+    low, high = _band(world, stands)
+    if not low - SLOPE_COUNTS <= read_counts <= high + SLOPE_COUNTS:
+        raise Violation(f"the drive stands at {stands} and reads {read_counts}: {low:.1f} to {high:.1f} (3)")
+
+
+def _band(world: "World", stands: int) -> tuple[float, float]:
+    """Nominal positions that a place of the drive may stand for; 1:1 is one of them, before the first move."""
+    spread = 0.0
+    found = [float(stands)]
+    for screw in world.screws:
+        forward, backward = screw.corrected(stands)
+        spread = max(spread, abs(forward - backward))
+        found += [2 * stands - forward, 2 * stands - backward]
+    return min(found) - spread, max(found) + spread
+
+
+# --- two ways through ------------------------------------------------------------------------------------------------
+
+
+def compare(first: "Side", second: "Side") -> None:
+    """Hold the fast path against the slow one (7). Raises Violation."""
+    frames: tuple[Any, Any] = (first.link.sent, second.link.sent)
+    if frames[0] != frames[1]:
+        shown = [" | ".join(f"{unit_id} {pdu.hex(' ')}" for unit_id, pdu in each) for each in frames]
+        raise Violation(f"the fast path sends {shown[0] or 'nothing'}, the slow one {shown[1] or 'nothing'} (7)")
+    for one, other in zip(first.ports, second.ports, strict=True):
+        if one.replies != other.replies:
+            shown = [" | ".join(pdu.hex(" ") for _, pdu in each.replies) for each in (one, other)]
+            raise Violation(f"the fast path answers {shown[0]}, the slow one {shown[1]} (7)")
+    if first.link.is_abandoned is not second.link.is_abandoned:
+        raise Violation("only one of both ways gives the reply up (7)")
+
+
+def is_settled(world: "World") -> bool:
+    """Whether everything is as it should be: referenced, corrected, standing where it was sent (6)."""
+    state = world.state
+    if not (world.is_quiet and state.is_up):
+        return False
+    for number, axis in enumerate(state.axes):
+        said, run = world.said(number), axis.run
+        if said.compensation != "active" or said.direction in ("unsure", "unknown"):
+            return False
+        if run is None or not run.is_told or run.is_unsure or axis.stands_counts != run.end_counts:
+            return False
+    return True

@@ -1,0 +1,593 @@
+"""The state of a running line: kept, put back and compared. All that knows how the gateway is built is here.
+
+A line is a graph of objects. What is there before the first frame stays for good (*standing* objects); what
+comes and goes with frames hangs from it (*passing* objects: exchanges, readings, drafts). A snapshot holds the
+values of all attributes that can change, by reference: nothing is copied, and putting it back writes into the
+same objects what differs. For comparing, the same values are turned into hashable ones: instants become ages
+that saturate, identities become ordinals, and what cannot matter is left out.
+"""
+
+from array import array
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import is_dataclass
+from enum import Enum
+from hashlib import blake2b
+from operator import attrgetter, is_
+from types import MemberDescriptorType, MethodType, ModuleType
+from typing import Any, Final, NamedTuple
+
+from gateway.exchange import arrival
+from gateway.exchange.line import LineExchange
+from gateway.exchange.status import compensation_state, direction_state
+from gateway.times import NS_PER_MS
+
+FIRST_INSTANT: Final = 10**17
+"""Clocks of worlds begin beyond it: an integer as large is an instant, whatever it is called."""
+LARGEST_NUMBER: Final = 1 << 40
+"""Registers and durations are smaller; between the two lie identities of objects."""
+UNIT_NS: Final = 10 * NS_PER_MS
+"""Ages are compared in such units; everything in a world happens at multiples of a tick of several."""
+
+LEFT_OUT: Final = {
+    "plan": "compared by value where an axis has it; elsewhere it never changes",
+    "counters": "figures for the status",
+    "meter": "figures for the status",
+    "hunting": "decides only whether an event is told",
+    "news": "events that are about to be told",
+    "_counters": "figures for the status",
+    "_units": "what registers mean, and ways prepared from it: a cache",
+    "_on_event": "a function of the world",
+    "_link": "the world's",
+    "_refusals": "how often was told of a refusal",
+    "_told": "how often was told of something",
+    "told_restaged_ns": "when was told of it",
+    "told_unknown": "of what was told",
+    "was_unsure": "whether it was told already",
+    "_said_referenced": "what was told last",
+    "_gaps": "when monitors may read; no world has one",
+    "replies": "the world's",
+    "stamps": "when frames left; figures for the status",
+    "began": "what an event tells",
+    "is_alarmed": "no world has an alarm bit",
+}
+"""Attributes that are neither kept nor compared, by name."""
+NOT_COMPARED: Final = {
+    "_map": "a cache",
+    "_map_key": "the key of a cache",
+    "_arrived_ns": "only keeps the instants of requests apart",
+    "_lost_ns": "counts only against requests that came before it: they are compared with it",
+    "losses": "counts only against what was sent before: that is compared with it",
+    "_blocked_at": "the same",
+    "at_ns": "moves a blend by time only, which no world has",
+    "transaction_id": "only the reply carries it",
+    "started_ns": "figures of an exchange",
+    "queue_ns": "figures of an exchange",
+    "added_ns": "figures of an exchange",
+    "deadline_ns": "follows from when it was sent and from who waits",
+    "_generation": "how often a record was written",
+    "_specs": "a cache",
+    "_specs_bytes": "a cache",
+    "_tilts": "a cache",
+    "_has_tail": "whether zeros have to be written again; no world has slopes of lines",
+    "_is_boot_known": "whether the boot has to be written again",
+    "_rendering": "a cache of the draft",
+}
+"""Attributes that are put back and not compared, by name."""
+NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
+    "_since_ns": lambda each: getattr(each, "_pending", 0) is not None and not getattr(each, "_is_held", False),
+    "_missing": lambda each: each._pending is not None,
+    "silent_until_ns": lambda each: each.silent_since_ns is not None,
+    "last_ns": lambda each: not each.is_shared,
+    "_seen_ns": lambda each: each.follows_bit,
+    "_drained_at_last_ns": lambda each: each.is_draining,
+}
+"""Attributes that count only while something else holds; else they are taken for nothing."""
+LIVE_COUNTERS: Final = ("losses", "_blocked_at")
+"""Numbers that only grow. What was sent carries one of its time and is compared with what it is by now."""
+LIVE_INSTANTS: Final = ("_lost_ns",)
+"""The same for instants; what carries them is called as follows."""
+CARRIED_INSTANT: Final = "arrived_ns"
+CARRIED_COUNTER: Final = "losses"
+SAME: Final = (("state.spec", "_wanted"),)
+"""Attributes of an object of which it counts whether they are one and the same object."""
+BY_VALUE: Final[dict[str, Callable[[Any], object]]] = {
+    "Curve": lambda each: each.table,
+    "CorrectionMap": lambda each: (each.terms, each.offset, each.tilt),
+}
+"""Classes whose objects never change, and what makes one as good as another."""
+SETTINGS: Final = (".plan", ".motion", ".settings", ".table", ".registers", ".rights", ".unit", ".access")
+"""Modules whose frozen objects are configuration: equal ones are the same."""
+
+
+class Snapshot(NamedTuple):
+    """One state of a line. Only good for the lens that took it."""
+
+    now_ns: int
+    values: tuple[tuple[Any, ...], ...]
+    """Of each standing object."""
+    tokens: tuple[int, ...]
+    """Of each standing object: what it is worth in a comparison."""
+    is_timed: tuple[bool, ...]
+    """Of each standing object: whether that changes with time."""
+    passing: tuple[tuple[Any, Any], ...]
+    """Objects that come and go, each with its content."""
+
+    @property
+    def key(self) -> bytes:
+        """What states that cannot be told apart have in common."""
+        return blake2b(array("I", self.tokens).tobytes(), digest_size=12).digest()
+
+
+def names_of(kind: type) -> tuple[str, ...]:
+    """Return the names of the slots of a class and of those that it stands on."""
+    found: dict[str, None] = {}
+    for each in reversed(kind.__mro__):
+        found.update((k, None) for k, v in vars(each).items() if isinstance(v, MemberDescriptorType))
+    return tuple(found)
+
+
+def _is_atom(kind: type) -> bool:
+    return (
+        issubclass(kind, bool | str | bytes | type | ModuleType | MethodType | memoryview)
+        or kind is type(None)
+        or kind.__module__ in ("builtins", "struct", "functools", "_struct", "operator")
+        and not issubclass(kind, list | dict | set | tuple | frozenset | bytearray | int | float)
+    )
+
+
+CONTAINERS: Final = (list, dict, set, deque, bytearray)
+
+
+def content_of(container: Any) -> tuple[Any, ...]:
+    """Return what stands in a list, dict, set, deque or bytearray."""
+    if isinstance(container, dict):
+        return (*container, *container.values())
+    if isinstance(container, bytearray):
+        return (bytes(container),)
+    return tuple(container)
+
+
+def _refill(container: Any, content: tuple[Any, ...]) -> None:
+    if isinstance(container, dict):
+        half = len(content) // 2
+        container.clear()
+        container.update(zip(content[:half], content[half:], strict=True))
+    elif isinstance(container, bytearray):
+        container[:] = content[0]
+    elif isinstance(container, list):
+        container[:] = content
+    else:
+        container.clear()
+        if isinstance(container, set):
+            container.update(content)
+        else:
+            container.extend(content)
+
+
+class Shape:
+    """What is kept and compared of the standing objects of one class."""
+
+    def __init__(self, example: object) -> None:
+        kind = type(example)
+        found = dict.fromkeys((*names_of(kind), *getattr(example, "__dict__", {})))
+        self.names = tuple(n for n in found if n not in LEFT_OUT)
+        self.compared = tuple(i for i, name in enumerate(self.names) if name not in NOT_COMPARED)
+        self.needs = {i: NEEDS[n] for i, n in enumerate(self.names) if n in NEEDS}
+        self.live = tuple(i for i, name in enumerate(self.names) if name in LIVE_COUNTERS)
+        self.live_ns = tuple(i for i, name in enumerate(self.names) if name in LIVE_INSTANTS)
+        self.has_plan = "plan" in found and hasattr(example.plan, "settings")  # type: ignore[attr-defined]
+        if self.has_plan:
+            self.names += ("plan",)
+            self.compared += (len(self.names) - 1,)
+        self.same = tuple(
+            (attrgetter(a), attrgetter(b))
+            for a, b in SAME
+            if a.split(".", maxsplit=1)[0] in found and b in found
+        )
+        if len(self.names) == 1:
+            one = attrgetter(self.names[0])
+            self.get: Callable[[Any], tuple[Any, ...]] = lambda each: (one(each),)
+        elif self.names:
+            self.get = attrgetter(*self.names)
+        else:
+            self.get = lambda each: ()
+
+
+class Kinds(dict[type, Callable[[Any], Any] | None]):
+    """How a value of each type is turned into one that can be compared; None: it stays."""
+
+    def __init__(self, find: Callable[[type], Callable[[Any], Any] | None]) -> None:
+        super().__init__()
+        self._find = find
+
+    def __missing__(self, kind: type) -> Callable[[Any], Any] | None:
+        found = self[kind] = self._find(kind)
+        return found
+
+
+class Lens:
+    """Takes snapshots of what hangs from some objects, and puts them back."""
+
+    def __init__(self, roots: Sequence[object], horizon_ns: int) -> None:
+        self._horizon = horizon_ns // UNIT_NS + 1
+        self.objects: list[Any] = []
+        self._ids: dict[int, int] = {}
+        self._shapes: list[Shape | None] = []
+        by_class: dict[type, Shape] = {}
+        self.met: set[str] = set()
+        """Names of all attributes, also of those left out."""
+        self._find_standing(roots, by_class)
+        self._kinds = Kinds(self._how)
+        self._tokens_of: dict[Any, int] = {}
+        self._frozen: dict[int, tuple[Any, Any]] = {}
+        self._settings: list[Any] = []
+        self._setting_ids: dict[int, tuple[Any, int]] = {}
+        self._passing_shapes: dict[type, Any] = {}
+        self._passing: dict[int, tuple[Any, Any]] = {}
+        self._passing_tokens: dict[int, Any] = {}
+        self._is_timed = False
+        self._now = 0
+        self._live: list[int] = []
+        self._live_ns: list[int] = []
+        count = len(self.objects)
+        self._last: list[tuple[Any, ...]] = [()] * count
+        self._last_tokens: list[int] = [0] * count
+        self._last_timed: list[bool] = [True] * count
+        self._getters = [content_of if s is None else s.get for s in self._shapes]
+        self._live_places = [
+            (i, at) for i, s in enumerate(self._shapes) if s is not None for at in s.live
+        ]
+        self._live_ns_places = [
+            (i, at) for i, s in enumerate(self._shapes) if s is not None for at in s.live_ns
+        ]
+
+    def _find_standing(self, roots: Sequence[object], by_class: dict[type, Shape]) -> None:
+        queue: deque[Any] = deque(roots)
+        while queue:
+            each = queue.popleft()
+            kind = type(each)
+            if isinstance(each, tuple):
+                if not hasattr(each, "_fields"):
+                    queue.extend(each)
+                continue
+            if id(each) in self._ids or _is_atom(kind) or isinstance(each, int | float | Enum | frozenset):
+                continue
+            if kind.__name__ in BY_VALUE or self._is_frozen(kind) or callable(each):
+                continue
+            self._ids[id(each)] = len(self.objects)
+            self.objects.append(each)
+            if isinstance(each, CONTAINERS):
+                self._shapes.append(None)
+                queue.extend(content_of(each))
+                continue
+            shape = by_class.get(kind)
+            if shape is None:
+                shape = by_class[kind] = Shape(each)
+            self.met.update(names_of(kind), getattr(each, "__dict__", ()))
+            self._shapes.append(shape)
+            queue.extend(shape.get(each))
+
+    @staticmethod
+    def _is_frozen(kind: type) -> bool:
+        return is_dataclass(kind) and bool(kind.__dataclass_params__.frozen)  # type: ignore[attr-defined]
+
+    def share(self, other: "Lens") -> None:
+        """Count what states are worth together with another lens, so that both can be compared."""
+        self._tokens_of, self._settings = other._tokens_of, other._settings
+
+    # --- taking and putting back ---------------------------------------------------------------------------
+
+    def take(self, now_ns: int) -> Snapshot:
+        """Return the state as it is now."""
+        self._now = now_ns
+        self._passing = {}
+        self._passing_tokens = {}
+        last, tokens, timed = self._last, self._last_tokens, self._last_timed
+        shapes, is_same = self._shapes, is_
+        changed: list[int] = []
+        for i, (each, get) in enumerate(zip(self.objects, self._getters, strict=True)):
+            values, before = get(each), last[i]
+            if len(values) == len(before) and all(map(is_same, values, before)):
+                if timed[i]:
+                    changed.append(i)
+            else:
+                last[i] = values
+                changed.append(i)
+        self._live = []
+        self._live_ns = []
+        numbers = self._tokens_of
+        for i in changed:
+            self._is_timed = False
+            shape = shapes[i]
+            if shape is None:
+                found = self._container(self.objects[i], last[i])
+            else:
+                found = self._standing(self.objects[i], shape, last[i])
+            timed[i] = self._is_timed
+            number = numbers.get(found)
+            if number is None:
+                number = numbers[found] = len(numbers)
+            tokens[i] = number
+        return Snapshot(now_ns, tuple(last), tuple(tokens), tuple(timed), tuple(self._passing.values()))
+
+    def restore(self, snapshot: Snapshot, *, is_live_known: bool = True) -> None:
+        """Put a state back. ``is_live_known``: nothing has changed since the last snapshot or restoring."""
+        last = self._last
+        for i, values in enumerate(snapshot.values):
+            before = last[i]
+            if values is before and is_live_known:
+                continue
+            each, shape = self.objects[i], self._shapes[i]
+            if shape is None:
+                _refill(each, values)
+            elif is_live_known and before:
+                for name, new, old in zip(shape.names, values, before, strict=True):
+                    if new is not old:
+                        setattr(each, name, new)
+            else:
+                for name, new in zip(shape.names, values, strict=True):
+                    setattr(each, name, new)
+            last[i] = values
+        for each, content in snapshot.passing:
+            if isinstance(each, CONTAINERS):
+                _refill(each, content)
+            else:
+                self._put_back(each, content)
+        self._last_tokens[:] = snapshot.tokens
+        self._last_timed[:] = snapshot.is_timed
+
+    def _put_back(self, each: Any, content: tuple[tuple[str, ...], dict[str, Any]]) -> None:
+        slots, attributes = content
+        for name, value in zip(self._passing_names(type(each)), slots, strict=True):
+            setattr(each, name, value)
+        if attributes:
+            each.__dict__.clear()
+            each.__dict__.update(attributes)
+
+    # --- comparing -------------------------------------------------------------------------------------------
+
+    def token(self, value: Any) -> int:
+        """Return what a value of the world is worth in a comparison; its instants are seen from now."""
+        found = self._of(value)
+        return self._tokens_of.setdefault(found, len(self._tokens_of))
+
+    def _of(self, value: Any) -> Any:
+        how = self._kinds[type(value)]
+        return value if how is None else how(value)
+
+    def _standing(self, each: Any, shape: Shape, values: tuple[Any, ...]) -> Any:
+        kinds, needs = self._kinds, shape.needs
+        found = []
+        for at in shape.compared:
+            value = values[at]
+            if needs and at in needs and not needs[at](each):
+                found.append(None)
+                continue
+            how = kinds[type(value)]
+            found.append(value if how is None else how(value))
+        found += [a(each) is b(each) for a, b in shape.same]
+        return tuple(found)
+
+    def _container(self, each: Any, content: tuple[Any, ...]) -> Any:
+        kinds = self._kinds
+        found = [value if (how := kinds[type(value)]) is None else how(value) for value in content]
+        if isinstance(each, dict):
+            half = len(found) // 2
+            return frozenset(zip(found[:half], found[half:], strict=True))
+        return frozenset(found) if isinstance(each, set) else tuple(found)
+
+    def _how(self, kind: type) -> Callable[[Any], Any] | None:
+        if issubclass(kind, Enum):
+            return lambda value: value._name_
+        if _is_atom(kind):
+            return None if issubclass(kind, bool | str | bytes) or kind is type(None) else lambda value: None
+        if kind is int:
+            return self._number
+        if kind is float:
+            return lambda value: round(value, 6)
+        if kind.__name__ in BY_VALUE:
+            what = BY_VALUE[kind.__name__]
+            return lambda value: self._remembered(value, lambda each: self._of(what(each)))
+        if issubclass(kind, tuple):
+            return self._tuple if not hasattr(kind, "_fields") else self._fields_of(kind, kind._fields)
+        if issubclass(kind, frozenset):
+            return lambda value: frozenset(map(self._of, value))
+        if self._is_frozen(kind):
+            if kind.__module__.endswith(SETTINGS) and kind.__name__ != "FieldHit":
+                return self._setting
+            return self._fields_of(kind, tuple(kind.__dataclass_fields__))  # type: ignore[attr-defined]
+        if issubclass(kind, array):
+            return lambda value: value.tobytes()
+        if issubclass(kind, CONTAINERS):
+            return self._passing_container
+        return self._passing_object
+
+    def _number(self, value: int) -> Any:
+        if -LARGEST_NUMBER < value < LARGEST_NUMBER:
+            return value
+        if value >= FIRST_INSTANT:
+            self._is_timed = True
+            age = (self._now - value + UNIT_NS // 2) // UNIT_NS
+            return ("age", min(max(age, -self._horizon), self._horizon))
+        return ("id", self._ids.get(value, -1))
+
+    def _tuple(self, value: tuple[Any, ...]) -> Any:
+        kinds = self._kinds
+        return tuple([each if (how := kinds[type(each)]) is None else how(each) for each in value])
+
+    def _fields_of(self, kind: type, names: tuple[str, ...]) -> Callable[[Any], Any]:
+        compared = tuple(n for n in names if n not in NOT_COMPARED or n in (CARRIED_COUNTER,))
+        special = {CARRIED_COUNTER: self._carried_counter, CARRIED_INSTANT: self._carried_instant}
+        carried = [special.get(name) for name in compared]
+        get = attrgetter(*compared) if len(compared) > 1 else None
+        name = kind.__name__
+
+        def turned(value: Any) -> Any:
+            values = get(value) if get is not None else (getattr(value, compared[0]),)
+            kinds = self._kinds
+            return (
+                name,
+                *[
+                    special(each) if special else (each if (how := kinds[type(each)]) is None else how(each))
+                    for each, special in zip(values, carried, strict=True)
+                ],
+            )
+
+        return lambda value: self._remembered(value, turned)
+
+    def _remembered(self, value: Any, turned: Callable[[Any], Any]) -> Any:
+        """Turn an object that never changes, once for all unless instants or objects that pass hang from it."""
+        known = self._frozen.get(id(value))
+        if known is not None:
+            return known[1]
+        was_timed, self._is_timed = self._is_timed, False
+        found = turned(value)
+        if not self._is_timed:
+            found = ("#", self._tokens_of.setdefault(found, len(self._tokens_of)))
+            if len(self._frozen) > 200_000:
+                self._frozen.clear()
+            self._frozen[id(value)] = (value, found)
+        self._is_timed |= was_timed
+        return found
+
+    def _setting(self, value: Any) -> Any:
+        known = self._setting_ids.get(id(value))
+        if known is not None:
+            return known[1]
+        at = next((i for i, each in enumerate(self._settings) if type(each) is type(value) and each == value), -1)
+        if at < 0:
+            at = len(self._settings)
+            self._settings.append(value)
+        if len(self._setting_ids) > 20_000:
+            self._setting_ids.clear()
+        self._setting_ids[id(value)] = (value, at)
+        return at
+
+    # --- what passes -----------------------------------------------------------------------------------------
+
+    def _passing_names(self, kind: type) -> tuple[str, ...]:
+        names = self._passing_shapes.get(kind)
+        if names is None:
+            names = self._passing_shapes[kind] = names_of(kind)
+            self.met.update(names)
+        return names  # type: ignore[no-any-return]
+
+    def _passing_object(self, each: Any) -> Any:
+        at = self._ids.get(id(each))
+        if at is not None:
+            return ("@", at)
+        if callable(each) and not hasattr(each, "__slots__"):
+            return None
+        self._is_timed = True
+        if id(each) in self._passing:
+            return self._passing_tokens.get(id(each), "~")
+        names = self._passing_names(type(each))
+        slots = tuple([getattr(each, name) for name in names])
+        attributes = dict(getattr(each, "__dict__", ()))
+        self._passing[id(each)] = (each, (slots, attributes))
+        self.met.update(attributes)
+        found: list[Any] = [type(each).__name__]
+        pairs = [*zip(names, slots, strict=True), *sorted(attributes.items())]
+        for name, value in pairs:
+            if name == "way":
+                found.append(value is not None)
+            elif name == "draft":
+                found.append(None if value is None else self._draft(value))
+            elif name == CARRIED_COUNTER:
+                found.append(self._carried_counter(value))
+            elif name == CARRIED_INSTANT:
+                found.append(self._carried_instant(value))
+            elif name not in NOT_COMPARED and name not in LEFT_OUT and value != "" and value != ():
+                found.append((name, self._of(value)))
+        token = self._passing_tokens[id(each)] = tuple(found)
+        return token
+
+    def _passing_container(self, each: Any) -> Any:
+        at = self._ids.get(id(each))
+        if at is not None:
+            return ("@", at)
+        content = content_of(each)
+        self._is_timed = True
+        self._passing[id(each)] = (each, content)
+        return self._container(each, content)
+
+    def _draft(self, draft: tuple[Any, ...]) -> Any:
+        """A target on the fast path carries the counter fifth, and the instant of its sending last."""
+        return (*map(self._of, draft[1:4]), self._carried_counter(draft[4]), draft[5] is not None)
+
+    def _carried_counter(self, value: Any) -> Any:
+        self._is_timed = True
+        if isinstance(value, dict):
+            return frozenset((self._of(k), self._carried_counter(v)) for k, v in value.items())
+        if not self._live:
+            self._live = [self._last[i][at] for i, at in self._live_places]
+        return tuple((value > live) - (value < live) for live in self._live)
+
+    def _carried_instant(self, value: int) -> Any:
+        self._is_timed = True
+        if not self._live_ns:
+            self._live_ns = [self._last[i][at] for i, at in self._live_ns_places]
+        return (self._number(value), tuple((value > lost) - (value < lost) for lost in self._live_ns))
+
+
+# --- what is said of a line --------------------------------------------------------------------------------------
+
+
+class Said(NamedTuple):
+    """What a line says of one axis."""
+
+    compensation: str
+    direction: str
+
+
+def said(line: LineExchange) -> tuple[Said, ...]:
+    """Return what a line says of each axis, as its status does."""
+    return tuple(Said(compensation_state(axis), direction_state(axis)) for axis in line.axes)
+
+
+def is_sending_unsure(line: LineExchange) -> bool:
+    """Whether the frame on the wire carries a target whose branch was assumed; the fast path takes none."""
+    exchange = getattr(line, "_current", None)
+    return exchange is not None and _holds_unsure(exchange._rewritings, 0)
+
+
+def _holds_unsure(value: Any, depth: int) -> bool:
+    if depth > 6:
+        return False
+    if isinstance(value, tuple):
+        return getattr(value, "is_unsure", False) or any(_holds_unsure(each, depth + 1) for each in value)
+    found = (getattr(value, name, None) for name in ("renderings", "runs"))
+    return any(_holds_unsure(each, depth + 1) for each in found if each)
+
+
+class WatchedTable(dict[Any, Any]):
+    """A table of states and signs that keeps which of its rows were looked up."""
+
+    def __init__(self, rows: dict[Any, Any]) -> None:
+        super().__init__(rows)
+        self.taken: set[Any] = set()
+
+    def get(self, key: Any, default: Any = None) -> Any:
+        """Look a row up, and note it."""
+        if key in self:
+            self.taken.add(key)
+        return super().get(key, default)
+
+
+def watch_table() -> WatchedTable:
+    """Return the table of arrival, which from now on keeps what is looked up."""
+    if not isinstance(arrival.AFTER, WatchedTable):
+        arrival.AFTER = WatchedTable(arrival.AFTER)  # type: ignore[misc]
+    return arrival.AFTER  # type: ignore[return-value]
+
+
+def row_name(row: Any) -> str:
+    """Return how a row of the table is called."""
+    return " + ".join(each.value for each in row)
+
+
+def dead_names(met: Iterable[str]) -> list[str]:
+    """Return the names in the lists above that no object has."""
+    there = set(met) | {"losses"}
+    return sorted(n for n in (*LEFT_OUT, *NOT_COMPARED, *NEEDS, *LIVE_COUNTERS, *LIVE_INSTANTS) if n not in there)

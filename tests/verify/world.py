@@ -1,0 +1,783 @@
+"""A small world around a line: controllers, a drive that is told what it does with each frame, and time.
+
+Everything that can happen is an *event*, a short tuple of words and numbers. A world says which events can
+happen now, does one, and holds it against the rules (``tests.verify.rules``). Between two events all there is
+to know is a state: the line's (``tests.verify.snapshot``) and the world's own, a tuple that never changes.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+from gateway.compensation.settings import Gain
+from gateway.exchange.control import Declare, SetGain, SetTables, Switch, TableChange
+from gateway.exchange.events import Event
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.exchange.ports import Unmeasured
+from gateway.modbus.registers import PositionField
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
+from tests.exchange.record_bench import Records
+from tests.exchange.staged_bench import (
+    COMMANDED,
+    DONE_BIT,
+    HOME,
+    HOMED_BIT,
+    JOG,
+    MOVING_BIT,
+    RUN,
+    RUN_RELATIVE,
+    STATUS,
+    STOP,
+    TRIGGER,
+    ZERO,
+)
+from tests.verify import rules
+from tests.verify.rules import Violation
+from tests.verify.screw import REGROUND, WORN, Screw
+from tests.verify.snapshot import Lens, Snapshot, is_sending_unsure, said
+
+TICK_MS: Final = 80
+"""All times of a world are whole ticks. None of the gateway's own constants is one: 100, 200 and 500 ms."""
+TICK_NS: Final = TICK_MS * MS
+START_NS: Final = 2 * 10**17
+HORIZON_TICKS: Final = 4
+"""Nothing in a world asks whether something is older."""
+RESPONSE_TICKS: Final = 1
+PATIENCE_TICKS: Final = 2
+DRAIN_TICKS: Final = 1
+DONE_DROP_TICKS: Final = 2
+UNSEEN_TICKS: Final = 3
+LOST_TICKS: Final = 3
+TIMING: Final = LineTiming(response_timeout_ms=RESPONSE_TICKS * TICK_MS, drain_ms=DRAIN_TICKS * TICK_MS)
+EXCEPTION: Final = 4
+SCREWS: Final = (WORN, REGROUND)
+Bytes = Callable[[bytes], None]
+Happening = tuple[Any, ...]
+
+
+class Port(Unmeasured):
+    """A controller that keeps what it is answered."""
+
+    def __init__(self, plan: ControllerPlan) -> None:
+        self.plan = plan
+        self.writer = plan.name
+        self.gate = Unmeasured.gate
+        self.replies: list[tuple[int, bytes]] = []
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """Keep a reply."""
+        self.replies.append((transaction_id, pdu))
+
+
+class Link(Unmeasured):
+    """The way to the drive."""
+
+    def __init__(self, *, is_serial: bool) -> None:
+        self.is_serial = is_serial
+        self.sent: list[tuple[int, bytes]] = []
+        self.is_abandoned = False
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        """Keep a frame."""
+        self.sent.append((unit_id, pdu))
+
+    def abandon(self) -> None:
+        """Note that a reply comes too late from now on."""
+        self.is_abandoned = True
+
+
+class Side:
+    """One gateway with its ports and its link. A world has two where two ways through it are compared."""
+
+    def __init__(self, design: "Design", ways: dict[str, int], tell: Callable[[Event], None]) -> None:
+        self.link = Link(is_serial=design.is_serial)
+        self.ports = [Port(plan) for plan in design.controllers]
+        self.line = LineExchange(design.plans, TIMING, self.link, tell, design.groups, **ways)  # type: ignore[arg-type]
+        self.lens = Lens([self.line, *self.ports], design.horizon_ticks * TICK_NS)
+
+
+class Aim(NamedTuple):
+    """What a frame that makes an axis move is meant to do, as it stood when it was sent."""
+
+    nominal_counts: int
+    from_counts: int
+    """Where the drive stood."""
+    state: str
+    """What the gateway said of the compensation."""
+    is_unsure: bool
+    table: int
+    is_lost: bool = False
+    """Its target never was acknowledged."""
+    base: tuple[int, bool] | None = None
+    """Of a distance: where it starts in nominal counts, and whether that is certain."""
+
+
+class Wire(NamedTuple):
+    """The frame that the drive has and has not answered."""
+
+    unit_id: int
+    pdu: bytes
+    owner: int
+    """The port that asked for it; -1: the gateway's own."""
+    transaction_id: int
+    aim: Aim | None
+    is_obeyed: bool = False
+    ticks_left: int = 0
+    """Of a frame that nobody waits for any more: so long it may still be answered."""
+
+
+class Asked(NamedTuple):
+    """A request that its controller waits for."""
+
+    pdu: bytes
+    transaction_id: int
+    is_sent: bool = False
+    ticks: int = 0
+    is_restaged: bool = False
+
+
+class Belief(NamedTuple):
+    """What a controller believes to stand in the target register."""
+
+    low: int = 0
+    high: int = 0
+    lost: int = 3
+    """Bit 0, 1: the low, the high word was lost, or never written."""
+
+    @property
+    def nominal_counts(self) -> int:
+        """The target."""
+        value = self.high << 16 | self.low
+        return value - (1 << 32) if value >> 31 else value
+
+
+class Run(NamedTuple):
+    """The last motion to a target."""
+
+    nominal_counts: int
+    end_counts: int
+    is_told: bool = False
+    """The gateway had its acknowledgement, and has no reason to have forgotten it."""
+    is_unsure: bool = False
+    table: int = 0
+    state: str = ""
+    is_restarted: bool = False
+    """The gateway was killed since, and its record with it."""
+
+
+class Axis(NamedTuple):
+    """One axis as it is."""
+
+    stands_counts: int = 0
+    goes_counts: int | None = None
+    target_counts: int = 0
+    """What stands in the target register."""
+    commanded_counts: int = 0
+    is_done: bool = True
+    is_homed: bool = True
+    is_midway: bool = False
+    ticks: int = 0
+    """Since it began to move."""
+    run: Run | None = None
+
+
+class State(NamedTuple):
+    """All of a world but its gateway."""
+
+    axes: tuple[Axis, ...]
+    beliefs: tuple[tuple[Belief, ...], ...]
+    """By controller and axis."""
+    asked: tuple[tuple[Asked, ...], ...]
+    """By controller."""
+    wire: Wire | None = None
+    late: Wire | None = None
+    is_up: bool = True
+    is_starting: bool = True
+    """The gateway may read where its axes stand."""
+    table: int = 0
+    is_wanted: bool = True
+    is_gain_half: bool = False
+
+
+@dataclass(frozen=True)
+class Design:
+    """What a world is made of."""
+
+    name: str
+    about: str
+    plans: tuple[AxisPlan, ...]
+    menu: tuple[str, ...]
+    """What a controller may ask for."""
+    answers: tuple[str, ...] = ("ack", "refuse", "obey")
+    """What the drive may do with a frame."""
+    happenings: tuple[str, ...] = ("arrive", "wait")
+    targets: tuple[int, ...] = (-7003, 9007, 9019)
+    distances: tuple[int, ...] = (4003, -4003)
+    controllers: tuple[ControllerPlan, ...] = (
+        ControllerPlan("cnc", timeout_ms=PATIENCE_TICKS * TICK_MS),
+    )
+    groups: tuple[tuple[str, ...], ...] = ()
+    is_serial: bool = True
+    is_staged: bool = False
+    has_record: bool = False
+    is_twin: bool = False
+    most_asked: int = 1
+    """Requests of one controller that may be open."""
+    horizon_ticks: int = HORIZON_TICKS
+    depth: int = 0
+    """To which it is walked unless it closes before; 0: until it closes."""
+    checks_way_back: bool = True
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class Tally:
+    """What was met on the way, over all states."""
+
+    rows: set[str] = field(default_factory=set)
+    events: set[str] = field(default_factory=set)
+    refusals: set[int] = field(default_factory=set)
+    stop_ticks: int = 0
+    """The longest that a stop had to wait."""
+
+
+class Kept(NamedTuple):
+    """A state of a world that can be put back."""
+
+    state: State
+    now_ns: int
+    lines: tuple[Snapshot, ...]
+    records: tuple[bytes, ...]
+
+
+PAGE: Final = 4096
+WRITTEN: Final = 1024
+"""So much of each page of a record is used."""
+
+
+class World:
+    """A line, its drive and its controllers."""
+
+    def __init__(self, design: Design) -> None:
+        self.design = design
+        self.tally = Tally()
+        self.screws: tuple[Screw, ...] = SCREWS
+        self.now_ns = START_NS
+        ways: list[dict[str, int]] = [{}, {"remembered_ways": 0}] if design.is_twin else [{}]
+        self.sides = [Side(design, each, self._tell) for each in ways]
+        for side in self.sides[1:]:
+            side.lens.share(self.sides[0].lens)
+        self._fresh = [side.lens.take(self.now_ns) for side in self.sides]
+        self.records = Records()
+        ports, axes = len(design.controllers), len(design.plans)
+        self.state = State(
+            tuple(Axis() for _ in range(axes)), ((Belief(),) * axes,) * ports, ((),) * ports
+        )
+        self._attach()
+        self._call("link_up", self.now_ns)
+        self._collect()
+
+    # --- keeping, putting back, comparing --------------------------------------------------------------------
+
+    def keep(self) -> Kept:
+        """Return the state as it is now."""
+        lines = tuple([side.lens.take(self.now_ns) for side in self.sides])
+        return Kept(self.state, self.now_ns, lines, self._record_bytes())
+
+    def restore(self, kept: Kept, *, is_live_known: bool = True) -> None:
+        """Put a state back. ``is_live_known``: nothing has happened since another was kept or put back."""
+        self.state, self.now_ns = kept.state, kept.now_ns
+        for side, snapshot in zip(self.sides, kept.lines, strict=True):
+            side.lens.restore(snapshot, is_live_known=is_live_known)
+        if kept.records:
+            pages = iter(kept.records)
+            for buffer in self.records.buffers.values():
+                for at in range(0, len(buffer), PAGE):
+                    buffer[at : at + WRITTEN] = next(pages)
+
+    def key(self, kept: Kept) -> bytes:
+        """Return what states that cannot be told apart have in common."""
+        lens = self.sides[0].lens
+        key = kept.lines[0].key + lens.token(kept.state).to_bytes(4, "big")
+        for name in self.records.buffers if self.design.has_record else ():
+            found = self.records.read(name)
+            key += lens.token(None if found is None else found._replace(generation=0)).to_bytes(4, "big")
+        return key
+
+    def _record_bytes(self) -> tuple[bytes, ...]:
+        if not self.design.has_record:
+            return ()
+        return tuple(
+            bytes(buffer[at : at + WRITTEN])
+            for buffer in self.records.buffers.values()
+            for at in range(0, len(buffer), PAGE)
+        )
+
+    def _attach(self) -> None:
+        if self.design.has_record:
+            for side in self.sides:
+                self.records.attach(side.line)
+
+    # --- what can happen ---------------------------------------------------------------------------------------
+
+    def happenings(self) -> list[Happening]:
+        """Return every event that can happen now."""
+        design, state = self.design, self.state
+        found: list[Happening] = []
+        for port in range(len(design.controllers)):
+            if len(state.asked[port]) < design.most_asked:
+                found += [("ask", port, *each) for each in self._requests()]
+            elif "disconnect" in design.happenings:
+                found.append(("disconnect", port))
+        if state.wire is not None and not state.wire.is_obeyed:
+            is_read = state.wire.pdu[0] == 3
+            found += [("drive", each) for each in design.answers if not is_read or each in ("ack", "refuse")]
+        if state.late is not None and "late" in design.happenings:
+            found.append(("late",))
+        for number, axis in enumerate(state.axes):
+            found += [(each, number) for each in design.happenings if _can(each, axis)]
+        for each in design.happenings:
+            if each in OF_WORLD and OF_WORLD[each](state):
+                found.append((each,))
+        return found
+
+    def _requests(self) -> Iterable[tuple[Any, ...]]:
+        for name in self.design.menu:
+            for axis in range(len(self.design.plans)):
+                if name in ("to", "low", "high"):
+                    yield from ((name, axis, i) for i in range(len(self.design.targets)))
+                elif name == "by":
+                    yield from ((name, axis, i) for i in range(len(self.design.distances)))
+                else:
+                    yield (name, axis)
+
+    def pdu(self, name: str, number: int = 0) -> bytes:
+        """Return the PDU of a request of the menu."""
+        if name == "to":
+            return write(COMMAND, self.design.targets[number])
+        if name == "by":
+            return write(COMMAND, self.design.distances[number])
+        if name in ("low", "high"):
+            data = COMMAND.pack(self.design.targets[number])
+            address = COMMAND.address + (name == "high")
+            return b"\x06" + address.to_bytes(2, "big") + (data[2:] if name == "high" else data[:2])
+        if name in REGISTERS:
+            return read(REGISTERS[name])
+        if name == "status":
+            return b"\x03" + STATUS.to_bytes(2, "big") + b"\0\x01"
+        return b"\x06" + TRIGGER.to_bytes(2, "big") + TRIGGERS[name].to_bytes(2, "big")
+
+    # --- making it happen --------------------------------------------------------------------------------------
+
+    def happen(self, event: Happening) -> None:
+        """Let an event happen. Raises Violation."""
+        getattr(self, "_on_" + event[0])(*event[1:])
+
+    def _call(self, name: str, *args: Any) -> None:
+        for side in self.sides:
+            getattr(side.line, name)(*args)
+
+    def _on_ask(self, port: int, name: str, axis: int, number: int = 0) -> None:
+        pdu = self.pdu(name, number)
+        taken = {each.transaction_id for each in self.state.asked[port]}
+        transaction_id = next(i for i in range(1, 99) if i not in taken)
+        if self.design.controllers[port].serial:
+            self._give_up(port)
+        asked = list(self.state.asked)
+        asked[port] = (*asked[port], Asked(pdu, transaction_id))
+        self.state = self.state._replace(asked=tuple(asked))
+        unit_id = self.design.plans[axis].unit_id
+        for side in self.sides:
+            side.line.request(side.ports[port], transaction_id, unit_id, pdu, self.now_ns)
+        self._collect()
+
+    def _on_disconnect(self, port: int) -> None:
+        self._give_up(port)
+        for side in self.sides:
+            side.line.controller_gone(side.ports[port], self.now_ns)
+            side.ports[port].gate = Unmeasured.gate
+        self._collect()
+
+    def _give_up(self, port: int) -> None:
+        """A controller waits no longer for what it asked: what was not sent must never be."""
+        for each in self.state.asked[port]:
+            self._lose(port, each)
+        asked = list(self.state.asked)
+        asked[port] = ()
+        self.state = self.state._replace(asked=tuple(asked))
+
+    def _on_drive(self, what: str) -> None:
+        wire = self.state.wire
+        assert wire is not None
+        if what == "obey":
+            self.state = self.state._replace(wire=wire._replace(is_obeyed=True))
+            self._obey(wire)
+            return
+        self.state = self.state._replace(wire=None)
+        if what == "ack":
+            reply = self._obey(wire)
+        elif what == "refuse":
+            reply = bytes((wire.pdu[0] | 0x80, EXCEPTION))
+        elif what == "obey-refuse":
+            self._obey(wire)
+            reply = bytes((wire.pdu[0] | 0x80, EXCEPTION))
+        else:  # garble: the form of a success that says something else
+            reply = wire.pdu[:3] + b"\0\0" if wire.pdu[0] == 16 else wire.pdu[:3] + b"\xff\xff"
+        self._call("reply", wire.unit_id, reply, self.now_ns)
+        self._collect(answered=wire, reply=reply)
+
+    def _on_late(self) -> None:
+        late = self.state.late
+        assert late is not None
+        self.state = self.state._replace(late=None)
+        if not late.is_obeyed:
+            self._obey(late)
+        for side in self.sides:
+            side.line.stray(self.now_ns, is_frame=True)
+        self._collect()
+
+    def _on_wait(self, _axis: int = 0) -> None:
+        self.now_ns += TICK_NS
+        state = self.state
+        late = state.late
+        if late is not None:
+            late = late._replace(ticks_left=late.ticks_left - 1) if late.ticks_left > 1 else None
+        axes = tuple(_older(axis) for axis in state.axes)
+        asked = tuple(
+            tuple(each._replace(ticks=min(each.ticks + 1, 20)) for each in waiting) for waiting in state.asked
+        )
+        self.state = state._replace(late=late, axes=axes, asked=asked)
+        for port, waiting in enumerate(asked):
+            for each in waiting:
+                if not each.is_sent and each.ticks > PATIENCE_TICKS and not rules.is_stop(each.pdu):
+                    self._forget_request(port, each)
+        self._call("tick", self.now_ns)
+        self._collect()
+
+    def _forget_request(self, port: int, request: Asked) -> None:
+        self._lose(port, request)
+        asked = list(self.state.asked)
+        asked[port] = tuple(each for each in asked[port] if each.transaction_id != request.transaction_id)
+        self.state = self.state._replace(asked=tuple(asked))
+
+    def _set(self, number: int, axis: Axis) -> None:
+        axes = list(self.state.axes)
+        axes[number] = axis
+        self.state = self.state._replace(axes=tuple(axes))
+
+    def _on_arrive(self, number: int) -> None:
+        self._arrive(number, is_done=True)
+
+    def _on_arrive_undone(self, number: int) -> None:
+        self._arrive(number, is_done=False)
+
+    def _arrive(self, number: int, *, is_done: bool) -> None:
+        self._on_wait()
+        axis = self.state.axes[number]
+        if axis.goes_counts is None:
+            return
+        self._set(
+            number,
+            axis._replace(
+                stands_counts=axis.goes_counts, goes_counts=None, is_done=is_done, is_midway=False, ticks=0
+            ),
+        )
+
+    def _on_pass_by(self, number: int) -> None:
+        axis = self.state.axes[number]
+        self._on_wait()
+        self._set(number, self.state.axes[number]._replace(stands_counts=MIDWAY_COUNTS, is_midway=True))
+        assert axis.goes_counts is not None
+
+    def _on_done(self, number: int) -> None:
+        self._set(number, self.state.axes[number]._replace(is_done=True))
+
+    def _on_undone(self, number: int) -> None:
+        self._set(number, self.state.axes[number]._replace(is_done=False))
+
+    def _on_jog(self, number: int) -> None:
+        """Somebody moves the axis on the drive's own panel. Nobody sees it for as long as that takes."""
+        for _ in range(UNSEEN_TICKS + 1):
+            self._on_wait()
+        axis = self.state.axes[number]
+        self._set(
+            number,
+            axis._replace(
+                stands_counts=JOGGED_COUNTS, goes_counts=None, commanded_counts=JOGGED_COUNTS, is_done=True,
+                is_midway=False, ticks=0, run=None,
+            ),
+        )  # fmt: skip
+
+    def _on_reboot(self, number: int) -> None:
+        """The drive is switched off and on: it stands where it stood and counts from another zero."""
+        for _ in range(REBOOT_TICKS):
+            self._on_wait()
+        self._set(number, Axis(stands_counts=0, is_homed=False))
+
+    def _on_homed(self, number: int) -> None:
+        self._set(number, self.state.axes[number]._replace(is_homed=True, is_done=True))
+
+    def _on_unplug(self) -> None:
+        self.state = self.state._replace(is_up=False)
+        self._forget_runs()
+        wire = self.state.wire
+        if wire is not None:
+            self.state = self.state._replace(wire=None)
+        self._call("link_down", self.now_ns)
+        self._collect()
+        for port in range(len(self.state.asked)):
+            self._give_up(port)
+        self.state = self.state._replace(late=None)
+
+    def _on_plug(self) -> None:
+        self._on_wait()
+        self.state = self.state._replace(is_up=True, is_starting=True)
+        self._call("link_up", self.now_ns)
+        self._collect()
+
+    def _on_kill(self) -> None:
+        self._restart(is_record_kept=True)
+
+    def _on_kill_bare(self) -> None:
+        self._restart(is_record_kept=False)
+
+    def _restart(self, *, is_record_kept: bool) -> None:
+        for port in range(len(self.state.asked)):
+            self._give_up(port)
+        for side, fresh in zip(self.sides, self._fresh, strict=True):
+            side.lens.restore(fresh, is_live_known=False)
+        if not is_record_kept:
+            self.records = Records()
+        self._attach()
+        self.state = self.state._replace(wire=None, late=None, is_starting=True, is_up=True)
+        self.state = self.state._replace(table=0, is_wanted=True, is_gain_half=False)
+        self._forget_runs(is_restart=True)
+        self.now_ns += TICK_NS
+        self.state = self.state._replace(axes=tuple(_older(axis) for axis in self.state.axes))
+        self._call("link_up", self.now_ns)
+        self._collect()
+
+    def _forget_runs(self, *, is_restart: bool = False) -> None:
+        for number, axis in enumerate(self.state.axes):
+            run = axis.run
+            if run is not None:
+                run = run._replace(is_told=False, is_restarted=run.is_restarted or is_restart)
+                self._set(number, axis._replace(run=run))
+
+    def _on_table(self) -> None:
+        number = 1 - self.state.table
+        self.state = self.state._replace(table=number)
+        table = self.screws[number].table()
+        self._control(
+            lambda: SetTables(
+                tuple(TableChange(plan.name, table, "", "", "") for plan in self.design.plans)
+            )
+        )
+
+    def _on_gain(self) -> None:
+        is_half = not self.state.is_gain_half
+        self.state = self.state._replace(is_gain_half=is_half)
+        gain = Gain(0.5, 0.5) if is_half else Gain()
+        self._control(lambda: SetGain(self.design.plans[0].name, gain))
+
+    def _on_switch(self) -> None:
+        self.state = self.state._replace(is_wanted=not self.state.is_wanted)
+        self._control(lambda: Switch(self.design.plans[0].name, self.state.is_wanted))
+
+    def _on_declare(self) -> None:
+        self._control(lambda: Declare(self.design.plans[0].name))
+
+    def _control(self, message: Callable[[], Any]) -> None:
+        for side in self.sides:
+            side.line.control(message(), self.now_ns)
+        self._collect()
+
+    # --- the drive ---------------------------------------------------------------------------------------------
+
+    def _obey(self, wire: Wire) -> bytes:
+        """Let the drive do what a frame says; return its answer."""
+        pdu = wire.pdu
+        number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
+        axis = self.state.axes[number]
+        address = pdu[1] << 8 | pdu[2]
+        if pdu[0] == 3:
+            data = _registers(axis, address, pdu[3] << 8 | pdu[4])
+            return bytes((3, len(data))) + data
+        if address == TRIGGER:
+            self._act(number, pdu[3] << 8 | pdu[4], wire)
+            return pdu
+        words = bytearray(COMMAND.pack(axis.target_counts))
+        data = pdu[6:] if pdu[0] == 16 else pdu[3:5]
+        at = 2 * (address - COMMAND.address)
+        words[at : at + len(data)] = data
+        target = int(COMMAND.unpack(bytes(words)))
+        self._set(number, axis._replace(target_counts=target))
+        if not self.design.is_staged:
+            self._go(number, target, wire)
+        return pdu[:5] if pdu[0] == 16 else pdu
+
+    def _act(self, number: int, value: int, wire: Wire) -> None:
+        axis = self.state.axes[number]
+        if value == RUN:
+            self._go(number, axis.target_counts, wire)
+        elif value == RUN_RELATIVE:
+            self._go(number, axis.commanded_counts + axis.target_counts, wire)
+        elif value == STOP:
+            self._set(
+                number,
+                axis._replace(
+                    goes_counts=None, commanded_counts=axis.stands_counts, is_done=True, is_midway=False,
+                    ticks=0, run=axis.run if axis.goes_counts is None else None,
+                ),
+            )  # fmt: skip
+            axis = self.state.axes[number]
+            if axis.run is not None:
+                self._set(number, axis._replace(run=axis.run._replace(is_told=False)))
+        elif value in (HOME, JOG):
+            self._set(
+                number,
+                axis._replace(
+                    stands_counts=0 if value == HOME else JOGGED_COUNTS, goes_counts=None,
+                    commanded_counts=0 if value == HOME else JOGGED_COUNTS,
+                    is_done=False, is_homed=axis.is_homed and value != HOME, is_midway=False, ticks=0, run=None,
+                ),
+            )  # fmt: skip
+        elif value == ZERO:
+            self._set(number, axis._replace(stands_counts=0, goes_counts=None, commanded_counts=0, run=None))
+
+    def _go(self, number: int, end: int, wire: Wire) -> None:
+        axis = self.state.axes[number]
+        run = rules.judge_motion(self, number, end, wire)
+        is_there = end == axis.stands_counts
+        self._set(
+            number,
+            axis._replace(
+                goes_counts=None if is_there else end, commanded_counts=end,
+                is_done=axis.is_done or is_there, is_midway=False, ticks=0, run=run,
+            ),
+        )  # fmt: skip
+
+    # --- what the gateway did --------------------------------------------------------------------------------------
+
+    def _tell(self, event: Event) -> None:
+        self.tally.events.add(event.kind.value)
+
+    def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:
+        """Look at what left, and at what came back."""
+        first = self.sides[0]
+        for side in self.sides[1:]:
+            rules.compare(first, side)
+            side.link.sent.clear()
+            side.link.is_abandoned = False
+            for port in side.ports:
+                port.replies.clear()
+        if answered is not None:
+            rules.note_answer(self, answered, reply)
+        if first.link.is_abandoned:
+            first.link.is_abandoned = False
+            wire = self.state.wire
+            if wire is not None:
+                rules.note_silence(self, wire)
+                late = wire._replace(ticks_left=DRAIN_TICKS) if "late" in self.design.happenings else None
+                self.state = self.state._replace(wire=None, late=late)
+        for number, port in enumerate(first.ports):
+            if port.replies:
+                replies, port.replies = port.replies, []
+                for transaction_id, pdu in replies:
+                    rules.judge_reply(self, number, transaction_id, pdu, answered)
+        if first.link.sent:
+            frames, first.link.sent = first.link.sent, []
+            for unit_id, pdu in frames:
+                if self.state.wire is not None:
+                    raise Violation("two frames on the wire at once (W6)")
+                wire = rules.judge_frame(self, unit_id, pdu)
+                self.state = self.state._replace(wire=wire, late=None)
+        elif answered is not None:
+            self.state = self.state._replace(is_starting=False)
+        if len(self.sides) > 1 and self.state.wire is None and not any(self.state.asked):
+            self._compare_states()
+
+    def _compare_states(self) -> None:
+        first, second = (side.lens.take(self.now_ns) for side in self.sides)
+        if first.tokens != second.tokens:
+            names = [
+                type(self.sides[0].lens.objects[i]).__name__
+                for i, (a, b) in enumerate(zip(first.tokens, second.tokens, strict=True))
+                if a != b
+            ]
+            raise Violation(f"fast and slow path leave different states behind (7): {', '.join(names)}")
+
+    def said(self, number: int) -> Any:
+        """Return what the gateway says of an axis."""
+        return said(self.sides[0].line)[number]
+
+    def is_sending_unsure(self) -> bool:
+        """Whether the target on the wire has an assumed branch."""
+        return is_sending_unsure(self.sides[0].line)
+
+    def _lose(self, port: int, request: Asked) -> None:
+        rules.note_lost(self, port, request)
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether nothing is asked and nothing is on the wire."""
+        return self.state.wire is None and not any(self.state.asked)
+
+
+MIDWAY_COUNTS: Final = 1501
+"""Where an axis is seen on its way."""
+JOGGED_COUNTS: Final = 3001
+REBOOT_TICKS: Final = 14
+"""Longer than a homed bit counts, which is a second."""
+REGISTERS: Final[dict[str, PositionField]] = {"read": ACTUAL, "back": COMMAND, "commanded": COMMANDED}
+TRIGGERS: Final = {"run": RUN, "distance": RUN_RELATIVE, "stop": STOP, "home": HOME, "zero": ZERO, "jog-on": JOG}
+OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
+    "arrive": lambda axis: axis.goes_counts is not None,
+    "arrive_undone": lambda axis: axis.goes_counts is not None,
+    "pass_by": lambda axis: axis.goes_counts is not None
+    and not axis.is_midway
+    and (axis.stands_counts < MIDWAY_COUNTS) is not (axis.goes_counts < MIDWAY_COUNTS),
+    "done": lambda axis: not axis.is_done and axis.is_homed,
+    "undone": lambda axis: axis.is_done and axis.goes_counts is not None,
+    "jog": lambda axis: axis.goes_counts is None and axis.stands_counts != JOGGED_COUNTS,
+    "reboot": lambda axis: axis.is_homed,
+    "homed": lambda axis: not axis.is_homed and axis.stands_counts == 0,
+}
+OF_WORLD: Final[dict[str, Callable[[State], bool]]] = {
+    "wait": lambda state: True,
+    "unplug": lambda state: state.is_up,
+    "plug": lambda state: not state.is_up,
+    "kill": lambda state: True,
+    "kill_bare": lambda state: True,
+    "table": lambda state: True,
+    "gain": lambda state: True,
+    "switch": lambda state: True,
+    "declare": lambda state: True,
+}
+
+
+def _can(name: str, axis: Axis) -> bool:
+    return name in OF_AXIS and OF_AXIS[name](axis)
+
+
+def _older(axis: Axis) -> Axis:
+    """Let a tick pass; a drive that has begun to move lets done fall in time."""
+    if axis.goes_counts is None:
+        return axis
+    ticks = min(axis.ticks + 1, DONE_DROP_TICKS)
+    is_late = ticks == DONE_DROP_TICKS and axis.ticks < DONE_DROP_TICKS
+    return axis._replace(ticks=ticks, is_done=axis.is_done and not is_late)
+
+
+def _registers(axis: Axis, address: int, quantity: int) -> bytes:
+    words: dict[int, bytes] = {}
+    for place, counts in (
+        (COMMAND, axis.target_counts), (ACTUAL, axis.stands_counts), (COMMANDED, axis.commanded_counts),
+    ):  # fmt: skip
+        data = place.pack(counts)
+        words[place.address], words[place.address + 1] = data[:2], data[2:]
+    is_moving = axis.goes_counts is not None
+    status = axis.is_done << DONE_BIT | axis.is_homed << HOMED_BIT | is_moving << MOVING_BIT
+    words[STATUS] = status.to_bytes(2, "big")
+    return b"".join(words.get(address + i, b"\0\0") for i in range(quantity))
