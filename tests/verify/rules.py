@@ -22,6 +22,8 @@ SLOPE_COUNTS: Final = 3.0
 PASSING: Final = frozenset({"unreferenced", "off", "no-table"})
 """States in which positions go through 1:1 (M9)."""
 STOP_TICKS: Final = 12
+PATIENCE_TICKS: Final = 1
+"""So long a controller waits for an answer."""
 NO_PATH: Final = 0x0A
 READABLE: Final = frozenset(
     {(ACTUAL.address, 2), (COMMAND.address, 2), (COMMANDED.address, 2), (STATUS, 1), (TRIGGER, 1)}
@@ -63,6 +65,8 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
                     world.tally.stop_ticks = max(world.tally.stop_ticks, request.ticks)
                     if request.ticks > STOP_TICKS:
                         raise Violation(f"a stop had to wait for {request.ticks} ticks (2)")
+                elif request.ticks > PATIENCE_TICKS:
+                    raise Violation(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
                 asked = list(state.asked)
                 asked[port] = (*waiting[:at], request._replace(is_sent=True), *waiting[at + 1 :])
                 world.state = state._replace(asked=tuple(asked))

@@ -50,6 +50,7 @@ LEFT_OUT: Final = {
     "stamps": "when frames left; figures for the status",
     "began": "what an event tells",
     "is_alarmed": "no world has an alarm bit",
+    "ids": "drives of whose silence was told",
 }
 """Attributes that are neither kept nor compared, by name."""
 NOT_COMPARED: Final = {
@@ -81,8 +82,19 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "last_ns": lambda each: not each.is_shared,
     "_seen_ns": lambda each: each.follows_bit,
     "_drained_at_last_ns": lambda each: each.is_draining,
+    "_steady_map": lambda each: each.is_steady,
 }
 """Attributes that count only while something else holds; else they are taken for nothing."""
+ONLY_OF_A_RECORD: Final = ("way",)
+"""Attributes that only a record asks for: compared where axes have one."""
+DERIVED: Final[dict[str, Callable[[Any], Any]]] = {
+    "silent_since_ns": lambda each: None
+    if each.silent_since_ns is None
+    else (each.silent_until_ns - each.silent_since_ns > each.plan.lost_ms * NS_PER_MS, each.silent_since_ns),
+}
+"""What counts of attributes beside their values: a difference that saturated ages do not show."""
+HORIZON_TICKS: Final = {"_since_ns": 3, "seen_ns": 2}
+"""Ages beyond which nothing asks, where that is earlier than the horizon of the world, in its ticks."""
 LIVE_COUNTERS: Final = ("losses", "_blocked_at")
 """Numbers that only grow. What was sent carries one of its time and is compared with what it is by now."""
 LIVE_INSTANTS: Final = ("_lost_ns",)
@@ -168,11 +180,15 @@ def _refill(container: Any, content: tuple[Any, ...]) -> None:
 class Shape:
     """What is kept and compared of the standing objects of one class."""
 
-    def __init__(self, example: object) -> None:
+    def __init__(self, example: object, *, has_record: bool) -> None:
         kind = type(example)
         found = dict.fromkeys((*names_of(kind), *getattr(example, "__dict__", {})))
         self.names = tuple(n for n in found if n not in LEFT_OUT)
         self.compared = tuple(i for i, name in enumerate(self.names) if name not in NOT_COMPARED)
+        if not has_record:
+            self.compared = tuple(i for i in self.compared if self.names[i] not in ONLY_OF_A_RECORD)
+        self.horizons = {i: HORIZON_TICKS[n] for i, n in enumerate(self.names) if n in HORIZON_TICKS}
+        self.derived = {i: DERIVED[n] for i, n in enumerate(self.names) if n in DERIVED}
         self.needs = {i: NEEDS[n] for i, n in enumerate(self.names) if n in NEEDS}
         self.live = tuple(i for i, name in enumerate(self.names) if name in LIVE_COUNTERS)
         self.live_ns = tuple(i for i, name in enumerate(self.names) if name in LIVE_INSTANTS)
@@ -209,8 +225,12 @@ class Kinds(dict[type, Callable[[Any], Any] | None]):
 class Lens:
     """Takes snapshots of what hangs from some objects, and puts them back."""
 
-    def __init__(self, roots: Sequence[object], horizon_ns: int) -> None:
-        self._horizon = horizon_ns // UNIT_NS + 1
+    def __init__(
+        self, roots: Sequence[object], tick_ns: int, horizon_ticks: int, *, has_record: bool = False
+    ) -> None:
+        self._tick = tick_ns // UNIT_NS
+        self._horizon = self._default_horizon = horizon_ticks * self._tick
+        self._has_record = has_record
         self.objects: list[Any] = []
         self._ids: dict[int, int] = {}
         self._shapes: list[Shape | None] = []
@@ -263,7 +283,7 @@ class Lens:
                 continue
             shape = by_class.get(kind)
             if shape is None:
-                shape = by_class[kind] = Shape(each)
+                shape = by_class[kind] = Shape(each, has_record=self._has_record)
             self.met.update(names_of(kind), getattr(each, "__dict__", ()))
             self._shapes.append(shape)
             queue.extend(shape.get(each))
@@ -364,7 +384,15 @@ class Lens:
             if needs and at in needs and not needs[at](each):
                 found.append(None)
                 continue
+            if at in shape.derived:
+                found.append(self._of(shape.derived[at](each)))
+                continue
             how = kinds[type(value)]
+            if at in shape.horizons:
+                self._horizon = shape.horizons[at] * self._tick
+                found.append(value if how is None else how(value))
+                self._horizon = self._default_horizon
+                continue
             found.append(value if how is None else how(value))
         found += [a(each) is b(each) for a, b in shape.same]
         return tuple(found)
@@ -498,6 +526,10 @@ class Lens:
                 found.append(self._carried_counter(value))
             elif name == CARRIED_INSTANT:
                 found.append(self._carried_instant(value))
+            elif name in HORIZON_TICKS:
+                self._horizon = HORIZON_TICKS[name] * self._tick
+                found.append(self._of(value))
+                self._horizon = self._default_horizon
             elif name not in NOT_COMPARED and name not in LEFT_OUT and value != "" and value != ():
                 found.append((name, self._of(value)))
         token = self._passing_tokens[id(each)] = tuple(found)

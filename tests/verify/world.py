@@ -33,7 +33,7 @@ from tests.exchange.staged_bench import (
     ZERO,
 )
 from tests.verify import rules
-from tests.verify.rules import Violation
+from tests.verify.rules import PATIENCE_TICKS, Violation
 from tests.verify.screw import REGROUND, WORN, Screw
 from tests.verify.snapshot import Lens, Snapshot, is_sending_unsure, said
 
@@ -44,11 +44,10 @@ START_NS: Final = 2 * 10**17
 HORIZON_TICKS: Final = 4
 """Nothing in a world asks whether something is older."""
 RESPONSE_TICKS: Final = 1
-PATIENCE_TICKS: Final = 2
 DRAIN_TICKS: Final = 1
-DONE_DROP_TICKS: Final = 2
-UNSEEN_TICKS: Final = 3
-LOST_TICKS: Final = 3
+DONE_DROP_TICKS: Final = 1
+UNSEEN_TICKS: Final = 2
+LOST_TICKS: Final = 2
 TIMING: Final = LineTiming(response_timeout_ms=RESPONSE_TICKS * TICK_MS, drain_ms=DRAIN_TICKS * TICK_MS)
 EXCEPTION: Final = 4
 SCREWS: Final = (WORN, REGROUND)
@@ -94,7 +93,9 @@ class Side:
         self.link = Link(is_serial=design.is_serial)
         self.ports = [Port(plan) for plan in design.controllers]
         self.line = LineExchange(design.plans, TIMING, self.link, tell, design.groups, **ways)  # type: ignore[arg-type]
-        self.lens = Lens([self.line, *self.ports], design.horizon_ticks * TICK_NS)
+        self.lens = Lens(
+            [self.line, *self.ports], TICK_NS, design.horizon_ticks, has_record=design.has_record
+        )
 
 
 class Aim(NamedTuple):
@@ -448,7 +449,8 @@ class World:
             tuple(each._replace(ticks=min(each.ticks + 1, 20)) for each in waiting) for waiting in state.asked
         )
         self.state = state._replace(late=late, axes=axes, asked=asked)
-        for port, waiting in enumerate(asked):
+        is_prepared = state.wire is not None and state.wire.owner < 0
+        for port, waiting in enumerate(asked if not is_prepared else ()):
             for each in waiting:
                 if not each.is_sent and each.ticks > PATIENCE_TICKS and not rules.is_stop(each.pdu):
                     self._forget_request(port, each)

@@ -1,0 +1,297 @@
+"""Walks a world: every event in every state, breadth first, until nothing is new; then random steps."""
+
+import time
+from array import array
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from random import Random
+from typing import Final
+
+from tests.verify.rules import Violation, is_settled
+from tests.verify.snapshot import row_name, watch_table
+from tests.verify.world import Design, Happening, Kept, World
+
+LOOK_EVERY: Final = 256
+"""States between two looks at the clock."""
+KINDLY: Final = frozenset({"ask", "drive", "arrive", "wait", "plug", "homed", "done", "undone", "late"})
+"""Events of which a way back may consist: traffic, a drive that does what it is told, time."""
+BY_A_PERSON: Final = frozenset({"declare", "switch"})
+UNKIND: Final = frozenset({"refuse", "obey", "obey-refuse", "garble"})
+RANDOM_STEPS: Final = 60
+"""Of one random walk, before the next one begins."""
+
+
+@dataclass
+class Broken:
+    """A rule that was broken, and the shortest way there that was found."""
+
+    what: str
+    trace: tuple[Happening, ...]
+
+
+@dataclass
+class Outcome:
+    """What a walk has shown."""
+
+    world: str
+    states: int = 0
+    transitions: int = 0
+    depth: int = 0
+    seconds: float = 0.0
+    is_closed: bool = False
+    random_steps: int = 0
+    settled: int = 0
+    """States in which all is as it should be."""
+    without_way_back: int = 0
+    broken: list[Broken] = field(default_factory=list)
+    met: dict[str, int] = field(default_factory=dict)
+    """Events of the gateway, refusals and rows of the table of arrival."""
+    stop_ticks: int = 0
+
+    @property
+    def rate(self) -> float:
+        """Transitions a second."""
+        return (self.transitions + self.random_steps) / self.seconds if self.seconds else 0.0
+
+
+def is_kindly(event: Happening) -> bool:
+    """Whether an event may be part of a way back (6)."""
+    if event[0] == "drive":
+        return event[1] not in UNKIND
+    return event[0] in KINDLY or event[0] in BY_A_PERSON
+
+
+class Walk:
+    """One walk through one world."""
+
+    def __init__(self, design: Design, *, most_broken: int = 1) -> None:
+        self.table = watch_table()
+        self.table.taken.clear()
+        self.world = World(design)
+        self.outcome = Outcome(design.name)
+        self._most_broken = most_broken
+        self._numbers: dict[bytes, int] = {}
+        self._parents = array("i")
+        self._events = array("H")
+        self._event_numbers: dict[Happening, int] = {}
+        self._edges_from = array("i")
+        self._edges_to = array("i")
+        self._settled = bytearray()
+        self._whats: Counter[str] = Counter()
+
+    def breadth_first(self, depth: int = 0, seconds: float = 0.0) -> Outcome:
+        """Walk until nothing is new, to a depth, or for so long; 0: without that limit."""
+        world, outcome, numbers = self.world, self.outcome, self._numbers
+        parents, events, event_numbers = self._parents, self._events, self._event_numbers
+        began = time.perf_counter()
+        first = world.keep()
+        self._note(world.key(first), -1, 0)
+        level: list[tuple[Kept, int]] = [(first, 0)]
+        following: list[tuple[Kept, int]] = []
+        is_out_of_time = False
+        checks_way_back = world.design.checks_way_back
+        from_, to = self._edges_from, self._edges_to
+        while level and not is_out_of_time:
+            if depth and outcome.depth >= depth:
+                break
+            for count, (kept, number) in enumerate(level):
+                if seconds and not count % LOOK_EVERY and time.perf_counter() - began > seconds:
+                    is_out_of_time = True
+                    break
+                world.restore(kept)
+                for event in world.happenings():
+                    world.restore(kept)
+                    outcome.transitions += 1
+                    try:
+                        world.happen(event)
+                        after = world.keep()
+                    except Violation as violation:
+                        world.restore(kept, is_live_known=False)
+                        if self._is_enough(str(violation), (*self._trace(number), event)):
+                            is_out_of_time = True
+                            break
+                        continue
+                    key = world.key(after)
+                    at = numbers.get(key)
+                    if at is None:
+                        event_number = event_numbers.setdefault(event, len(event_numbers))
+                        at = self._note(key, number, event_number)
+                        following.append((after, at))
+                    if checks_way_back and is_kindly(event):
+                        from_.append(number)
+                        to.append(at)
+                if is_out_of_time:
+                    break
+            else:
+                outcome.depth += 1
+                level, following = following, []
+        outcome.states = len(parents)
+        outcome.is_closed = not level and not following
+        self._check_way_back()
+        outcome.seconds = time.perf_counter() - began
+        self._sum_up()
+        assert len(events) == len(parents)
+        return outcome
+
+    def random(self, steps: int, seed: int = 1, seconds: float = 0.0) -> Outcome:
+        """Take random steps from the start, again and again."""
+        world, outcome, random = self.world, self.outcome, Random(seed)
+        began = time.perf_counter()
+        first: Kept | None = None
+        for step in range(steps):
+            if seconds and not step % LOOK_EVERY and time.perf_counter() - began > seconds:
+                break
+            if step % RANDOM_STEPS == 0:
+                if first is None:
+                    first = world.keep()
+                world.restore(first, is_live_known=False)
+                trace: list[Happening] = []
+            event = random.choice(world.happenings())
+            trace.append(event)
+            outcome.random_steps += 1
+            try:
+                world.happen(event)
+            except Violation as violation:
+                if self._is_enough(str(violation), tuple(trace)):
+                    break
+                world.restore(first, is_live_known=False)  # type: ignore[arg-type]
+                trace = []
+        outcome.seconds += time.perf_counter() - began
+        self._sum_up()
+        return outcome
+
+    def _note(self, key: bytes, parent: int, event: int) -> int:
+        number = self._numbers[key] = len(self._parents)
+        self._parents.append(parent)
+        self._events.append(event)
+        self._settled.append(is_settled(self.world))
+        return number
+
+    def _trace(self, number: int) -> tuple[Happening, ...]:
+        by_number = {n: event for event, n in self._event_numbers.items()}
+        found: deque[Happening] = deque()
+        while self._parents[number] >= 0:
+            found.appendleft(by_number[self._events[number]])
+            number = self._parents[number]
+        return tuple(found)
+
+    def _is_enough(self, what: str, trace: tuple[Happening, ...]) -> bool:
+        kind = "".join(each for each in what if not each.isdigit())
+        self._whats[kind] += 1
+        if self._whats[kind] == 1:
+            self.outcome.broken.append(Broken(what, trace))
+        return len(self.outcome.broken) >= self._most_broken
+
+    def _check_way_back(self) -> None:
+        """Look whether every state has a way to one in which all is as it should be (6)."""
+        outcome = self.outcome
+        outcome.settled = sum(self._settled)
+        if not (self.world.design.checks_way_back and outcome.is_closed) or outcome.broken:
+            return
+        count = len(self._parents)
+        starts = array("i", bytes(4 * (count + 1)))
+        for at in self._edges_to:
+            starts[at + 1] += 1
+        for at in range(count):
+            starts[at + 1] += starts[at]
+        places, before = starts[:], array("i", bytes(4 * len(self._edges_to)))
+        for one, other in zip(self._edges_from, self._edges_to, strict=True):
+            before[places[other]] = one
+            places[other] += 1
+        is_reached = bytearray(self._settled)
+        queue = deque(i for i, is_one in enumerate(is_reached) if is_one)
+        while queue:
+            at = queue.popleft()
+            for i in range(starts[at], starts[at + 1]):
+                if not is_reached[before[i]]:
+                    is_reached[before[i]] = 1
+                    queue.append(before[i])
+        outcome.without_way_back = count - sum(is_reached)
+        if outcome.without_way_back:
+            trace = self._trace(is_reached.index(0))
+            outcome.broken.append(Broken("no way leads back to settled, referenced, corrected (6)", trace))
+
+    def _sum_up(self) -> None:
+        tally, outcome = self.world.tally, self.outcome
+        tally.rows.update(map(row_name, self.table.taken))
+        outcome.stop_ticks = tally.stop_ticks
+        outcome.met = dict.fromkeys((f"event {each}" for each in sorted(tally.events)), 1)
+        outcome.met |= dict.fromkeys((f"exception {each:#04x}" for each in sorted(tally.refusals)), 1)
+        outcome.met |= dict.fromkeys((f"row {each}" for each in sorted(tally.rows)), 1)
+
+
+def replay(design: Design, trace: tuple[Happening, ...]) -> Iterator[str]:
+    """Play a trace again; tell with each event what went over the wires. The last line is what was broken."""
+    world = World(design)
+    lines: list[str] = []
+    _listen(world, lines.append)
+    for event in trace:
+        yield f"{(world.now_ns - World(design).now_ns) // 1_000_000:6d} ms  {' '.join(map(str, event))}"
+        try:
+            world.happen(event)
+        except Violation as violation:
+            yield from lines
+            yield f"broken: {violation}"
+            return
+        yield from lines
+        lines.clear()
+
+
+def _listen(world: World, tell: Callable[[str], None]) -> None:
+    """Tell of each frame and each answer as it goes."""
+    side = world.sides[0]
+    send, line = side.link.send_request, side.line
+    reply, request = line.reply, line.request
+
+    def sent(unit_id: int, pdu: bytes) -> None:
+        tell(f"             to the drive    {unit_id}  {pdu.hex(' ')}")
+        send(unit_id, pdu)
+
+    def replied(unit_id: int, pdu: bytes, now_ns: int) -> None:
+        tell(f"             from the drive  {unit_id}  {pdu.hex(' ')}")
+        reply(unit_id, pdu, now_ns)
+
+    def requested(port: object, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        tell(f"             asked           {unit_id}  {pdu.hex(' ')}")
+        request(port, transaction_id, unit_id, pdu, now_ns)  # type: ignore[arg-type]
+
+    side.link.send_request = sent  # type: ignore[method-assign]
+    line.reply = replied  # type: ignore[method-assign]
+    line.request = requested  # type: ignore[method-assign]
+    for port in side.ports:
+        answer = port.send_reply
+
+        def answered(
+            transaction_id: int, unit_id: int, pdu: bytes, answer: Callable[[int, int, bytes], None] = answer
+        ) -> None:
+            tell(f"             answered        {unit_id}  {pdu.hex(' ')}")
+            answer(transaction_id, unit_id, pdu)
+
+        port.send_reply = answered  # type: ignore[method-assign]
+
+
+def as_test(design: Design, broken: Broken) -> str:
+    """Return a trace as a test that can be pasted: it fails as long as the rule is broken."""
+    played = "\n".join(f"    # {line}" for line in replay(design, broken.trace))
+    events = "\n".join(f"        {event!r}," for event in broken.trace)
+    name = design.name.replace("-", "_")
+    return f'''
+def test_found_in_{name}() -> None:
+{played}
+    play(
+        BY_NAME["{design.name}"],
+{events}
+    )
+'''
+
+
+def play(design: Design, *trace: Happening) -> World:
+    """Play a trace; raises Violation where it breaks a rule."""
+    world = World(design)
+    for event in trace:
+        if event not in world.happenings():
+            raise AssertionError(f"{event} cannot happen here; there are {world.happenings()}")
+        world.happen(event)
+        world.keep()
+    return world
