@@ -79,6 +79,7 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_since_ns": lambda each: getattr(each, "_pending", 0) is not None and not getattr(each, "_is_held", False),
     "_missing": lambda each: each._pending is not None,
     "silent_until_ns": lambda each: each.silent_since_ns is not None,
+    "heard_ns": lambda each: each.compensation.accepted is not None or each.unproven is not None,
     "last_ns": lambda each: not each.is_shared,
     "_seen_ns": lambda each: each.follows_bit,
     "_drained_at_last_ns": lambda each: each.is_draining,
@@ -93,7 +94,7 @@ DERIVED: Final[dict[str, Callable[[Any], Any]]] = {
     else (each.silent_until_ns - each.silent_since_ns > each.plan.lost_ms * NS_PER_MS, each.silent_since_ns),
 }
 """What counts of attributes beside their values: a difference that saturated ages do not show."""
-HORIZON_TICKS: Final = {"_since_ns": 3, "seen_ns": 2}
+HORIZON_TICKS: Final = {"_since_ns": 3, "seen_ns": 2, "silent_until_ns": 2, "silent_since_ns": 3}
 """Ages beyond which nothing asks, where that is earlier than the horizon of the world, in its ticks."""
 LIVE_COUNTERS: Final = ("losses", "_blocked_at")
 """Numbers that only grow. What was sent carries one of its time and is compared with what it is by now."""
@@ -385,8 +386,7 @@ class Lens:
                 found.append(None)
                 continue
             if at in shape.derived:
-                found.append(self._of(shape.derived[at](each)))
-                continue
+                value = shape.derived[at](each)
             how = kinds[type(value)]
             if at in shape.horizons:
                 self._horizon = shape.horizons[at] * self._tick

@@ -177,7 +177,6 @@ class Axis(NamedTuple):
     commanded_counts: int = 0
     is_done: bool = True
     is_homed: bool = True
-    is_midway: bool = False
     ticks: int = 0
     """Since it began to move."""
     run: Run | None = None
@@ -223,6 +222,8 @@ class Design:
     is_staged: bool = False
     has_record: bool = False
     is_twin: bool = False
+    is_prompt: bool = True
+    """A drive that is told to go has left its place a tick later."""
     most_asked: int = 1
     """Requests of one controller that may be open."""
     horizon_ticks: int = HORIZON_TICKS
@@ -427,6 +428,8 @@ class World:
             reply = wire.pdu[:3] + b"\0\0" if wire.pdu[0] == 16 else wire.pdu[:3] + b"\xff\xff"
         self._call("reply", wire.unit_id, reply, self.now_ns)
         self._collect(answered=wire, reply=reply)
+        if wire.aim is not None:
+            self._on_wait()  # no controller says something else before the axis had the time to begin
 
     def _on_late(self) -> None:
         late = self.state.late
@@ -444,7 +447,7 @@ class World:
         late = state.late
         if late is not None:
             late = late._replace(ticks_left=late.ticks_left - 1) if late.ticks_left > 1 else None
-        axes = tuple(_older(axis) for axis in state.axes)
+        axes = tuple(_older(axis, is_prompt=self.design.is_prompt) for axis in state.axes)
         asked = tuple(
             tuple(each._replace(ticks=min(each.ticks + 1, 20)) for each in waiting) for waiting in state.asked
         )
@@ -482,15 +485,9 @@ class World:
         self._set(
             number,
             axis._replace(
-                stands_counts=axis.goes_counts, goes_counts=None, is_done=is_done, is_midway=False, ticks=0
+                stands_counts=axis.goes_counts, goes_counts=None, is_done=is_done, ticks=0
             ),
         )
-
-    def _on_pass_by(self, number: int) -> None:
-        axis = self.state.axes[number]
-        self._on_wait()
-        self._set(number, self.state.axes[number]._replace(stands_counts=MIDWAY_COUNTS, is_midway=True))
-        assert axis.goes_counts is not None
 
     def _on_done(self, number: int) -> None:
         self._set(number, self.state.axes[number]._replace(is_done=True))
@@ -507,7 +504,7 @@ class World:
             number,
             axis._replace(
                 stands_counts=JOGGED_COUNTS, goes_counts=None, commanded_counts=JOGGED_COUNTS, is_done=True,
-                is_midway=False, ticks=0, run=None,
+                ticks=0, run=None,
             ),
         )  # fmt: skip
 
@@ -556,7 +553,8 @@ class World:
         self.state = self.state._replace(table=0, is_wanted=True, is_gain_half=False)
         self._forget_runs(is_restart=True)
         self.now_ns += TICK_NS
-        self.state = self.state._replace(axes=tuple(_older(axis) for axis in self.state.axes))
+        axes = tuple(_older(axis, is_prompt=self.design.is_prompt) for axis in self.state.axes)
+        self.state = self.state._replace(axes=axes)
         self._call("link_up", self.now_ns)
         self._collect()
 
@@ -629,7 +627,7 @@ class World:
             self._set(
                 number,
                 axis._replace(
-                    goes_counts=None, commanded_counts=axis.stands_counts, is_done=True, is_midway=False,
+                    goes_counts=None, commanded_counts=axis.stands_counts, is_done=True,
                     ticks=0, run=axis.run if axis.goes_counts is None else None,
                 ),
             )  # fmt: skip
@@ -642,7 +640,7 @@ class World:
                 axis._replace(
                     stands_counts=0 if value == HOME else JOGGED_COUNTS, goes_counts=None,
                     commanded_counts=0 if value == HOME else JOGGED_COUNTS,
-                    is_done=False, is_homed=axis.is_homed and value != HOME, is_midway=False, ticks=0, run=None,
+                    is_done=False, is_homed=axis.is_homed and value != HOME, ticks=0, run=None,
                 ),
             )  # fmt: skip
         elif value == ZERO:
@@ -656,7 +654,7 @@ class World:
             number,
             axis._replace(
                 goes_counts=None if is_there else end, commanded_counts=end,
-                is_done=axis.is_done or is_there, is_midway=False, ticks=0, run=run,
+                is_done=axis.is_done or is_there, ticks=0, run=run,
             ),
         )  # fmt: skip
 
@@ -737,9 +735,6 @@ TRIGGERS: Final = {"run": RUN, "distance": RUN_RELATIVE, "stop": STOP, "home": H
 OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "arrive": lambda axis: axis.goes_counts is not None,
     "arrive_undone": lambda axis: axis.goes_counts is not None,
-    "pass_by": lambda axis: axis.goes_counts is not None
-    and not axis.is_midway
-    and (axis.stands_counts < MIDWAY_COUNTS) is not (axis.goes_counts < MIDWAY_COUNTS),
     "done": lambda axis: not axis.is_done and axis.is_homed,
     "undone": lambda axis: axis.is_done and axis.goes_counts is not None,
     "jog": lambda axis: axis.goes_counts is None and axis.stands_counts != JOGGED_COUNTS,
@@ -763,13 +758,16 @@ def _can(name: str, axis: Axis) -> bool:
     return name in OF_AXIS and OF_AXIS[name](axis)
 
 
-def _older(axis: Axis) -> Axis:
-    """Let a tick pass; a drive that has begun to move lets done fall in time."""
+def _older(axis: Axis, *, is_prompt: bool) -> Axis:
+    """Let a tick pass: a drive that has begun to move lets done fall, and is on its way if it is prompt."""
     if axis.goes_counts is None:
         return axis
     ticks = min(axis.ticks + 1, DONE_DROP_TICKS)
     is_late = ticks == DONE_DROP_TICKS and axis.ticks < DONE_DROP_TICKS
-    return axis._replace(ticks=ticks, is_done=axis.is_done and not is_late)
+    stands = axis.stands_counts
+    if is_prompt and not axis.ticks and (stands < MIDWAY_COUNTS) is not (axis.goes_counts < MIDWAY_COUNTS):
+        stands = MIDWAY_COUNTS
+    return axis._replace(ticks=ticks, stands_counts=stands, is_done=axis.is_done and not is_late)
 
 
 def _registers(axis: Axis, address: int, quantity: int) -> bytes:
