@@ -1,10 +1,8 @@
 """The small worlds that are walked, the quickest first."""
 
-from dataclasses import replace
 from typing import Any, Final
 
-from gateway.drives.motion import MotionPlan
-from gateway.exchange.plan import AxisPlan
+from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from tests.exchange.line_bench import axis_plan
 from tests.exchange.staged_bench import BITS, COMMANDED, STAGED
 from tests.verify.screw import WORN
@@ -17,6 +15,7 @@ from tests.verify.world import (
 )
 
 ONLY_DONE: Final = {"done": BITS["done"]}
+HOMED_TOO: Final = {"done": BITS["done"], "homed": BITS["homed"]}
 
 
 def _plan(**changes: Any) -> AxisPlan:
@@ -37,18 +36,72 @@ def _staged(**changes: Any) -> AxisPlan:
     return _plan(**({"motion": STAGED, "commanded": (COMMANDED,)} | changes))
 
 
-STOPPED: Final = replace(STAGED, is_staged=False)
-DIRECT: Final = MotionPlan()
+HELD_S: Final = 3 * TICK_MS / 1000
+"""So long a writer holds an axis."""
+
+
+def _controllers(*names: str, serial: bool = False) -> tuple[ControllerPlan, ...]:
+    return tuple(ControllerPlan(name, timeout_ms=float(TICK_MS), serial=serial) for name in names)
+
 
 DESIGNS: Final = (
     Design(
+        "small",
+        "a direct drive that always answers: closes in seconds",
+        (_plan(),),
+        menu=("to", "read"),
+        answers=("ack", "refuse"),
+        targets=(-7003, 9007),
+        happenings=("arrive", "wait"),
+    ),
+    Design(
         "direct",
-        "a drive that goes to each absolute position as soon as it is written",
+        "a drive that goes to each absolute position as soon as it is written; done early and late",
         (_plan(),),
         menu=("to", "read", "status"),
-        answers=("ack", "refuse", "obey"),
-        happenings=("arrive", "wait", "undone"),
+        happenings=("arrive", "arrive_undone", "wait", "undone", "done"),
         targets=(-7003, 9007),
+    ),
+    Design(
+        "near",
+        "two targets nearer to each other than their branches; jogs; reading the target back",
+        (_plan(),),
+        menu=("to", "read", "back"),
+        happenings=("arrive", "wait", "jog"),
+        targets=(9007, 9019),
+    ),
+    Design(
+        "garbled",
+        "a drive that obeys and refuses, or says something else; late frames; a serial controller",
+        (_plan(),),
+        menu=("to", "read"),
+        answers=("ack", "refuse", "obey", "obey-refuse", "garble"),
+        happenings=("arrive", "wait", "late"),
+        targets=(-7003, 9007),
+        controllers=_controllers("cnc", serial=True),
+    ),
+    Design(
+        "impatient",
+        "a serial controller that asks again before it is answered",
+        (_staged(),),
+        menu=("to", "run", "stop"),
+        answers=("ack", "obey"),
+        targets=(-7003, 9007),
+        is_staged=True,
+        controllers=_controllers("cnc", serial=True),
+        most_asked=2,
+    ),
+    Design(
+        "pipelined",
+        "a TCP controller with two requests open, which may close its connection",
+        (_staged(),),
+        menu=("to", "run", "stop"),
+        answers=("ack", "refuse"),
+        happenings=("arrive", "wait", "disconnect"),
+        targets=(-7003, 9007),
+        is_staged=True,
+        is_serial=False,
+        most_asked=2,
     ),
     Design(
         "staged",
@@ -58,6 +111,105 @@ DESIGNS: Final = (
         happenings=("arrive", "wait", "undone"),
         targets=(-7003, 9007),
         is_staged=True,
+    ),
+    Design(
+        "halves",
+        "a target written word by word",
+        (_staged(travel=(-20.0, 40.0)),),
+        menu=("low", "high", "run", "read"),
+        targets=(-7003, 9007),
+        is_staged=True,
+    ),
+    Design(
+        "relative",
+        "a distance that waits for its trigger, from where the drive's own profile stands",
+        (_staged(travel=(-12.0, 12.0)),),
+        menu=("to", "by", "run", "distance", "stop"),
+        targets=(9007,),
+        distances=(-4003,),
+        answers=("ack", "obey"),
+        is_staged=True,
+        checks_way_back=False,
+    ),
+    Design(
+        "changes",
+        "another table, half a gain, compensation off and on, at any moment",
+        (_plan(),),
+        menu=("to", "read"),
+        answers=("ack", "obey"),
+        happenings=("arrive", "wait", "table", "gain", "switch"),
+        targets=(-7003, 9007),
+    ),
+    Design(
+        "unplugged",
+        "a link that is lost and comes back at any moment",
+        (_staged(),),
+        menu=("to", "run", "read"),
+        answers=("ack", "obey"),
+        happenings=("arrive", "wait", "unplug", "plug"),
+        targets=(-7003, 9007),
+        is_staged=True,
+    ),
+    Design(
+        "killed",
+        "a gateway that is killed and started again at any moment, with its record and without",
+        (_plan(),),
+        menu=("to", "read"),
+        answers=("ack", "obey"),
+        happenings=("arrive", "wait", "kill", "kill_bare"),
+        targets=(-7003, 9007),
+        has_record=True,
+    ),
+    Design(
+        "homed",
+        "a drive whose homed bit counts, which is switched off and on, and homed",
+        (_staged(referenced=Reference.DRIVE_BIT, bits=HOMED_TOO),),
+        menu=("to", "run", "home", "read"),
+        answers=("ack", "obey"),
+        happenings=("arrive", "wait", "reboot", "homed"),
+        targets=(-7003, 9007),
+        is_staged=True,
+        horizon_ticks=14,
+    ),
+    Design(
+        "homing",
+        "a reference that a homing command finds, and a position that is set",
+        (_staged(referenced=Reference.HOMING, bits=HOMED_TOO),),
+        menu=("to", "run", "home", "zero", "read"),
+        answers=("ack", "obey"),
+        happenings=("arrive", "wait", "homed"),
+        targets=(-7003, 9007),
+        is_staged=True,
+    ),
+    Design(
+        "group",
+        "two axes that carry one beam, each with its drive",
+        (_staged(), _staged(name="y", unit_id=2)),
+        menu=("to", "run", "stop"),
+        answers=("ack", "refuse"),
+        targets=(9007,),
+        groups=(("x", "y"),),
+        is_staged=True,
+    ),
+    Design(
+        "writers",
+        "two controllers of which only one may move the axis",
+        (_staged(has_one_writer=True, writer_hold_s=HELD_S),),
+        menu=("to", "run", "stop"),
+        answers=("ack", "refuse"),
+        targets=(-7003, 9007),
+        controllers=_controllers("cnc", "plc"),
+        is_staged=True,
+    ),
+    Design(
+        "two-ways",
+        "the fast path and the slow one side by side",
+        (_plan(),),
+        menu=("to", "read", "status", "back"),
+        happenings=("arrive", "wait", "undone"),
+        targets=(-7003, 9007),
+        is_twin=True,
+        checks_way_back=False,
     ),
 )
 BY_NAME: Final = {design.name: design for design in DESIGNS}

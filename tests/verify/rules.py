@@ -22,6 +22,8 @@ SLOPE_COUNTS: Final = 3.0
 PASSING: Final = frozenset({"unreferenced", "off", "no-table"})
 """States in which positions go through 1:1 (M9)."""
 STOP_TICKS: Final = 12
+OLD_TICKS: Final = 3
+"""A word that was lost so long ago belongs to no word that comes now: 200 ms."""
 PATIENCE_TICKS: Final = 1
 """So long a controller waits for an answer."""
 NO_PATH: Final = 0x0A
@@ -59,8 +61,12 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     state = world.state
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
     for port, waiting in enumerate(state.asked):
+        is_first = True
         for at, request in enumerate(waiting):
-            if not request.is_sent and _is_frame_of(pdu, request.pdu):
+            if request.is_sent or not (is_first or is_stop(request.pdu)):
+                continue
+            is_first &= is_stop(request.pdu)
+            if _is_frame_of(pdu, request.pdu):
                 if is_stop(pdu):
                     world.tally.stop_ticks = max(world.tally.stop_ticks, request.ticks)
                     if request.ticks > STOP_TICKS:
@@ -70,7 +76,13 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
                 asked = list(state.asked)
                 asked[port] = (*waiting[:at], request._replace(is_sent=True), *waiting[at + 1 :])
                 world.state = state._replace(asked=tuple(asked))
-                return Wire(unit_id, pdu, port, request.transaction_id, _aim(world, port, number, pdu, request))
+                aim = _aim(world, port, number, pdu, request)
+                if aim is not None and pdu not in RUNS:
+                    _note_tried(world, number, pdu, aim)
+                return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
+    if is_stop(pdu) and state.owed_stops:
+        world.state = state._replace(owed_stops=state.owed_stops - 1)
+        return Wire(unit_id, pdu, -1, 0, None)
     if pdu[0] == 3:
         if (pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4]) not in READABLE:
             raise Violation(f"a read that nothing names: {pdu.hex(' ')} (W8)")
@@ -80,6 +92,12 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
         return Wire(unit_id, pdu, -1, 0, None)
     _judge_restaging(world, number, pdu)
     return Wire(unit_id, pdu, -1, 0, None)
+
+
+def _note_tried(world: "World", number: int, pdu: bytes, aim: "Aim") -> None:
+    axes = list(world.state.axes)
+    axes[number] = axes[number]._replace(tried=(aim.nominal_counts, int(COMMAND.unpack(pdu[6:10]))))
+    world.state = world.state._replace(axes=tuple(axes))
 
 
 def _is_frame_of(frame: bytes, request: bytes) -> bool:
@@ -119,7 +137,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     if not (is_run or (writes_target(pdu) and not world.design.is_staged)):
         return None
     if not is_run:
-        belief = _written(belief, request.pdu)
+        belief = _written(belief, request.pdu, pdu)
     base = None
     if pdu == RELATIVE_PDU:
         run = axis.run
@@ -133,21 +151,27 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
         world.said(number).compensation,
         world.is_sending_unsure() or world.said(number).direction == "unsure",
         state.table,
+        state.is_gain_half,
         bool(belief.lost),
         base,
     )
 
 
-def _written(belief: "Belief", pdu: bytes) -> "Belief":
-    """Return what a controller believes once a request of it is there."""
-    data = pdu[6:] if pdu[0] == 16 else pdu[3:5]
-    is_low_written = (pdu[1] << 8 | pdu[2]) == COMMAND.address
+def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
+    """Return what a controller believes once a request of it is there, and how it was sent."""
+    data = request[6:] if request[0] == 16 else request[3:5]
     if len(data) == 4:
         return belief._replace(low=data[0] << 8 | data[1], high=data[2] << 8 | data[3], lost=0)
     word = data[0] << 8 | data[1]
-    if is_low_written:
-        return belief._replace(low=word, lost=belief.lost & 2)
-    return belief._replace(high=word, lost=belief.lost & 1)
+    mine = 1 if (request[1] << 8 | request[2]) == COMMAND.address else 2
+    lost = belief.lost & ~mine
+    if frame[0] == 16 and lost:  # it was completed with a word that was lost a moment ago (M1)
+        if belief.ticks >= OLD_TICKS:
+            raise Violation(f"a word is joined with one that was lost long ago: {frame.hex(' ')} (4)")
+        lost = 0
+    if mine == 1:
+        return belief._replace(low=word, lost=lost)
+    return belief._replace(high=word, lost=lost)
 
 
 # --- motions ---------------------------------------------------------------------------------------------------
@@ -185,7 +209,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
                 f"the same target {nominal} again moves the drive from {run.end_counts} to {end} (0, M4)"
             )
     if aim.state in PASSING:
-        if end != nominal:
+        if end != nominal and (nominal, end) != axis.tried:
             raise Violation(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
         return
     _judge_branch(world, axis, end, aim, nominal, ROUNDING)
@@ -211,7 +235,7 @@ def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
 
 
 def _branches(world: "World", nominal: int, aim: "Aim") -> tuple[float, float]:
-    share = 0.5 if world.state.is_gain_half else 1.0
+    share = 0.5 if aim.is_gain_half else 1.0
     forward, backward = world.screws[aim.table].corrected(nominal)
     return nominal + share * (forward - nominal), nominal + share * (backward - nominal)
 
@@ -229,7 +253,8 @@ def _judge_branch(
     may_be_forward = may_be_backward = False
     run = axis.run
     for place in {aim.from_counts, axis.stands_counts}:
-        is_told = run is not None and run.is_told and axis.goes_counts is None and run.table == aim.table
+        is_told = run is not None and run.is_told and not run.is_unsure and axis.goes_counts is None
+        is_told = is_told and run is not None and run.table == aim.table
         if run is not None and is_told and place == run.end_counts and run.state not in PASSING:
             may_be_forward |= nominal >= run.nominal_counts
             may_be_backward |= nominal <= run.nominal_counts
@@ -260,20 +285,15 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         return
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == wire.unit_id)
     request = _find(world, wire.owner, wire.transaction_id)
-    if request is None:
-        # Nobody waits for it: what the drive acknowledged counts all the same.
-        request_pdu = wire.pdu
-    else:
-        request_pdu = request.pdu
     if not _is_native(wire.pdu, reply):
         if request is not None:
             note_lost(world, wire.owner, request)
         return
-    if writes_target(request_pdu):
+    if writes_target(wire.request):
         beliefs = [list(own) for own in world.state.beliefs]
         for port, own in enumerate(beliefs):
             if port == wire.owner:
-                own[number] = _written(own[number], request_pdu)
+                own[number] = _written(own[number], wire.request, wire.pdu)
             else:
                 own[number] = own[number]._replace(lost=3)
         world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
@@ -281,7 +301,8 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         axes = list(world.state.axes)
         run = axes[number].run
         if run is not None:
-            axes[number] = axes[number]._replace(run=run._replace(is_told=not wire.aim.is_lost))
+            run = run._replace(is_told=not wire.aim.is_lost)
+            axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
 
 
@@ -306,11 +327,16 @@ def note_lost(world: "World", port: int, request: "Asked") -> None:
     """Take note of a write of a target of which nobody can say that it is in the drive (4)."""
     if not writes_target(request.pdu):
         return
-    lost = 3 if request.pdu[0] == 16 else (1 if (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address else 2)
+    is_low = (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address
+    word = 0 if request.pdu[0] == 16 else request.pdu[3] << 8 | request.pdu[4]
     beliefs = [list(own) for own in world.state.beliefs]
-    number = 0 if len(world.design.plans) == 1 else -1
-    for i in range(len(beliefs[port])) if number < 0 else (0,):
-        beliefs[port][i] = beliefs[port][i]._replace(lost=beliefs[port][i].lost | lost)
+    for i, belief in enumerate(beliefs[port]):
+        if request.pdu[0] == 16:
+            beliefs[port][i] = belief._replace(lost=3, ticks=OLD_TICKS)
+        elif is_low:
+            beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 1, ticks=0)
+        else:
+            beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 2, ticks=0)
     world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
 
 

@@ -33,7 +33,7 @@ from tests.exchange.staged_bench import (
     ZERO,
 )
 from tests.verify import rules
-from tests.verify.rules import PATIENCE_TICKS, Violation
+from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS, Violation
 from tests.verify.screw import REGROUND, WORN, Screw
 from tests.verify.snapshot import Lens, Snapshot, is_sending_unsure, said
 
@@ -108,6 +108,7 @@ class Aim(NamedTuple):
     """What the gateway said of the compensation."""
     is_unsure: bool
     table: int
+    is_gain_half: bool = False
     is_lost: bool = False
     """Its target never was acknowledged."""
     base: tuple[int, bool] | None = None
@@ -123,6 +124,8 @@ class Wire(NamedTuple):
     """The port that asked for it; -1: the gateway's own."""
     transaction_id: int
     aim: Aim | None
+    request: bytes = b""
+    """What its controller asked for."""
     is_obeyed: bool = False
     ticks_left: int = 0
     """Of a frame that nobody waits for any more: so long it may still be answered."""
@@ -145,6 +148,8 @@ class Belief(NamedTuple):
     high: int = 0
     lost: int = 3
     """Bit 0, 1: the low, the high word was lost, or never written."""
+    ticks: int = OLD_TICKS
+    """Since then."""
 
     @property
     def nominal_counts(self) -> int:
@@ -180,6 +185,8 @@ class Axis(NamedTuple):
     ticks: int = 0
     """Since it began to move."""
     run: Run | None = None
+    tried: tuple[int, int] | None = None
+    """The last target on its way that was not acknowledged, and where it leads."""
 
 
 class State(NamedTuple):
@@ -198,6 +205,8 @@ class State(NamedTuple):
     table: int = 0
     is_wanted: bool = True
     is_gain_half: bool = False
+    owed_stops: int = 0
+    """Stops whose controllers have given up: they go out all the same."""
 
 
 @dataclass(frozen=True)
@@ -222,6 +231,7 @@ class Design:
     is_staged: bool = False
     has_record: bool = False
     is_twin: bool = False
+    refuses_reads: bool = False
     is_prompt: bool = True
     """A drive that is told to go has left its place a tick later."""
     most_asked: int = 1
@@ -334,7 +344,8 @@ class World:
                 found.append(("disconnect", port))
         if state.wire is not None and not state.wire.is_obeyed:
             is_read = state.wire.pdu[0] == 3
-            found += [("drive", each) for each in design.answers if not is_read or each in ("ack", "refuse")]
+            may_be = ("ack", "refuse") if design.refuses_reads else ("ack",)
+            found += [("drive", each) for each in design.answers if not is_read or each in may_be]
         if state.late is not None and "late" in design.happenings:
             found.append(("late",))
         for number, axis in enumerate(state.axes):
@@ -385,7 +396,7 @@ class World:
         taken = {each.transaction_id for each in self.state.asked[port]}
         transaction_id = next(i for i in range(1, 99) if i not in taken)
         if self.design.controllers[port].serial:
-            self._give_up(port)
+            self._give_up(port)  # what it asked before is withdrawn, or is answered for nobody
         asked = list(self.state.asked)
         asked[port] = (*asked[port], Asked(pdu, transaction_id))
         self.state = self.state._replace(asked=tuple(asked))
@@ -405,6 +416,8 @@ class World:
         """A controller waits no longer for what it asked: what was not sent must never be."""
         for each in self.state.asked[port]:
             self._lose(port, each)
+            if rules.is_stop(each.pdu) and not each.is_sent:
+                self.state = self.state._replace(owed_stops=min(self.state.owed_stops + 1, 2))
         asked = list(self.state.asked)
         asked[port] = ()
         self.state = self.state._replace(asked=tuple(asked))
@@ -451,7 +464,12 @@ class World:
         asked = tuple(
             tuple(each._replace(ticks=min(each.ticks + 1, 20)) for each in waiting) for waiting in state.asked
         )
-        self.state = state._replace(late=late, axes=axes, asked=asked)
+        beliefs = state.beliefs
+        if "low" in self.design.menu:
+            beliefs = tuple(
+                tuple(b._replace(ticks=min(b.ticks + 1, OLD_TICKS)) for b in own) for own in state.beliefs
+            )
+        self.state = state._replace(late=late, axes=axes, asked=asked, beliefs=beliefs)
         is_prepared = state.wire is not None and state.wire.owner < 0
         for port, waiting in enumerate(asked if not is_prepared else ()):
             for each in waiting:
@@ -482,11 +500,10 @@ class World:
         axis = self.state.axes[number]
         if axis.goes_counts is None:
             return
+        end = axis.goes_counts
         self._set(
             number,
-            axis._replace(
-                stands_counts=axis.goes_counts, goes_counts=None, is_done=is_done, ticks=0
-            ),
+            axis._replace(stands_counts=end, commanded_counts=end, goes_counts=None, is_done=is_done, ticks=0),
         )
 
     def _on_done(self, number: int) -> None:
@@ -518,7 +535,7 @@ class World:
         self._set(number, self.state.axes[number]._replace(is_homed=True, is_done=True))
 
     def _on_unplug(self) -> None:
-        self.state = self.state._replace(is_up=False)
+        self.state = self.state._replace(is_up=False, owed_stops=0)
         self._forget_runs()
         wire = self.state.wire
         if wire is not None:
@@ -549,7 +566,7 @@ class World:
         if not is_record_kept:
             self.records = Records()
         self._attach()
-        self.state = self.state._replace(wire=None, late=None, is_starting=True, is_up=True)
+        self.state = self.state._replace(wire=None, late=None, is_starting=True, is_up=True, owed_stops=0)
         self.state = self.state._replace(table=0, is_wanted=True, is_gain_half=False)
         self._forget_runs(is_restart=True)
         self.now_ns += TICK_NS
@@ -653,7 +670,7 @@ class World:
         self._set(
             number,
             axis._replace(
-                goes_counts=None if is_there else end, commanded_counts=end,
+                goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
                 is_done=axis.is_done or is_there, ticks=0, run=run,
             ),
         )  # fmt: skip
@@ -695,6 +712,8 @@ class World:
                 self.state = self.state._replace(wire=wire, late=None)
         elif answered is not None:
             self.state = self.state._replace(is_starting=False)
+        if self.state.owed_stops and self.state.wire is None:
+            self.state = self.state._replace(owed_stops=0)
         if len(self.sides) > 1 and self.state.wire is None and not any(self.state.asked):
             self._compare_states()
 
@@ -767,7 +786,8 @@ def _older(axis: Axis, *, is_prompt: bool) -> Axis:
     stands = axis.stands_counts
     if is_prompt and not axis.ticks and (stands < MIDWAY_COUNTS) is not (axis.goes_counts < MIDWAY_COUNTS):
         stands = MIDWAY_COUNTS
-    return axis._replace(ticks=ticks, stands_counts=stands, is_done=axis.is_done and not is_late)
+    is_done = axis.is_done and not is_late
+    return axis._replace(ticks=ticks, stands_counts=stands, commanded_counts=stands, is_done=is_done)
 
 
 def _registers(axis: Axis, address: int, quantity: int) -> bytes:
