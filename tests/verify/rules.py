@@ -60,22 +60,26 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
 
     state = world.state
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
-    for port, waiting in enumerate(state.asked):
-        is_first = True
-        for at, request in enumerate(waiting):
-            if request.is_sent or not (is_first or is_stop(request.pdu)):
-                continue
-            is_first &= is_stop(request.pdu)
-            if _is_frame_of(pdu, request.pdu):
+    seen: set[int] = set()
+    for port, transaction_id in state.order:
+        request = find(world, port, transaction_id)
+        if request.is_sent:
+            continue
+        if is_stop(request.pdu) or port not in seen:
+            if not is_stop(request.pdu):
+                seen.add(port)
+            if request.axis == number and _is_frame_of(pdu, request.pdu):
                 if is_stop(pdu):
                     world.tally.stop_ticks = max(world.tally.stop_ticks, request.ticks)
                     if request.ticks > STOP_TICKS:
                         raise Violation(f"a stop had to wait for {request.ticks} ticks (2)")
                 elif request.ticks > PATIENCE_TICKS:
                     raise Violation(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
-                asked = list(state.asked)
-                asked[port] = (*waiting[:at], request._replace(is_sent=True), *waiting[at + 1 :])
-                world.state = state._replace(asked=tuple(asked))
+                _replace(world, port, request._replace(is_sent=True))
+                lost = state.beliefs[port][number]
+                if len(request.pdu) == 5 and writes_target(pdu) and pdu[0] == 16 and lost.lost & _others(request.pdu):
+                    if lost.ticks - request.ticks >= OLD_TICKS:
+                        raise Violation(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
                 aim = _aim(world, port, number, pdu, request)
                 if aim is not None and pdu not in RUNS:
                     _note_tried(world, number, pdu, aim)
@@ -94,6 +98,11 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     return Wire(unit_id, pdu, -1, 0, None)
 
 
+def _others(half: bytes) -> int:
+    """Return the bit of the word that a half does not write."""
+    return 2 if (half[1] << 8 | half[2]) == COMMAND.address else 1
+
+
 def _note_tried(world: "World", number: int, pdu: bytes, aim: "Aim") -> None:
     axes = list(world.state.axes)
     axes[number] = axes[number]._replace(tried=(aim.nominal_counts, int(COMMAND.unpack(pdu[6:10]))))
@@ -110,22 +119,27 @@ def _is_frame_of(frame: bytes, request: bytes) -> bool:
 
 def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
     """A write that no controller has asked for: only a staged target right before its trigger (M2)."""
-    state = world.state
     shown = pdu.hex(" ")
-    for port, waiting in enumerate(state.asked):
-        for at, request in enumerate(waiting):
-            if request.is_sent or request.pdu not in RUNS or not writes_target(pdu):
-                continue
-            if request.is_restaged:
-                raise Violation(f"the staged target was written anew twice: {shown} (2)")
-            belief = state.beliefs[port][number]
-            if belief.lost and world.said(number).compensation not in PASSING:
-                raise Violation(f"a target that was lost is written anew: {shown} (4)")
-            asked = list(state.asked)
-            asked[port] = (*waiting[:at], request._replace(is_restaged=True), *waiting[at + 1 :])
-            world.state = state._replace(asked=tuple(asked))
+    is_passing = world.said(number).compensation in PASSING
+    why = f"a write that nobody has asked for: {shown} (2)"
+    for port, transaction_id in world.state.order:
+        request = find(world, port, transaction_id)
+        if request.is_sent or request.pdu not in RUNS or request.axis != number or not writes_target(pdu):
+            continue
+        if world.state.beliefs[port][number].lost and not is_passing:
+            why = f"a target that was lost is written anew: {shown} (4)"
+        elif request.is_restaged:
+            why = f"the staged target was written anew twice: {shown} (2)"
+        else:
+            _replace(world, port, request._replace(is_restaged=True))
             return
-    raise Violation(f"a write that nobody has asked for: {shown} (2)")
+    raise Violation(why)
+
+
+def _replace(world: "World", port: int, request: "Asked") -> None:
+    asked = list(world.state.asked)
+    asked[port] = tuple(request if a.transaction_id == request.transaction_id else a for a in asked[port])
+    world.state = world.state._replace(asked=tuple(asked))
 
 
 def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -> "Aim | None":
@@ -138,10 +152,13 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
         return None
     if not is_run:
         belief = _written(belief, request.pdu, pdu)
+    is_lost = bool(belief.lost) or any(
+        world.state.beliefs[port][i].lost & 4 for i in range(len(state.axes)) if i != number and world.design.groups
+    )
     base = None
     if pdu == RELATIVE_PDU:
         run = axis.run
-        if run is not None and axis.commanded_counts == run.end_counts:
+        if run is not None and run.is_told and not run.is_unsure and axis.commanded_counts == run.end_counts:
             base = (run.nominal_counts, True)
         else:
             base = (axis.commanded_counts, False)
@@ -152,7 +169,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
         world.is_sending_unsure() or world.said(number).direction == "unsure",
         state.table,
         state.is_gain_half,
-        bool(belief.lost),
+        is_lost,
         base,
     )
 
@@ -165,9 +182,7 @@ def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     word = data[0] << 8 | data[1]
     mine = 1 if (request[1] << 8 | request[2]) == COMMAND.address else 2
     lost = belief.lost & ~mine
-    if frame[0] == 16 and lost:  # it was completed with a word that was lost a moment ago (M1)
-        if belief.ticks >= OLD_TICKS:
-            raise Violation(f"a word is joined with one that was lost long ago: {frame.hex(' ')} (4)")
+    if frame[0] == 16 or not lost & 3:  # whole: completed with a word that was lost a moment ago, too (M1)
         lost = 0
     if mine == 1:
         return belief._replace(low=word, lost=lost)
@@ -209,7 +224,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
                 f"the same target {nominal} again moves the drive from {run.end_counts} to {end} (0, M4)"
             )
     if aim.state in PASSING:
-        if end != nominal and (nominal, end) != axis.tried:
+        if end != nominal and (nominal, end) != axis.tried and not aim.is_lost:
             raise Violation(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
         return
     _judge_branch(world, axis, end, aim, nominal, ROUNDING)
@@ -320,7 +335,7 @@ def note_silence(world: "World", wire: "Wire") -> None:
         return
     note_lost(world, wire.owner, request)
     if world.design.controllers[wire.owner].serial:
-        _end(world, wire.owner, request)
+        end(world, wire.owner, request)
 
 
 def note_lost(world: "World", port: int, request: "Asked") -> None:
@@ -330,13 +345,13 @@ def note_lost(world: "World", port: int, request: "Asked") -> None:
     is_low = (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address
     word = 0 if request.pdu[0] == 16 else request.pdu[3] << 8 | request.pdu[4]
     beliefs = [list(own) for own in world.state.beliefs]
-    for i, belief in enumerate(beliefs[port]):
-        if request.pdu[0] == 16:
-            beliefs[port][i] = belief._replace(lost=3, ticks=OLD_TICKS)
-        elif is_low:
-            beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 1, ticks=0)
-        else:
-            beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 2, ticks=0)
+    i, belief = request.axis, beliefs[port][request.axis]
+    if request.pdu[0] == 16:
+        beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS)
+    elif is_low:
+        beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0)
+    else:
+        beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0)
     world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
 
 
@@ -344,10 +359,17 @@ def _find(world: "World", port: int, transaction_id: int) -> "Asked | None":
     return next((a for a in world.state.asked[port] if a.transaction_id == transaction_id and a.is_sent), None)
 
 
-def _end(world: "World", port: int, request: "Asked") -> None:
+def find(world: "World", port: int, transaction_id: int) -> "Asked":
+    """Return an open request."""
+    return next(a for a in world.state.asked[port] if a.transaction_id == transaction_id)
+
+
+def end(world: "World", port: int, request: "Asked") -> None:
+    """Take a request out of those that are open."""
     asked = list(world.state.asked)
     asked[port] = tuple(a for a in asked[port] if a.transaction_id != request.transaction_id)
-    world.state = world.state._replace(asked=tuple(asked))
+    order = tuple(each for each in world.state.order if each != (port, request.transaction_id))
+    world.state = world.state._replace(asked=tuple(asked), order=order)
 
 
 def judge_reply(
@@ -357,7 +379,7 @@ def judge_reply(
     request = next((a for a in world.state.asked[port] if a.transaction_id == transaction_id), None)
     if request is None:
         raise Violation(f"an answer that nobody waits for: {pdu.hex(' ')}")
-    _end(world, port, request)
+    end(world, port, request)
     is_own = answered is not None and answered.owner == port and answered.transaction_id == transaction_id
     if is_exception(pdu):
         world.tally.refusals.add(pdu[1])

@@ -139,6 +139,7 @@ class Asked(NamedTuple):
     is_sent: bool = False
     ticks: int = 0
     is_restaged: bool = False
+    axis: int = 0
 
 
 class Belief(NamedTuple):
@@ -147,7 +148,7 @@ class Belief(NamedTuple):
     low: int = 0
     high: int = 0
     lost: int = 3
-    """Bit 0, 1: the low, the high word was lost, or never written."""
+    """Bit 0, 1: the low, the high word was lost, or never written; bit 2: some word was lost, on its way."""
     ticks: int = OLD_TICKS
     """Since then."""
 
@@ -197,6 +198,8 @@ class State(NamedTuple):
     """By controller and axis."""
     asked: tuple[tuple[Asked, ...], ...]
     """By controller."""
+    order: tuple[tuple[int, int], ...] = ()
+    """Controller and number of each of these, in the order in which they came."""
     wire: Wire | None = None
     late: Wire | None = None
     is_up: bool = True
@@ -398,8 +401,9 @@ class World:
         if self.design.controllers[port].serial:
             self._give_up(port)  # what it asked before is withdrawn, or is answered for nobody
         asked = list(self.state.asked)
-        asked[port] = (*asked[port], Asked(pdu, transaction_id))
-        self.state = self.state._replace(asked=tuple(asked))
+        asked[port] = (*asked[port], Asked(pdu, transaction_id, axis=axis))
+        order = (*self.state.order, (port, transaction_id))
+        self.state = self.state._replace(asked=tuple(asked), order=order)
         unit_id = self.design.plans[axis].unit_id
         for side in self.sides:
             side.line.request(side.ports[port], transaction_id, unit_id, pdu, self.now_ns)
@@ -420,7 +424,8 @@ class World:
                 self.state = self.state._replace(owed_stops=min(self.state.owed_stops + 1, 2))
         asked = list(self.state.asked)
         asked[port] = ()
-        self.state = self.state._replace(asked=tuple(asked))
+        order = tuple(each for each in self.state.order if each[0] != port)
+        self.state = self.state._replace(asked=tuple(asked), order=order)
 
     def _on_drive(self, what: str) -> None:
         wire = self.state.wire
@@ -470,9 +475,13 @@ class World:
                 tuple(b._replace(ticks=min(b.ticks + 1, OLD_TICKS)) for b in own) for own in state.beliefs
             )
         self.state = state._replace(late=late, axes=axes, asked=asked, beliefs=beliefs)
-        is_prepared = state.wire is not None and state.wire.owner < 0
-        for port, waiting in enumerate(asked if not is_prepared else ()):
+        wire = state.wire
+        is_prepared = wire is not None and wire.owner < 0 and not rules.is_stop(wire.pdu)
+        first = next(((p, t) for p, t in state.order if not rules.find(self, p, t).is_sent), None)
+        for port, waiting in enumerate(asked):
             for each in waiting:
+                if is_prepared and (port, each.transaction_id) == first:
+                    continue
                 if not each.is_sent and each.ticks > PATIENCE_TICKS and not rules.is_stop(each.pdu):
                     self._forget_request(port, each)
         self._call("tick", self.now_ns)
@@ -480,9 +489,7 @@ class World:
 
     def _forget_request(self, port: int, request: Asked) -> None:
         self._lose(port, request)
-        asked = list(self.state.asked)
-        asked[port] = tuple(each for each in asked[port] if each.transaction_id != request.transaction_id)
-        self.state = self.state._replace(asked=tuple(asked))
+        rules.end(self, port, request)
 
     def _set(self, number: int, axis: Axis) -> None:
         axes = list(self.state.axes)
@@ -530,6 +537,8 @@ class World:
         for _ in range(REBOOT_TICKS):
             self._on_wait()
         self._set(number, Axis(stands_counts=0, is_homed=False))
+        beliefs = tuple(tuple(b._replace(lost=3) for b in own) for own in self.state.beliefs)
+        self.state = self.state._replace(beliefs=beliefs)
 
     def _on_homed(self, number: int) -> None:
         self._set(number, self.state.axes[number]._replace(is_homed=True, is_done=True))
@@ -711,9 +720,7 @@ class World:
                 wire = rules.judge_frame(self, unit_id, pdu)
                 self.state = self.state._replace(wire=wire, late=None)
         elif answered is not None:
-            self.state = self.state._replace(is_starting=False)
-        if self.state.owed_stops and self.state.wire is None:
-            self.state = self.state._replace(owed_stops=0)
+            self.state = self.state._replace(is_starting=False, owed_stops=0)
         if len(self.sides) > 1 and self.state.wire is None and not any(self.state.asked):
             self._compare_states()
 
