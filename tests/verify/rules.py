@@ -60,14 +60,13 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
 
     state = world.state
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
-    seen: set[int] = set()
+    is_first = True  # all but stops leave in the order in which they came
     for port, transaction_id in state.order:
         request = find(world, port, transaction_id)
         if request.is_sent:
             continue
-        if is_stop(request.pdu) or port not in seen:
-            if not is_stop(request.pdu):
-                seen.add(port)
+        if is_stop(request.pdu) or is_first:
+            is_first &= is_stop(request.pdu)
             if request.axis == number and _is_frame_of(pdu, request.pdu):
                 if is_stop(pdu):
                     world.tally.stop_ticks = max(world.tally.stop_ticks, request.ticks)
@@ -210,15 +209,17 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
         _judge_target(world, axis, end, aim)
     is_certain = aim.base is None or aim.base[1]
     is_unsure = aim.is_unsure or not is_certain
-    return Run(nominal, end, False, is_unsure, aim.table, aim.state)
+    return Run(nominal, end, False, is_unsure, aim.table, aim.state, is_gain_half=aim.is_gain_half)
 
 
 def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
     run, nominal = axis.run, aim.nominal_counts
-    if run is not None and run.nominal_counts == nominal:
+    if run is not None and run.nominal_counts == nominal and not aim.is_lost:
         if end == run.end_counts:
             return
-        is_excused = run.is_unsure or aim.is_unsure or (run.is_restarted and run.table != aim.table)
+        is_other = (run.table, run.is_gain_half) != (aim.table, aim.is_gain_half)
+        is_away = axis.stands_counts != run.end_counts  # it was looked for, and not found there (M6)
+        is_excused = run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away))
         if not is_excused:
             raise Violation(
                 f"the same target {nominal} again moves the drive from {run.end_counts} to {end} (0, M4)"
@@ -269,7 +270,7 @@ def _judge_branch(
     run = axis.run
     for place in {aim.from_counts, axis.stands_counts}:
         is_told = run is not None and run.is_told and not run.is_unsure and axis.goes_counts is None
-        is_told = is_told and run is not None and run.table == aim.table
+        is_told = is_told and (run.table, run.is_gain_half) == (aim.table, aim.is_gain_half)  # type: ignore[union-attr]
         if run is not None and is_told and place == run.end_counts and run.state not in PASSING:
             may_be_forward |= nominal >= run.nominal_counts
             may_be_backward |= nominal <= run.nominal_counts
@@ -377,6 +378,8 @@ def judge_reply(
 ) -> None:
     """Judge what a controller is answered (2, 3). Raises Violation."""
     request = next((a for a in world.state.asked[port] if a.transaction_id == transaction_id), None)
+    if is_exception(pdu) and (request is None or request.pdu[0] != pdu[0] & 0x7F):
+        return  # to one that its controller has given up meanwhile
     if request is None:
         raise Violation(f"an answer that nobody waits for: {pdu.hex(' ')}")
     end(world, port, request)

@@ -171,6 +171,7 @@ class Run(NamedTuple):
     state: str = ""
     is_restarted: bool = False
     """The gateway was killed since, and its record with it."""
+    is_gain_half: bool = False
 
 
 class Axis(NamedTuple):
@@ -536,9 +537,7 @@ class World:
         """The drive is switched off and on: it stands where it stood and counts from another zero."""
         for _ in range(REBOOT_TICKS):
             self._on_wait()
-        self._set(number, Axis(stands_counts=0, is_homed=False))
-        beliefs = tuple(tuple(b._replace(lost=3) for b in own) for own in self.state.beliefs)
-        self.state = self.state._replace(beliefs=beliefs)
+        self._set(number, Axis(target_counts=self.state.axes[number].target_counts, is_homed=False))
 
     def _on_homed(self, number: int) -> None:
         self._set(number, self.state.axes[number]._replace(is_homed=True, is_done=True))
