@@ -218,6 +218,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         if end == run.end_counts:
             return
         is_other = (run.table, run.is_gain_half) != (aim.table, aim.is_gain_half)
+        is_other |= (run.state in PASSING) is not (aim.state in PASSING)
         is_away = axis.stands_counts != run.end_counts  # it was looked for, and not found there (M6)
         is_excused = run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away))
         if not is_excused:
@@ -378,7 +379,11 @@ def judge_reply(
 ) -> None:
     """Judge what a controller is answered (2, 3). Raises Violation."""
     request = next((a for a in world.state.asked[port] if a.transaction_id == transaction_id), None)
-    if is_exception(pdu) and (request is None or request.pdu[0] != pdu[0] & 0x7F):
+    if request is None and (port, transaction_id) in world.state.given_up:
+        given_up = tuple(each for each in world.state.given_up if each != (port, transaction_id))
+        world.state = world.state._replace(given_up=given_up)
+        if not is_exception(pdu):
+            raise Violation(f"what its controller had given up was carried out: {pdu.hex(' ')} (2, W5)")
         return  # to one that its controller has given up meanwhile
     if request is None:
         raise Violation(f"an answer that nobody waits for: {pdu.hex(' ')}")

@@ -211,6 +211,8 @@ class State(NamedTuple):
     is_gain_half: bool = False
     owed_stops: int = 0
     """Stops whose controllers have given up: they go out all the same."""
+    given_up: tuple[tuple[int, int], ...] = ()
+    """Controller and number of requests that the gateway may still have waiting, for nobody."""
 
 
 @dataclass(frozen=True)
@@ -398,6 +400,7 @@ class World:
     def _on_ask(self, port: int, name: str, axis: int, number: int = 0) -> None:
         pdu = self.pdu(name, number)
         taken = {each.transaction_id for each in self.state.asked[port]}
+        taken.update(number for owner, number in self.state.given_up if owner == port)
         transaction_id = next(i for i in range(1, 99) if i not in taken)
         if self.design.controllers[port].serial:
             self._give_up(port)  # what it asked before is withdrawn, or is answered for nobody
@@ -491,6 +494,8 @@ class World:
     def _forget_request(self, port: int, request: Asked) -> None:
         self._lose(port, request)
         rules.end(self, port, request)
+        given_up = (*self.state.given_up, (port, request.transaction_id))
+        self.state = self.state._replace(given_up=given_up)
 
     def _set(self, number: int, axis: Axis) -> None:
         axes = list(self.state.axes)
@@ -543,7 +548,7 @@ class World:
         self._set(number, self.state.axes[number]._replace(is_homed=True, is_done=True))
 
     def _on_unplug(self) -> None:
-        self.state = self.state._replace(is_up=False, owed_stops=0)
+        self.state = self.state._replace(is_up=False, owed_stops=0, given_up=())
         self._forget_runs()
         wire = self.state.wire
         if wire is not None:
@@ -574,7 +579,7 @@ class World:
         if not is_record_kept:
             self.records = Records()
         self._attach()
-        self.state = self.state._replace(wire=None, late=None, is_starting=True, is_up=True, owed_stops=0)
+        self.state = self.state._replace(wire=None, late=None, is_starting=True, is_up=True, owed_stops=0, given_up=())
         self.state = self.state._replace(table=0, is_wanted=True, is_gain_half=False)
         self._forget_runs(is_restart=True)
         self.now_ns += TICK_NS
@@ -719,7 +724,7 @@ class World:
                 wire = rules.judge_frame(self, unit_id, pdu)
                 self.state = self.state._replace(wire=wire, late=None)
         elif answered is not None:
-            self.state = self.state._replace(is_starting=False, owed_stops=0)
+            self.state = self.state._replace(is_starting=False, owed_stops=0, given_up=())
         if len(self.sides) > 1 and self.state.wire is None and not any(self.state.asked):
             self._compare_states()
 
