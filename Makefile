@@ -71,6 +71,9 @@ soak: setup ## what tests repeat, in full (tests/soak.py), and the ledger of 2 0
 	SOAK=1 $(PYTEST) $$(grep -rl --include=*.py "^from tests.soak " tests)
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
 
+verify: setup ## every state that small worlds around the gateway can reach, each rule in each; at most 30 minutes
+	@$(BIN)/python -m tests.verify
+
 # An extra of its own: atheris exists for x86-64 Linux and Python 3.11 to 3.14 only.
 fuzz: setup ## inputs that nobody thought of; TARGET=… one target, SECONDS=… for each (60)
 	@$(BIN)/python -c 'import atheris' 2>/dev/null \

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
 from tests.verify.designs import BROKEN, BY_NAME, DESIGNS
-from tests.verify.running import walked
 from tests.verify.explore import Outcome, as_test
+from tests.verify.running import walked
 
 EXAMPLES = """examples:
   python -m tests.verify                               every world, as make verify does
@@ -43,7 +43,9 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("worlds", nargs="*", metavar="WORLD", help="which worlds; without one, every world")
     parser.add_argument("--depth", type=int, default=0, metavar="N", help="stop after N events in a row")
-    parser.add_argument("--seconds", type=float, default=SECONDS, metavar="S", help="of each world (%(default)s)")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, metavar="S", help="of each world (%(default)s)"
+    )
     parser.add_argument(
         "--random", type=int, default=RANDOM_STEPS, metavar="N",
         help="random steps in worlds that did not close (%(default)s)",
@@ -73,7 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     outcomes = []
     with ProcessPoolExecutor(max_workers=asked.jobs, max_tasks_per_child=1) as pool:
         waiting = [
-            pool.submit(walked, name, asked.depth, asked.seconds, asked.random, asked.broken) for name in names
+            pool.submit(walked, name, asked.depth, asked.seconds, asked.random, asked.broken)
+            for name in names
         ]
         for each in as_completed(waiting):
             outcome = each.result()
@@ -86,7 +89,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"longest wait of a stop: {max(outcome.stop_ticks for outcome in outcomes)} ticks of 80 ms")
     print(f"met ({len(met)}): {', '.join(met)}")
     total = sum(outcome.transitions + outcome.random_steps for outcome in outcomes)
-    print(f"{sum(o.states for o in outcomes):,} states, {total:,} transitions, {sum(o.seconds for o in outcomes):,.0f} s")
+    print(
+        f"{sum(o.states for o in outcomes):,} states, {total:,} transitions, {sum(o.seconds for o in outcomes):,.0f} s"
+    )
     return 1 if any(outcome.broken for outcome in outcomes) else 0
 
 

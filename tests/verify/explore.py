@@ -276,14 +276,14 @@ def as_test(design: Design, broken: Broken) -> str:
     played = "\n".join(f"    # {line}" for line in replay(design, broken.trace))
     events = "\n".join(f"        {event!r}," for event in broken.trace)
     name = design.name.replace("-", "_")
-    return f'''
+    return f"""
 def test_found_in_{name}() -> None:
 {played}
     play(
         BY_NAME["{design.name}"],
 {events}
     )
-'''
+"""
 
 
 def play(design: Design, *trace: Happening) -> World:

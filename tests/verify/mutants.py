@@ -22,7 +22,18 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).parents[2]
-WORLDS: Final = ("direct", "staged", "near", "garbled", "unplugged", "killed", "halves", "relative", "writers", "homing")
+WORLDS: Final = (
+    "direct",
+    "staged",
+    "near",
+    "garbled",
+    "unplugged",
+    "killed",
+    "halves",
+    "relative",
+    "writers",
+    "homing",
+)
 SECONDS: Final = 4.0
 """Of each world; most mutants are noticed in the first."""
 EXAMPLES: Final = """examples:
@@ -98,13 +109,19 @@ class _Breaker(ast.NodeTransformer):
         shown = ast.unparse(statement).split("\n")[0]
         if isinstance(statement, ast.Assign | ast.AugAssign):
             target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
-            if isinstance(target, ast.Attribute | ast.Subscript) and self._is_here(statement, f"dropped: {shown}"):
+            if isinstance(target, ast.Attribute | ast.Subscript) and self._is_here(
+                statement, f"dropped: {shown}"
+            ):
                 return []
         if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Call):
             if self._is_here(statement, f"dropped: {shown}"):
                 return []
         if isinstance(statement, ast.If):
-            is_guard = len(statement.body) == 1 and isinstance(statement.body[0], ast.Return) and not statement.orelse
+            is_guard = (
+                len(statement.body) == 1
+                and isinstance(statement.body[0], ast.Return)
+                and not statement.orelse
+            )
             if is_guard and self._is_here(statement, f"guard dropped: {shown}"):
                 return []
             if self._is_here(statement, f"negated: {shown}"):
@@ -129,7 +146,11 @@ class _Breaker(ast.NodeTransformer):
         return node
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
-        if isinstance(node.value, ast.Name) and node.value.id in self._members and isinstance(node.ctx, ast.Load):
+        if (
+            isinstance(node.value, ast.Name)
+            and node.value.id in self._members
+            and isinstance(node.ctx, ast.Load)
+        ):
             members = self._members[node.value.id]
             if node.attr in members and self._is_here(node, f"other member: {ast.unparse(node)}"):
                 node.attr = members[(members.index(node.attr) + 1) % len(members)]
@@ -252,7 +273,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
     parser.add_argument("--worlds", nargs="*", default=WORLDS, metavar="WORLD", help="(%(default)s)")
-    parser.add_argument("--seconds", type=float, default=SECONDS, metavar="S", help="of each world (%(default)s)")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, metavar="S", help="of each world (%(default)s)"
+    )
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="mutants at a time (%(default)s)")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only each Nth mutant")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write what was found there too")
@@ -268,7 +291,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for verdict in pool.map(lambda mutant: judged(mutant, asked.worlds, asked.seconds), mutants):
             verdicts.append(verdict)
             fate = f"killed in {verdict.world or 'no world'}" if verdict.is_killed else "SURVIVED"
-            print(f"{fate:22} {verdict.seconds:5.1f} s  {verdict.file}:{verdict.line}: {verdict.what}", flush=True)
+            print(
+                f"{fate:22} {verdict.seconds:5.1f} s  {verdict.file}:{verdict.line}: {verdict.what}",
+                flush=True,
+            )
     killed = sum(verdict.is_killed for verdict in verdicts)
     print(f"{killed} of {len(verdicts)} killed, {100.0 * killed / max(1, len(verdicts)):.1f} %")
     if asked.json is not None:

@@ -76,9 +76,16 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
                     raise Violation(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
                 _replace(world, port, request._replace(is_sent=True))
                 lost = state.beliefs[port][number]
-                if len(request.pdu) == 5 and writes_target(pdu) and pdu[0] == 16 and lost.lost & _others(request.pdu):
+                if (
+                    len(request.pdu) == 5
+                    and writes_target(pdu)
+                    and pdu[0] == 16
+                    and lost.lost & _others(request.pdu)
+                ):
                     if lost.ticks - request.ticks >= OLD_TICKS:
-                        raise Violation(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
+                        raise Violation(
+                            f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)"
+                        )
                 aim = _aim(world, port, number, pdu, request)
                 if aim is not None and pdu not in RUNS:
                     _note_tried(world, number, pdu, aim)
@@ -152,7 +159,9 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     if not is_run:
         belief = _written(belief, request.pdu, pdu)
     is_lost = bool(belief.lost) or any(
-        world.state.beliefs[port][i].lost & 4 for i in range(len(state.axes)) if i != number and world.design.groups
+        world.state.beliefs[port][i].lost & 4
+        for i in range(len(state.axes))
+        if i != number and world.design.groups
     )
     base = None
     if pdu == RELATIVE_PDU:
@@ -257,9 +266,7 @@ def _branches(world: "World", nominal: int, aim: "Aim") -> tuple[float, float]:
     return nominal + share * (forward - nominal), nominal + share * (backward - nominal)
 
 
-def _judge_branch(
-    world: "World", axis: "Axis", end: int, aim: "Aim", nominal: int, tolerance: float
-) -> None:
+def _judge_branch(world: "World", axis: "Axis", end: int, aim: "Aim", nominal: int, tolerance: float) -> None:
     forward, backward = _branches(world, nominal, aim)
     is_forward, is_backward = abs(end - forward) <= tolerance, abs(end - backward) <= tolerance
     if aim.is_unsure:
@@ -276,8 +283,12 @@ def _judge_branch(
             may_be_forward |= nominal >= run.nominal_counts
             may_be_backward |= nominal <= run.nominal_counts
         else:
-            may_be_forward |= place <= high + BESIDE_COUNTS
-            may_be_backward |= place >= low - BESIDE_COUNTS
+            is_at_forward, is_at_backward = (
+                abs(place - each) <= BESIDE_COUNTS for each in (forward, backward)
+            )
+            # Where it stands on one branch already it has come there on that one (M6).
+            may_be_forward |= place <= high + BESIDE_COUNTS and (is_at_forward or not is_at_backward)
+            may_be_backward |= place >= low - BESIDE_COUNTS and (is_at_backward or not is_at_forward)
     if (is_forward and may_be_forward) or (is_backward and may_be_backward):
         return
     what = "is on the wrong branch" if is_forward or is_backward else "is on no branch"
@@ -358,7 +369,9 @@ def note_lost(world: "World", port: int, request: "Asked") -> None:
 
 
 def _find(world: "World", port: int, transaction_id: int) -> "Asked | None":
-    return next((a for a in world.state.asked[port] if a.transaction_id == transaction_id and a.is_sent), None)
+    return next(
+        (a for a in world.state.asked[port] if a.transaction_id == transaction_id and a.is_sent), None
+    )
 
 
 def find(world: "World", port: int, transaction_id: int) -> "Asked":
@@ -374,9 +387,7 @@ def end(world: "World", port: int, request: "Asked") -> None:
     world.state = world.state._replace(asked=tuple(asked), order=order)
 
 
-def judge_reply(
-    world: "World", port: int, transaction_id: int, pdu: bytes, answered: "Wire | None"
-) -> None:
+def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answered: "Wire | None") -> None:
     """Judge what a controller is answered (2, 3). Raises Violation."""
     request = next((a for a in world.state.asked[port] if a.transaction_id == transaction_id), None)
     if request is None and (port, transaction_id) in world.state.given_up:
@@ -447,7 +458,9 @@ def compare(first: "Side", second: "Side") -> None:
     frames: tuple[Any, Any] = (first.link.sent, second.link.sent)
     if frames[0] != frames[1]:
         shown = [" | ".join(f"{unit_id} {pdu.hex(' ')}" for unit_id, pdu in each) for each in frames]
-        raise Violation(f"the fast path sends {shown[0] or 'nothing'}, the slow one {shown[1] or 'nothing'} (7)")
+        raise Violation(
+            f"the fast path sends {shown[0] or 'nothing'}, the slow one {shown[1] or 'nothing'} (7)"
+        )
     for one, other in zip(first.ports, second.ports, strict=True):
         if one.replies != other.replies:
             shown = [" | ".join(pdu.hex(" ") for _, pdu in each.replies) for each in (one, other)]

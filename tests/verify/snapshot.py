@@ -47,7 +47,6 @@ LEFT_OUT: Final = {
     "_said_referenced": "what was told last",
     "_gaps": "when monitors may read; no world has one",
     "replies": "the world's",
-    "stamps": "when frames left; figures for the status",
     "began": "what an event tells",
     "is_alarmed": "no world has an alarm bit",
     "ids": "drives of whose silence was told",
@@ -76,7 +75,9 @@ NOT_COMPARED: Final = {
 }
 """Attributes that are put back and not compared, by name."""
 NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
-    "_since_ns": lambda each: getattr(each, "_pending", 0) is not None and not getattr(each, "_is_held", False),
+    "_since_ns": lambda each: (
+        getattr(each, "_pending", 0) is not None and not getattr(each, "_is_held", False)
+    ),
     "_missing": lambda each: each._pending is not None,
     "silent_until_ns": lambda each: each.silent_since_ns is not None,
     "heard_ns": lambda each: each.compensation.accepted is not None or each.unproven is not None,
@@ -89,9 +90,14 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
 ONLY_OF_A_RECORD: Final = ("way",)
 """Attributes that only a record asks for: compared where axes have one."""
 DERIVED: Final[dict[str, Callable[[Any], Any]]] = {
-    "silent_since_ns": lambda each: None
-    if each.silent_since_ns is None
-    else (each.silent_until_ns - each.silent_since_ns > each.plan.lost_ms * NS_PER_MS, each.silent_since_ns),
+    "silent_since_ns": lambda each: (
+        None
+        if each.silent_since_ns is None
+        else (
+            each.silent_until_ns - each.silent_since_ns > each.plan.lost_ms * NS_PER_MS,
+            each.silent_since_ns,
+        )
+    ),
 }
 """What counts of attributes beside their values: a difference that saturated ages do not show."""
 HORIZON_TICKS: Final = {"_since_ns": 3, "seen_ns": 2, "silent_until_ns": 2, "silent_since_ns": 3}
@@ -144,8 +150,8 @@ def _is_atom(kind: type) -> bool:
     return (
         issubclass(kind, bool | str | bytes | type | ModuleType | MethodType | memoryview)
         or kind is type(None)
-        or kind.__module__ in ("builtins", "struct", "functools", "_struct", "operator")
-        and not issubclass(kind, list | dict | set | tuple | frozenset | bytearray | int | float)
+        or (kind.__module__ in ("builtins", "struct", "functools", "_struct", "operator")
+        and not issubclass(kind, list | dict | set | tuple | frozenset | bytearray | int | float))
     )
 
 
@@ -256,9 +262,7 @@ class Lens:
         self._last_tokens: list[int] = [0] * count
         self._last_timed: list[bool] = [True] * count
         self._getters = [content_of if s is None else s.get for s in self._shapes]
-        self._live_places = [
-            (i, at) for i, s in enumerate(self._shapes) if s is not None for at in s.live
-        ]
+        self._live_places = [(i, at) for i, s in enumerate(self._shapes) if s is not None for at in s.live]
         self._live_ns_places = [
             (i, at) for i, s in enumerate(self._shapes) if s is not None for at in s.live_ns
         ]
@@ -445,6 +449,7 @@ class Lens:
         return tuple([each if (how := kinds[type(each)]) is None else how(each) for each in value])
 
     def _fields_of(self, kind: type, names: tuple[str, ...]) -> Callable[[Any], Any]:
+        self.met.update(names)
         compared = tuple(n for n in names if n not in NOT_COMPARED or n in (CARRIED_COUNTER,))
         special = {CARRIED_COUNTER: self._carried_counter, CARRIED_INSTANT: self._carried_instant}
         carried = [special.get(name) for name in compared]
@@ -483,7 +488,9 @@ class Lens:
         known = self._setting_ids.get(id(value))
         if known is not None:
             return known[1]
-        at = next((i for i, each in enumerate(self._settings) if type(each) is type(value) and each == value), -1)
+        at = next(
+            (i for i, each in enumerate(self._settings) if type(each) is type(value) and each == value), -1
+        )
         if at < 0:
             at = len(self._settings)
             self._settings.append(value)
@@ -621,5 +628,6 @@ def row_name(row: Any) -> str:
 
 def dead_names(met: Iterable[str]) -> list[str]:
     """Return the names in the lists above that no object has."""
-    there = set(met) | {"losses"}
-    return sorted(n for n in (*LEFT_OUT, *NOT_COMPARED, *NEEDS, *LIVE_COUNTERS, *LIVE_INSTANTS) if n not in there)
+    there = set(met)
+    listed = {*LEFT_OUT, *NOT_COMPARED, *NEEDS, *LIVE_COUNTERS, *LIVE_INSTANTS, *DERIVED, *HORIZON_TICKS}
+    return sorted(listed - there)

@@ -229,9 +229,7 @@ class Design:
     happenings: tuple[str, ...] = ("arrive", "wait")
     targets: tuple[int, ...] = (-7003, 9007, 9019)
     distances: tuple[int, ...] = (4003, -4003)
-    controllers: tuple[ControllerPlan, ...] = (
-        ControllerPlan("cnc", timeout_ms=PATIENCE_TICKS * TICK_MS),
-    )
+    controllers: tuple[ControllerPlan, ...] = (ControllerPlan("cnc", timeout_ms=PATIENCE_TICKS * TICK_MS),)
     groups: tuple[tuple[str, ...], ...] = ()
     is_serial: bool = True
     is_staged: bool = False
@@ -289,9 +287,7 @@ class World:
         self._fresh = [side.lens.take(self.now_ns) for side in self.sides]
         self.records = Records()
         ports, axes = len(design.controllers), len(design.plans)
-        self.state = State(
-            tuple(Axis() for _ in range(axes)), ((Belief(),) * axes,) * ports, ((),) * ports
-        )
+        self.state = State(tuple(Axis() for _ in range(axes)), ((Belief(),) * axes,) * ports, ((),) * ports)
         self._attach()
         self._call("link_up", self.now_ns)
         self._collect()
@@ -516,7 +512,9 @@ class World:
         end = axis.goes_counts
         self._set(
             number,
-            axis._replace(stands_counts=end, commanded_counts=end, goes_counts=None, is_done=is_done, ticks=0),
+            axis._replace(
+                stands_counts=end, commanded_counts=end, goes_counts=None, is_done=is_done, ticks=0
+            ),
         )
 
     def _on_done(self, number: int) -> None:
@@ -579,7 +577,9 @@ class World:
         if not is_record_kept:
             self.records = Records()
         self._attach()
-        self.state = self.state._replace(wire=None, late=None, is_starting=True, is_up=True, owed_stops=0, given_up=())
+        self.state = self.state._replace(
+            wire=None, late=None, is_starting=True, is_up=True, owed_stops=0, given_up=()
+        )
         self.state = self.state._replace(table=0, is_wanted=True, is_gain_half=False)
         self._forget_runs(is_restart=True)
         self.now_ns += TICK_NS
@@ -600,9 +600,7 @@ class World:
         self.state = self.state._replace(table=number)
         table = self.screws[number].table()
         self._control(
-            lambda: SetTables(
-                tuple(TableChange(plan.name, table, "", "", "") for plan in self.design.plans)
-            )
+            lambda: SetTables(tuple(TableChange(plan.name, table, "", "", "") for plan in self.design.plans))
         )
 
     def _on_gain(self) -> None:
@@ -761,7 +759,14 @@ JOGGED_COUNTS: Final = 3001
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
 REGISTERS: Final[dict[str, PositionField]] = {"read": ACTUAL, "back": COMMAND, "commanded": COMMANDED}
-TRIGGERS: Final = {"run": RUN, "distance": RUN_RELATIVE, "stop": STOP, "home": HOME, "zero": ZERO, "jog-on": JOG}
+TRIGGERS: Final = {
+    "run": RUN,
+    "distance": RUN_RELATIVE,
+    "stop": STOP,
+    "home": HOME,
+    "zero": ZERO,
+    "jog-on": JOG,
+}
 OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "arrive": lambda axis: axis.goes_counts is not None,
     "arrive_undone": lambda axis: axis.goes_counts is not None,

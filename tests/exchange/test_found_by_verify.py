@@ -1,0 +1,89 @@
+"""What ``make verify`` has found: the shortest traces to a broken rule, until the gateway is mended.
+
+Each plays events in a small world of ``tests.verify``; what goes over the wires stands beside them. A drive
+counts 1000 per mm on the table ``tests.verify.screw.WORN``.
+"""
+
+import pytest
+
+from tests.verify.designs import BY_NAME
+from tests.verify.explore import play
+from tests.verify.rules import Violation
+from tests.verify.world import Happening
+
+ACK = ("drive", "ack")
+REFUSE = ("drive", "refuse")
+ARRIVE = ("arrive", 0)
+
+
+def to(target: int, axis: int = 0) -> Happening:
+    """The controller writes one of the targets of the world."""
+    return ("ask", 0, "to", axis, target)
+
+
+@pytest.mark.xfail(
+    raises=Violation,
+    reason="Both axes of a group lost their target; once one has a new one its trigger passes, though the "
+    "target of the other is still lost: one side of the beam goes alone (M11).",
+)
+def test_a_beam_does_not_go_while_the_target_of_one_of_its_axes_is_lost() -> None:
+    play(
+        BY_NAME["group"],
+        to(0, axis=0),  # unit 1: 10 0606 0002 04 232F 0000, sent as 10 0606 0002 04 235E 0000
+        REFUSE,  # 90 04: blocks both axes, for the sake of x
+        to(0, axis=1),  # unit 2: the same
+        REFUSE,  # 90 04: y is blocked for its own sake too, and counts as blocked for that of x
+        to(0, axis=0),
+        ACK,  # x is released
+        ("ask", 0, "run", 0),  # 06 050E 0001
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23D4 0000, the target written anew
+        ACK,  # 06 050E 0001 reaches the drive: x goes to 9172, y stays where it is
+    )
+
+
+@pytest.mark.xfail(
+    raises=Violation,
+    reason="Two targets come without a reading between them: it is assumed that the axis stood at the first, "
+    "so a fresh reading is turned back wrong by the lost motion, and decides the branch with certainty (M6).",
+)
+def test_a_reading_decides_no_branch_after_two_targets_that_came_without_one() -> None:
+    play(
+        BY_NAME["late-start"],
+        to(0),  # 10 0606 0002 04 E4A5 FFFF: -7003
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 E425 FFFF: backward to -7131
+        ARRIVE,
+        to(1),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 03 0520 0002 -> E425 FFFF
+        ACK,  # 10 0606 0002 04 23D4 0000; 80 ms pass, and it has not begun to move
+        to(0),
+        ACK,  # 03 0520 0002 -> E425 FFFF
+        ACK,  # 10 0606 0002 04 E502 FFFF: flagged, for nothing tells
+        to(1),
+        ACK,  # 10 0606 0002 04 23D4 0000, by the reading of 80 ms ago
+        to(0),
+        ACK,  # 03 0520 0002 -> E425 FFFF: where the backward branch puts -7003
+        ACK,  # 10 0606 0002 04 E502 FFFF: forward to -6910, 221 counts away, and not flagged
+    )
+
+
+@pytest.mark.xfail(
+    raises=Violation,
+    reason="A target that was refused is given again, and its drive does not say where it is: it gets the "
+    "branch of the first time, without being flagged, though the axis has moved on since (M6).",
+)
+def test_a_target_given_again_after_its_axis_moved_on_is_flagged_where_nothing_tells_its_branch() -> None:
+    play(
+        BY_NAME["deaf"],
+        to(1),  # 10 0606 0002 04 233B 0000: 9019
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23E0 0000: forward to 9184; it is on its way at 1501
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 03 0520 0002 -> 05DD 0000
+        REFUSE,  # 10 0606 0002 04 23D4 0000, forward, -> 90 04: the axis goes on to 9184
+        ARRIVE,
+        to(0),
+        REFUSE,  # 03 0520 0002 -> 83 04
+        ACK,  # 10 0606 0002 04 23D4 0000: from 9184 to 9172 is backward, and it is not flagged
+    )

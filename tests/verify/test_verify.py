@@ -1,0 +1,133 @@
+"""The walk itself: it closes, it sees, it says what it saw; and its lists of what is left out are alive."""
+
+from dataclasses import replace
+
+import pytest
+
+from tests.verify import snapshot
+from tests.verify.designs import BY_NAME, DESIGNS
+from tests.verify.explore import Broken, Walk, as_test, play, replay
+from tests.verify.rules import Violation
+from tests.verify.screw import WORN
+from tests.verify.world import Happening, World
+
+ACK = ("drive", "ack")
+TO_0, TO_1 = ("ask", 0, "to", 0, 0), ("ask", 0, "to", 0, 1)
+TINY = replace(BY_NAME["small"], name="tiny", targets=(9007,), answers=("ack",))
+
+
+def test_a_tiny_world_closes_and_has_a_way_back_from_everywhere() -> None:
+    outcome = Walk(TINY).breadth_first()
+    assert outcome.is_closed
+    assert not outcome.broken
+    assert outcome.settled
+    assert outcome.states > 500
+    assert outcome.without_way_back == 0
+
+
+@pytest.mark.parametrize("design", DESIGNS, ids=lambda design: design.name)
+def test_no_rule_is_broken_within_a_few_events(design: object) -> None:
+    outcome = Walk(design).breadth_first(depth=4)  # type: ignore[arg-type]
+    assert not outcome.broken, outcome.broken[0]
+
+
+def test_random_steps_in_a_small_world_break_no_rule() -> None:
+    assert not Walk(BY_NAME["staged"]).random(3000).broken
+
+
+def test_putting_a_state_back_gives_the_same_state_and_the_same_future() -> None:
+    world = World(BY_NAME["direct"])
+    play_in(world, TO_1, ACK)
+    before = world.keep()
+    play_in(world, ACK, ("arrive", 0), TO_0, ACK)
+    after = world.key(world.keep())
+    world.restore(before)
+    assert world.key(world.keep()) == world.key(before)
+    play_in(world, ACK, ("arrive", 0), TO_0, ACK)
+    assert world.key(world.keep()) == after
+
+
+def test_states_that_differ_only_in_the_time_of_day_are_the_same() -> None:
+    worlds = [World(BY_NAME["direct"]) for _ in range(2)]
+    keys = []
+    for world, waits in zip(worlds, (9, 23), strict=True):
+        play_in(world, TO_1, ACK, ACK, ("arrive", 0), *[("wait",)] * waits)
+        kept = world.keep()
+        tokens = [snapshot_tokens(world), kept.state]
+        keys.append(tokens)
+    assert keys[0] == keys[1]
+
+
+def test_the_lists_of_what_is_left_out_name_only_what_there_is() -> None:
+    met: set[str] = set()
+    recorded = replace(BY_NAME["killed"], menu=("to", "read", "status"), targets=(9007, 19013))
+    arrived = (TO_0, ACK, ACK, ("arrive", 0), ("ask", 0, "read", 0), ACK, ("ask", 0, "status", 0), ACK)
+    for design, events in (
+        (recorded, (*arrived, TO_1, ACK, ("kill",), ACK)),
+        (BY_NAME["staged"], (TO_1, ACK, ("ask", 0, "run", 0), ACK)),
+    ):
+        world = World(design)
+        for event in events:
+            play_in(world, event)
+            world.key(world.keep())
+        met |= world.sides[0].lens.met
+    assert snapshot.dead_names(met) == []
+
+
+def test_a_broken_gateway_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(BY_NAME["direct"])
+    link = world.sides[0].link
+    send = link.send_request
+
+    def send_twice(unit_id: int, pdu: bytes) -> None:
+        send(unit_id, pdu)
+        send(unit_id, pdu)
+
+    monkeypatch.setattr(link, "send_request", send_twice)
+    with pytest.raises(Violation, match="two frames"):
+        play_in(world, TO_1)
+
+
+def test_a_wrong_branch_is_seen() -> None:
+    world = World(BY_NAME["direct"])
+    world.screws = (WORN._replace(forward_mm=WORN.backward_mm, backward_mm=WORN.forward_mm),)
+    with pytest.raises(Violation, match="wrong branch"):
+        play_in(world, TO_1, ACK, ACK)
+
+
+def test_a_trace_is_printed_as_a_test_with_what_went_over_the_wires() -> None:
+    trace = (TO_1, ACK)
+    assert any("10 06 06 00 02 04 23 2f 00 00" in line for line in replay(BY_NAME["direct"], trace))
+    text = as_test(BY_NAME["direct"], Broken("nothing", trace))
+    compile(text, "found", "exec")
+    assert "('ask', 0, 'to', 0, 1)" in text
+
+
+def test_the_table_of_arrival_tells_which_of_its_rows_were_taken() -> None:
+    table = snapshot.watch_table()
+    table.taken.clear()
+    play(BY_NAME["direct"], TO_1, ACK, ACK, ("arrive", 0), ("ask", 0, "read", 0), ACK)
+    assert {snapshot.row_name(row) for row in table.taken} == {"under-way + there"}
+
+
+def play_in(world: World, *events: Happening) -> None:
+    """Let events happen in a world that is there already."""
+    for event in events:
+        assert event in world.happenings(), event
+        world.happen(event)
+
+
+def snapshot_tokens(world: World) -> list[object]:
+    """What each standing object is worth, in words that do not depend on the lens."""
+    lens = world.sides[0].lens
+    names = {number: found for found, number in lens._tokens_of.items()}
+    return [resolved(names[token], names) for token in lens.take(world.now_ns).tokens]
+
+
+def resolved(found: object, names: dict[int, object]) -> object:
+    """Put what they stand for in place of the numbers of remembered objects."""
+    if isinstance(found, tuple):
+        if len(found) == 2 and found[0] == "#":
+            return resolved(names[found[1]], names)  # type: ignore[index]
+        return tuple(resolved(each, names) for each in found)
+    return found
