@@ -170,15 +170,18 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
             base = (run.nominal_counts, True)
         else:
             base = (axis.commanded_counts, False)
+    run = axis.run
+    is_kept = base is not None or run is None or run.nominal_counts == belief.nominal_counts
     return Aim(
         belief.nominal_counts,
         axis.stands_counts,
         world.said(number).compensation,
-        world.is_sending_unsure() or world.said(number).direction == "unsure",
+        world.is_sending_unsure() or (is_kept and world.said(number).direction == "unsure"),
         state.table,
         state.is_gain_half,
         is_lost,
         base,
+        _arrived(axis),
     )
 
 
@@ -216,6 +219,10 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     else:
         nominal = aim.nominal_counts
         _judge_target(world, axis, end, aim)
+    was = aim.arrived
+    is_other = was is not None and was.nominal_counts != nominal
+    if was is not None and is_other and was.is_told and was.seen == 3 and aim.is_unsure and not is_passing:
+        raise Violation(f"an axis that was seen to have arrived at {was.end_counts} is taken for unsure (M6)")
     is_certain = aim.base is None or aim.base[1]
     is_unsure = aim.is_unsure or not is_certain
     return Run(nominal, end, False, is_unsure, aim.table, aim.state, is_gain_half=aim.is_gain_half)
@@ -266,6 +273,14 @@ def _branches(world: "World", nominal: int, aim: "Aim") -> tuple[float, float]:
     return nominal + share * (forward - nominal), nominal + share * (backward - nominal)
 
 
+def _arrived(axis: "Axis") -> "Run | None":
+    """Return the motion at whose end an axis stands, where its branch is certain."""
+    run = axis.run
+    if run is None or run.is_unsure or axis.goes_counts is not None:
+        return None
+    return run if axis.stands_counts == run.end_counts else None
+
+
 def _judge_branch(world: "World", axis: "Axis", end: int, aim: "Aim", nominal: int, tolerance: float) -> None:
     forward, backward = _branches(world, nominal, aim)
     is_forward, is_backward = abs(end - forward) <= tolerance, abs(end - backward) <= tolerance
@@ -275,14 +290,12 @@ def _judge_branch(world: "World", axis: "Axis", end: int, aim: "Aim", nominal: i
         raise Violation(f"target {nominal} becomes {end}: {forward:.2f} or {backward:.2f} would be right (1)")
     low, high = sorted((forward, backward))
     may_be_forward = may_be_backward = False
-    run = axis.run
-    for place in {aim.from_counts, axis.stands_counts}:
-        is_told = run is not None and run.is_told and not run.is_unsure and axis.goes_counts is None
-        is_told = is_told and (run.table, run.is_gain_half) == (aim.table, aim.is_gain_half)  # type: ignore[union-attr]
-        if run is not None and is_told and place == run.end_counts and run.state not in PASSING:
+    for place, run in {(aim.from_counts, aim.arrived), (axis.stands_counts, _arrived(axis))}:
+        is_same_map = run is not None and (run.table, run.is_gain_half) == (aim.table, aim.is_gain_half)
+        if run is not None and is_same_map and run.state not in PASSING:
             may_be_forward |= nominal >= run.nominal_counts
             may_be_backward |= nominal <= run.nominal_counts
-        else:
+        if run is None or not (run.is_told and is_same_map and run.state not in PASSING):
             is_at_forward, is_at_backward = (
                 abs(place - each) <= BESIDE_COUNTS for each in (forward, backward)
             )
@@ -316,6 +329,8 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     if not _is_native(wire.pdu, reply):
         if request is not None:
             note_lost(world, wire.owner, request)
+        if wire.aim is not None:
+            _forget(world, number)
         return
     if writes_target(wire.request):
         beliefs = [list(own) for own in world.state.beliefs]
@@ -334,10 +349,19 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             world.state = world.state._replace(axes=tuple(axes))
 
 
+def _forget(world: "World", number: int) -> None:
+    """Nobody knows any more whether the last motion is the one that the axis is on."""
+    axes = list(world.state.axes)
+    run = axes[number].run
+    if run is not None:
+        axes[number] = axes[number]._replace(run=run._replace(is_told=False, seen=0))
+        world.state = world.state._replace(axes=tuple(axes))
+
+
 def note_silence(world: "World", wire: "Wire") -> None:
     """Take note of a frame that was not answered in time."""
     axes = tuple(
-        axis if axis.run is None else axis._replace(run=axis.run._replace(is_told=False))
+        axis if axis.run is None else axis._replace(run=axis.run._replace(is_told=False, seen=0))
         for axis in world.state.axes
     )
     world.state = world.state._replace(axes=axes)
@@ -409,10 +433,31 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         return
     if not is_own:
         raise Violation(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")
+    assert answered is not None
+    if pdu[0] == 3:
+        _note_seen(world, answered, pdu)
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
-        assert answered is not None
         number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])))
+
+
+def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
+    """Take note of what shows that an axis has arrived."""
+    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == read.unit_id)
+    axis, address = world.state.axes[number], read.pdu[1] << 8 | read.pdu[2]
+    run = axis.run
+    if run is None or not run.is_told or axis.stands_counts != run.end_counts:
+        return
+    seen = run.seen
+    if address == ACTUAL.address:
+        seen |= 1
+    elif address == STATUS and axis.is_done:
+        seen |= 2
+    if not world.design.plans[number].actual and seen & 2:
+        seen = 3
+    axes = list(world.state.axes)
+    axes[number] = axis._replace(run=run._replace(seen=seen))
+    world.state = world.state._replace(axes=tuple(axes))
 
 
 def _judge_reading(world: "World", number: int, read_counts: int) -> None:

@@ -383,7 +383,7 @@ class Lens:
 
     def _standing(self, each: Any, shape: Shape, values: tuple[Any, ...]) -> Any:
         kinds, needs = self._kinds, shape.needs
-        found = []
+        found: list[Any] = []
         for at in shape.compared:
             value = values[at]
             if needs and at in needs and not needs[at](each):
@@ -450,22 +450,21 @@ class Lens:
 
     def _fields_of(self, kind: type, names: tuple[str, ...]) -> Callable[[Any], Any]:
         self.met.update(names)
-        compared = tuple(n for n in names if n not in NOT_COMPARED or n in (CARRIED_COUNTER,))
         special = {CARRIED_COUNTER: self._carried_counter, CARRIED_INSTANT: self._carried_instant}
-        carried = [special.get(name) for name in compared]
-        get = attrgetter(*compared) if len(compared) > 1 else None
+        hows = tuple(special.get(name) for name in names)
+        kept = tuple(i for i, name in enumerate(names) if name not in NOT_COMPARED or hows[i])
+        is_tuple = issubclass(kind, tuple)
+        get = attrgetter(*names) if len(names) > 1 else lambda each: (getattr(each, names[0]),)
         name = kind.__name__
 
         def turned(value: Any) -> Any:
-            values = get(value) if get is not None else (getattr(value, compared[0]),)
-            kinds = self._kinds
-            return (
-                name,
-                *[
-                    special(each) if special else (each if (how := kinds[type(each)]) is None else how(each))
-                    for each, special in zip(values, carried, strict=True)
-                ],
-            )
+            values = tuple(value) if is_tuple else get(value)
+            kinds, found = self._kinds, [name]
+            for at in kept:
+                if at < len(values):  # some are made with fewer fields than their class names
+                    how = hows[at] or kinds[type(values[at])]
+                    found.append(values[at] if how is None else how(values[at]))
+            return tuple(found)
 
         return lambda value: self._remembered(value, turned)
 

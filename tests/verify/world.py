@@ -113,6 +113,8 @@ class Aim(NamedTuple):
     """Its target never was acknowledged."""
     base: tuple[int, bool] | None = None
     """Of a distance: where it starts in nominal counts, and whether that is certain."""
+    arrived: "Run | None" = None
+    """The motion at whose end it stood, as it was told."""
 
 
 class Wire(NamedTuple):
@@ -172,6 +174,8 @@ class Run(NamedTuple):
     is_restarted: bool = False
     """The gateway was killed since, and its record with it."""
     is_gain_half: bool = False
+    seen: int = 0
+    """Since it was told, while it stood there: bit 0, its place was read; bit 1, its drive said done."""
 
 
 class Axis(NamedTuple):
@@ -523,6 +527,12 @@ class World:
     def _on_undone(self, number: int) -> None:
         self._set(number, self.state.axes[number]._replace(is_done=False))
 
+    def _on_blink(self, number: int) -> None:
+        """Done falls of an axis that stands: it moves a little, or the bit has flickered."""
+        axis = self.state.axes[number]
+        run = None if axis.run is None else axis.run._replace(seen=0, is_told=False)
+        self._set(number, axis._replace(is_done=False, run=run))
+
     def _on_jog(self, number: int) -> None:
         """Somebody moves the axis on the drive's own panel. Nobody sees it for as long as that takes."""
         for _ in range(UNSEEN_TICKS + 1):
@@ -592,7 +602,7 @@ class World:
         for number, axis in enumerate(self.state.axes):
             run = axis.run
             if run is not None:
-                run = run._replace(is_told=False, is_restarted=run.is_restarted or is_restart)
+                run = run._replace(is_told=False, seen=0, is_restarted=run.is_restarted or is_restart)
                 self._set(number, axis._replace(run=run))
 
     def _on_table(self) -> None:
@@ -661,7 +671,7 @@ class World:
             )  # fmt: skip
             axis = self.state.axes[number]
             if axis.run is not None:
-                self._set(number, axis._replace(run=axis.run._replace(is_told=False)))
+                self._set(number, axis._replace(run=axis.run._replace(is_told=False, seen=0)))
         elif value in (HOME, JOG):
             self._set(
                 number,
@@ -772,6 +782,7 @@ OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "arrive_undone": lambda axis: axis.goes_counts is not None,
     "done": lambda axis: not axis.is_done and axis.is_homed,
     "undone": lambda axis: axis.is_done and axis.goes_counts is not None,
+    "blink": lambda axis: axis.is_done and axis.goes_counts is None and axis.run is not None,
     "jog": lambda axis: axis.goes_counts is None and axis.stands_counts != JOGGED_COUNTS,
     "reboot": lambda axis: axis.is_homed,
     "homed": lambda axis: not axis.is_homed and axis.stands_counts == 0,
