@@ -8,7 +8,7 @@ import pytest
 
 from tests.verify.designs import BY_NAME
 from tests.verify.explore import play
-from tests.verify.rules import Violation
+from tests.verify.rules import BrokenRuleError
 from tests.verify.world import Happening
 
 ACK = ("drive", "ack")
@@ -22,7 +22,7 @@ def to(target: int, axis: int = 0) -> Happening:
 
 
 @pytest.mark.xfail(
-    raises=Violation,
+    raises=BrokenRuleError,
     reason="Both axes of a group lost their target; once one has a new one its trigger passes, though the "
     "target of the other is still lost: one side of the beam goes alone (M11).",
 )
@@ -43,7 +43,7 @@ def test_a_beam_does_not_go_while_the_target_of_one_of_its_axes_is_lost() -> Non
 
 
 @pytest.mark.xfail(
-    raises=Violation,
+    raises=BrokenRuleError,
     reason="Two targets come without a reading between them: it is assumed that the axis stood at the first, "
     "so a fresh reading is turned back wrong by the lost motion, and decides the branch with certainty (M6).",
 )
@@ -69,7 +69,7 @@ def test_a_reading_decides_no_branch_after_two_targets_that_came_without_one() -
 
 
 @pytest.mark.xfail(
-    raises=Violation,
+    raises=BrokenRuleError,
     reason="A target that was refused is given again, and its drive does not say where it is: it gets the "
     "branch of the first time, without being flagged, though the axis has moved on since (M6).",
 )

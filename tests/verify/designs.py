@@ -46,6 +46,14 @@ def _controllers(*names: str, serial: bool = False) -> tuple[ControllerPlan, ...
 
 DESIGNS: Final = (
     Design(
+        "short",
+        "two targets nearer to each other than the hysteresis, on a drive that always answers",
+        (_plan(),),
+        menu=("to", "read", "status"),
+        answers=("ack",),
+        targets=(9007, 9008),
+    ),
+    Design(
         "small",
         "a direct drive that always answers: closes in seconds",
         (_plan(),),

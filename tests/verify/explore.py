@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Final
 
-from tests.verify.rules import Violation, is_settled
+from tests.verify.rules import BrokenRuleError, is_settled
 from tests.verify.snapshot import row_name, watch_table
 from tests.verify.world import Design, Happening, Kept, World
 
@@ -106,7 +106,7 @@ class Walk:
                     try:
                         world.happen(event)
                         after = world.keep()
-                    except Violation as violation:
+                    except BrokenRuleError as violation:
                         world.restore(kept, is_live_known=False)
                         if self._is_enough(str(violation), (*self._trace(number), event)):
                             is_out_of_time = True
@@ -152,7 +152,7 @@ class Walk:
             outcome.random_steps += 1
             try:
                 world.happen(event)
-            except Violation as violation:
+            except BrokenRuleError as violation:
                 if self._is_enough(str(violation), tuple(trace)):
                     break
                 world.restore(first, is_live_known=False)  # type: ignore[arg-type]
@@ -230,7 +230,7 @@ def replay(design: Design, trace: tuple[Happening, ...]) -> Iterator[str]:
         yield f"{(world.now_ns - World(design).now_ns) // 1_000_000:6d} ms  {' '.join(map(str, event))}"
         try:
             world.happen(event)
-        except Violation as violation:
+        except BrokenRuleError as violation:
             yield from lines
             yield f"broken: {violation}"
             return
@@ -287,7 +287,7 @@ def test_found_in_{name}() -> None:
 
 
 def play(design: Design, *trace: Happening) -> World:
-    """Play a trace; raises Violation where it breaks a rule."""
+    """Play a trace; raises BrokenRuleError where it breaks a rule."""
     world = World(design)
     for event in trace:
         if event not in world.happenings():

@@ -37,7 +37,7 @@ RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU})
 ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
 
 
-class Violation(Exception):
+class BrokenRuleError(Exception):
     """A rule that was broken; the message says which one, and how."""
 
 
@@ -51,11 +51,11 @@ def writes_target(pdu: bytes) -> bool:
     return pdu[0] in (6, 16) and (pdu[1] << 8 | pdu[2]) in ENDS
 
 
-# --- frames that leave ---------------------------------------------------------------------------------------
+# --- frames that leave --------------------------------------------------------------------------------
 
 
 def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
-    """Find out why a frame has left (2). Raises Violation."""
+    """Find out why a frame has left (2). Raises BrokenRuleError."""
     from tests.verify.world import Wire
 
     state = world.state
@@ -63,45 +63,50 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     is_first = True  # all but stops leave in the order in which they came
     for port, transaction_id in state.order:
         request = find(world, port, transaction_id)
-        if request.is_sent:
+        is_stopping = is_stop(request.pdu)
+        if request.is_sent or not (is_stopping or is_first):
             continue
-        if is_stop(request.pdu) or is_first:
-            is_first &= is_stop(request.pdu)
-            if request.axis == number and _is_frame_of(pdu, request.pdu):
-                if is_stop(pdu):
-                    world.tally.stop_ticks = max(world.tally.stop_ticks, request.ticks)
-                    if request.ticks > STOP_TICKS:
-                        raise Violation(f"a stop had to wait for {request.ticks} ticks (2)")
-                elif request.ticks > PATIENCE_TICKS:
-                    raise Violation(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
-                _replace(world, port, request._replace(is_sent=True))
-                lost = state.beliefs[port][number]
-                if (
-                    len(request.pdu) == 5
-                    and writes_target(pdu)
-                    and pdu[0] == 16
-                    and lost.lost & _others(request.pdu)
-                ):
-                    if lost.ticks - request.ticks >= OLD_TICKS:
-                        raise Violation(
-                            f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)"
-                        )
-                aim = _aim(world, port, number, pdu, request)
-                if aim is not None and pdu not in RUNS:
-                    _note_tried(world, number, pdu, aim)
-                return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
+        is_first &= is_stopping
+        if request.axis == number and _is_frame_of(pdu, request.pdu):
+            return _sent(world, port, request, unit_id, pdu)
     if is_stop(pdu) and state.owed_stops:
         world.state = state._replace(owed_stops=state.owed_stops - 1)
-        return Wire(unit_id, pdu, -1, 0, None)
-    if pdu[0] == 3:
-        if (pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4]) not in READABLE:
-            raise Violation(f"a read that nothing names: {pdu.hex(' ')} (W8)")
-        waits = any(not each.is_sent for waiting in state.asked for each in waiting)
-        if not (waits or state.is_starting):
-            raise Violation(f"a read for nothing: {pdu.hex(' ')} (W8)")
-        return Wire(unit_id, pdu, -1, 0, None)
-    _judge_restaging(world, number, pdu)
+    elif pdu[0] == 3:
+        _judge_own_read(world, pdu)
+    else:
+        _judge_restaging(world, number, pdu)
     return Wire(unit_id, pdu, -1, 0, None)
+
+
+def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes) -> "Wire":
+    """Judge a frame that a controller has asked for."""
+    from tests.verify.world import Wire
+
+    number = request.axis
+    if is_stop(pdu):
+        world.tally.stop_ticks = max(world.tally.stop_ticks, request.ticks)
+        if request.ticks > STOP_TICKS:
+            raise BrokenRuleError(f"a stop had to wait for {request.ticks} ticks (2)")
+    elif request.ticks > PATIENCE_TICKS:
+        raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
+    _replace(world, port, request._replace(is_sent=True))
+    belief = world.state.beliefs[port][number]
+    is_half = writes_target(pdu) and len(request.pdu) == 5
+    is_completed = is_half and pdu[0] == 16 and bool(belief.lost & _others(request.pdu))
+    if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
+        raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
+    aim = _aim(world, port, number, pdu, request)
+    if aim is not None and pdu not in RUNS:
+        _note_tried(world, number, pdu, aim)
+    return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
+
+
+def _judge_own_read(world: "World", pdu: bytes) -> None:
+    if (pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4]) not in READABLE:
+        raise BrokenRuleError(f"a read that nothing names: {pdu.hex(' ')} (W8)")
+    waits = any(not each.is_sent for waiting in world.state.asked for each in waiting)
+    if not (waits or world.state.is_starting):
+        raise BrokenRuleError(f"a read for nothing: {pdu.hex(' ')} (W8)")
 
 
 def _others(half: bytes) -> int:
@@ -139,7 +144,7 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
         else:
             _replace(world, port, request._replace(is_restaged=True))
             return
-    raise Violation(why)
+    raise BrokenRuleError(why)
 
 
 def _replace(world: "World", port: int, request: "Asked") -> None:
@@ -200,20 +205,20 @@ def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     return belief._replace(high=word, lost=lost)
 
 
-# --- motions ---------------------------------------------------------------------------------------------------
+# --- motions ------------------------------------------------------------------------------------------
 
 
 def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
-    """Judge where the drive is about to go (0, 1, 4). Raises Violation."""
+    """Judge where the drive is about to go (0, 1, 4). Raises BrokenRuleError."""
     from tests.verify.world import Run
 
     aim = wire.aim
     if aim is None:
-        raise Violation(f"the drive goes to {end} and no controller has said so (0)")
+        raise BrokenRuleError(f"the drive goes to {end} and no controller has said so (0)")
     axis = world.state.axes[number]
     is_passing = aim.state in PASSING
     if aim.is_lost and not is_passing:
-        raise Violation(f"a target that was lost runs: the drive goes to {end} (4)")
+        raise BrokenRuleError(f"a target that was lost runs: the drive goes to {end} (4)")
     if aim.base is not None:
         nominal = _judge_distance(world, axis, end, aim)
     else:
@@ -222,7 +227,9 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     was = aim.arrived
     is_other = was is not None and was.nominal_counts != nominal
     if was is not None and is_other and was.is_told and was.seen == 3 and aim.is_unsure and not is_passing:
-        raise Violation(f"an axis that was seen to have arrived at {was.end_counts} is taken for unsure (M6)")
+        raise BrokenRuleError(
+            f"an axis that was seen to have arrived at {was.end_counts} is taken for unsure (M6)"
+        )
     is_certain = aim.base is None or aim.base[1]
     is_unsure = aim.is_unsure or not is_certain
     return Run(nominal, end, False, is_unsure, aim.table, aim.state, is_gain_half=aim.is_gain_half)
@@ -238,14 +245,14 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         is_away = axis.stands_counts != run.end_counts  # it was looked for, and not found there (M6)
         is_excused = run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away))
         if not is_excused:
-            raise Violation(
+            raise BrokenRuleError(
                 f"the same target {nominal} again moves the drive from {run.end_counts} to {end} (0, M4)"
             )
     if aim.state in PASSING:
         if end != nominal and (nominal, end) != axis.tried and not aim.is_lost:
-            raise Violation(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
+            raise BrokenRuleError(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
         return
-    _judge_branch(world, axis, end, aim, nominal, ROUNDING)
+    _judge_branch(world, axis, end, aim, nominal)
 
 
 def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
@@ -254,17 +261,17 @@ def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
     distance = aim.nominal_counts
     if aim.state in PASSING:
         if end - axis.commanded_counts != distance:
-            raise Violation(f"a distance of {distance} becomes {end - axis.commanded_counts} (M9)")
+            raise BrokenRuleError(f"a distance of {distance} becomes {end - axis.commanded_counts} (M9)")
         return end
     if is_certain:
-        _judge_branch(world, axis, end, aim, base + distance, ONE_COUNT)
+        _judge_branch(world, axis, end, aim, base + distance, tolerance=ONE_COUNT)
         return base + distance
     forward, backward = _branches(world, base, aim)
     low, high = sorted((2 * base - forward, 2 * base - backward))
     for nominal in range(int(low - SLOPE_COUNTS) + distance, int(high + SLOPE_COUNTS) + distance + 1):
         if any(abs(end - each) <= ONE_COUNT for each in _branches(world, nominal, aim)):
             return nominal
-    raise Violation(f"a distance of {distance} from {base} ends at {end}, which is on no branch (1)")
+    raise BrokenRuleError(f"a distance of {distance} from {base} ends at {end}, which is on no branch (1)")
 
 
 def _branches(world: "World", nominal: int, aim: "Aim") -> tuple[float, float]:
@@ -281,13 +288,17 @@ def _arrived(axis: "Axis") -> "Run | None":
     return run if axis.stands_counts == run.end_counts else None
 
 
-def _judge_branch(world: "World", axis: "Axis", end: int, aim: "Aim", nominal: int, tolerance: float) -> None:
+def _judge_branch(
+    world: "World", axis: "Axis", end: int, aim: "Aim", nominal: int, *, tolerance: float = ROUNDING
+) -> None:
     forward, backward = _branches(world, nominal, aim)
     is_forward, is_backward = abs(end - forward) <= tolerance, abs(end - backward) <= tolerance
     if aim.is_unsure:
         if is_forward or is_backward or abs(end - (forward + backward) / 2) <= tolerance:
             return
-        raise Violation(f"target {nominal} becomes {end}: {forward:.2f} or {backward:.2f} would be right (1)")
+        raise BrokenRuleError(
+            f"target {nominal} becomes {end}: {forward:.2f} or {backward:.2f} would be right (1)"
+        )
     low, high = sorted((forward, backward))
     may_be_forward = may_be_backward = False
     for place, run in {(aim.from_counts, aim.arrived), (axis.stands_counts, _arrived(axis))}:
@@ -305,13 +316,13 @@ def _judge_branch(world: "World", axis: "Axis", end: int, aim: "Aim", nominal: i
     if (is_forward and may_be_forward) or (is_backward and may_be_backward):
         return
     what = "is on the wrong branch" if is_forward or is_backward else "is on no branch"
-    raise Violation(
+    raise BrokenRuleError(
         f"target {nominal}, the drive stands at {axis.stands_counts} and goes to {end}, which {what}: "
         f"{forward:.2f} forward, {backward:.2f} backward, and nothing says that it is unsure (1)"
     )
 
 
-# --- answers -----------------------------------------------------------------------------------------------------
+# --- answers ------------------------------------------------------------------------------------------
 
 
 def _is_native(sent: bytes, reply: bytes) -> bool:
@@ -412,27 +423,27 @@ def end(world: "World", port: int, request: "Asked") -> None:
 
 
 def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answered: "Wire | None") -> None:
-    """Judge what a controller is answered (2, 3). Raises Violation."""
+    """Judge what a controller is answered (2, 3). Raises BrokenRuleError."""
     request = next((a for a in world.state.asked[port] if a.transaction_id == transaction_id), None)
     if request is None and (port, transaction_id) in world.state.given_up:
         given_up = tuple(each for each in world.state.given_up if each != (port, transaction_id))
         world.state = world.state._replace(given_up=given_up)
         if not is_exception(pdu):
-            raise Violation(f"what its controller had given up was carried out: {pdu.hex(' ')} (2, W5)")
+            raise BrokenRuleError(f"what its controller had given up was carried out: {pdu.hex(' ')} (2, W5)")
         return  # to one that its controller has given up meanwhile
     if request is None:
-        raise Violation(f"an answer that nobody waits for: {pdu.hex(' ')}")
+        raise BrokenRuleError(f"an answer that nobody waits for: {pdu.hex(' ')}")
     end(world, port, request)
     is_own = answered is not None and answered.owner == port and answered.transaction_id == transaction_id
     if is_exception(pdu):
         world.tally.refusals.add(pdu[1])
         if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
-            raise Violation(f"a stop was refused with {pdu[1]} (2, M3)")
+            raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
         if not is_own:
             note_lost(world, port, request)
         return
     if not is_own:
-        raise Violation(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")
+        raise BrokenRuleError(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")
     assert answered is not None
     if pdu[0] == 3:
         _note_seen(world, answered, pdu)
@@ -469,10 +480,12 @@ def _judge_reading(world: "World", number: int, read_counts: int) -> None:
     if said.compensation in PASSING:
         if not world.state.is_wanted or read_counts == stands or run is not None:
             return  # a fade leads to 1:1, and a target that was told holds
-        raise Violation(f"an axis that is {said.compensation} stands at {stands} and reads {read_counts} (3)")
+        raise BrokenRuleError(
+            f"an axis that is {said.compensation} stands at {stands} and reads {read_counts} (3)"
+        )
     if run is not None and is_told and run.state not in PASSING:
         if read_counts != run.nominal_counts:
-            raise Violation(
+            raise BrokenRuleError(
                 f"the axis stands where target {run.nominal_counts} has sent it, at {stands}, and reads "
                 f"{read_counts} (3)"
             )
@@ -481,7 +494,9 @@ def _judge_reading(world: "World", number: int, read_counts: int) -> None:
         return
     low, high = _band(world, stands)
     if not low - SLOPE_COUNTS <= read_counts <= high + SLOPE_COUNTS:
-        raise Violation(f"the drive stands at {stands} and reads {read_counts}: {low:.1f} to {high:.1f} (3)")
+        raise BrokenRuleError(
+            f"the drive stands at {stands} and reads {read_counts}: {low:.1f} to {high:.1f} (3)"
+        )
 
 
 def _band(world: "World", stands: int) -> tuple[float, float]:
@@ -495,23 +510,23 @@ def _band(world: "World", stands: int) -> tuple[float, float]:
     return min(found) - spread, max(found) + spread
 
 
-# --- two ways through ------------------------------------------------------------------------------------------------
+# --- two ways through ---------------------------------------------------------------------------------
 
 
 def compare(first: "Side", second: "Side") -> None:
-    """Hold the fast path against the slow one (7). Raises Violation."""
+    """Hold the fast path against the slow one (7). Raises BrokenRuleError."""
     frames: tuple[Any, Any] = (first.link.sent, second.link.sent)
     if frames[0] != frames[1]:
         shown = [" | ".join(f"{unit_id} {pdu.hex(' ')}" for unit_id, pdu in each) for each in frames]
-        raise Violation(
+        raise BrokenRuleError(
             f"the fast path sends {shown[0] or 'nothing'}, the slow one {shown[1] or 'nothing'} (7)"
         )
     for one, other in zip(first.ports, second.ports, strict=True):
         if one.replies != other.replies:
             shown = [" | ".join(pdu.hex(" ") for _, pdu in each.replies) for each in (one, other)]
-            raise Violation(f"the fast path answers {shown[0]}, the slow one {shown[1]} (7)")
+            raise BrokenRuleError(f"the fast path answers {shown[0]}, the slow one {shown[1]} (7)")
     if first.link.is_abandoned is not second.link.is_abandoned:
-        raise Violation("only one of both ways gives the reply up (7)")
+        raise BrokenRuleError("only one of both ways gives the reply up (7)")
 
 
 def is_settled(world: "World") -> bool:

@@ -150,8 +150,10 @@ def _is_atom(kind: type) -> bool:
     return (
         issubclass(kind, bool | str | bytes | type | ModuleType | MethodType | memoryview)
         or kind is type(None)
-        or (kind.__module__ in ("builtins", "struct", "functools", "_struct", "operator")
-        and not issubclass(kind, list | dict | set | tuple | frozenset | bytearray | int | float))
+        or (
+            kind.__module__ in ("builtins", "struct", "functools", "_struct", "operator")
+            and not issubclass(kind, list | dict | set | tuple | frozenset | bytearray | int | float)
+        )
     )
 
 
@@ -301,7 +303,7 @@ class Lens:
         """Count what states are worth together with another lens, so that both can be compared."""
         self._tokens_of, self._settings = other._tokens_of, other._settings
 
-    # --- taking and putting back ---------------------------------------------------------------------------
+    # --- taking and putting back -----------------------------------------------------------------------
 
     def take(self, now_ns: int) -> Snapshot:
         """Return the state as it is now."""
@@ -370,7 +372,7 @@ class Lens:
             each.__dict__.clear()
             each.__dict__.update(attributes)
 
-    # --- comparing -------------------------------------------------------------------------------------------
+    # --- comparing -------------------------------------------------------------------------------------
 
     def token(self, value: Any) -> int:
         """Return what a value of the world is worth in a comparison; its instants are seen from now."""
@@ -498,7 +500,7 @@ class Lens:
         self._setting_ids[id(value)] = (value, at)
         return at
 
-    # --- what passes -----------------------------------------------------------------------------------------
+    # --- what passes -----------------------------------------------------------------------------------
 
     def _passing_names(self, kind: type) -> tuple[str, ...]:
         names = self._passing_shapes.get(kind)
@@ -569,7 +571,7 @@ class Lens:
         return (self._number(value), tuple((value > lost) - (value < lost) for lost in self._live_ns))
 
 
-# --- what is said of a line --------------------------------------------------------------------------------------
+# --- what is said of a line ---------------------------------------------------------------------------
 
 
 class Said(NamedTuple):

@@ -33,7 +33,7 @@ from tests.exchange.staged_bench import (
     ZERO,
 )
 from tests.verify import rules
-from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS, Violation
+from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS, BrokenRuleError
 from tests.verify.screw import REGROUND, WORN, Screw
 from tests.verify.snapshot import Lens, Snapshot, is_sending_unsure, said
 
@@ -96,6 +96,13 @@ class Side:
         self.lens = Lens(
             [self.line, *self.ports], TICK_NS, design.horizon_ticks, has_record=design.has_record
         )
+
+    def forget(self) -> None:
+        """Nothing has left and nothing was answered."""
+        self.link.sent.clear()
+        self.link.is_abandoned = False
+        for port in self.ports:
+            port.replies.clear()
 
 
 class Aim(NamedTuple):
@@ -296,7 +303,7 @@ class World:
         self._call("link_up", self.now_ns)
         self._collect()
 
-    # --- keeping, putting back, comparing --------------------------------------------------------------------
+    # --- keeping, putting back, comparing --------------------------------------------------------------
 
     def keep(self) -> Kept:
         """Return the state as it is now."""
@@ -337,7 +344,7 @@ class World:
             for side in self.sides:
                 self.records.attach(side.line)
 
-    # --- what can happen ---------------------------------------------------------------------------------------
+    # --- what can happen -------------------------------------------------------------------------------
 
     def happenings(self) -> list[Happening]:
         """Return every event that can happen now."""
@@ -387,10 +394,10 @@ class World:
             return b"\x03" + STATUS.to_bytes(2, "big") + b"\0\x01"
         return b"\x06" + TRIGGER.to_bytes(2, "big") + TRIGGERS[name].to_bytes(2, "big")
 
-    # --- making it happen --------------------------------------------------------------------------------------
+    # --- making it happen ------------------------------------------------------------------------------
 
     def happen(self, event: Happening) -> None:
-        """Let an event happen. Raises Violation."""
+        """Let an event happen. Raises BrokenRuleError."""
         getattr(self, "_on_" + event[0])(*event[1:])
 
     def _call(self, name: str, *args: Any) -> None:
@@ -631,7 +638,7 @@ class World:
             side.line.control(message(), self.now_ns)
         self._collect()
 
-    # --- the drive ---------------------------------------------------------------------------------------------
+    # --- the drive -------------------------------------------------------------------------------------
 
     def _obey(self, wire: Wire) -> bytes:
         """Let the drive do what a frame says; return its answer."""
@@ -696,7 +703,7 @@ class World:
             ),
         )  # fmt: skip
 
-    # --- what the gateway did --------------------------------------------------------------------------------------
+    # --- what the gateway did --------------------------------------------------------------------------
 
     def _tell(self, event: Event) -> None:
         self.tally.events.add(event.kind.value)
@@ -706,35 +713,34 @@ class World:
         first = self.sides[0]
         for side in self.sides[1:]:
             rules.compare(first, side)
-            side.link.sent.clear()
-            side.link.is_abandoned = False
-            for port in side.ports:
-                port.replies.clear()
+            side.forget()
         if answered is not None:
             rules.note_answer(self, answered, reply)
         if first.link.is_abandoned:
             first.link.is_abandoned = False
-            wire = self.state.wire
-            if wire is not None:
-                rules.note_silence(self, wire)
-                late = wire._replace(ticks_left=DRAIN_TICKS) if "late" in self.design.happenings else None
-                self.state = self.state._replace(wire=None, late=late)
+            self._give_reply_up()
         for number, port in enumerate(first.ports):
-            if port.replies:
-                replies, port.replies = port.replies, []
-                for transaction_id, pdu in replies:
-                    rules.judge_reply(self, number, transaction_id, pdu, answered)
-        if first.link.sent:
-            frames, first.link.sent = first.link.sent, []
-            for unit_id, pdu in frames:
-                if self.state.wire is not None:
-                    raise Violation("two frames on the wire at once (W6)")
-                wire = rules.judge_frame(self, unit_id, pdu)
-                self.state = self.state._replace(wire=wire, late=None)
-        elif answered is not None:
+            replies, port.replies = port.replies, []
+            for transaction_id, pdu in replies:
+                rules.judge_reply(self, number, transaction_id, pdu, answered)
+        frames, first.link.sent = first.link.sent, []
+        for unit_id, pdu in frames:
+            if self.state.wire is not None:
+                raise BrokenRuleError("two frames on the wire at once (W6)")
+            wire = rules.judge_frame(self, unit_id, pdu)
+            self.state = self.state._replace(wire=wire, late=None)
+        if not frames and answered is not None:
             self.state = self.state._replace(is_starting=False, owed_stops=0, given_up=())
-        if len(self.sides) > 1 and self.state.wire is None and not any(self.state.asked):
+        if len(self.sides) > 1 and self.is_quiet:
             self._compare_states()
+
+    def _give_reply_up(self) -> None:
+        """The gateway does not wait for a reply any longer; it may still come."""
+        wire = self.state.wire
+        if wire is not None:
+            rules.note_silence(self, wire)
+            late = wire._replace(ticks_left=DRAIN_TICKS) if "late" in self.design.happenings else None
+            self.state = self.state._replace(wire=None, late=late)
 
     def _compare_states(self) -> None:
         first, second = (side.lens.take(self.now_ns) for side in self.sides)
@@ -744,7 +750,7 @@ class World:
                 for i, (a, b) in enumerate(zip(first.tokens, second.tokens, strict=True))
                 if a != b
             ]
-            raise Violation(f"fast and slow path leave different states behind (7): {', '.join(names)}")
+            raise BrokenRuleError(f"fast and slow path leave different states behind (7): {', '.join(names)}")
 
     def said(self, number: int) -> Any:
         """Return what the gateway says of an axis."""
