@@ -37,7 +37,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     """Return the arguments of a command line."""
     parser = argparse.ArgumentParser(
         prog="python -m tests.verify",
-        description="Walks every state that a small world around the gateway can reach, and checks the rules there.",
+        description="Walks every state that small worlds around the gateway can reach.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -89,9 +89,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"longest wait of a stop: {max(outcome.stop_ticks for outcome in outcomes)} ticks of 80 ms")
     print(f"met ({len(met)}): {', '.join(met)}")
     total = sum(outcome.transitions + outcome.random_steps for outcome in outcomes)
-    print(
-        f"{sum(o.states for o in outcomes):,} states, {total:,} transitions, {sum(o.seconds for o in outcomes):,.0f} s"
-    )
+    states, seconds = sum(o.states for o in outcomes), sum(o.seconds for o in outcomes)
+    print(f"{states:,} states, {total:,} transitions, {seconds:,.0f} s")
     return 1 if any(outcome.broken for outcome in outcomes) else 0
 
 

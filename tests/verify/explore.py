@@ -258,7 +258,7 @@ def _listen(world: World, tell: Callable[[str], None]) -> None:
 
     side.link.send_request = sent  # type: ignore[method-assign]
     line.reply = replied  # type: ignore[method-assign]
-    line.request = requested  # type: ignore[method-assign]
+    line.request = requested  # type: ignore[method-assign, assignment]
     for port in side.ports:
         answer = port.send_reply
 

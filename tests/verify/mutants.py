@@ -1,9 +1,9 @@
-"""``python -m tests.verify.mutants FILE...``: breaks the gateway in one place at a time, and looks who notices.
+"""``python -m tests.verify.mutants FILE...``: breaks the gateway in one place at a time; who notices?
 
-A mutant drops an assignment, a call or a guard that returns nothing, negates a condition, takes another member
-of an enum, or takes ``<`` for ``<=``. Each is loaded in a process of its own, in place of the file that it was
-made of, and the small worlds are walked until one of them breaks a rule, or for so long. No other test is
-asked.
+A mutant drops an assignment, a call, a row or a guard that returns, negates a condition, takes another
+member of an enum, or takes ``<`` for ``<=``. Each is loaded in a process of its own, in place of the file
+that it was made of, and the small worlds are walked until one of them breaks a rule, or for so long. No
+other test is asked.
 """
 
 import argparse
@@ -35,11 +35,11 @@ WORLDS: Final = (
     "homing",
 )
 SECONDS: Final = 6.0
-"""Of each world, half of them breadth first, half at random; most mutants are noticed in the first."""
+"""Of each world, half of them breadth first, half at random."""
 ENDLESS: Final = 1_000_000_000
 EXAMPLES: Final = """examples:
   python -m tests.verify.mutants gateway/exchange/arrival.py
-  python -m tests.verify.mutants gateway/exchange/arrival.py gateway/exchange/shadow.py --json build/mutants.json
+  python -m tests.verify.mutants gateway/exchange/shadow.py --every 3 --json build/mutants.json
   python -m tests.verify.mutants gateway/exchange/arrival.py --list
 """
 OTHER_COMPARISON: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
@@ -224,7 +224,7 @@ class _Finder:
 
 
 def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: object) -> None:
-    """Walk the worlds with a mutant; runs in a process of its own, which has loaded nothing of the gateway."""
+    """Walk the worlds with a mutant; runs in a process that has loaded nothing of the gateway."""
     module = ".".join(Path(mutant.file).with_suffix("").parts)
     sys.meta_path.insert(0, _Finder(module, mutant.source))  # type: ignore[arg-type]
     try:

@@ -281,9 +281,9 @@ def _branches(world: "World", nominal: int, aim: "Aim") -> tuple[float, float]:
 
 
 def _arrived(axis: "Axis") -> "Run | None":
-    """Return the motion at whose end an axis stands, where its branch is certain."""
+    """Return the motion at whose end an axis stands."""
     run = axis.run
-    if run is None or run.is_unsure or axis.goes_counts is not None:
+    if run is None or axis.goes_counts is not None:
         return None
     return run if axis.stands_counts == run.end_counts else None
 
@@ -306,7 +306,8 @@ def _judge_branch(
         if run is not None and is_same_map and run.state not in PASSING:
             may_be_forward |= nominal >= run.nominal_counts
             may_be_backward |= nominal <= run.nominal_counts
-        if run is None or not (run.is_told and is_same_map and run.state not in PASSING):
+        is_certain = run is not None and run.is_told and not run.is_unsure
+        if run is None or not (is_certain and is_same_map and run.state not in PASSING):
             is_at_forward, is_at_backward = (
                 abs(place - each) <= BESIDE_COUNTS for each in (forward, backward)
             )
@@ -500,7 +501,7 @@ def _judge_reading(world: "World", number: int, read_counts: int) -> None:
 
 
 def _band(world: "World", stands: int) -> tuple[float, float]:
-    """Nominal positions that a place of the drive may stand for; 1:1 is one of them, before the first move."""
+    """Nominal positions that a place of the drive may stand for; 1:1 is one of them, at first."""
     spread = 0.0
     found = [float(stands)]
     for screw in world.screws:

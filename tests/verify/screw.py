@@ -1,4 +1,4 @@
-"""The exact correction of a worn screw: the drive's own arithmetic, which shares nothing with the gateway's."""
+"""The exact correction of a worn screw: the drive's own arithmetic, nothing of it is the gateway's."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

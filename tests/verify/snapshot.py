@@ -1,10 +1,10 @@
 """The state of a running line: kept, put back and compared. All that knows how the gateway is built is here.
 
 A line is a graph of objects. What is there before the first frame stays for good (*standing* objects); what
-comes and goes with frames hangs from it (*passing* objects: exchanges, readings, drafts). A snapshot holds the
-values of all attributes that can change, by reference: nothing is copied, and putting it back writes into the
-same objects what differs. For comparing, the same values are turned into hashable ones: instants become ages
-that saturate, identities become ordinals, and what cannot matter is left out.
+comes and goes with frames hangs from it (*passing* objects: exchanges, readings). A snapshot holds the values
+of all attributes that can change, by reference: nothing is copied, and putting it back writes into the same
+objects what differs. For comparing, the same values are turned into hashable ones: instants become ages that
+saturate, identities become ordinals, and what cannot matter is left out.
 """
 
 from array import array
@@ -252,7 +252,7 @@ class Lens:
         self._frozen: dict[int, tuple[Any, Any]] = {}
         self._settings: list[Any] = []
         self._setting_ids: dict[int, tuple[Any, int]] = {}
-        self._passing_shapes: dict[type, Any] = {}
+        self._passing_shapes: dict[type, tuple[str, ...]] = {}
         self._passing: dict[int, tuple[Any, Any]] = {}
         self._passing_tokens: dict[int, Any] = {}
         self._is_timed = False
@@ -471,7 +471,7 @@ class Lens:
         return lambda value: self._remembered(value, turned)
 
     def _remembered(self, value: Any, turned: Callable[[Any], Any]) -> Any:
-        """Turn an object that never changes, once for all unless instants or objects that pass hang from it."""
+        """Turn an object that never changes, once for all unless instants or passing objects hang from it."""
         known = self._frozen.get(id(value))
         if known is not None:
             return known[1]
@@ -507,7 +507,7 @@ class Lens:
         if names is None:
             names = self._passing_shapes[kind] = names_of(kind)
             self.met.update(names)
-        return names  # type: ignore[no-any-return]
+        return names
 
     def _passing_object(self, each: Any) -> Any:
         at = self._ids.get(id(each))
@@ -538,7 +538,7 @@ class Lens:
                 self._horizon = HORIZON_TICKS[name] * self._tick
                 found.append(self._of(value))
                 self._horizon = self._default_horizon
-            elif name not in NOT_COMPARED and name not in LEFT_OUT and value != "" and value != ():
+            elif not (name in NOT_COMPARED or name in LEFT_OUT or value is None or value in ("", ())):
                 found.append((name, self._of(value)))
         token = self._passing_tokens[id(each)] = tuple(found)
         return token
@@ -619,7 +619,7 @@ def watch_table() -> WatchedTable:
     """Return the table of arrival, which from now on keeps what is looked up."""
     if not isinstance(arrival.AFTER, WatchedTable):
         arrival.AFTER = WatchedTable(arrival.AFTER)  # type: ignore[misc]
-    return arrival.AFTER  # type: ignore[return-value]
+    return arrival.AFTER
 
 
 def row_name(row: Any) -> str:
