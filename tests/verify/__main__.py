@@ -19,7 +19,7 @@ EXAMPLES = """examples:
   python -m tests.verify staged --depth 9 --random 0   all traces of up to nine events, nothing else
   python -m tests.verify --list                        what there is
 """
-SECONDS = 230.0
+SECONDS = 150.0
 RANDOM_STEPS = 100_000
 JOBS = 2
 

@@ -85,7 +85,7 @@ DESIGNS: Final = (
         (_plan(),),
         menu=("to", "read", "status", "back"),
         answers=("ack", "obey"),
-        happenings=("arrive", "wait", "jog", "blink", "done"),
+        happenings=("arrive", "wait", "jog", "blink", "creep", "done"),
         targets=(9007, 9008),
     ),
     Design(

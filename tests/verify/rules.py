@@ -458,6 +458,12 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == read.unit_id)
     axis, address = world.state.axes[number], read.pdu[1] << 8 | read.pdu[2]
     run = axis.run
+    if address == STATUS and "creep" in world.design.happenings:
+        is_seen = not axis.is_done and axis.goes_counts is None
+        axis = axis._replace(is_seen_undone=is_seen)
+        axes = list(world.state.axes)
+        axes[number] = axis
+        world.state = world.state._replace(axes=tuple(axes))
     if run is None or not run.is_told or axis.stands_counts != run.end_counts:
         return
     seen = run.seen

@@ -198,6 +198,8 @@ class Axis(NamedTuple):
     ticks: int = 0
     """Since it began to move."""
     run: Run | None = None
+    is_seen_undone: bool = False
+    """It stood while somebody was told that it is not done."""
     tried: tuple[int, int] | None = None
     """The last target on its way that was not acknowledged, and where it leads."""
 
@@ -529,7 +531,7 @@ class World:
         )
 
     def _on_done(self, number: int) -> None:
-        self._set(number, self.state.axes[number]._replace(is_done=True))
+        self._set(number, self.state.axes[number]._replace(is_done=True, is_seen_undone=False))
 
     def _on_undone(self, number: int) -> None:
         self._set(number, self.state.axes[number]._replace(is_done=False))
@@ -539,6 +541,18 @@ class World:
         axis = self.state.axes[number]
         run = None if axis.run is None else axis.run._replace(seen=0, is_told=False)
         self._set(number, axis._replace(is_done=False, run=run))
+
+    def _on_creep(self, number: int) -> None:
+        """An axis whose done bit fell is elsewhere a moment later; somebody has seen the bit."""
+        self._on_wait()
+        axis = self.state.axes[number]
+        at = JOGGED_COUNTS
+        self._set(
+            number,
+            axis._replace(
+                stands_counts=at, commanded_counts=at, is_done=True, is_seen_undone=False, ticks=0, run=None
+            ),
+        )
 
     def _on_jog(self, number: int) -> None:
         """Somebody moves the axis on the drive's own panel. Nobody sees it for as long as that takes."""
@@ -699,7 +713,7 @@ class World:
             number,
             axis._replace(
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
-                is_done=axis.is_done or is_there, ticks=0, run=run,
+                is_done=axis.is_done or is_there, is_seen_undone=False, ticks=0, run=run,
             ),
         )  # fmt: skip
 
@@ -789,6 +803,7 @@ OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "done": lambda axis: not axis.is_done and axis.is_homed,
     "undone": lambda axis: axis.is_done and axis.goes_counts is not None,
     "blink": lambda axis: axis.is_done and axis.goes_counts is None and axis.run is not None,
+    "creep": lambda axis: axis.is_seen_undone and axis.goes_counts is None and not axis.is_done,
     "jog": lambda axis: axis.goes_counts is None and axis.stands_counts != JOGGED_COUNTS,
     "reboot": lambda axis: axis.is_homed,
     "homed": lambda axis: not axis.is_homed and axis.stands_counts == 0,
