@@ -4,6 +4,8 @@ Each plays events in a small world of ``tests.verify``; what goes over the wires
 counts 1000 per mm on the table ``tests.verify.screw.WORN``.
 """
 
+from dataclasses import replace
+
 import pytest
 
 from tests.verify.designs import BY_NAME
@@ -86,4 +88,30 @@ def test_a_target_given_again_after_its_axis_moved_on_is_flagged_where_nothing_t
         to(0),
         REFUSE,  # 03 0520 0002 -> 83 04
         ACK,  # 10 0606 0002 04 23D4 0000: from 9184 to 9172 is backward, and it is not flagged
+    )
+
+
+@pytest.mark.xfail(
+    raises=BrokenRuleError,
+    reason="An axis that is slow on its way and was not seen for unseen_ms is looked at before the repeat of "
+    "its target, and forgotten: it is where the other branch would put that target, and turns round (M4).",
+)
+def test_a_target_that_is_repeated_while_its_axis_is_on_its_way_keeps_its_branch() -> None:
+    play(
+        replace(BY_NAME["short"], is_prompt=False),
+        to(1),  # 10 0606 0002 04 2330 0000: 9008
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23D5 0000: forward to 9173
+        ARRIVE,
+        ("ask", 0, "read", 0),
+        ACK,  # 03 0520 0002 -> 23D5 0000
+        ("ask", 0, "status", 0),
+        ACK,  # 03 005C 0001 -> 0110: it has arrived
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 10 0606 0002 04 22E8 0000: backward to 8936; 80 ms pass
+        ("wait",),
+        ("wait",),  # unseen_ms is 160
+        to(0),
+        ACK,  # 03 0520 0002 -> 23D5 0000: it has not moved yet
+        ACK,  # 10 0606 0002 04 23D4 0000: forward to 9172, and not flagged
     )

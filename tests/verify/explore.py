@@ -79,13 +79,15 @@ class Walk:
         self._edges_to = array("i")
         self._settled = bytearray()
         self._whats: Counter[str] = Counter()
+        self._first = self.world.keep()
 
     def breadth_first(self, depth: int = 0, seconds: float = 0.0) -> Outcome:
         """Walk until nothing is new, to a depth, or for so long; 0: without that limit."""
         world, outcome, numbers = self.world, self.outcome, self._numbers
         parents, events, event_numbers = self._parents, self._events, self._event_numbers
         began = time.perf_counter()
-        first = world.keep()
+        first = self._first
+        world.restore(first, is_live_known=False)
         self._note(world.key(first), -1, 0)
         level: list[tuple[Kept, int]] = [(first, 0)]
         following: list[tuple[Kept, int]] = []
@@ -138,15 +140,13 @@ class Walk:
         """Take random steps from the start, again and again."""
         world, outcome, random = self.world, self.outcome, Random(seed)
         began = time.perf_counter()
-        first: Kept | None = None
+        first, trace = self._first, list[Happening]()
         for step in range(steps):
             if seconds and not step % LOOK_EVERY and time.perf_counter() - began > seconds:
                 break
             if step % RANDOM_STEPS == 0:
-                if first is None:
-                    first = world.keep()
                 world.restore(first, is_live_known=False)
-                trace: list[Happening] = []
+                trace = []
             event = random.choice(world.happenings())
             trace.append(event)
             outcome.random_steps += 1
@@ -155,7 +155,7 @@ class Walk:
             except BrokenRuleError as violation:
                 if self._is_enough(str(violation), tuple(trace)):
                     break
-                world.restore(first, is_live_known=False)  # type: ignore[arg-type]
+                world.restore(first, is_live_known=False)
                 trace = []
         outcome.seconds += time.perf_counter() - began
         self._sum_up()

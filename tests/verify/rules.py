@@ -342,7 +342,7 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if request is not None:
             note_lost(world, wire.owner, request)
         if wire.aim is not None:
-            _forget(world, number)
+            _forget(world, number, wire)
         return
     if writes_target(wire.request):
         beliefs = [list(own) for own in world.state.beliefs]
@@ -361,12 +361,18 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             world.state = world.state._replace(axes=tuple(axes))
 
 
-def _forget(world: "World", number: int) -> None:
-    """Nobody knows any more whether the last motion is the one that the axis is on."""
+def _forget(world: "World", number: int, wire: "Wire") -> None:
+    """Nobody knows any more whether the last motion is the one that the axis is on.
+
+    Of two targets nearer to each other than the hysteresis no reading tells which of them was reached.
+    """
+    end = int(COMMAND.unpack(wire.pdu[6:10])) if wire.pdu[0] == 16 else None
     axes = list(world.state.axes)
     run = axes[number].run
     if run is not None:
-        axes[number] = axes[number]._replace(run=run._replace(is_told=False, seen=0))
+        is_near = end is not None and 0 < abs(end - run.end_counts) <= BESIDE_COUNTS
+        run = run._replace(is_told=False, seen=0, is_unsure=run.is_unsure or is_near)
+        axes[number] = axes[number]._replace(run=run)
         world.state = world.state._replace(axes=tuple(axes))
 
 
@@ -379,6 +385,8 @@ def note_silence(world: "World", wire: "Wire") -> None:
     world.state = world.state._replace(axes=axes)
     if wire.owner < 0:
         return
+    if wire.aim is not None:
+        _forget(world, next(i for i, p in enumerate(world.design.plans) if p.unit_id == wire.unit_id), wire)
     request = _find(world, wire.owner, wire.transaction_id)
     if request is None:
         return

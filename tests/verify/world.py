@@ -783,8 +783,8 @@ class World:
         return self.state.wire is None and not any(self.state.asked)
 
 
-MIDWAY_COUNTS: Final = 1501
-"""Where an axis is seen on its way."""
+ON_THE_WAY_COUNTS: Final = (1501, 9060)
+"""Where an axis is seen on its way, the first of them that lies there."""
 JOGGED_COUNTS: Final = 3001
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
@@ -832,8 +832,9 @@ def _older(axis: Axis, *, is_prompt: bool) -> Axis:
     ticks = min(axis.ticks + 1, DONE_DROP_TICKS)
     is_late = ticks == DONE_DROP_TICKS and axis.ticks < DONE_DROP_TICKS
     stands = axis.stands_counts
-    if is_prompt and not axis.ticks and (stands < MIDWAY_COUNTS) is not (axis.goes_counts < MIDWAY_COUNTS):
-        stands = MIDWAY_COUNTS
+    if is_prompt and not axis.ticks:
+        low, high = min(stands, axis.goes_counts), max(stands, axis.goes_counts)
+        stands = next((place for place in ON_THE_WAY_COUNTS if low < place < high), stands)
     is_done = axis.is_done and not is_late
     return axis._replace(ticks=ticks, stands_counts=stands, commanded_counts=stands, is_done=is_done)
 
