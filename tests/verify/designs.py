@@ -241,7 +241,7 @@ BROKEN: Final = (
     ),
     Design(
         "read-back",
-        "an axis that is jogged while its target was not acknowledged, and whose target register is read back",
+        "a jogged axis whose target was not acknowledged and is read back from its register",
         (_plan(),),
         menu=("to", "read", "back"),
         answers=("ack", "obey"),
