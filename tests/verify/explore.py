@@ -46,7 +46,7 @@ class Outcome:
     without_way_back: int = 0
     broken: list[Broken] = field(default_factory=list)
     met: dict[str, int] = field(default_factory=dict)
-    """Events of the gateway, refusals and rows of the table of arrival."""
+    """Events of the gateway, refusals and rows of the table of whereabouts."""
     stop_ticks: int = 0
 
     @property

@@ -38,9 +38,9 @@ SECONDS: Final = 6.0
 """Of each world, half of them breadth first, half at random."""
 ENDLESS: Final = 1_000_000_000
 EXAMPLES: Final = """examples:
-  python -m tests.verify.mutants gateway/exchange/arrival.py
+  python -m tests.verify.mutants gateway/exchange/axis/transitions.py
   python -m tests.verify.mutants gateway/exchange/shadow.py --every 3 --json build/mutants.json
-  python -m tests.verify.mutants gateway/exchange/arrival.py --list
+  python -m tests.verify.mutants gateway/exchange/axis/transitions.py --list
 """
 OTHER_COMPARISON: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
     ast.Lt: ast.LtE,
@@ -52,7 +52,21 @@ OTHER_COMPARISON: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
     ast.Is: ast.IsNot,
     ast.IsNot: ast.Is,
 }
-ENUMS: Final = ("Stage", "Sign", "Said", "Phase", "Outcome", "Action", "PlaceKind", "Standing", "Purpose")
+ENUMS: Final = (
+    "Answer",
+    "Block",
+    "BlockEvent",
+    "Completeness",
+    "Happening",
+    "OnWire",
+    "Outcome",
+    "Phase",
+    "Referenced",
+    "ReferenceEvent",
+    "Said",
+    "Switched",
+    "Whereabouts",
+)
 """Names of enums whose members are taken for each other."""
 
 

@@ -17,7 +17,9 @@ from operator import attrgetter, is_
 from types import MemberDescriptorType, MethodType, ModuleType
 from typing import Any, Final, NamedTuple
 
-from gateway.exchange import arrival
+from gateway.exchange.axis import transitions
+from gateway.exchange.axis.registers import Completeness
+from gateway.exchange.axis.state import HOMING
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
 from gateway.times import NS_PER_MS
@@ -34,7 +36,7 @@ LEFT_OUT: Final = {
     "counters": "figures for the status",
     "meter": "figures for the status",
     "hunting": "decides only whether an event is told",
-    "news": "events that are about to be told",
+    "events": "what is about to be told",
     "_counters": "figures for the status",
     "_units": "what registers mean, and ways prepared from it: a cache",
     "_on_event": "a function of the world",
@@ -43,13 +45,13 @@ LEFT_OUT: Final = {
     "_told": "how often was told of something",
     "told_restaged_ns": "when was told of it",
     "told_unknown": "of what was told",
-    "was_unsure": "whether it was told already",
-    "_said_referenced": "what was told last",
+    "told_unsure": "whether it was told already",
+    "told_referenced": "what was told last",
     "_gaps": "when monitors may read; no world has one",
     "replies": "the world's",
     "began": "what an event tells",
     "is_alarmed": "no world has an alarm bit",
-    "ids": "drives of whose silence was told",
+    "_silent": "drives of whose silence was told",
 }
 """Attributes that are neither kept nor compared, by name."""
 NOT_COMPARED: Final = {
@@ -58,7 +60,7 @@ NOT_COMPARED: Final = {
     "_arrived_ns": "only keeps the instants of requests apart",
     "_lost_ns": "counts only against requests that came before it: they are compared with it",
     "losses": "counts only against what was sent before: that is compared with it",
-    "_blocked_at": "the same",
+    "blocked_at_loss": "the same",
     "at_ns": "moves a blend by time only, which no world has",
     "transaction_id": "only the reply carries it",
     "started_ns": "figures of an exchange",
@@ -75,14 +77,15 @@ NOT_COMPARED: Final = {
 }
 """Attributes that are put back and not compared, by name."""
 NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
-    "_since_ns": lambda each: (
-        getattr(each, "_pending", 0) is not None and not getattr(each, "_is_held", False)
-    ),
-    "_missing": lambda each: each._pending is not None,
+    "_since_ns": lambda each: each.completeness is Completeness.PARTS_LOST,
+    "_missing": lambda each: each.is_torn,
+    "_parts": lambda each: each.completeness in (Completeness.PARTS_LOST, Completeness.PARTS_HELD),
     "silent_until_ns": lambda each: each.silent_since_ns is not None,
     "heard_ns": lambda each: each.compensation.accepted is not None or each.unproven is not None,
     "last_ns": lambda each: not each.is_shared,
-    "_seen_ns": lambda each: each.follows_bit,
+    "reference_seen_ns": lambda each: each.follows_homed_bit,
+    "homing_since_ns": lambda each: each.reference in HOMING,
+    "block_code": lambda each: each.block.value != "none",
     "_drained_at_last_ns": lambda each: each.is_draining,
     "_steady_map": lambda each: each.is_steady,
 }
@@ -100,9 +103,15 @@ DERIVED: Final[dict[str, Callable[[Any], Any]]] = {
     ),
 }
 """What counts of attributes beside their values: a difference that saturated ages do not show."""
-HORIZON_TICKS: Final = {"_since_ns": 3, "seen_ns": 2, "silent_until_ns": 2, "silent_since_ns": 3}
+HORIZON_TICKS: Final = {
+    "_since_ns": 3,
+    "sent_off_ns": 3,
+    "seen_ns": 2,
+    "silent_until_ns": 2,
+    "silent_since_ns": 3,
+}
 """Ages beyond which nothing asks, where that is earlier than the horizon of the world, in its ticks."""
-LIVE_COUNTERS: Final = ("losses", "_blocked_at")
+LIVE_COUNTERS: Final = ("losses", "blocked_at_loss")
 """Numbers that only grow. What was sent carries one of its time and is compared with what it is by now."""
 LIVE_INSTANTS: Final = ("_lost_ns",)
 """The same for instants; what carries them is called as follows."""
@@ -526,9 +535,9 @@ class Lens:
         found: list[Any] = [type(each).__name__]
         pairs = [*zip(names, slots, strict=True), *sorted(attributes.items())]
         for name, value in pairs:
-            if name == "way":
+            if name == "path":
                 found.append(value is not None)
-            elif name == "draft":
+            elif name == "target":
                 found.append(None if value is None else self._draft(value))
             elif name == CARRIED_COUNTER:
                 found.append(self._carried_counter(value))
@@ -553,8 +562,8 @@ class Lens:
         return self._container(each, content)
 
     def _draft(self, draft: tuple[Any, ...]) -> Any:
-        """A target on the fast path carries the counter fifth, and the instant of its sending last."""
-        return (*map(self._of, draft[1:4]), self._carried_counter(draft[4]), draft[5] is not None)
+        """A target on the fast path carries the counter fourth, and the instant of its sending last."""
+        return (*map(self._of, draft[:3]), self._carried_counter(draft[3]), draft[4] is not None)
 
     def _carried_counter(self, value: Any) -> Any:
         self._is_timed = True
@@ -593,11 +602,13 @@ def is_sending_unsure(line: LineExchange) -> bool:
 
 
 def _holds_unsure(value: Any, depth: int) -> bool:
-    if depth > 6:
+    if depth > 9:
         return False
-    if isinstance(value, tuple):
+    if isinstance(value, dict):
+        return any(_holds_unsure(each, depth + 1) for each in value.values())
+    if isinstance(value, tuple | list):
         return getattr(value, "is_unsure", False) or any(_holds_unsure(each, depth + 1) for each in value)
-    found = (getattr(value, name, None) for name in ("renderings", "runs"))
+    found = (getattr(value, name, None) for name in ("by_axis", "targets", "runs"))
     return any(_holds_unsure(each, depth + 1) for each in found if each)
 
 
@@ -616,10 +627,10 @@ class WatchedTable(dict[Any, Any]):
 
 
 def watch_table() -> WatchedTable:
-    """Return the table of arrival, which from now on keeps what is looked up."""
-    if not isinstance(arrival.AFTER, WatchedTable):
-        arrival.AFTER = WatchedTable(arrival.AFTER)  # type: ignore[misc]
-    return arrival.AFTER
+    """Return the table of whereabouts, which from now on keeps what is looked up."""
+    if not isinstance(transitions.WHEREABOUTS_AFTER, WatchedTable):
+        transitions.WHEREABOUTS_AFTER = WatchedTable(transitions.WHEREABOUTS_AFTER)  # type: ignore[misc]
+    return transitions.WHEREABOUTS_AFTER
 
 
 def row_name(row: Any) -> str:

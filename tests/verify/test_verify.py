@@ -103,11 +103,11 @@ def test_a_trace_is_printed_as_a_test_with_what_went_over_the_wires() -> None:
     assert "('ask', 0, 'to', 0, 1)" in text
 
 
-def test_the_table_of_arrival_tells_which_of_its_rows_were_taken() -> None:
+def test_the_table_of_whereabouts_tells_which_of_its_rows_were_taken() -> None:
     table = snapshot.watch_table()
     table.taken.clear()
     play(BY_NAME["direct"], TO_1, ACK, ACK, ("arrive", 0), ("ask", 0, "read", 0), ACK)
-    assert {snapshot.row_name(row) for row in table.taken} == {"under-way + there"}
+    assert {snapshot.row_name(row) for row in table.taken} == {"unknown + acknowledged", "under-way + there"}
 
 
 def play_in(world: World, *events: Happening) -> None:

@@ -293,7 +293,7 @@ class World:
         self.tally = Tally()
         self.screws: tuple[Screw, ...] = SCREWS
         self.now_ns = START_NS
-        ways: list[dict[str, int]] = [{}, {"remembered_ways": 0}] if design.is_twin else [{}]
+        ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
         self.sides = [Side(design, each, self._tell) for each in ways]
         for side in self.sides[1:]:
             side.lens.share(self.sides[0].lens)
