@@ -54,6 +54,9 @@ class AxisCompensation:
         """None when nothing was commanded yet, or nobody knows what the drive holds."""
         self.way = (0.0, 0.0)
         """Corrected counts between which the axis moves for the last accepted target, lower one first."""
+        self.is_start_assumed = False
+        """Whether nothing told where the axis stood when its last target was accepted: a reading on the way
+        is turned back as if it had stood at the target before."""
         self._wanted = NOTHING
         self._wanted_distance = settings.reload_distance
         self._standing_counts: Counts | None = None
@@ -226,8 +229,8 @@ class AxisCompensation:
         standing = before if seen is None or (is_reached and has_target) else seen
         low, high = (before, corrected_counts) if before < corrected_counts else (corrected_counts, before)
         low, high = min(low, standing), max(high, standing)
-        if seen is None and has_target and not is_reached and not self.is_stream:
-            # It may be anywhere on the way before.
+        self.is_start_assumed = seen is None and has_target and not is_reached and not self.is_stream
+        if self.is_start_assumed:  # it may be anywhere on the way before
             low, high = min(low, self.way[0]), max(high, self.way[1])
         self.way = (low, high)
         target = Accepted(move.nominal_counts, corrected_counts)

@@ -106,7 +106,7 @@ def render(
     try:
         move = _plan_move(axis, counts_of(field_, raw), seen)
         if move.state.is_unsure and axis.unproven and _is_unproven(axis.unproven, number, nominal_words):
-            return axis.unproven  # nothing tells better: the same target is the same words (M4)
+            return _flagged(axis.unproven)  # nothing tells better: the same target is the same words (M4)
         corrected_words = nominal_words
         if move.correction_counts:
             corrected_words = field_.pack(raw + steps_of(field_, move.correction_counts))
@@ -235,6 +235,13 @@ def _is_unproven(unproven: Rendering, number: int, nominal_words: bytes) -> bool
     return is_same and not unproven.is_distance
 
 
+def _flagged(unproven: Rendering) -> Rendering:
+    """Return the same words as before, whose branch is no more than assumed by now."""
+    move = unproven.move
+    assert move is not None
+    return unproven._replace(move=move._replace(state=move.state._replace(is_unsure=True)))
+
+
 def _plan_move(axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | None = None) -> Move:
     compensation = axis.compensation
     accepted = compensation.accepted
@@ -279,7 +286,7 @@ def _measured(axis: Axis, actual: Actual) -> Place:
     """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
     if axis.is_dry_run:
         return Place(actual.counts, PlaceKind.MEASURED)
-    if axis.whereabouts not in ON_BRANCH:
+    if axis.whereabouts not in ON_BRANCH or axis.compensation.is_start_assumed:
         return Place(actual.counts, PlaceKind.ON_DRIVE)
     return Place(axis.nominal_of(actual.counts), PlaceKind.MEASURED)
 

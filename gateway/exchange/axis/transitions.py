@@ -828,7 +828,9 @@ class Axis(AxisState):
                 f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a "
                 "complete one was accepted; stops always pass"
             )
-            self.block_triggers(code, why, is_own=self.blocked_by_peer is None)
+            # Of what only stages, the loss is its own: a peer that is released must not go without it.
+            is_own = self.blocked_by_peer is None or not command.action.runs_target
+            self.block_triggers(code, why, is_own=is_own)
 
     def lose_mode(self, address: int, code: int) -> None:
         """The writing of a mode register was lost."""
@@ -992,8 +994,16 @@ class Axis(AxisState):
         self.rules.note_read(address, word)
 
     def look(self, actual: Actual) -> None:
-        """The axis was asked for, because nobody had seen it for a while: it may have been moved."""
-        if not self.is_at_target(actual.counts):
+        """The axis was asked for, because nobody had seen it for a while: it may have been moved.
+
+        One that was not at its target yet may be anywhere on its way there.
+        """
+        if self.is_at_target(actual.counts):
+            return
+        low, high = self.compensation.way
+        window = self.plan.settings.in_position_counts
+        is_on_way = low - window <= actual.counts <= high + window
+        if not (self.whereabouts is _UNDER_WAY and is_on_way):
             self.displace()
 
     def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
