@@ -55,8 +55,8 @@ class AxisCompensation:
         self.way = (0.0, 0.0)
         """Corrected counts between which the axis moves for the last accepted target, lower one first."""
         self.is_start_assumed = False
-        """Whether nothing told where the axis stood when its last target was accepted: a reading on the way
-        is turned back as if it had stood at the target before."""
+        """Whether nothing told where the axis stood, or on which branch, when its last target was accepted: a
+        reading on the way is turned back as if it had stood at the target before, or 1:1."""
         self._wanted = NOTHING
         self._wanted_distance = settings.reload_distance
         self._standing_counts: Counts | None = None
@@ -219,18 +219,31 @@ class AxisCompensation:
             self._check_travel(position, correction)
         return Move(nominal_counts, correction * self.settings.counts_per_unit, correction_map, state)
 
-    def commit(self, move: Move, corrected_counts: Counts, *, is_reached: bool = False) -> None:
+    def commit(
+        self,
+        move: Move,
+        corrected_counts: Counts,
+        *,
+        is_reached: bool = False,
+        is_branch_known: bool = True,
+    ) -> None:
         """Take a planned target as accepted by the drive, with the counts that it was sent.
 
-        ``is_reached``: the axis stands at the target before, whatever was read of it on the way there.
+        Args:
+            move: as :meth:`plan` returned it.
+            corrected_counts: what the drive was sent.
+            is_reached: the axis stands at the target before, whatever was read of it on the way there.
+            is_branch_known: the axis stands or moves on the branch of the target before.
         """
         seen, has_target = self._standing_counts, self.accepted is not None
         before = self.accepted.corrected_counts if self.accepted else corrected_counts
         standing = before if seen is None or (is_reached and has_target) else seen
         low, high = (before, corrected_counts) if before < corrected_counts else (corrected_counts, before)
         low, high = min(low, standing), max(high, standing)
-        self.is_start_assumed = seen is None and has_target and not is_reached and not self.is_stream
-        if self.is_start_assumed:  # it may be anywhere on the way before
+        is_blind = seen is None and has_target and not is_reached and not self.is_stream
+        if self.accepted != (move.nominal_counts, corrected_counts):
+            self.is_start_assumed = is_blind or not (is_branch_known or self.is_stream)
+        if is_blind:  # it may be anywhere on the way before
             low, high = min(low, self.way[0]), max(high, self.way[1])
         self.way = (low, high)
         target = Accepted(move.nominal_counts, corrected_counts)

@@ -286,7 +286,8 @@ def _measured(axis: Axis, actual: Actual) -> Place:
     """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
     if axis.is_dry_run:
         return Place(actual.counts, PlaceKind.MEASURED)
-    if axis.whereabouts not in ON_BRANCH or axis.compensation.is_start_assumed:
+    is_assumed = axis.compensation.is_start_assumed and not axis.is_at_target(actual.counts)
+    if axis.whereabouts not in ON_BRANCH or is_assumed:
         return Place(actual.counts, PlaceKind.ON_DRIVE)
     return Place(axis.nominal_of(actual.counts), PlaceKind.MEASURED)
 

@@ -301,6 +301,8 @@ def _judge_branch(
         raise BrokenRuleError(
             f"target {nominal} becomes {end}: {forward:.2f} or {backward:.2f} would be right (1)"
         )
+    if (is_forward or is_backward) and abs(end - axis.stands_counts) <= ONE_COUNT:
+        return  # a register's step is no motion: it stands there already (0)
     low, high = sorted((forward, backward))
     may_be_forward = may_be_backward = False
     for place, run in {(aim.from_counts, aim.arrived), (axis.stands_counts, _arrived(axis))}:
