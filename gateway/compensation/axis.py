@@ -225,7 +225,7 @@ class AxisCompensation:
         corrected_counts: Counts,
         *,
         is_reached: bool = False,
-        is_branch_known: bool = True,
+        was_at_rest: bool = True,
     ) -> None:
         """Take a planned target as accepted by the drive, with the counts that it was sent.
 
@@ -233,7 +233,7 @@ class AxisCompensation:
             move: as :meth:`plan` returned it.
             corrected_counts: what the drive was sent.
             is_reached: the axis stands at the target before, whatever was read of it on the way there.
-            is_branch_known: the axis stands or moves on the branch of the target before.
+            was_at_rest: it stood where it was seen, on the branch of the target before.
         """
         seen, has_target = self._standing_counts, self.accepted is not None
         before = self.accepted.corrected_counts if self.accepted else corrected_counts
@@ -242,7 +242,7 @@ class AxisCompensation:
         low, high = min(low, standing), max(high, standing)
         is_blind = seen is None and has_target and not is_reached and not self.is_stream
         if self.accepted != (move.nominal_counts, corrected_counts):
-            self.is_start_assumed = is_blind or not (is_branch_known or self.is_stream)
+            self.is_start_assumed = is_blind or not (was_at_rest or is_reached or self.is_stream)
         if is_blind:  # it may be anywhere on the way before
             low, high = min(low, self.way[0]), max(high, self.way[1])
         self.way = (low, high)

@@ -45,6 +45,7 @@ from gateway.exchange.axis.state import (
     HOMING_SETTLE_NS,
     ON_BRANCH,
     TARGETED,
+    WAS_THERE,
     Actual,
     AxisState,
     Block,
@@ -627,10 +628,8 @@ class Axis(AxisState):
         is_stream, is_reached = compensation.is_stream, place is _ARRIVED
         if not is_stream and compensation.state.travel.direction is not move.state.travel.direction:
             self._note_branch_change(now_ns)
-        is_branch_known = place is _UNDER_WAY or place in ON_BRANCH
-        compensation.commit(
-            move, rendering.corrected_counts, is_reached=is_reached, is_branch_known=is_branch_known
-        )
+        was_at_rest = place in WAS_THERE or place is Whereabouts.STOPPED
+        compensation.commit(move, rendering.corrected_counts, is_reached=is_reached, was_at_rest=was_at_rest)
         self.last_number = rendering.number
         if place is not _UNDER_WAY:
             self._happens(Happening.ACKNOWLEDGED)
