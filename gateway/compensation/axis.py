@@ -385,6 +385,8 @@ class AxisCompensation:
             return kept, True
         if place.kind is PlaceKind.ON_DRIVE:
             return self._direction_from_drive(position, self.machine_position(place.counts))
+        if place.kind is PlaceKind.ON_WAY:
+            return self._direction_on_way(position, self.machine_position(place.counts))
         if self._is_same_again(position):
             return kept, self.state.is_unsure
         distance = position - self.machine_position(place.counts)
@@ -418,6 +420,16 @@ class AxisCompensation:
         if min(forward, backward) <= actual <= max(forward, backward):
             return self.state.travel.direction, True
         return (Direction.FORWARD if actual < forward else Direction.BACKWARD), False
+
+    def _direction_on_way(self, position: float, actual: float) -> tuple[Direction, bool]:
+        """The same where the axis does not stand: no branch has brought it to a place that it passes."""
+        forward = position + self._wanted.map_at(1.0).correction(position)
+        backward = position + self._wanted.map_at(0.0).correction(position)
+        if actual < min(forward, backward) - self._hysteresis:
+            return Direction.FORWARD, False
+        if actual > max(forward, backward) + self._hysteresis:
+            return Direction.BACKWARD, False
+        return self.state.travel.direction, True
 
     def _stream(self, position: float, now_ns: int) -> State:
         state = self.state

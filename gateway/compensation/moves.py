@@ -21,6 +21,8 @@ class PlaceKind(Enum):
     """The last accepted target, in nominal counts, that nothing has proved to be reached."""
     ON_DRIVE = "on-drive"
     """A measured position in corrected counts, while nobody knows which branch led there."""
+    ON_WAY = "on-way"
+    """The same of an axis that is on its way from a place that was assumed."""
 
 
 class Place(NamedTuple):

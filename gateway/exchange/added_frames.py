@@ -63,6 +63,8 @@ class AddedFrame:
     words: bytes = b""
     rendering: Rendering | None = None
     """Of a restaged target."""
+    is_for_distance: bool = False
+    """A look before a distance, which no place on the way is good for."""
     losses: int = 0
     """Of its field, when it was made."""
 
@@ -211,7 +213,7 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
         known.actual[name] = None if words is None else axis.observe_actual(field, words, asked_ns)
         actual = known.actual[name]
         if read.purpose is Purpose.LOOK and actual is not None:
-            axis.look(actual)
+            axis.look(actual, is_for_distance=read.is_for_distance)
     elif read.purpose is Purpose.COMMANDED:
         field = axis.plan.commanded[0]
         counts = known.commanded[name] = None if words is None else counts_of(field, field.unpack(words))

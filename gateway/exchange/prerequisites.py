@@ -129,7 +129,9 @@ def _read_for_run(
     known = request.known
     actual = axis.asked_actual
     if actual is not None and axis.plan.name not in known.actual and needs_look(axis, request.now_ns, action):
-        return read_field(axis, Purpose.LOOK, actual)
+        return AddedFrame(
+            axis, Purpose.LOOK, actual.address, actual.words, is_for_distance=action.is_relative
+        )
     field = axis.plan.command[number]
     counts = counts_of(field, field.unpack(words))
     if action.is_relative:

@@ -995,17 +995,17 @@ class Axis(AxisState):
         """Note what a mode or trigger register was read to hold."""
         self.rules.note_read(address, word)
 
-    def look(self, actual: Actual) -> None:
+    def look(self, actual: Actual, *, is_for_distance: bool) -> None:
         """The axis was asked for, because nobody had seen it for a while: it may have been moved.
 
-        One that was not at its target yet may be anywhere on its way there.
+        One that was not at its target yet may be anywhere on its way there; a distance has no base there.
         """
         if self.is_at_target(actual.counts):
             return
         low, high = self.compensation.way
         window = self.plan.settings.in_position_counts
         is_on_way = low - window <= actual.counts <= high + window
-        if not (self.whereabouts is _UNDER_WAY and is_on_way):
+        if is_for_distance or not (self.whereabouts is _UNDER_WAY and is_on_way):
             self.displace()
 
     def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
