@@ -166,8 +166,8 @@ async def test_a_late_reply_never_answers_the_next_request_on_tcp(bench: "Bench"
 async def test_a_late_reply_never_answers_the_next_request_on_a_serial_line(bench: "Bench") -> None:
     near, far, _ = await bench.raw_pair("tcp", "rtu")
     await ask(near, 1, NO_RESPONSE)
-    near.write(encode_mbap(2, 1, READ))  # waits: the line must fall silent first
-    far.write(encode_rtu(1, bytes.fromhex("03 02 DEAD")))
+    far.write(encode_rtu(1, bytes.fromhex("03 02 DEAD")))  # first: on a busy machine the silence may be over
+    near.write(encode_mbap(2, 1, READ))  # waits: the line must fall silent
     sent_once = encode_rtu(1, READ)
     await far.until(lambda end: end.data == 2 * sent_once)
     far.write(answer_rtu(sent_once))
