@@ -234,7 +234,7 @@ def test_both_ways_come_to_the_same(name: str, steps: list[tuple[str, int, str]]
         ("targets of a warm screw", 30, 100),
     ],
 )
-def test_a_long_run_goes_the_short_way_often(name: str, writes: int, reads: int) -> None:
+def test_a_long_run_goes_the_fast_path_often(name: str, writes: int, reads: int) -> None:
     random = Random(4)
     twins = Twins(PLANS[name])
     for _ in range(1500):
