@@ -137,6 +137,13 @@ ACCESS: Final[dict[int, Callable[[bytes], Access | None]]] = {
 }
 """Function code to the registers that its request touches; None where the request is too short to tell."""
 
+
+def access_of(pdu: bytes) -> Access | None:
+    """Return the registers that a request touches; None for none, and where it is too short to tell."""
+    look = ACCESS.get(pdu[0])
+    return None if look is None else look(pdu)
+
+
 MONITOR_FUNCTIONS: Final = frozenset({0x01, 0x02, 0x03, 0x04, 0x07, 0x0B, 0x0C, 0x11, 0x14, 0x18})
 """Function codes that change nothing in a drive: all that a monitor may send, with 0x2B/0x0E."""
 

@@ -24,13 +24,13 @@ def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[boo
     A motion controller's stop on a free line need not be told from its other requests.
     """
     assert transaction.port is not None
-    role, unit_id, pdu = transaction.port.plan.role, transaction.unit_id, transaction.pdu
-    if only_reads(pdu):
+    role = transaction.port.plan.role
+    if only_reads(transaction.pdu):
         return True, []
     stops: list[Meaning] = []
     if units.have_rules and not (is_free and role is Role.MOTION):
-        stops = units.stops_of(unit_id, pdu)
-    may_stop = role is Role.OPERATOR and bool(stops) and units.only_stops(unit_id, pdu)
+        stops = units.stops_of(units.frames_of(transaction))
+    may_stop = role is Role.OPERATOR and bool(stops) and units.only_stops(units.frames_of(transaction))
     return role is Role.MOTION or may_stop, stops
 
 
@@ -47,22 +47,23 @@ class Admission:
         self._gates: dict[ControllerPlan, Gate] = {}
         self._told = Throttle()
 
-    def lets_in(
-        self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
-    ) -> bool:
+    def lets_in(self, transaction: Transaction, now_ns: int) -> bool:
         """Return whether a controller's rights allow a request; what they do not is answered."""
+        port = transaction.port
+        assert port is not None
         gate = port.gate
         if gate is UNSEEN:
             self._ownership.came(port)
             gate = port.gate = self._gate_of(port.plan)
         if gate is None:
             return True
-        denial = gate.denial(unit_id, pdu)
-        if denial is None and gate.is_too_often(now_ns) and not self._stops(unit_id, pdu):
-            denial = gate.too_often
+        denial = gate.denial(transaction.unit_id, transaction.pdu)
+        if denial is None and gate.is_too_often(now_ns):
+            units = self._units
+            is_stop = units.have_rules and units.stops_of(units.frames_of(transaction))
+            denial = None if is_stop else gate.too_often
         if denial is None:
             return True
-        transaction = Transaction(port, transaction_id, unit_id, pdu, now_ns)
         self._deny(transaction, denial, now_ns, is_lost=port.plan.role is Role.MOTION)
         return False
 
@@ -109,9 +110,6 @@ class Admission:
             answer=Answer.DENIAL,
             is_lost=is_lost,
         )
-
-    def _stops(self, unit_id: int, pdu: bytes) -> bool:
-        return self._units.have_rules and bool(self._units.stops_of(unit_id, pdu))
 
     def _gate_of(self, plan: ControllerPlan) -> Gate | None:
         """Return what all connections of a controller share, so that they share its rate."""

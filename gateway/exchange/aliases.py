@@ -9,12 +9,12 @@ the configuration names the device (``other_units``). Several axis unit ids mean
 them.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Final
 
 from gateway.drives.motion import Action
-from gateway.exchange.access import Access
-from gateway.exchange.meaning import meanings
+from gateway.exchange.access import access_of, coils_written
+from gateway.exchange.meaning import NO_ACCESS, Frame, Meaning, meanings
 from gateway.exchange.plan import OtherUnits, StopWord
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, FunctionCode
@@ -64,67 +64,70 @@ class Aliases:
         count = self.requests[unit_id] = self.requests.get(unit_id, 0) + 1
         return count == 1
 
-    def touches(self, pdu: bytes, access: Access) -> bool:
-        """Whether a request writes a position of a corrected axis, sets its mode or makes its drive act."""
-        return self.writes_position(access) or self._acts(pdu, access)
+    def frames(self, pdu: bytes) -> list[Frame]:
+        """Return a request as each axis unit id would have it."""
+        access, coils = access_of(pdu) or NO_ACCESS, coils_written(pdu)
+        return [Frame(unit, pdu, access, coils) for unit in self._units]
 
-    def writes_position(self, access: Access) -> bool:
-        """Whether a request writes what is a position of a corrected axis."""
-        return any(
-            not hit.place.axis.passes_unchanged
-            for unit in self._units
-            for hit in unit.written(access.write_address, access.write_quantity).fields
-        )
-
-    def reads_position(self, access: Access) -> bool:
-        """Whether a request reads what is a position of a corrected axis."""
-        return any(
-            not hit.place.axis.passes_unchanged
-            for unit in self._units
-            for hit in unit.read(access.read_address, access.read_quantity).fields
-        )
-
-    def _acts(self, pdu: bytes, access: Access) -> bool:
-        """Whether a request sets a mode or makes the drive of a corrected axis act. Stops may pass."""
-        found = [
-            meaning
-            for unit in self._units
-            if unit.has_rules
-            for meaning in meanings(unit, pdu, access, may_have_risen=True)
-        ]
-        return any(not meaning.axis.passes_unchanged and not meaning.is_stop for meaning in found)
-
-    def is_stop(self, pdu: bytes, access: Access) -> bool:
+    def is_stop(self, pdu: bytes, frames: Iterable[Frame]) -> bool:
         """Whether a request is the stop of some drive that is known, and nothing else to the axes here."""
         word = _only_word(pdu)
         is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL
         if word is None or not any(_is_that_stop(stop, word, is_coil=is_coil) for stop in self._other.stops):
             return False
-        found = [
-            meaning
-            for unit in self._units
-            if unit.has_rules
-            for meaning in meanings(unit, pdu, access, may_have_risen=True)
-        ]
-        return all(meaning.action in _HARMLESS and not meaning.commands for meaning in found)
+        return all(meaning.action in _HARMLESS and not meaning.commands for meaning in _meanings(frames))
 
 
-def why_not_passed(aliases: Aliases, unit_id: int, pdu: bytes, access: Access) -> str:
+def why_not_passed(aliases: Aliases, unit_id: int, pdu: bytes) -> str:
     """Return why a request to a unit id without axes must not pass; empty when it may."""
     if aliases.is_serial:
-        if unit_id == BROADCAST_UNIT_ID and aliases.writes_position(access):
+        if unit_id == BROADCAST_UNIT_ID and _writes_position(aliases.frames(pdu)):
             return "a broadcast cannot carry a position that each axis corrects differently"
     elif unit_id in ANY_TCP_DRIVE:
-        if aliases.touches(pdu, access) or aliases.reads_position(access):
+        frames = aliases.frames(pdu)
+        if _touches(frames) or _reads_position(frames):
             return f"unit id {unit_id} is not mapped, and may reach an axis that is corrected"
-    elif aliases.is_alone and aliases.is_unknown(unit_id) and aliases.touches(pdu, access):
-        if aliases.is_stop(pdu, access):
-            return ""
-        return (
-            f"unit id {unit_id} has no axis, and a drive that does not look at unit ids would take this "
-            f"for its own, uncorrected; other_units = [{unit_id}] names another device"
-        )
+    elif aliases.is_alone and aliases.is_unknown(unit_id):
+        frames = aliases.frames(pdu)
+        if _touches(frames) and not aliases.is_stop(pdu, frames):
+            return (
+                f"unit id {unit_id} has no axis, and a drive that does not look at unit ids would take this "
+                f"for its own, uncorrected; other_units = [{unit_id}] names another device"
+            )
     return ""
+
+
+def _touches(frames: Iterable[Frame]) -> bool:
+    """Whether a request writes a position of a corrected axis, sets its mode or makes its drive act.
+
+    Stops may pass.
+    """
+    return _writes_position(frames) or any(
+        not (meaning.axis.passes_unchanged or meaning.is_stop) for meaning in _meanings(frames)
+    )
+
+
+def _writes_position(frames: Iterable[Frame]) -> bool:
+    """Whether a request writes what is a position of a corrected axis."""
+    return any(own.fields and not own.axis.passes_unchanged for frame in frames for own in frame.by_axis)
+
+
+def _reads_position(frames: Iterable[Frame]) -> bool:
+    """Whether a request reads what is a position of a corrected axis."""
+    return any(
+        not hit.place.axis.passes_unchanged
+        for frame in frames
+        for hit in frame.unit.read(frame.access.read_address, frame.access.read_quantity).fields
+    )
+
+
+def _meanings(frames: Iterable[Frame]) -> list[Meaning]:
+    return [
+        meaning
+        for frame in frames
+        if frame.unit.has_rules
+        for meaning in meanings(frame, may_have_risen=True)
+    ]
 
 
 def _only_word(pdu: bytes) -> tuple[int, int] | None:

@@ -1,19 +1,19 @@
 """What goes out next for one request: itself, or a frame that it needs first."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from gateway.drives.motion import Action
-from gateway.exchange.access import ACCESS, HEAD_BYTES, Access
+from gateway.exchange.access import HEAD_BYTES, access_of, coils_written
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import Aliases, why_not_passed
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.fast_path import find_path
-from gateway.exchange.meaning import NO_ACCESS, Meaning, meanings
+from gateway.exchange.meaning import NO_ACCESS, Frame, Meaning, meanings
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
 from gateway.exchange.prerequisites import next_frame
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.request import NOTHING_KNOWN, Request
+from gateway.exchange.request import NOTHING_KNOWN, understand
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.exchange.translate import prepare
 from gateway.exchange.unit import UnitMap
@@ -23,12 +23,6 @@ REMEMBERED_PATHS: Final = 4096
 """Heads of requests whose fast path is remembered; a controller uses a few dozen."""
 SHORTEST_REQUEST: Final = 5
 """Bytes of the PDU of a request that has a fast path."""
-
-
-def access_of(pdu: bytes) -> Access | None:
-    """Return the registers that a request touches; None for none."""
-    look = ACCESS.get(pdu[0])
-    return None if look is None else look(pdu)
 
 
 class Units:
@@ -107,17 +101,37 @@ class Units:
         """Return the mapped units that a request reaches: on a serial line a broadcast reaches all."""
         return self._reached.get(unit_id, ())
 
-    def stops_of(self, unit_id: int, pdu: bytes) -> list[Meaning]:
-        """Return what a request stops; it goes before everything else (M3)."""
-        stops: list[Meaning] = []
-        for unit in self.reached(unit_id):
-            if unit.has_rules:
-                stops += [meaning for meaning in meanings(unit, pdu, access_of(pdu)) if meaning.is_stop]
-        return stops
+    def frames_of(self, transaction: Transaction) -> tuple[Frame, ...]:
+        """Return a request as each mapped unit has it that it reaches: parsed once, the first time."""
+        frames = transaction.frames
+        if frames is None:
+            frames = self.parse(transaction.unit_id, transaction.pdu)
+            transaction.note_frames(frames)
+        return frames
 
-    def only_stops(self, unit_id: int, pdu: bytes) -> bool:
+    def parse(self, unit_id: int, pdu: bytes) -> tuple[Frame, ...]:
+        """Return a request as each mapped unit has it that it reaches."""
+        units = self.reached(unit_id)
+        if not units:
+            return ()
+        access, coils = access_of(pdu) or NO_ACCESS, coils_written(pdu)
+        return tuple([Frame(unit, pdu, access, coils) for unit in units])
+
+    @staticmethod
+    def stops_of(frames: Iterable[Frame]) -> list[Meaning]:
+        """Return what a request stops; it goes before everything else (M3)."""
+        return [
+            meaning
+            for frame in frames
+            if frame.unit.has_rules
+            for meaning in meanings(frame)
+            if meaning.is_stop
+        ]
+
+    @staticmethod
+    def only_stops(frames: Iterable[Frame]) -> bool:
         """Whether a request does nothing to any axis but stop it."""
-        found = [m for unit in self.reached(unit_id) for m in meanings(unit, pdu, access_of(pdu))]
+        found = [meaning for frame in frames for meaning in meanings(frame)]
         return all(m.is_stop or (m.action is Action.IGNORE and not m.commands) for m in found)
 
     def next_to_send(self, transaction: Transaction, now_ns: int) -> tuple[AddedFrame | None, bytes]:
@@ -126,47 +140,34 @@ class Units:
         Raises:
             RefusedRequestError: it must not reach the drive.
         """
-        pdu, access = transaction.pdu, access_of(transaction.pdu)
-        if access is None and not self.have_rules:
-            return None, pdu
-        if transaction.unit_id not in self._units:
-            self._check_unmapped(transaction.unit_id, pdu, access or NO_ACCESS)
-        if transaction.known is None and self.have_rules:
-            transaction.knowledge()
-        known = transaction.known or NOTHING_KNOWN
+        frames = self.frames_of(transaction)
+        if transaction.unit_id not in self._units and not (self.have_rules and self.stops_of(frames)):
+            reason = why_not_passed(self.aliases, transaction.unit_id, transaction.pdu)
+            if reason:
+                raise RefusedRequestError(ExceptionCode.GATEWAY_PATH_UNAVAILABLE, "", reason)
+        known = transaction.knowledge() if self.have_rules else transaction.known or NOTHING_KNOWN
         requests = []
-        for unit in self.reached(transaction.unit_id):
-            found = meanings(unit, pdu, access, known.rule_words) if unit.has_rules else []
-            if access is None and not found:
+        for frame in frames:
+            request = understand(frame, known, now_ns, transaction.arrived_ns)
+            if frame.access is NO_ACCESS and not request.meanings:
                 continue
-            request = Request(unit, pdu, access or NO_ACCESS, found, known, now_ns, transaction.arrived_ns)
             added = next_frame(request)
             if added is not None:
                 return added, b""
             requests.append(request)
-        if len(requests) == 1:
-            rewriting = prepare(requests[0])
-            transaction.prepare((rewriting,))
-            return None, rewriting.sent_pdu
-        transaction.prepare(tuple(map(prepare, requests)))
-        return None, pdu
-
-    def _check_unmapped(self, unit_id: int, pdu: bytes, access: Access) -> None:
-        if self.have_rules and self.stops_of(unit_id, pdu):
-            return  # never refused
-        reason = why_not_passed(self.aliases, unit_id, pdu, access)
-        if reason:
-            raise RefusedRequestError(ExceptionCode.GATEWAY_PATH_UNAVAILABLE, "", reason)
+        rewritings = tuple([prepare(request) for request in requests])
+        transaction.prepare(rewritings)
+        return None, rewritings[0].sent_pdu if len(rewritings) == 1 else transaction.pdu
 
 
 def is_acting_on(units: Units, transaction: Transaction, axes: Sequence[Axis]) -> bool:
     """Whether a request, which is no stop, would move one of these axes or give it a target."""
     if transaction.is_stop or transaction.port is None:
         return False
-    for unit in units.reached(transaction.unit_id):
+    for frame in units.frames_of(transaction):
         # A bit that is set now may have been cleared by a request that waits before this one.
-        for meaning in meanings(unit, transaction.pdu, access_of(transaction.pdu), may_have_risen=True):
+        for meaning in meanings(frame, may_have_risen=True):
             acts = bool(meaning.commands) or meaning.action is not Action.IGNORE
-            if acts and any(meaning.axis is axis for axis in axes):
+            if acts and meaning.axis in axes:
                 return True
     return False

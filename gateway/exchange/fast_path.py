@@ -13,9 +13,10 @@ from typing import Final, NamedTuple
 from gateway.counts import Counts
 from gateway.exchange.access import ACCESS, Access
 from gateway.exchange.aliases import ANY_TCP_DRIVE
-from gateway.exchange.axis.events import AxisRequest, Part
+from gateway.exchange.axis.events import Part
 from gateway.exchange.axis.state import Rendering, Whereabouts
 from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.meaning import Frame
 from gateway.exchange.rendering import nominal_limit
 from gateway.exchange.request import NOTHING_KNOWN, Request, Rewriting
 from gateway.exchange.transaction import FastPath, Transaction
@@ -216,14 +217,15 @@ class WritePath(FastPath):
         rendering = transaction.rendering()
         pdu, words = transaction.pdu, rendering.corrected_words
         sent_pdu = pdu[: self._start] + words + pdu[self._end :]
-        request = Request(
-            self._unit, pdu, self._access, [], NOTHING_KNOWN, transaction.sent_ns, transaction.arrived_ns
-        )
-        written = AxisRequest(transaction.arrived_ns)
+        frame = Frame(self._unit, pdu, self._access, {})
+        request = Request(frame, [], [], NOTHING_KNOWN, transaction.sent_ns, transaction.arrived_ns)
+        rewriting = Rewriting(request, sent_pdu)
+        written = rewriting.of(self._axis)
         written.targets.append(rendering)
         written.parts.append(Part(self._image, -1, b""))
         written.losses[self._number] = transaction.target[3]
-        return Rewriting(request, sent_pdu, {self._axis.plan.name: written})
+        rewriting.complete()
+        return rewriting
 
 
 def find_path(unit: UnitMap | None, unit_id: int, pdu: bytes) -> FastPath | None:

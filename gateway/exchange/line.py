@@ -142,15 +142,14 @@ class LineExchange:
             return
         # Losses are told apart by it (M3): no two requests come at one instant.
         arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
-        gate = port.gate
-        if gate is not None and not self._admission.lets_in(port, transaction_id, unit_id, pdu, arrived_ns):
+        transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
+        if port.gate is not None and not self._admission.lets_in(transaction, arrived_ns):
             return
         is_motion = port.plan.role is Role.MOTION
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
-        transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
         is_free = self._current is None and self.rest.until_ns is None
-        if why_given_up and not (self.is_up and self._units.stops_of(unit_id, pdu)):
+        if why_given_up and not (self.is_up and self._units.stops_of(self._units.frames_of(transaction))):
             self._withdraw(transaction, why_given_up, now_ns)
         elif is_free and is_motion and self.is_up:
             self._start_request(transaction, now_ns)

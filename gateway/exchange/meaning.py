@@ -1,17 +1,22 @@
 """What one request means for one axis: the move, stop or homing it starts, and the modes it sets (M2).
 
-Decided when the request is about to be sent, from the request itself and from what the drive acknowledged
-before. Nothing is changed here.
+There are two steps. A :class:`Frame` is what its bytes say: it is parsed once, when that is asked for first,
+and never changes, for the registers of a unit are the same as long as the line runs. Its meaning hangs on
+more: on what the drive acknowledged before it, which may change while it waits, and on what is read for it.
+So it is judged (:func:`meanings`) when its turn comes, once for each frame that goes out for it
+(``request.understand``); besides only where it has to be known what it stops, or whom it would move.
+
+Nothing is changed here.
 """
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 from gateway.drives.motion import NOTHING_DONE, Action, Deed, ModePlan
-from gateway.exchange.access import Access, coils_written
+from gateway.exchange.access import Access
 from gateway.exchange.axis.events import Command
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.unit import NO_HITS, FieldHit, FieldRole, Hits, RuleHit, UnitMap
+from gateway.exchange.unit import AxisHits, FieldHit, RuleHit, UnitMap
 
 NO_ACCESS: Final = Access()
 NOTHING_READ: Final[Mapping[str, Mapping[int, int | None]]] = {}
@@ -84,77 +89,84 @@ class Meaning(Command):
         return self.commands
 
 
+class Frame:
+    """A request to one unit, as its bytes say: which registers and coils it touches, by axis."""
+
+    __slots__ = ("access", "by_axis", "coils", "is_clear", "pdu", "unit")
+
+    def __init__(self, unit: UnitMap, pdu: bytes, access: Access, coils: Mapping[int, int]) -> None:
+        self.unit = unit
+        self.pdu = pdu
+        self.access = access
+        self.coils = coils
+        """The coils that it writes, with their values."""
+        written = unit.written(access.write_address, access.write_quantity)
+        self.is_clear = not written.is_unclear
+        """False: it writes over an object of unknown width into a mapped one."""
+        self.by_axis = written.by_axis
+        """What it writes of each axis that it touches; a request that writes coils writes no registers."""
+        if coils:
+            self.by_axis += tuple(
+                AxisHits(axis)
+                for axis in unit.axes
+                if any(trigger.is_coil and trigger.address in coils for trigger in axis.plan.motion.triggers)
+            )
+
+
 def meanings(
-    unit: UnitMap,
-    pdu: bytes,
-    access: Access | None,
+    frame: Frame,
     read_words: Mapping[str, Mapping[int, int | None]] = NOTHING_READ,
     *,
     may_have_risen: bool = False,
 ) -> list[Meaning]:
-    """Return what a request means for each axis of a unit that it means something to.
+    """Return what a request means for each axis of its unit that it means something to.
 
     Args:
-        unit: the unit's registers.
-        pdu: the request.
-        access: the registers that it touches, None for none.
+        frame: the request.
         read_words: mode and trigger registers that were read for this request, by axis and address; None
             where one would not tell.
         may_have_risen: take every bit that is set as one that rises.
     """
-    coils = coils_written(pdu)
-    hits = unit.written(access.write_address, access.write_quantity) if access else NO_HITS
-    if not (coils or hits.fields or hits.rules):
-        return []
-    frame = _Frame(pdu, access or NO_ACCESS, hits, coils, may_have_risen)
     found = []
-    for axis in unit.axes:
-        read = read_words.get(axis.plan.name, {})
-        meaning = _Reading(axis, frame, read).meaning()
+    for hits in frame.by_axis:
+        read = read_words.get(hits.axis.plan.name, {})
+        meaning = _Reading(frame, hits, read, may_have_risen=may_have_risen).meaning()
         if meaning is not None:
             found.append(meaning)
     return found
 
 
-class _Frame(NamedTuple):
-    """A request, and what it writes."""
-
-    pdu: bytes
-    access: Access
-    hits: Hits
-    coils: Mapping[int, int]
-    may_have_risen: bool
-
-
 class _Reading:
     """One request, looked at for one axis."""
 
-    def __init__(self, axis: Axis, frame: _Frame, read_words: Mapping[int, int | None]) -> None:
-        pdu, access, hits, coils, self.may_have_risen = frame
+    def __init__(
+        self, frame: Frame, hits: AxisHits, read_words: Mapping[int, int | None], *, may_have_risen: bool
+    ) -> None:
+        axis = hits.axis
         self.axis = axis
         self.plan = axis.plan.motion
-        self.access = access
+        self.access = frame.access
         self.read_words = read_words
-        rules = [hit for hit in hits.rules if hit.axis is axis]
-        own = [hit for hit in hits.fields if hit.place.axis is axis]
-        self.commands = tuple(hit for hit in own if hit.place.role is FieldRole.COMMAND)
-        self.sets_position = any(
-            hit.place.role is FieldRole.ACTUAL and hit.place.number in axis.plan.settable for hit in own
-        )
+        self.may_have_risen = may_have_risen
+        self.commands = hits.commands
+        self.sets_position = hits.sets_position
         self.words: dict[int, int] = {}
         self.unclear: set[int] = set()
         self.certain_bits: dict[int, tuple[int, int]] = {}
         """Of registers that are only partly known after a mask: their content, and which bits are certain."""
-        data = access.words(pdu) if rules else b""
-        for hit in rules:
-            self._note_word(hit, data)
-        own_coils = {trigger.address for trigger in self.plan.triggers if trigger.is_coil}
+        if hits.rules:
+            data = frame.access.words(frame.pdu)
+            for hit in hits.rules:
+                self._note_word(hit, data)
         self.is_doubtful = any(
             trigger.rising & self.words.get(trigger.address, 0) and axis.rules.word(trigger.address) is None
             for trigger in self.plan.triggers
             if not trigger.is_coil
         )
-        self.coils = {address: value for address, value in coils.items() if address in own_coils}
+        self.coils: dict[int, int] = {}
+        if frame.coils:
+            own = {trigger.address for trigger in self.plan.triggers if trigger.is_coil}
+            self.coils = {address: value for address, value in frame.coils.items() if address in own}
 
     def _note_word(self, hit: RuleHit, data: bytes) -> None:
         if not self.access.is_consistent or len(data) < 2 * hit.word + 2:

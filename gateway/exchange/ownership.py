@@ -8,19 +8,17 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from gateway.drives.motion import Action
-from gateway.exchange.access import MONITOR_FUNCTIONS, coils_written
-from gateway.exchange.axis.events import Part
+from gateway.exchange.access import MONITOR_FUNCTIONS
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.dispatch import Units, access_of
+from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.meaning import Meaning, meanings
+from gateway.exchange.meaning import Frame, Meaning, meanings
 from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
-from gateway.exchange.request import Request
+from gateway.exchange.request import Request, part_of, written_part
 from gateway.exchange.throttle import Throttle, times
 from gateway.exchange.transaction import Transaction
-from gateway.exchange.translate import part_of, written_part
-from gateway.exchange.unit import NO_HITS, FieldHit, UnitMap
+from gateway.exchange.unit import FieldHit
 from gateway.modbus.pdu import ExceptionCode
 
 LOST_BY_WRITER: Final = 32
@@ -36,8 +34,8 @@ _HEAD_BYTES: Final = {0x17: 9, 0x2B: 8}
 class Unsent(NamedTuple):
     """A request that never reached the drive."""
 
-    unit_id: int
     pdu: bytes
+    frames: tuple[Frame, ...]
     arrived_ns: int
 
 
@@ -98,37 +96,23 @@ class Ownership:
         """Note that a request never reached the drive: at once for its own axes, else for later."""
         port = transaction.port
         assert port is not None
-        writer = port.writer
-        unsent = Unsent(transaction.unit_id, transaction.pdu, transaction.arrived_ns)
-        for axis in self._units.axes_of(transaction.unit_id):
-            if axis.hold.is_shared or axis.hold.writer in ("", writer):
-                self._lose_of_axis(axis, unsent, code)
-            elif any(axis in _touched(unit, unsent.pdu) for unit in self._units.reached(unsent.unit_id)):
-                self._keep((axis.plan.name, writer), unsent)
+        unsent = Unsent(transaction.pdu, self._units.frames_of(transaction), transaction.arrived_ns)
+        for frame in unsent.frames:
+            for own in frame.by_axis:
+                hold = own.axis.hold
+                if hold.is_shared or hold.writer in ("", port.writer):
+                    _lose_of_axis(own.axis, unsent, code)
+                else:
+                    self._keep((own.axis.plan.name, port.writer), transaction.unit_id, unsent)
 
-    def _lose_of_axis(self, axis: Axis, lost: Unsent, code: int) -> None:
-        """Note for one axis that a request never reached its drive."""
-        access = access_of(lost.pdu)
-        for unit in self._units.reached(lost.unit_id):
-            if axis not in unit.axes:
-                continue
-            parts: tuple[Part, ...] = ()
-            if access is not None and access.write_quantity:
-                hits = unit.written(access.write_address, access.write_quantity).fields
-                own = [hit for hit in hits if hit.place.axis is axis and hit.place.image is not None]
-                parts = tuple(part_of(hit, lost.pdu, access) for hit in own)
-            found = meanings(unit, lost.pdu, access) if unit.has_rules else []
-            command = next((meaning for meaning in found if meaning.axis is axis), None)
-            axis.lose_request(parts, command, code, lost.arrived_ns)
-
-    def _keep(self, whose: tuple[str, str], unsent: Unsent) -> None:
+    def _keep(self, whose: tuple[str, str], unit_id: int, unsent: Unsent) -> None:
         lost = self._lost.get(whose)
         if lost is None:
             if len(self._lost) >= KEPT:
                 del self._lost[next(iter(self._lost))]
             lost = self._lost[whose] = {}
         if len(lost) <= LOST_BY_WRITER:  # one more says that there were too many
-            lost[unsent.unit_id, unsent.pdu[: _HEAD_BYTES.get(unsent.pdu[0], 5)]] = unsent
+            lost[unit_id, unsent.pdu[: _HEAD_BYTES.get(unsent.pdu[0], 5)]] = unsent
 
     def _may_take(self, transaction: Transaction, port: ControllerPort, now_ns: int) -> bool:
         """Judge a request to axes that another one moved last, or nobody."""
@@ -158,14 +142,14 @@ class Ownership:
 
         To let go of a jog, as a button is let go of, is a stop for whoever jogged.
         """
-        pdu, writer = transaction.pdu, "" if transaction.port is None else transaction.port.writer
+        writer = "" if transaction.port is None else transaction.port.writer
         wanted: list[tuple[Axis, Meaning | None]] = []
-        for unit in self._units.reached(transaction.unit_id):
-            found = meanings(unit, pdu, access_of(pdu)) if unit.has_rules else []
-            for axis in _touched(unit, pdu):
-                meaning = next((each for each in found if each.axis is axis), None)
+        for frame in self._units.frames_of(transaction):
+            found = meanings(frame) if frame.unit.has_rules else []
+            for own in frame.by_axis:
+                meaning = next((each for each in found if each.axis is own.axis), None)
                 if meaning is None or not (meaning.is_stop or _lets_go(meaning, writer)):
-                    wanted.append((axis, meaning))
+                    wanted.append((own.axis, meaning))
         return wanted
 
     def _refuse(
@@ -199,7 +183,7 @@ class Ownership:
             axis.lose_everything(_BUSY)
             return
         for unsent in lost.values():
-            self._lose_of_axis(axis, unsent, _BUSY)
+            _lose_of_axis(axis, unsent, _BUSY)
 
 
 def _hold_on(axis: Axis, writer: str, now_ns: int) -> None:
@@ -208,20 +192,16 @@ def _hold_on(axis: Axis, writer: str, now_ns: int) -> None:
             member.hold.extend(now_ns)
 
 
-def _touched(unit: UnitMap, pdu: bytes) -> tuple[Axis, ...]:
-    """Return the axes whose registers a request writes that have to do with their motion."""
-    access = access_of(pdu)
-    hits = unit.written(access.write_address, access.write_quantity) if access else NO_HITS
-    coils = coils_written(pdu)
-    if not (hits.fields or hits.rules or coils):
-        return ()
-    return tuple(
-        axis
-        for axis in unit.axes
-        if any(hit.place.axis is axis for hit in hits.fields)
-        or any(hit.axis is axis for hit in hits.rules)
-        or any(trigger.is_coil and trigger.address in coils for trigger in axis.plan.motion.triggers)
-    )
+def _lose_of_axis(axis: Axis, lost: Unsent, code: int) -> None:
+    """Note for one axis that a request never reached its drive."""
+    for frame in lost.frames:
+        for own in frame.by_axis:
+            if own.axis is axis:
+                written = [hit for hit in own.fields if hit.place.image is not None]
+                parts = [part_of(hit, lost.pdu, frame.access) for hit in written]
+                found = meanings(frame) if frame.unit.has_rules else []
+                command = next((meaning for meaning in found if meaning.axis is axis), None)
+                axis.lose_request(parts, command, code, lost.arrived_ns)
 
 
 def _runs_of_another(axis: Axis, meaning: Meaning | None, writer: str) -> bool:
@@ -264,9 +244,9 @@ def _note_beside_stop(stop: Meaning, request: Request, port: ControllerPort) -> 
 
 def _is_changed(hit: FieldHit, request: Request) -> bool:
     """Whether a request writes other words into a command field than its writer believes there."""
-    image, access = hit.place.image, request.access
+    image, access = hit.place.image, request.frame.access
     assert image is not None
     if image.is_torn or image.nominal_words is None or access.is_mask or not access.is_consistent:
         return True
-    first, words = written_part(hit, request.pdu, access)
+    first, words = written_part(hit, request.frame.pdu, access)
     return image.nominal_words[2 * first : 2 * first + len(words)] != words

@@ -1,6 +1,6 @@
 """What has to be read or written before a request can be sent (M2, M5, M6, W8)."""
 
-from gateway.drives.motion import Action, Addressing
+from gateway.drives.motion import Action
 from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
@@ -23,14 +23,13 @@ from gateway.exchange.rendering import (
     base_of,
     counts_from_commanded,
     is_place_untold,
-    is_repeat,
     needs_actual,
     needs_look,
     render,
 )
-from gateway.exchange.request import Known, Request
-from gateway.exchange.translate import check_may_act, is_again, nominal_words, render_relative, seen
-from gateway.exchange.unit import FieldHit, FieldRole
+from gateway.exchange.request import Known, Request, key_of
+from gateway.exchange.translate import check_may_act, render_relative, seen
+from gateway.exchange.unit import FieldRole
 from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import FieldAccess
 
@@ -43,13 +42,14 @@ def next_frame(request: Request) -> AddedFrame | None:
     """
     if any(meaning.is_stop for meaning in request.meanings):
         return None  # a stop waits for nothing
-    added = _reference_read(request) if request.unit.asks_for_bits else None
+    access = request.frame.access
+    added = _reference_read(request) if request.frame.unit.asks_for_bits else None
     if added is not None:
         return added
     for meaning in request.meanings:
         if meaning.needs_word is not None and not meaning.axis.passes_unchanged:
             return read_word(meaning.axis, meaning.needs_word)
-    if request.access.write_quantity and request.access.is_consistent:
+    if access.write_quantity and access.is_consistent:
         added = _command_read(request)
         if added is not None:
             return added
@@ -65,14 +65,16 @@ def next_frame(request: Request) -> AddedFrame | None:
 
 
 def _reference_read(request: Request) -> AddedFrame | None:
-    unit, access, known, now_ns = request.unit, request.access, request.known, request.now_ns
-    written = unit.written(access.write_address, access.write_quantity).fields
+    """Return the read of the bit on which a reference hangs, where that is needed before positions pass."""
+    unit, access = request.frame.unit, request.frame.access
+    written = [hit for own in request.frame.by_axis for hit in own.fields]
     read = unit.read(access.read_address, access.read_quantity).fields
     targets = [meaning.axis for meaning in request.meanings if meaning.action.runs_target]
     targets += [hit.place.axis for hit in written if hit.place.role is FieldRole.COMMAND]
     others = [hit.place.axis for hit in (*written, *read)]
     for axis, is_target in (*((a, True) for a in targets), *((a, False) for a in others)):
-        if axis.plan.name not in known.references and axis.needs_reference(now_ns, is_target=is_target):
+        is_asked = axis.plan.name in request.known.references
+        if not is_asked and axis.needs_reference(request.now_ns, is_target=is_target):
             added = homed_read(axis)
             if added is not None:
                 return added
@@ -80,46 +82,32 @@ def _reference_read(request: Request) -> AddedFrame | None:
 
 
 def _command_read(request: Request) -> AddedFrame | None:
-    access = request.access
-    meanings = {id(meaning.axis): meaning for meaning in request.meanings}
-    written = request.unit.written(access.write_address, access.write_quantity).fields
-    hits = [hit for hit in written if hit.place.role is FieldRole.COMMAND and hit.place.axis.may_read]
-    for hit in hits:
-        own = [other for other in hits if other.place.axis is hit.place.axis]
-        added = _read_for(request, hit, own, meanings.get(id(hit.place.axis)))
-        if added is not None:
-            return added
+    """Return what must be read for the command fields that a request writes, if anything.
+
+    That is the rest of a position of which a part is written (M1), and what a target that runs needs.
+    """
+    access, known = request.frame.access, request.known
+    for write in request.writes:
+        axis, action = write.axis, write.action
+        if not axis.may_read:
+            continue
+        for hit, words, is_run in write.fields:
+            number, field, image = hit.place.number, hit.place.field, hit.place.image
+            assert image is not None
+            if words is None:
+                is_of_use = not (axis.passes_unchanged or image.is_torn or access.is_mask)
+                is_asked = key_of(hit) in known.command_words
+                if is_of_use and not is_asked and field.access is not FieldAccess.WRITE:
+                    return AddedFrame(axis, Purpose.COMMAND, field.address, field.words, hit)
+            elif is_run and (
+                not write.is_again
+                or axis.whereabouts is Whereabouts.MAY_HAVE_LEFT
+                or needs_look(axis, request.now_ns, action)
+            ):
+                added = _read_for_run(request, axis, number, words, action)
+                if added is not None:
+                    return added
     return None
-
-
-def _read_for(
-    request: Request, hit: FieldHit, own: list[FieldHit], meaning: Meaning | None
-) -> AddedFrame | None:
-    """Return what must be read for one of the command fields of its axis that a request writes."""
-    place, access, known = hit.place, request.access, request.known
-    axis, image, field = place.axis, place.image, place.field
-    assert image is not None
-    words = nominal_words(hit, request)
-    if words is None:
-        if axis.passes_unchanged or image.is_torn or access.is_mask:
-            return None
-        if (axis.plan.name, place.number) in known.command_words:
-            return None
-        is_object = axis.plan.addressing is Addressing.OBJECTS
-        if field.access is FieldAccess.WRITE or field.block is not None or is_object:
-            return None  # what is read there is something else
-        return AddedFrame(axis, Purpose.COMMAND, field.address, field.words, hit)
-    if meaning is not None and hit not in meaning.running:
-        return None
-    action = Action.ABSOLUTE if meaning is None else meaning.action
-    is_doubtful = axis.whereabouts is Whereabouts.MAY_HAVE_LEFT or needs_look(axis, request.now_ns, action)
-    if axis.plan.motion.waits_for_trigger or action.is_relative or is_doubtful:
-        return _read_for_run(request, axis, place.number, words, action)
-    if is_repeat(axis, place.number, words):
-        written = [(each, nominal_words(each, request)) for each in own]
-        if is_again(axis, written):
-            return None
-    return _read_for_run(request, axis, place.number, words, action)
 
 
 def _read_for_run(

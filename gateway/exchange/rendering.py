@@ -45,17 +45,6 @@ class Base(NamedTuple):
     """The axis is known to stand there."""
 
 
-def is_repeat(axis: Axis, number: int, nominal_words: bytes) -> bool:
-    """Whether a command field is written with what the drive acknowledged there already (M4)."""
-    image = axis.fields[number]
-    return (
-        axis.compensation.accepted is not None
-        and not image.is_torn
-        and image.nominal_words == nominal_words
-        and image.corrected_words is not None
-    )
-
-
 def render_repeat(axis: Axis, number: int) -> Rendering:
     """Render exactly the same words as before; accepting them changes nothing."""
     image = axis.fields[number]

@@ -1,4 +1,8 @@
-"""One request as it came and as it goes: what it touches and means, what was read for it, what it does.
+"""One request at its turn: what it means and writes, what was read for it, what it does.
+
+:func:`understand` works that out once for each turn, for all that follows: what is needed first
+(``prerequisites``) and what is sent (``translate``). Words that it writes alone are completed here from the
+register image, and from what was read for it (M1).
 
 A :class:`Rewriting` is made when a request is about to be sent and holds the state of that moment: the words
 that were rendered, the readback maps then in force, and what the controller really asked for.
@@ -9,13 +13,16 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.compensation.readback import Readback
+from gateway.drives.motion import Action, Addressing
 from gateway.exchange.access import Access
-from gateway.exchange.axis.events import AxisRequest
+from gateway.exchange.axis.events import AxisRequest, Part
+from gateway.exchange.axis.registers import FieldImage
 from gateway.exchange.axis.state import Actual, Rendering
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.meaning import Meaning
-from gateway.exchange.unit import NO_HITS, FieldRole, Hits, UnitMap
-from gateway.modbus.registers import PositionField
+from gateway.exchange.meaning import Frame, Meaning, meanings
+from gateway.exchange.unit import NO_HITS, AxisHits, FieldHit, FieldPlace, FieldRole, Hits
+from gateway.modbus.errors import RegisterRangeError
+from gateway.modbus.registers import PositionField, WordOrder
 
 
 class Standing(Enum):
@@ -69,31 +76,193 @@ class Span:
 NO_SPAN: Final = Span(0, 0)
 
 
-class Request(NamedTuple):
-    """A request, the registers that it touches, and what it means for each axis of the unit."""
+class CommandWrite(NamedTuple):
+    """A command field that a request writes."""
 
-    unit: UnitMap
-    pdu: bytes
-    access: Access
+    hit: FieldHit
+    words: bytes | None
+    """All its nominal words once the request is applied; None: not known."""
+    is_run: bool
+    """The drive goes there with this request; False: it only holds it."""
+
+
+class AxisWrite(NamedTuple):
+    """What a request writes into the command fields of one axis."""
+
+    axis: Axis
+    meaning: Meaning | None
+    """None: nothing but positions means anything to the unit, and they are gone to at once."""
+    action: Action
+    """How its positions are meant."""
+    fields: tuple[CommandWrite, ...]
+    cut: tuple[FieldImage, ...]
+    """Fields of which a part is written where there are no parts: addresses are commands, or objects."""
+    is_again: bool
+    """It makes the drive go nowhere but where it was told already (M4)."""
+
+
+class Request(NamedTuple):
+    """A request at its turn: what it means for each axis of its unit, and what it writes."""
+
+    frame: Frame
     meanings: list[Meaning]
+    writes: list[AxisWrite]
     known: Known
     now_ns: int
     arrived_ns: int
     """When it came from its controller; no two requests of a line came at the same instant."""
 
 
-@dataclass(slots=True)
+def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int) -> Request:
+    """Work out what a request means now that it is its turn, with what was read for it.
+
+    This is done anew each time that it is its turn: while it waited, or waited for a frame that it needs
+    first, the drive may have acknowledged another mode, a stop or another part of a position.
+    """
+    found = meanings(frame, known.rule_words) if frame.unit.has_rules else []
+    writes = []
+    for hits in frame.by_axis:
+        if hits.commands:
+            meaning = next((each for each in found if each.axis is hits.axis), None)
+            writes.append(_written(frame, hits, meaning, known, arrived_ns))
+    return Request(frame, found, writes, known, now_ns, arrived_ns)
+
+
+def _written(
+    frame: Frame, hits: AxisHits, meaning: Meaning | None, known: Known, arrived_ns: int
+) -> AxisWrite:
+    axis, access = hits.axis, frame.access
+    is_object = axis.plan.addressing is Addressing.OBJECTS
+    action = Action.ABSOLUTE if meaning is None else meaning.action
+    running = hits.commands if meaning is None else meaning.running
+    fields: list[CommandWrite] = []
+    cut: list[FieldImage] = []
+    is_again = not (axis.plan.motion.waits_for_trigger or action.is_relative)
+    has_last = False
+    for hit in hits.commands:
+        place = hit.place
+        if not hit.is_whole and (is_object or place.field.block is not None):
+            assert place.image is not None
+            cut.append(place.image)
+            continue
+        words = nominal_words(hit, frame, known, arrived_ns) if access.is_consistent else None
+        is_run = hit in running
+        fields.append(CommandWrite(hit, words, is_run))
+        if is_run and is_again:
+            # A cyclic image with several fields is judged as a whole; one rewritten alone is a target.
+            is_again = words is not None and axis.is_repeat(place.number, words)
+            has_last = has_last or place.number == axis.last_number
+    return AxisWrite(axis, meaning, action, tuple(fields), tuple(cut), is_again and has_last)
+
+
+# --- parts of positions ------------------------------------------------------------------------------------
+
+
+def key_of(hit: FieldHit) -> tuple[str, int]:
+    """Return by which name ``Known`` has a command field."""
+    return hit.place.axis.plan.name, hit.place.number
+
+
+def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]:
+    """Return the part of a command field that a request writes: its first word, and the words."""
+    data = access.words(pdu)
+    first = max(0, -hit.word)
+    start = 2 * max(0, hit.word)
+    return first, data[start : start + 2 * (hit.place.field.words - first)]
+
+
+def nominal_words(hit: FieldHit, frame: Frame, known: Known, arrived_ns: int) -> bytes | None:
+    """Return all words of a command field once a request is applied, or None when some are not known."""
+    image, pdu, access = hit.place.image, frame.pdu, frame.access
+    assert image is not None
+    if access.is_mask:
+        return _masked(hit, pdu, access)
+    first, words = written_part(hit, pdu, access)
+    if hit.is_whole:
+        return words
+    completed = image.completed(first, words, arrived_ns)
+    read = known.command_words.get(key_of(hit))
+    if completed is None and read is not None and not image.is_torn:
+        merged = bytearray(read)
+        merged[2 * first : 2 * first + len(words)] = words
+        if kept_words_are_certain(hit.place, read, first, len(words) // 2):
+            completed = bytes(merged)
+    return completed
+
+
+def _masked(hit: FieldHit, pdu: bytes, access: Access) -> bytes | None:
+    image = hit.place.image
+    if image is None or image.is_torn or image.nominal_words is None:
+        return None  # a mask needs the exact word that it is laid over
+    merged = bytearray(image.nominal_words)
+    at = -2 * hit.word
+    data = pdu[access.data_offset :]
+    current = merged[at] << 8 | merged[at + 1]
+    and_mask, or_mask = data[0] << 8 | data[1], data[2] << 8 | data[3]
+    merged[at : at + 2] = ((current & and_mask) | (or_mask & ~and_mask & 0xFFFF)).to_bytes(2, "big")
+    return bytes(merged)
+
+
+def kept_words_are_certain(place: FieldPlace, words: bytes, first: int, count: int) -> bool:
+    """Whether the words that a partial write keeps are the same for every position that they may stand for.
+
+    The drive's register holds a corrected position, and which correction it was given may not be known any
+    more: the nominal one lies within ``max_correction`` of it, perhaps across a word's border.
+    """
+    settings = place.axis.plan.settings
+    margin = settings.max_correction * abs(settings.counts_per_unit) / place.field.scale
+    raw = place.field.unpack(words)
+    if place.field.type.is_float:
+        return False
+    try:
+        ends = [place.field.pack(round(raw + sign * margin)) for sign in (-1.0, 1.0)]
+    except RegisterRangeError:
+        return False
+    kept = [i for i in range(place.field.words) if not first <= i < first + count]
+    least = 0 if place.field.order is WordOrder.LOW_FIRST else place.field.words - 1
+    return least not in kept and all(
+        end[2 * i : 2 * i + 2] == words[2 * i : 2 * i + 2] for end in ends for i in kept
+    )
+
+
+def part_of(hit: FieldHit, pdu: bytes, access: Access) -> Part:
+    """Return what a request writes of one command field or limit."""
+    image = hit.place.image
+    assert image is not None
+    if hit.is_whole or access.is_mask or not access.is_consistent:
+        return Part(image, -1, b"")
+    return Part(image, *written_part(hit, pdu, access))
+
+
+# --- what is sent for it ------------------------------------------------------------------------------------
+
+
 class Rewriting:
     """One request as it came and as it went, with all that is needed to turn its reply back."""
 
-    request: Request
-    sent_pdu: bytes
-    by_axis: dict[str, AxisRequest] = field(default_factory=dict)
-    """What it does to each axis that it does something to, by name."""
-    read_hits: Hits = NO_HITS
-    read_span: Span = NO_SPAN
-    readbacks: dict[str, Readback] = field(default_factory=dict)
-    """By axis; an axis that passed 1:1 at the moment of the request is not here."""
+    __slots__ = (
+        "access",
+        "by_axis",
+        "read_hits",
+        "read_span",
+        "readbacks",
+        "request",
+        "sent_pdu",
+        "written",
+    )
+
+    def __init__(self, request: Request, sent_pdu: bytes) -> None:
+        self.request = request
+        self.access = request.frame.access
+        self.sent_pdu = sent_pdu
+        self.by_axis: dict[str, AxisRequest] = {}
+        """What it does to each axis that it does something to, by name."""
+        self.written: tuple[tuple[Axis, AxisRequest], ...] = ()
+        """The same with the axes, in their order, as soon as it is complete."""
+        self.read_hits = NO_HITS
+        self.read_span = NO_SPAN
+        self.readbacks: dict[str, Readback] = {}
+        """By axis, as they were at the moment of the request; of one that passed 1:1 there is none."""
 
     def of(self, axis: Axis) -> AxisRequest:
         """Return what it does to one axis, to be filled in."""
@@ -104,6 +273,11 @@ class Rewriting:
             found = self.by_axis[name] = AxisRequest(self.request.arrived_ns, command)
         return found
 
+    def complete(self) -> None:
+        """Note that all is known that it does."""
+        axes, by_axis = self.request.frame.unit.axes, self.by_axis
+        self.written = tuple([(each, by_axis[each.plan.name]) for each in axes if each.plan.name in by_axis])
+
     def ask(self, hits: Hits, span: Span) -> None:
         """Note what is read of the drive: what was asked for, or more, where that cuts a position."""
         self.read_hits, self.read_span = hits, span
@@ -111,21 +285,6 @@ class Rewriting:
     def send_instead(self, pdu: bytes) -> None:
         """Note what is sent in place of the request as it came."""
         self.sent_pdu = pdu
-
-    @property
-    def written(self) -> list[tuple[Axis, AxisRequest]]:
-        """The axes that it does something to, in their order, with what that is."""
-        axes = self.request.unit.axes
-        return [(axis, self.by_axis[axis.plan.name]) for axis in axes if axis.plan.name in self.by_axis]
-
-    def readback(self, axis: Axis) -> Readback | None:
-        """Return the readback map of an axis as it was at the moment of the request; None: it passed 1:1."""
-        return self.readbacks.get(axis.plan.name)
-
-    @property
-    def access(self) -> Access:
-        """The registers that the request touches."""
-        return self.request.access
 
     @property
     def reads_unmapped(self) -> bool:

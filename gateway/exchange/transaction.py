@@ -25,6 +25,7 @@ from gateway.exchange.axis.state import Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.events import Event, EventKind
+from gateway.exchange.meaning import Frame
 from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Known, Rewriting
@@ -157,6 +158,8 @@ class Transaction:
     is_stop = False
     added: AddedFrame | None = None
     """A frame of the gateway's own that goes first, or alone."""
+    frames: tuple[Frame, ...] | None = None
+    """What its bytes say to each unit that it reaches, as soon as that was asked for."""
     known: Known | None = None
     path: FastPath | None = None
     """The fast path on which it was sent; None: it went the slow one."""
@@ -189,6 +192,10 @@ class Transaction:
         if self.target is not None and self.path is not None and not self._rewritings:
             self._rewritings = (self.path.rewriting(self),)
         return self._rewritings
+
+    def note_frames(self, frames: tuple[Frame, ...]) -> None:
+        """Note what its bytes say."""
+        self.frames = frames
 
     def prepare(self, rewritings: tuple[Rewriting, ...]) -> None:
         """Note what was made of it."""

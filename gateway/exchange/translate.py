@@ -5,13 +5,13 @@ counts before the request was acknowledged. :func:`turned_back` puts every posit
 controller's scale.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
 from typing import Final
 
-from gateway.drives.motion import Action, Addressing, Form
+from gateway.drives.motion import Action, Form
 from gateway.exchange.access import MEI_HEAD, Access, swapped
-from gateway.exchange.axis.events import Outcome, Part, Staging
+from gateway.exchange.axis.events import Outcome, Staging
 from gateway.exchange.axis.state import Rendering
 from gateway.exchange.axis.transitions import MOVES_OTHERWISE, Axis
 from gateway.exchange.events import EventKind
@@ -22,14 +22,23 @@ from gateway.exchange.rendering import (
     RefusedPositionError,
     Seen,
     base_of,
-    is_repeat,
     nominal_limit,
     render,
     render_distance,
     render_limit,
     render_repeat,
 )
-from gateway.exchange.request import Known, Request, Rewriting, Span, Standing
+from gateway.exchange.request import (
+    AxisWrite,
+    Known,
+    Request,
+    Rewriting,
+    Span,
+    Standing,
+    key_of,
+    part_of,
+    written_part,
+)
 from gateway.exchange.unit import BitHit, FieldHit, FieldPlace, FieldRole, UnitMap
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import (
@@ -42,12 +51,9 @@ from gateway.modbus.pdu import (
     exception_pdu,
     is_exception,
 )
-from gateway.modbus.registers import BitTable, WordOrder
+from gateway.modbus.registers import BitTable
 
 READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
-
-Written = tuple[FieldHit, bytes | None]
-"""A command field, and all its nominal words once the request is applied; None: not known."""
 
 
 # --- what is sent ------------------------------------------------------------------------------------------
@@ -59,54 +65,63 @@ def prepare(request: Request) -> Rewriting:
     Raises:
         RefusedRequestError: the request must not reach the drive.
     """
-    rewriting = Rewriting(request, request.pdu)
+    access = request.frame.access
+    rewriting = Rewriting(request, request.frame.pdu)
     for meaning in request.meanings:
         check_may_act(meaning)
         rewriting.of(meaning.axis)
-    if request.access.write_quantity:
+    if access.write_quantity:
         _prepare_write(rewriting)
     for name, run in request.known.runs.items():
         if name in rewriting.by_axis:
             rewriting.by_axis[name].runs.append(run)
+    rewriting.complete()
     for axis, written in rewriting.written:
         for target in (*written.targets, *written.runs):
             written.losses[target.number] = axis.fields[target.number].losses
-    if request.access.read_quantity:
-        _prepare_read(request.unit, rewriting)
+    if access.read_quantity:
+        _prepare_read(rewriting)
     return rewriting
 
 
 def _prepare_write(rewriting: Rewriting) -> None:
-    request, access = rewriting.request, rewriting.access
-    hits = request.unit.written(access.write_address, access.write_quantity)
-    stopped = {id(meaning.axis) for meaning in request.meanings if meaning.is_stop}
+    """Render what a request writes; refuse what it must not."""
+    request, frame, access = rewriting.request, rewriting.request.frame, rewriting.access
+    stopped = [meaning.axis for meaning in request.meanings if meaning.is_stop]
     changed: list[tuple[FieldHit, bytes]] = []
-    commands: list[FieldHit] = []
-    for hit in hits.fields:
-        axis, role = hit.place.axis, hit.place.role
-        if role is FieldRole.COMMAND:
-            commands.append(hit)
-        elif role is FieldRole.REMAPPING:
-            _check_counts(hit, access)
-            for each in request.unit.axes:
-                rewriting.of(each).remap()
-        elif id(axis) not in stopped and not axis.passes_unchanged:
-            if role is FieldRole.LIMIT:
-                changed.append((hit, _stage_limit(hit, rewriting)))
-            elif not (role is FieldRole.ACTUAL and hit.place.number in axis.plan.settable):
-                _refuse_guarded(hit)
-    if hits.is_unclear and any(not axis.passes_unchanged for axis in request.unit.axes) and not stopped:
+    for own in frame.by_axis:
+        axis = own.axis
+        for hit in own.fields:
+            role = hit.place.role
+            if role is FieldRole.REMAPPING:
+                _check_counts(hit, access)
+                for each in frame.unit.axes:
+                    rewriting.of(each).remap()
+            elif role is not FieldRole.COMMAND and axis not in stopped and not axis.passes_unchanged:
+                if role is FieldRole.LIMIT:
+                    changed.append((hit, _stage_limit(hit, rewriting)))
+                elif not (role is FieldRole.ACTUAL and hit.place.number in axis.plan.settable):
+                    _refuse_guarded(hit)
+    if not (frame.is_clear or stopped) and any(not axis.passes_unchanged for axis in frame.unit.axes):
         raise RefusedRequestError(
             ExceptionCode.ILLEGAL_DATA_ADDRESS,
-            request.unit.axes[0].plan.name,
+            frame.unit.axes[0].plan.name,
             f"a write at {access.write_address:#06x} runs over an object of unknown width into a mapped one",
         )
-    if commands:
-        for hit in commands:
-            rewriting.of(hit.place.axis).parts.append(part_of(hit, request.pdu, access))
-        changed += prepare_commands(rewriting, commands)
+    for own in frame.by_axis:
+        for hit in own.commands:
+            rewriting.of(own.axis).parts.append(part_of(hit, frame.pdu, access))
+    for write in request.writes:
+        rewriting.of(write.axis).blind.extend(write.cut)
+        try:
+            changed += _prepare_commands(rewriting, write)
+        except RefusedRequestError:
+            if not stopped:
+                raise
+            for hit, words, _ in write.fields:  # another axis is stopped in the same frame: it must pass
+                _pass_raw(rewriting, hit, words)
     if changed:
-        rewriting.send_instead(_written_pdu(rewriting.request.pdu, access, changed))
+        rewriting.send_instead(_written_pdu(frame.pdu, access, changed))
 
 
 def _check_counts(hit: FieldHit, access: Access) -> None:
@@ -133,7 +148,7 @@ def _stage_limit(hit: FieldHit, rewriting: Rewriting) -> bytes:
             axis.plan.name,
             f"a part of the limit at {_at(hit)} was written: write all of it in one frame",
         )
-    _, words = written_part(hit, rewriting.request.pdu, rewriting.access)
+    _, words = written_part(hit, rewriting.request.frame.pdu, rewriting.access)
     try:
         corrected_words = render_limit(axis, hit.place.number, words)
     except RefusedPositionError as error:
@@ -156,10 +171,6 @@ def _refuse_guarded(hit: FieldHit) -> None:
     else:
         reason = f'{_at(hit)} holds a position that is not mapped (unmapped = "pass" lets it through)'
     raise RefusedRequestError(ExceptionCode.ILLEGAL_DATA_ADDRESS, plan.name, reason)
-
-
-def _key(hit: FieldHit) -> tuple[str, int]:
-    return hit.place.axis.plan.name, hit.place.number
 
 
 def _at(hit: FieldHit) -> str:
@@ -208,8 +219,8 @@ def _build_write(pdu: bytes, span: Span, words: bytes, axis: Axis) -> bytes:
     return bytes((FunctionCode.WRITE_MULTIPLE_REGISTERS,)) + head + words
 
 
-def _prepare_read(unit: UnitMap, rewriting: Rewriting) -> None:
-    access = rewriting.access
+def _prepare_read(rewriting: Rewriting) -> None:
+    unit, access = rewriting.request.frame.unit, rewriting.access
     span = Span(access.read_address, access.read_quantity)
     hits = unit.read(span.address, span.quantity)
     rewriting.ask(hits, span)
@@ -293,11 +304,11 @@ def _blocking_code(meaning: Meaning) -> int | None:
     return axis.blocked_by_peer if action.runs_target else None
 
 
-# --- command fields ----------------------------------------------------------------------------------------
+# --- targets that the drive goes to --------------------------------------------------------------------
 
 
-def prepare_commands(rewriting: Rewriting, hits: Sequence[FieldHit]) -> list[tuple[FieldHit, bytes]]:
-    """Render the command fields of a request.
+def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[FieldHit, bytes]]:
+    """Render the command fields of one axis: those that run, then those that the drive only holds.
 
     Returns:
         The fields whose words go out changed, with all their corrected words.
@@ -305,110 +316,55 @@ def prepare_commands(rewriting: Rewriting, hits: Sequence[FieldHit]) -> list[tup
     Raises:
         RefusedRequestError: the request must not reach the drive.
     """
-    request = rewriting.request
-    meanings = {id(meaning.axis): meaning for meaning in request.meanings}
-    axes = {id(hit.place.axis): hit.place.axis for hit in hits}
+    axis = write.axis
     changed: list[tuple[FieldHit, bytes]] = []
-    has_stop = any(meaning.is_stop for meaning in request.meanings)
-    for key, axis in axes.items():
-        own = [hit for hit in hits if hit.place.axis is axis]
-        for hit in own:
-            if _is_no_part(hit):
-                assert hit.place.image is not None
-                rewriting.of(axis).blind.append(hit.place.image)
-        written: list[Written] = [
-            (hit, nominal_words(hit, request) if request.access.is_consistent else None)
-            for hit in own
-            if not _is_no_part(hit)
-        ]
-        try:
-            changed += _prepare_axis(rewriting, axis, meanings.get(key), written)
-        except RefusedRequestError:
-            if not has_stop:
-                raise
-            for hit, words in written:  # a stop of another axis is in the same frame: it is never refused
-                _pass_raw(rewriting, hit, words)
-    return changed
-
-
-def _is_no_part(hit: FieldHit) -> bool:
-    """Whether a cut position is none at all: where addresses are commands or objects, there are no parts."""
-    is_object = hit.place.axis.plan.addressing is Addressing.OBJECTS
-    return not hit.is_whole and (is_object or hit.place.field.block is not None)
-
-
-def _prepare_axis(
-    rewriting: Rewriting,
-    axis: Axis,
-    meaning: Meaning | None,
-    written: list[Written],
-) -> list[tuple[FieldHit, bytes]]:
-    if meaning is None:
-        return _run(rewriting, axis, Action.ABSOLUTE, written)
-    if meaning.action in MOVES_OTHERWISE:
-        for hit, words in written:
+    if write.action in MOVES_OTHERWISE:
+        for hit, words, _ in write.fields:
             _pass_raw(rewriting, hit, words)
-        return []
-    running = meaning.running
-    changed = _run(rewriting, axis, meaning.action, [w for w in written if w[0] in running])
-    for hit, words in written:
-        if hit not in running:
-            changed += _stage(rewriting, meaning, hit, words)
-    return changed
-
-
-# --- targets that the drive goes to --------------------------------------------------------------------
-
-
-def _run(
-    rewriting: Rewriting,
-    axis: Axis,
-    action: Action,
-    written: list[Written],
-) -> list[tuple[FieldHit, bytes]]:
-    again = not axis.plan.motion.waits_for_trigger and not action.is_relative and is_again(axis, written)
-    changed = []
-    for hit, words in written:
+        return changed
+    for hit, words, is_run in write.fields:
+        if not is_run:
+            continue
         if words is None:
             _refuse_unknown(rewriting, hit)
             continue
-        rendering = _render(rewriting, hit, words, action, is_again=again)
-        if rendering is None:
-            continue
+        if write.is_again:
+            rendering = render_repeat(axis, hit.place.number)
+        else:
+            found = _rendered(rewriting, hit, words, write.action)
+            if found is None:
+                continue
+            rendering = found
         rewriting.of(axis).targets.append(rendering)
         if not axis.passes_unchanged or rendering.corrected_words != words:
             changed.append((hit, rendering.corrected_words))
+    for hit, words, is_run in write.fields:
+        if not is_run:
+            assert write.meaning is not None
+            changed += _stage(rewriting, write.meaning, hit, words)
     return changed
 
 
-def _render(
-    rewriting: Rewriting,
-    hit: FieldHit,
-    words: bytes,
-    action: Action,
-    *,
-    is_again: bool,
-) -> Rendering | None:
-    """Render one command field; None for a 1:1 write that leaves its content unknown."""
-    place = hit.place
-    axis, image, request = place.axis, place.image, rewriting.request
+def _rendered(rewriting: Rewriting, hit: FieldHit, words: bytes, action: Action) -> Rendering | None:
+    """Render a target that runs; None where it passes 1:1, and its content or its end is not known."""
+    place, request = hit.place, rewriting.request
+    axis, image = place.axis, place.image
     assert image is not None
-    if is_again:
-        return render_repeat(axis, place.number)
     try:
         if action.is_relative:
             rendering = render_relative(request, axis, place.number, words, action)
-            if rendering is None:
-                rewriting.of(axis).stagings.append(Staging(image, words, words, image.losses))
-                rewriting.of(axis).go_anywhere()
-            return rendering
-        return render(axis, place.number, words, seen(request, axis))
+        else:
+            rendering = render(axis, place.number, words, seen(request, axis))
     except RefusedPositionError as error:
-        if axis.passes_unchanged:
-            rewriting.of(axis).blind.append(image)
-            return None
-        name = axis.plan.name
-        raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
+        if not axis.passes_unchanged:
+            name = axis.plan.name
+            raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
+        rewriting.of(axis).blind.append(image)
+        return None
+    if rendering is None:
+        rewriting.of(axis).stagings.append(Staging(image, words, words, image.losses))
+        rewriting.of(axis).go_anywhere()
+    return rendering
 
 
 def seen(request: Request, axis: Axis) -> Seen:
@@ -444,16 +400,6 @@ def render_relative(
     )
 
 
-def is_again(axis: Axis, written: list[Written]) -> bool:
-    """Whether a request writes nothing into the axis's command fields but what they hold already (M4).
-
-    A cyclic image with several command fields is judged as a whole; one field rewritten alone is a target.
-    """
-    return any(hit.place.number == axis.last_number for hit, _ in written) and all(
-        words is not None and is_repeat(axis, hit.place.number, words) for hit, words in written
-    )
-
-
 # --- targets that the drive only holds -----------------------------------------------------------------
 
 
@@ -464,7 +410,7 @@ def _pass_raw(rewriting: Rewriting, hit: FieldHit, words: bytes | None) -> None:
     if words is None:
         rewriting.of(axis).blind.append(image)
         return
-    first, part = written_part(hit, rewriting.request.pdu, rewriting.access)
+    first, part = written_part(hit, rewriting.request.frame.pdu, rewriting.access)
     is_as_written = hit.is_whole or (axis.passes_unchanged and not image.may_be_corrected)
     held = words if is_as_written else _merged(image.corrected_words, first, part)
     rewriting.of(axis).stagings.append(Staging(image, words, held, image.losses))
@@ -480,7 +426,7 @@ def _stage(
         if rewriting.access.is_mask or not rewriting.access.is_consistent:
             _refuse_unknown(rewriting, hit)
         else:  # its trigger is refused until the other parts have come
-            part = part_of(hit, rewriting.request.pdu, rewriting.access)
+            part = part_of(hit, rewriting.request.frame.pdu, rewriting.access)
             rewriting.of(axis).held_parts.append(part)
         return []
     waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
@@ -490,7 +436,7 @@ def _stage(
     corrected_words = _foreseen(rewriting.request, meaning, hit, words)
     held: bytes | None = corrected_words
     if axis.writes_words_alone and not hit.is_whole:
-        first, written = written_part(hit, rewriting.request.pdu, rewriting.access)
+        first, written = written_part(hit, rewriting.request.frame.pdu, rewriting.access)
         held = _merged(image.corrected_words, first, corrected_words[2 * first : 2 * first + len(written)])
     rewriting.of(axis).stagings.append(Staging(image, words, held, image.losses))
     return [(hit, corrected_words)]
@@ -568,87 +514,12 @@ def _refuse_unknown(rewriting: Rewriting, hit: FieldHit) -> None:
 def _why_incomplete(hit: FieldHit, request: Request) -> str:
     if hit.place.image is not None and hit.place.image.is_torn:
         return f"a part of the position at {_at(hit)} was lost before: write all of it again"
-    if request.access.is_mask or _key(hit) not in request.known.command_words:
+    if request.frame.access.is_mask or key_of(hit) not in request.known.command_words:
         return f"part of the position at {_at(hit)} was written and the rest is not known"
     return (
         f"part of the position at {_at(hit)} was written and the rest is not certain: what the drive holds "
         "may lie across a word's border from what was commanded; write all of it in one frame"
     )
-
-
-# --- parts of positions ------------------------------------------------------------------------------------
-
-
-def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]:
-    """Return the part of a command field that a request writes: its first word, and the words."""
-    data = access.words(pdu)
-    first = max(0, -hit.word)
-    start = 2 * max(0, hit.word)
-    return first, data[start : start + 2 * (hit.place.field.words - first)]
-
-
-def nominal_words(hit: FieldHit, request: Request) -> bytes | None:
-    """Return all words of a command field once this request is applied, or None when some are not known."""
-    image = hit.place.image
-    assert image is not None
-    pdu, access, known = request.pdu, request.access, request.known
-    if access.is_mask:
-        return _masked(hit, pdu, access)
-    first, words = written_part(hit, pdu, access)
-    if hit.is_whole:
-        return words
-    completed = image.completed(first, words, request.arrived_ns)
-    read = known.command_words.get(_key(hit))
-    if completed is None and read is not None and not image.is_torn:
-        merged = bytearray(read)
-        merged[2 * first : 2 * first + len(words)] = words
-        if kept_words_are_certain(hit.place, read, first, len(words) // 2):
-            completed = bytes(merged)
-    return completed
-
-
-def _masked(hit: FieldHit, pdu: bytes, access: Access) -> bytes | None:
-    image = hit.place.image
-    if image is None or image.is_torn or image.nominal_words is None:
-        return None  # a mask needs the exact word that it is laid over
-    merged = bytearray(image.nominal_words)
-    at = -2 * hit.word
-    data = pdu[access.data_offset :]
-    current = merged[at] << 8 | merged[at + 1]
-    and_mask, or_mask = data[0] << 8 | data[1], data[2] << 8 | data[3]
-    merged[at : at + 2] = ((current & and_mask) | (or_mask & ~and_mask & 0xFFFF)).to_bytes(2, "big")
-    return bytes(merged)
-
-
-def kept_words_are_certain(place: FieldPlace, words: bytes, first: int, count: int) -> bool:
-    """Whether the words that a partial write keeps are the same for every position that they may stand for.
-
-    The drive's register holds a corrected position, and which correction it was given may not be known any
-    more: the nominal one lies within ``max_correction`` of it, perhaps across a word's border.
-    """
-    settings = place.axis.plan.settings
-    margin = settings.max_correction * abs(settings.counts_per_unit) / place.field.scale
-    raw = place.field.unpack(words)
-    if place.field.type.is_float:
-        return False
-    try:
-        ends = [place.field.pack(round(raw + sign * margin)) for sign in (-1.0, 1.0)]
-    except RegisterRangeError:
-        return False
-    kept = [i for i in range(place.field.words) if not first <= i < first + count]
-    least = 0 if place.field.order is WordOrder.LOW_FIRST else place.field.words - 1
-    return least not in kept and all(
-        end[2 * i : 2 * i + 2] == words[2 * i : 2 * i + 2] for end in ends for i in kept
-    )
-
-
-def part_of(hit: FieldHit, pdu: bytes, access: Access) -> Part:
-    """Return what a request writes of one command field or limit."""
-    image = hit.place.image
-    assert image is not None
-    if hit.is_whole or access.is_mask or not access.is_consistent:
-        return Part(image, -1, b"")
-    return Part(image, *written_part(hit, pdu, access))
 
 
 # --- the reply ---------------------------------------------------------------------------------------------
@@ -665,7 +536,9 @@ def outcome_of(rewriting: Rewriting, reply: bytes) -> tuple[Outcome, int]:
 
 def reply_without_positions(rewriting: Rewriting, reply: bytes, *, is_acknowledged: bool) -> bytes:
     """Return what the controller gets for a reply that carries no positions."""
-    return _native_echo(rewriting.request.pdu, reply) if is_acknowledged else _foreign_reply(rewriting, reply)
+    if is_acknowledged:
+        return _native_echo(rewriting.request.frame.pdu, reply)
+    return _foreign_reply(rewriting, reply)
 
 
 def _acknowledges(rewriting: Rewriting, reply: bytes) -> bool:
@@ -684,7 +557,7 @@ def _acknowledges(rewriting: Rewriting, reply: bytes) -> bool:
 
 def _foreign_reply(rewriting: Rewriting, reply: bytes) -> bytes:
     """Pass what is no acknowledgement untouched; of a recast request, in the form that was asked (W4)."""
-    asked, sent = rewriting.request.pdu[0], rewriting.sent_pdu[0]
+    asked, sent = rewriting.request.frame.pdu[0], rewriting.sent_pdu[0]
     if asked == sent:
         return reply
     is_refusal = len(reply) == 2 and is_exception(reply)
@@ -710,7 +583,7 @@ def turned_back(rewriting: Rewriting, reply: bytes) -> bytes:
             if hit.is_whole and hit.place.role.is_position:
                 _turn_field_back(hit, rewriting, data)
     except RegisterRangeError:
-        return exception_pdu(rewriting.request.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
+        return exception_pdu(rewriting.request.frame.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
     note_bits(rewriting.read_hits.bits, data, sent_somewhere(rewriting), rewriting.request.now_ns)
     if access.is_mei:
         return reply[:head] + swapped(bytes(data)) if rewriting.read_hits.fields else reply
@@ -723,7 +596,7 @@ def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray) -> No
     place = hit.place
     axis, at, end = place.axis, 2 * hit.word, 2 * (hit.word + place.field.words)
     words = bytes(data[at:end])
-    readback = rewriting.readback(axis)
+    readback = rewriting.readbacks.get(axis.plan.name)
     if readback is not None and any(each.targets for each in rewriting.by_axis.values()):
         readback = axis.compensation.readback  # FC23 writes before it reads
     if place.role is FieldRole.ACTUAL and place.number == 0:

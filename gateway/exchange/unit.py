@@ -77,12 +77,26 @@ class RuleHit(NamedTuple):
     word: int
 
 
+class AxisHits(NamedTuple):
+    """What a span of registers touches of one axis."""
+
+    axis: Axis
+    fields: tuple[FieldHit, ...] = ()
+    commands: tuple[FieldHit, ...] = ()
+    """Of these its command fields."""
+    rules: tuple[RuleHit, ...] = ()
+    sets_position: bool = False
+    """It holds an actual position whose writing tells the drive that it stands somewhere else."""
+
+
 class Hits(NamedTuple):
     """Everything that a span of registers touches."""
 
     fields: tuple[FieldHit, ...]
     bits: tuple[BitHit, ...]
     rules: tuple[RuleHit, ...] = ()
+    by_axis: tuple[AxisHits, ...] = ()
+    """Fields and rules, by axis, for each axis that has any; in the order of the axes."""
     is_unclear: bool = False
     """Where addresses are objects: the span holds one of unknown width before a mapped one."""
 
@@ -154,10 +168,12 @@ class UnitMap:
             and place.field.end > address
             and (place.field.block is None or place.field.block == address)
         )
+        hit_rules = tuple(RuleHit(a, at, at - address) for a, at in rules if address <= at < end)
         return Hits(
             fields,
             tuple(BitHit(a, n, b, b.address - address) for a, n, b in bits if address <= b.address < end),
-            tuple(RuleHit(a, at, at - address) for a, at in rules if address <= at < end),
+            hit_rules,
+            self._by_axis(fields, hit_rules),
         )
 
     def _find_objects(
@@ -185,12 +201,28 @@ class UnitMap:
             for place in places
             if (at := layout.get(place.field.address)) is not None
         )
+        hit_rules = tuple(RuleHit(a, at, layout[at]) for a, at in rules if at in layout)
         return Hits(
             fields,
             tuple(BitHit(a, n, b, layout[b.address]) for a, n, b in bits if b.address in layout),
-            tuple(RuleHit(a, at, layout[at]) for a, at in rules if at in layout),
+            hit_rules,
+            self._by_axis(fields, hit_rules),
             is_unclear,
         )
+
+    def _by_axis(self, fields: tuple[FieldHit, ...], rules: tuple[RuleHit, ...]) -> tuple[AxisHits, ...]:
+        found = []
+        for axis in self.axes:
+            own = tuple(hit for hit in fields if hit.place.axis is axis)
+            own_rules = tuple(hit for hit in rules if hit.axis is axis)
+            if own or own_rules:
+                commands = tuple(hit for hit in own if hit.place.role is FieldRole.COMMAND)
+                settable = axis.plan.settable
+                sets_position = any(
+                    hit.place.role is FieldRole.ACTUAL and hit.place.number in settable for hit in own
+                )
+                found.append(AxisHits(axis, own, commands, own_rules, sets_position))
+        return tuple(found)
 
 
 def _object_widths(axes: tuple[Axis, ...]) -> dict[int, int] | None:

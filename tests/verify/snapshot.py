@@ -74,6 +74,8 @@ NOT_COMPARED: Final = {
     "_has_tail": "whether zeros have to be written again; no world has slopes of lines",
     "_is_boot_known": "whether the boot has to be written again",
     "_rendering": "a cache of the draft",
+    "frame": "what the bytes of a request say: they are compared",
+    "frames": "the same",
 }
 """Attributes that are put back and not compared, by name."""
 NEEDS: Final[dict[str, Callable[[Any], bool]]] = {

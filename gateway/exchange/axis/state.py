@@ -230,6 +230,8 @@ class AxisState:
     __slots__ = (
         "_done_drop_ns",
         "actual",
+        "asked_actual",
+        "asked_commanded",
         "base",
         "began",
         "block",
@@ -245,12 +247,14 @@ class AxisState:
         "homing_since_ns",
         "hunting",
         "is_alarmed",
+        "is_dry_run",
         "is_held_back",
         "is_moving",
         "last_number",
         "last_run",
         "limit_fields",
         "losses",
+        "may_read",
         "on_wire",
         "pending",
         "plan",
@@ -273,6 +277,15 @@ class AxisState:
 
     def __init__(self, plan: AxisPlan) -> None:
         self.plan = plan
+        # --- what of the plan never changes, and is asked for with each request
+        self.is_dry_run = plan.compensation is CompensationMode.SHADOW
+        """Whether it is a dry run: computed and shown, written and read 1:1 (``compensation = "shadow"``)."""
+        self.may_read = plan.safe_read and plan.added_frames
+        """Whether the gateway may add reads of this axis's registers (W8)."""
+        self.asked_actual = self._asked(plan.actual)
+        """The actual position that the gateway may read by itself (W8); None: it only sees it in passing."""
+        self.asked_commanded = self._asked(plan.commanded)
+        """The same of the drive's own commanded position."""
         # --- whether its positions mean anything
         self.reference = Referenced.FOUND
         self.reference_seen_ns = 0
@@ -373,11 +386,6 @@ class AxisState:
         return self.switched is Switched.ON
 
     @property
-    def is_dry_run(self) -> bool:
-        """Whether it is a dry run: computed and shown, written and read 1:1 (``compensation = "shadow"``)."""
-        return self.plan.compensation is CompensationMode.SHADOW
-
-    @property
     def passes_unchanged(self) -> bool:
         """Whether words of this axis go through 1:1 in both directions (M9)."""
         return self.is_dry_run or self.compensation.is_passing
@@ -449,27 +457,20 @@ class AxisState:
         """Whether a position that was asked for then may be that of an axis that has come to rest."""
         return self.has_started(asked_ns) and self.said is not Said.MOVES
 
-    # --- what the gateway may ask ----------------------------------------------------------------------
-
-    @property
-    def may_read(self) -> bool:
-        """Whether the gateway may add reads of this axis's registers (W8)."""
-        return self.plan.safe_read and self.plan.added_frames
-
-    @property
-    def asked_actual(self) -> PositionField | None:
-        """The actual position that the gateway may read by itself (W8); None: it only sees it in passing."""
-        return self._asked(self.plan.actual)
-
-    @property
-    def asked_commanded(self) -> PositionField | None:
-        """The same of the drive's own commanded position."""
-        return self._asked(self.plan.commanded)
-
     def _asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
         return fields[0] if self.may_read and fields and fields[0].is_readable else None
 
     # --- what the drive holds --------------------------------------------------------------------------
+
+    def is_repeat(self, number: int, nominal_words: bytes) -> bool:
+        """Whether a command field is written with what the drive acknowledged there already (M4)."""
+        image = self.fields[number]
+        return (
+            self.compensation.accepted is not None
+            and not image.is_torn
+            and image.nominal_words == nominal_words
+            and image.corrected_words is not None
+        )
 
     @property
     def writes_words_alone(self) -> bool:
