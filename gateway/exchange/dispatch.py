@@ -105,17 +105,11 @@ class Units:
         """Return a request as each mapped unit has it that it reaches: parsed once, the first time."""
         frames = transaction.frames
         if frames is None:
-            frames = self.parse(transaction.unit_id, transaction.pdu)
+            pdu, reached = transaction.pdu, self._reached.get(transaction.unit_id, ())
+            access, coils = access_of(pdu) or NO_ACCESS, coils_written(pdu)
+            frames = tuple([Frame(unit, pdu, access, coils) for unit in reached])
             transaction.note_frames(frames)
         return frames
-
-    def parse(self, unit_id: int, pdu: bytes) -> tuple[Frame, ...]:
-        """Return a request as each mapped unit has it that it reaches."""
-        units = self.reached(unit_id)
-        if not units:
-            return ()
-        access, coils = access_of(pdu) or NO_ACCESS, coils_written(pdu)
-        return tuple([Frame(unit, pdu, access, coils) for unit in units])
 
     @staticmethod
     def stops_of(frames: Iterable[Frame]) -> list[Meaning]:

@@ -61,7 +61,6 @@ class Meaning(Command):
         unclear_words: frozenset[int],
         is_doubtful: bool,
     ) -> None:
-        modes = {mode.address for mode in axis.plan.motion.modes if mode is not None}
         super().__init__(
             action=action,
             number=number,
@@ -69,7 +68,7 @@ class Meaning(Command):
             coils=coils,
             unclear_words=unclear_words,
             written=tuple(hit.place.number for hit in commands),
-            modes_written=tuple(sorted(modes & (set(words) | unclear_words))),
+            modes_written=tuple(sorted(axis.rules.modes.intersection((*words, *unclear_words)))),
             losses=axis.losses,
             is_doubtful=is_doubtful,
         )
@@ -107,9 +106,7 @@ class Frame:
         """What it writes of each axis that it touches; a request that writes coils writes no registers."""
         if coils:
             self.by_axis += tuple(
-                AxisHits(axis)
-                for axis in unit.axes
-                if any(trigger.is_coil and trigger.address in coils for trigger in axis.plan.motion.triggers)
+                [AxisHits(axis) for axis in unit.axes if axis.rules.coils.intersection(coils)]
             )
 
 
@@ -165,7 +162,7 @@ class _Reading:
         )
         self.coils: dict[int, int] = {}
         if frame.coils:
-            own = {trigger.address for trigger in self.plan.triggers if trigger.is_coil}
+            own = axis.rules.coils
             self.coils = {address: value for address, value in frame.coils.items() if address in own}
 
     def _note_word(self, hit: RuleHit, data: bytes) -> None:
@@ -257,8 +254,8 @@ class _Reading:
         if not self.commands or not self.axis.may_read:
             return None
         asked = self.unclear | set(self.read_words)
-        for trigger in self.plan.triggers:
-            if trigger.can_follow and trigger.address not in asked and self._known(trigger.address) is None:
+        for trigger in self.axis.rules.following:
+            if trigger.address not in asked and self._known(trigger.address) is None:
                 return trigger.address
         return None
 
@@ -271,17 +268,16 @@ class _Reading:
 
     def _may_follow(self) -> bool:
         """Whether a register that may make the drive go to each position holds nobody knows what."""
-        for trigger in self.plan.triggers:
-            if trigger.can_follow:
-                word = self._known(trigger.address)
-                if word is None or trigger.holds_unknown(word):
-                    return True
+        for trigger in self.axis.rules.following:
+            word = self._known(trigger.address)
+            if word is None or trigger.holds_unknown(word):
+                return True
         return False
 
     def _is_following(self) -> bool:
         """Whether the drive goes to each position as soon as it is written."""
-        for trigger in self.plan.triggers:
-            word = self._known(trigger.address) if trigger.can_follow else None
+        for trigger in self.axis.rules.following:
+            word = self._known(trigger.address)
             if word is not None and trigger.is_following(word):
                 return True
         return False

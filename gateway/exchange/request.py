@@ -20,7 +20,7 @@ from gateway.exchange.axis.registers import FieldImage
 from gateway.exchange.axis.state import Actual, Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.meaning import Frame, Meaning, meanings
-from gateway.exchange.unit import NO_HITS, AxisHits, FieldHit, FieldPlace, FieldRole, Hits
+from gateway.exchange.unit import NO_HITS, FieldHit, FieldPlace, FieldRole, Hits
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import PositionField, WordOrder
 
@@ -94,8 +94,8 @@ class AxisWrite(NamedTuple):
     """None: nothing but positions means anything to the unit, and they are gone to at once."""
     action: Action
     """How its positions are meant."""
-    fields: tuple[CommandWrite, ...]
-    cut: tuple[FieldImage, ...]
+    fields: list[CommandWrite]
+    cut: list[FieldImage]
     """Fields of which a part is written where there are no parts: addresses are commands, or objects."""
     is_again: bool
     """It makes the drive go nowhere but where it was told already (M4)."""
@@ -119,40 +119,39 @@ def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int) -> Requ
     This is done anew each time that it is its turn: while it waited, or waited for a frame that it needs
     first, the drive may have acknowledged another mode, a stop or another part of a position.
     """
+    access = frame.access
     found = meanings(frame, known.rule_words) if frame.unit.has_rules else []
     writes = []
-    for hits in frame.by_axis:
-        if hits.commands:
-            meaning = next((each for each in found if each.axis is hits.axis), None)
-            writes.append(_written(frame, hits, meaning, known, arrived_ns))
-    return Request(frame, found, writes, known, now_ns, arrived_ns)
-
-
-def _written(
-    frame: Frame, hits: AxisHits, meaning: Meaning | None, known: Known, arrived_ns: int
-) -> AxisWrite:
-    axis, access = hits.axis, frame.access
-    is_object = axis.plan.addressing is Addressing.OBJECTS
-    action = Action.ABSOLUTE if meaning is None else meaning.action
-    running = hits.commands if meaning is None else meaning.running
-    fields: list[CommandWrite] = []
-    cut: list[FieldImage] = []
-    is_again = not (axis.plan.motion.waits_for_trigger or action.is_relative)
-    has_last = False
-    for hit in hits.commands:
-        place = hit.place
-        if not hit.is_whole and (is_object or place.field.block is not None):
-            assert place.image is not None
-            cut.append(place.image)
+    for axis, _, commands, _, _ in frame.by_axis:
+        if not commands:
             continue
-        words = nominal_words(hit, frame, known, arrived_ns) if access.is_consistent else None
-        is_run = hit in running
-        fields.append(CommandWrite(hit, words, is_run))
-        if is_run and is_again:
-            # A cyclic image with several fields is judged as a whole; one rewritten alone is a target.
-            is_again = words is not None and axis.is_repeat(place.number, words)
-            has_last = has_last or place.number == axis.last_number
-    return AxisWrite(axis, meaning, action, tuple(fields), tuple(cut), is_again and has_last)
+        meaning: Meaning | None = None
+        for each in found:
+            if each.axis is axis:
+                meaning = each
+        action, running = Action.ABSOLUTE, commands
+        if meaning is not None:
+            action, running = meaning.action, meaning.running
+        is_object = axis.plan.addressing is Addressing.OBJECTS
+        fields: list[CommandWrite] = []
+        cut: list[FieldImage] = []
+        # A cyclic image with several fields is a repeat as a whole; one field rewritten alone is a target.
+        is_again = not (axis.plan.motion.waits_for_trigger or action.is_relative)
+        has_last = False
+        for hit in commands:
+            place = hit.place
+            if not hit.is_whole and (is_object or place.field.block is not None):
+                assert place.image is not None
+                cut.append(place.image)
+                continue
+            words = nominal_words(hit, frame, known, arrived_ns) if access.is_consistent else None
+            is_run = hit in running
+            fields.append(CommandWrite(hit, words, is_run))
+            if is_run and is_again:
+                is_again = words is not None and axis.is_repeat(place.number, words)
+                has_last = has_last or place.number == axis.last_number
+        writes.append(AxisWrite(axis, meaning, action, fields, cut, is_again and has_last))
+    return Request(frame, found, writes, known, now_ns, arrived_ns)
 
 
 # --- parts of positions ------------------------------------------------------------------------------------

@@ -109,8 +109,8 @@ def _prepare_write(rewriting: Rewriting) -> None:
             f"a write at {access.write_address:#06x} runs over an object of unknown width into a mapped one",
         )
     for own in frame.by_axis:
-        for hit in own.commands:
-            rewriting.of(own.axis).parts.append(part_of(hit, frame.pdu, access))
+        if own.commands:
+            rewriting.of(own.axis).parts.extend([part_of(hit, frame.pdu, access) for hit in own.commands])
     for write in request.writes:
         rewriting.of(write.axis).blind.extend(write.cut)
         try:
@@ -316,26 +316,40 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
     Raises:
         RefusedRequestError: the request must not reach the drive.
     """
-    axis = write.axis
+    request, axis, action = rewriting.request, write.axis, write.action
+    written = rewriting.of(axis)
     changed: list[tuple[FieldHit, bytes]] = []
-    if write.action in MOVES_OTHERWISE:
+    if action in MOVES_OTHERWISE:
         for hit, words, _ in write.fields:
             _pass_raw(rewriting, hit, words)
         return changed
     for hit, words, is_run in write.fields:
         if not is_run:
             continue
+        number, image = hit.place.number, hit.place.image
+        assert image is not None
         if words is None:
             _refuse_unknown(rewriting, hit)
             continue
-        if write.is_again:
-            rendering = render_repeat(axis, hit.place.number)
-        else:
-            found = _rendered(rewriting, hit, words, write.action)
-            if found is None:
+        rendering: Rendering | None
+        try:
+            if write.is_again:
+                rendering = render_repeat(axis, number)
+            elif action.is_relative:
+                rendering = render_relative(request, axis, number, words, action)
+            else:
+                rendering = render(axis, number, words, seen(request, axis))
+        except RefusedPositionError as error:
+            if axis.passes_unchanged:
+                written.blind.append(image)
                 continue
-            rendering = found
-        rewriting.of(axis).targets.append(rendering)
+            name = axis.plan.name
+            raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
+        if rendering is None:  # a distance passes as it is, and nobody knows where it leads
+            written.stagings.append(Staging(image, words, words, image.losses))
+            written.go_anywhere()
+            continue
+        written.targets.append(rendering)
         if not axis.passes_unchanged or rendering.corrected_words != words:
             changed.append((hit, rendering.corrected_words))
     for hit, words, is_run in write.fields:
@@ -343,28 +357,6 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
             assert write.meaning is not None
             changed += _stage(rewriting, write.meaning, hit, words)
     return changed
-
-
-def _rendered(rewriting: Rewriting, hit: FieldHit, words: bytes, action: Action) -> Rendering | None:
-    """Render a target that runs; None where it passes 1:1, and its content or its end is not known."""
-    place, request = hit.place, rewriting.request
-    axis, image = place.axis, place.image
-    assert image is not None
-    try:
-        if action.is_relative:
-            rendering = render_relative(request, axis, place.number, words, action)
-        else:
-            rendering = render(axis, place.number, words, seen(request, axis))
-    except RefusedPositionError as error:
-        if not axis.passes_unchanged:
-            name = axis.plan.name
-            raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
-        rewriting.of(axis).blind.append(image)
-        return None
-    if rendering is None:
-        rewriting.of(axis).stagings.append(Staging(image, words, words, image.losses))
-        rewriting.of(axis).go_anywhere()
-    return rendering
 
 
 def seen(request: Request, axis: Axis) -> Seen:

@@ -9,8 +9,9 @@ from gateway.exchange.axis.registers import FieldImage
 from gateway.exchange.axis.transitions import Axis
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField
 
-CACHE_LIMIT: Final = 4096
-"""Distinct (address, quantity) pairs that are remembered; a controller uses a few dozen."""
+CACHE_LIMIT: Final = 2048
+"""Distinct (address, quantity) pairs of writes, and of reads, that are remembered; a controller uses a few
+dozen."""
 
 
 class FieldRole(Enum):
@@ -119,15 +120,19 @@ class UnitMap:
         self._widths = _object_widths(self.axes)
         self.has_objects = self._widths is not None
         """Whether addresses are objects, each as wide as it is."""
-        self._cache: dict[int, Hits] = {}
+        self._writes: dict[int, Hits] = {}
+        self._reads: dict[int, Hits] = {}
+        """What spans touch that were asked for: by address and quantity in one number."""
 
     def written(self, address: int, quantity: int) -> Hits:
         """Return what a write of ``address`` to ``address + quantity - 1`` touches."""
-        return self._hits(address, quantity, FieldAccess.READ)
+        hits = self._writes.get(address << 16 | quantity)
+        return hits or self._look(self._writes, address, quantity, FieldAccess.READ)
 
     def read(self, address: int, quantity: int) -> Hits:
         """Return what a read of these registers touches."""
-        return self._hits(address, quantity, FieldAccess.WRITE)
+        hits = self._reads.get(address << 16 | quantity)
+        return hits or self._look(self._reads, address, quantity, FieldAccess.WRITE)
 
     def read_bits(self, table: BitTable, address: int, quantity: int) -> list[BitHit]:
         """Return the status bits among these coils or discrete inputs."""
@@ -137,14 +142,11 @@ class UnitMap:
             if bit.table is table and address <= bit.address < address + quantity
         ]
 
-    def _hits(self, address: int, quantity: int, other: FieldAccess) -> Hits:
-        key = (address << 16 | quantity) << 1 | (other is FieldAccess.READ)
-        hits = self._cache.get(key)
-        if hits is None:
-            hits = self._find(address, quantity, other)
-            if len(self._cache) >= CACHE_LIMIT:
-                self._cache.clear()
-            self._cache[key] = hits
+    def _look(self, known: dict[int, Hits], address: int, quantity: int, other: FieldAccess) -> Hits:
+        hits = self._find(address, quantity, other)
+        if len(known) >= CACHE_LIMIT:
+            known.clear()
+        known[address << 16 | quantity] = hits
         return hits
 
     def _find(self, address: int, quantity: int, other: FieldAccess) -> Hits:

@@ -158,14 +158,29 @@ def _mask(first: int, words: bytes) -> int:
 class RuleImage:
     """What mode and trigger registers and coils hold, as the drive acknowledged it or was read to hold."""
 
-    __slots__ = ("_coils", "_lost_modes", "_words", "addresses", "plan", "staged")
+    __slots__ = (
+        "_coils",
+        "_lost_modes",
+        "_words",
+        "addresses",
+        "coils",
+        "following",
+        "modes",
+        "plan",
+        "staged",
+    )
 
     def __init__(self, plan: MotionPlan) -> None:
         self.plan = plan
-        modes = {mode.address for mode in plan.modes if mode is not None}
+        self.modes = frozenset(mode.address for mode in plan.modes if mode is not None)
+        """Registers that decide what a position means."""
         triggers = {trigger.address for trigger in plan.triggers if not trigger.is_coil}
-        self.addresses = tuple(sorted(modes | triggers | plan.starts_on))
+        self.addresses = tuple(sorted(self.modes | triggers | plan.starts_on))
         """Registers whose writing may mean something."""
+        self.coils = frozenset(trigger.address for trigger in plan.triggers if trigger.is_coil)
+        """Coils that make the drive act."""
+        self.following = tuple(trigger for trigger in plan.triggers if trigger.can_follow)
+        """What may make the drive go to each position as it is written."""
         self._words: dict[int, int] = {}
         self._coils: dict[int, int] = {}
         self._lost_modes: dict[int, tuple[int, int]] = {}
