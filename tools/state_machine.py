@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from gateway.exchange.axis.events import BlockEvent, Happening, Outcome, ReferenceEvent
-from gateway.exchange.axis.state import TARGETED, WAS_THERE, Block, Referenced, Whereabouts
+from gateway.exchange.axis.state import ON_WAY, TARGETED, WAS_THERE, Block, Referenced, Whereabouts
 from gateway.exchange.axis.transitions import (
     BLOCK_AFTER,
     REFERENCE_AFTER,
@@ -27,6 +27,7 @@ Event = TypeVar("Event", bound=Enum)
 
 GROUPS: Final[Mapping[str, frozenset[Whereabouts]]] = {
     "targeted": TARGETED,
+    "on its way": ON_WAY,
     "was there": WAS_THERE,
     "unproven": frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST}),
 }
@@ -54,7 +55,8 @@ WHEREABOUTS_LAYOUT: Final = Layout(
         "held": (600, 712),
         "unproven": (138, 165),
         "unproven-at-rest": (138, 290),
-        "under-way": (577, 160),
+        "under-way": (428, 160),
+        "set-out": (726, 160),
         "done-said": (350, 310),
         "seen-there": (804, 310),
         "arrived": (577, 310),
@@ -62,19 +64,21 @@ WHEREABOUTS_LAYOUT: Final = Layout(
     },
     frames={
         "targeted": Box(258, 95, 634, 425),
+        "on its way": Box(270, 122, 614, 86),
         "was there": Box(270, 240, 614, 265),
         "unproven": Box(50, 112, 180, 228),
     },
     routes={
-        (ANY, "under-way"): Route(((178, 50), (577, 50), (577, 140)), (380, 43), "middle"),
+        (ANY, "under-way"): Route(((178, 60), (428, 60), (428, 140)), (320, 78), "middle"),
+        (ANY, "set-out"): Route(((178, 40), (726, 40), (726, 140)), (560, 33), "middle"),
         (ANY, "unproven"): Route(((138, 68), (138, 145)), (144, 96)),
         (ANY, "unknown"): Route(((98, 50), (25, 50), (25, 612), (120, 612)), (72, 605), "middle"),
         ("unproven", "unproven-at-rest"): Route(((138, 185), (138, 270)), (144, 222), is_stacked=True),
-        ("group unproven", "under-way"): Route(((230, 150), (507, 150)), (400, 143), "middle"),
+        ("group unproven", "under-way"): Route(((230, 165), (358, 165)), (312, 158), "middle"),
         ("group unproven", "unknown"): Route(((150, 340), (150, 592)), (144, 470), "end", is_stacked=True),
-        ("under-way", "done-said"): Route(((507, 172), (350, 172), (350, 290)), (356, 218)),
-        ("under-way", "arrived"): Route(((577, 180), (577, 290)), (583, 218)),
-        ("under-way", "seen-there"): Route(((647, 160), (804, 160), (804, 290)), (798, 218), "end"),
+        ("group on its way", "done-said"): Route(((350, 208), (350, 290)), (356, 228)),
+        ("group on its way", "arrived"): Route(((577, 208), (577, 290)), (583, 228)),
+        ("group on its way", "seen-there"): Route(((804, 208), (804, 290)), (798, 228), "end"),
         ("done-said", "arrived"): Route(((420, 310), (507, 310)), (463, 303), "middle"),
         ("seen-there", "arrived"): Route(((734, 310), (647, 310)), (691, 288), "middle", is_stacked=True),
         ("done-said", "may-have-left"): Route(((350, 330), (350, 450), (507, 450)), (430, 443), "middle"),

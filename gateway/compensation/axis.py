@@ -54,9 +54,6 @@ class AxisCompensation:
         """None when nothing was commanded yet, or nobody knows what the drive holds."""
         self.way = (0.0, 0.0)
         """Corrected counts between which the axis moves for the last accepted target, lower one first."""
-        self.is_start_assumed = False
-        """Whether nothing told where the axis stood, or on which branch, when its last target was accepted: a
-        reading on the way is turned back as if it had stood at the target before, or 1:1."""
         self._wanted = NOTHING
         self._wanted_distance = settings.reload_distance
         self._standing_counts: Counts | None = None
@@ -179,6 +176,11 @@ class AxisCompensation:
         """Nobody knows any more which target the drive holds; the next one is never taken for a repeat."""
         self.accepted = None
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether an actual position has come since the last target was accepted."""
+        return self._standing_counts is not None
+
     def observe(self, actual_counts: Counts) -> None:
         """Note where the drive says it is: a fade begins there, and one that has ended there is over."""
         self._standing_counts = actual_counts
@@ -225,7 +227,6 @@ class AxisCompensation:
         corrected_counts: Counts,
         *,
         is_reached: bool = False,
-        was_at_rest: bool = True,
     ) -> None:
         """Take a planned target as accepted by the drive, with the counts that it was sent.
 
@@ -233,7 +234,6 @@ class AxisCompensation:
             move: as :meth:`plan` returned it.
             corrected_counts: what the drive was sent.
             is_reached: the axis stands at the target before, whatever was read of it on the way there.
-            was_at_rest: it stood where it was seen, on the branch of the target before.
         """
         seen, has_target = self._standing_counts, self.accepted is not None
         before = self.accepted.corrected_counts if self.accepted else corrected_counts
@@ -241,8 +241,6 @@ class AxisCompensation:
         low, high = (before, corrected_counts) if before < corrected_counts else (corrected_counts, before)
         low, high = min(low, standing), max(high, standing)
         is_blind = seen is None and has_target and not is_reached and not self.is_stream
-        if self.accepted != (move.nominal_counts, corrected_counts):
-            self.is_start_assumed = is_blind or not (was_at_rest or is_reached or self.is_stream)
         if is_blind:  # it may be anywhere on the way before
             low, high = min(low, self.way[0]), max(high, self.way[1])
         self.way = (low, high)

@@ -275,11 +275,10 @@ def _measured(axis: Axis, actual: Actual) -> Place:
     """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
     if axis.is_dry_run:
         return Place(actual.counts, PlaceKind.MEASURED)
-    is_on_way = axis.whereabouts is Whereabouts.UNDER_WAY and not axis.is_at_target(actual.counts)
     if axis.whereabouts not in ON_BRANCH:
         return Place(actual.counts, PlaceKind.ON_DRIVE)
-    if is_on_way and axis.compensation.is_start_assumed:
-        return Place(actual.counts, PlaceKind.ON_WAY)
+    if axis.whereabouts is Whereabouts.UNDER_WAY and not axis.is_at_target(actual.counts):
+        return Place(actual.counts, PlaceKind.ON_WAY)  # nobody knows where it set out
     return Place(axis.nominal_of(actual.counts), PlaceKind.MEASURED)
 
 

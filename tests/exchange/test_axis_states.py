@@ -50,26 +50,28 @@ PLACES: Final = {
     "u": Whereabouts.UNPROVEN,
     "r": Whereabouts.UNPROVEN_AT_REST,
     "w": Whereabouts.UNDER_WAY,
+    "s": Whereabouts.SET_OUT,
     "d": Whereabouts.DONE_SAID,
     "t": Whereabouts.SEEN_THERE,
     "A": Whereabouts.ARRIVED,
     "L": Whereabouts.MAY_HAVE_LEFT,
 }
 WALK: Final = """
-                    ? S H O u r w d t A L
-acknowledged        w w w w w w w w w w w
-unacknowledged      u u u u u u u u u u u
-ran-not             . . . . w w . . . . .
-stopped             ? S ? ? ? ? S S S S S
-displaced           ? ? ? ? ? ? ? ? ? ? ?
-out-of-reach        ? ? . . ? ? O O O O O
-reference-changed   . . H H . . H H H H H
-done                . . . . r . d . A . .
-done-alone          . . . . r . A . A . .
-fell                . . . . . . . L . L .
-there               . . . . . . t A . . t
-near                . . . . . . . . . . t
-away                . . . . . . . ? ? ? ?
+                    ? S H O u r w s d t A L
+acknowledged        w w w w w w w w w w w w
+acknowledged-at-rest s s s s s s s s s s s s
+unacknowledged      u u u u u u u u u u u u
+ran-not             . . . . w w . . . . . .
+stopped             ? S ? ? ? ? S S S S S S
+displaced           ? ? ? ? ? ? ? ? ? ? ? ?
+out-of-reach        ? ? . . ? ? O O O O O O
+reference-changed   . . H H . . H H H H H H
+done                . . . . r . d d . A . .
+done-alone          . . . . r . A A . A . .
+fell                . . . . . . . . L . L .
+there               . . . . . . t t A . . t
+near                . . . . . . . . . . . t
+away                . . . . . . . . ? ? ? ?
 """
 """By hand, from M4 to M6 and M9: a letter is where the axis is then, a dot where nothing changes."""
 
@@ -124,8 +126,8 @@ def do(axis: Axis, action: Action) -> None:
     axis.finish(AxisRequest(0, command), Outcome.ACKNOWLEDGED, 0, 1 * MS)
 
 
-def acknowledge(axis: Axis) -> None:
-    axis.acknowledge(target(axis, 50_000), 1 * MS)
+def acknowledge(axis: Axis, counts: int = 50_000) -> None:
+    axis.acknowledge(target(axis, counts), 1 * MS)
 
 
 def leave_unproven(axis: Axis) -> None:
@@ -140,6 +142,11 @@ REACHED: Final[dict[Whereabouts, tuple[Callable[[Axis], None], ...]]] = {
     Whereabouts.UNPROVEN: (leave_unproven,),
     Whereabouts.UNPROVEN_AT_REST: (leave_unproven, lambda axis: axis.observe_done(3 * MS, is_done=True)),
     Whereabouts.UNDER_WAY: (acknowledge,),
+    Whereabouts.SET_OUT: (
+        lambda axis: acknowledge(axis, 40_000),
+        lambda axis: do(axis, Action.STOP),
+        acknowledge,
+    ),
     Whereabouts.DONE_SAID: (acknowledge, lambda axis: axis.observe_done(3 * MS, is_done=True)),
     Whereabouts.SEEN_THERE: (acknowledge, lambda axis: see(axis, 50_010)),
     Whereabouts.ARRIVED: (
@@ -154,7 +161,6 @@ REACHED: Final[dict[Whereabouts, tuple[Callable[[Axis], None], ...]]] = {
     ),
 }
 CAUSED: Final[dict[Happening, Callable[[Axis], None]]] = {
-    Happening.ACKNOWLEDGED: acknowledge,
     Happening.UNACKNOWLEDGED: leave_unproven,
     Happening.STOPPED: lambda axis: do(axis, Action.STOP),
     Happening.DISPLACED: lambda axis: do(axis, Action.OTHER_MOTION),
@@ -188,9 +194,45 @@ def test_each_happening_is_taken_in_each_place(place: Whereabouts, happening: Ha
     after = _walk().get((place, happening), place)
     if (place, happening) == (Whereabouts.UNPROVEN_AT_REST, Happening.FELL):
         after = Whereabouts.UNPROVEN_AT_REST
-    if (place, happening) == (Whereabouts.HELD, Happening.ACKNOWLEDGED):
-        assert not axis.is_referenced  # it passes 1:1, and is gone to all the same
     assert axis.whereabouts is after
+
+
+SETS_OUT: Final = """
+        ? S H O u r w s d t A L
+seen    w s w w w w w w s s s s
+unseen  w s w w w w w w w s s w
+"""
+"""From M6, by hand: whether it is known where an axis sets out, for a target that is another one. A place in
+which it was seen to be at its target is known in either row."""
+
+
+@pytest.mark.parametrize("place", list(REACHED), ids=lambda each: str(each.value))
+@pytest.mark.parametrize("row", ["seen", "unseen"])
+def test_an_axis_sets_out_from_where_it_is_known_to_stand_or_from_nowhere(
+    place: Whereabouts, row: str
+) -> None:
+    axis = an_axis()
+    for step in REACHED[place]:
+        step(axis)
+    if row == "seen":
+        axis.compensation.observe(50_010)
+    acknowledge(axis, 55_000)
+    check(axis)
+    head, *rows = (line.split() for line in SETS_OUT.strip("\n").splitlines())
+    [letters] = [cells[1:] for cells in rows if cells[0] == row]
+    assert axis.whereabouts is PLACES[letters[[PLACES[letter] for letter in head].index(place)]]
+    if place is Whereabouts.HELD:
+        assert not axis.is_referenced  # it passes 1:1, and is gone to all the same
+
+
+def test_the_same_target_once_more_makes_an_axis_set_out_from_nowhere_else() -> None:
+    axis = an_axis()
+    for step in REACHED[Whereabouts.SET_OUT]:
+        step(axis)
+    acknowledge(axis)
+    assert axis.whereabouts is Whereabouts.SET_OUT
+    acknowledge(axis, 55_000)
+    assert axis.whereabouts is Whereabouts.UNDER_WAY
 
 
 def test_done_alone_is_arrival_where_no_position_is_mapped() -> None:
@@ -260,6 +302,7 @@ def test_an_axis_is_at_rest_only_where_something_says_so() -> None:
         Whereabouts.OUT_OF_REACH,
         Whereabouts.UNPROVEN,
         Whereabouts.UNDER_WAY,
+        Whereabouts.SET_OUT,
     }
 
 

@@ -35,6 +35,8 @@ class Happening(Enum):
 
     ACKNOWLEDGED = "acknowledged"
     """The drive acknowledged a target and goes there, or was seen to have gone there."""
+    ACKNOWLEDGED_AT_REST = "acknowledged-at-rest"
+    """The same of an axis that stood where it was known to stand, on the branch of the target before."""
     UNACKNOWLEDGED = "unacknowledged"
     """A target went out, and its acknowledgement never came."""
     RAN_NOT = "ran-not"

@@ -78,7 +78,9 @@ class Whereabouts(Enum):
     UNPROVEN_AT_REST = "unproven-at-rest"
     """The same, and the drive has said done since."""
     UNDER_WAY = "under-way"
-    """The last target was acknowledged, and nothing has shown the axis there."""
+    """The last target was acknowledged, and nothing has shown the axis there, nor where it set out."""
+    SET_OUT = "set-out"
+    """The same, but it was known where it stood, and on which branch, when it set out."""
     DONE_SAID = "done-said"
     """Its drive says done; where it stands has not been seen yet."""
     SEEN_THERE = "seen-there"
@@ -92,6 +94,7 @@ class Whereabouts(Enum):
 TARGETED: Final = frozenset(
     {
         Whereabouts.UNDER_WAY,
+        Whereabouts.SET_OUT,
         Whereabouts.DONE_SAID,
         Whereabouts.SEEN_THERE,
         Whereabouts.ARRIVED,
@@ -99,7 +102,9 @@ TARGETED: Final = frozenset(
     }
 )
 """Places of which the last accepted target says where the axis is or goes."""
-WAS_THERE: Final = TARGETED - {Whereabouts.UNDER_WAY}
+ON_WAY: Final = frozenset({Whereabouts.UNDER_WAY, Whereabouts.SET_OUT})
+"""Places from which nothing has shown the axis at its target yet."""
+WAS_THERE: Final = TARGETED - ON_WAY
 """Places from which an axis that is seen away has been moved by something else."""
 AT_REST: Final = WAS_THERE | {Whereabouts.UNPROVEN_AT_REST}
 """Places of which anything says that the axis stands."""

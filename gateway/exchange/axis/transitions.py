@@ -44,6 +44,7 @@ from gateway.exchange.axis.state import (
     HOMING,
     HOMING_SETTLE_NS,
     ON_BRANCH,
+    ON_WAY,
     TARGETED,
     WAS_THERE,
     Actual,
@@ -89,9 +90,9 @@ MOVES_OTHERWISE: Final = frozenset(
 )
 """Actions after which the last target does not say any more where the axis is."""
 
-_UNDER_WAY: Final = (
-    Whereabouts.UNDER_WAY
-)  # a member is looked up slowly, and these are asked for with each move
+# A member is looked up slowly, and these are asked for with each move.
+_UNDER_WAY: Final = Whereabouts.UNDER_WAY
+_SET_OUT: Final = Whereabouts.SET_OUT
 _ARRIVED: Final = Whereabouts.ARRIVED
 _NOTHING: Final = OnWire.NOTHING
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
@@ -102,6 +103,7 @@ _KEEPING: Final = frozenset({Whereabouts.HELD, Whereabouts.OUT_OF_REACH})
 
 WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
     **{(place, Happening.ACKNOWLEDGED): Whereabouts.UNDER_WAY for place in Whereabouts},
+    **{(place, Happening.ACKNOWLEDGED_AT_REST): Whereabouts.SET_OUT for place in Whereabouts},
     **{(place, Happening.UNACKNOWLEDGED): Whereabouts.UNPROVEN for place in Whereabouts},
     **{(place, Happening.RAN_NOT): Whereabouts.UNDER_WAY for place in _UNPROVEN},
     **{
@@ -118,9 +120,9 @@ WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
     **{(place, Happening.REFERENCE_CHANGED): Whereabouts.HELD for place in TARGETED | _KEEPING},
     (Whereabouts.UNPROVEN, Happening.DONE): Whereabouts.UNPROVEN_AT_REST,
     (Whereabouts.UNPROVEN, Happening.DONE_ALONE): Whereabouts.UNPROVEN_AT_REST,
-    (Whereabouts.UNDER_WAY, Happening.DONE): Whereabouts.DONE_SAID,
-    (Whereabouts.UNDER_WAY, Happening.DONE_ALONE): Whereabouts.ARRIVED,
-    (Whereabouts.UNDER_WAY, Happening.THERE): Whereabouts.SEEN_THERE,
+    **{(place, Happening.DONE): Whereabouts.DONE_SAID for place in ON_WAY},
+    **{(place, Happening.DONE_ALONE): Whereabouts.ARRIVED for place in ON_WAY},
+    **{(place, Happening.THERE): Whereabouts.SEEN_THERE for place in ON_WAY},
     (Whereabouts.DONE_SAID, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
     (Whereabouts.DONE_SAID, Happening.THERE): Whereabouts.ARRIVED,
     (Whereabouts.DONE_SAID, Happening.AWAY): Whereabouts.UNKNOWN,
@@ -628,11 +630,15 @@ class Axis(AxisState):
         is_stream, is_reached = compensation.is_stream, place is _ARRIVED
         if not is_stream and compensation.state.travel.direction is not move.state.travel.direction:
             self._note_branch_change(now_ns)
-        was_at_rest = place in WAS_THERE or place is Whereabouts.STOPPED
-        compensation.commit(move, rendering.corrected_counts, is_reached=is_reached, was_at_rest=was_at_rest)
+        happening = Happening.ACKNOWLEDGED
+        if is_reached or place is Whereabouts.STOPPED or (place in WAS_THERE and compensation.is_seen):
+            happening = Happening.ACKNOWLEDGED_AT_REST
+        target = (move.nominal_counts, rendering.corrected_counts)
+        is_same_way = place is _SET_OUT and compensation.accepted == target
+        compensation.commit(move, rendering.corrected_counts, is_reached=is_reached)
         self.last_number = rendering.number
-        if place is not _UNDER_WAY:
-            self._happens(Happening.ACKNOWLEDGED)
+        if place is not _UNDER_WAY and not is_same_way:
+            self._happens(happening)
         if not is_stream or place in AT_REST:
             self._send_off(now_ns)
         self.is_moving = None
@@ -1005,7 +1011,7 @@ class Axis(AxisState):
         low, high = self.compensation.way
         window = self.plan.settings.in_position_counts
         is_on_way = low - window <= actual.counts <= high + window
-        if is_for_distance or not (self.whereabouts is _UNDER_WAY and is_on_way):
+        if is_for_distance or not (self.whereabouts in ON_WAY and is_on_way):
             self.displace()
 
     def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
@@ -1212,7 +1218,7 @@ class Axis(AxisState):
         if accepted is None:
             self.whereabouts = Whereabouts.STOPPED
         elif not is_at_target:
-            self.whereabouts = Whereabouts.UNDER_WAY
+            self.whereabouts = Whereabouts.SET_OUT
         elif recalled.may_have_left:
             self.whereabouts = Whereabouts.MAY_HAVE_LEFT
         else:
