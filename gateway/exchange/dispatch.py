@@ -43,6 +43,7 @@ class Units:
         self.aliases = Aliases(tuple(self._units.values()), other_units, is_serial=is_serial)
         self.heard: set[int] = set()
         """Unit ids that controllers have talked to."""
+        # The mapped units that a request reaches: on a serial line a broadcast reaches all.
         self._reached: dict[int, tuple[UnitMap, ...]] = {
             unit_id: (unit,) for unit_id, unit in self._units.items()
         }
@@ -96,10 +97,6 @@ class Units:
     def axes_of(self, unit_id: int) -> tuple[Axis, ...]:
         """Return the axes that a request to a unit id reaches."""
         return self._axes.get(unit_id, ())
-
-    def reached(self, unit_id: int) -> tuple[UnitMap, ...]:
-        """Return the mapped units that a request reaches: on a serial line a broadcast reaches all."""
-        return self._reached.get(unit_id, ())
 
     def frames_of(self, transaction: Transaction) -> tuple[Frame, ...]:
         """Return a request as each mapped unit has it that it reaches: parsed once, the first time."""

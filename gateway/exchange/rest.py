@@ -1,5 +1,6 @@
 """The pauses of a line (W6): the turnaround after a broadcast, the silence that must follow a time-out."""
 
+from enum import Enum
 from typing import Final
 
 from gateway.exchange.plan import LineTiming
@@ -7,6 +8,19 @@ from gateway.times import NS_PER_MS
 
 LONGEST_DRAIN: Final = 3
 """So many times the silence asked for: a line that never falls silent is used all the same, for its stops."""
+
+
+class Resting(Enum):
+    """Why a line sends nothing, beside that a transaction is on it."""
+
+    NOT = "not"
+    """It does not rest."""
+    TURNAROUND = "turnaround"
+    """The drives get the time to obey a broadcast."""
+    SILENCE = "silence"
+    """A reply may come that answers nothing any more: the line waits until it is silent."""
+    OWED = "owed"
+    """The same, and there is no link yet: the silence begins with it."""
 
 
 class Rest:
@@ -17,21 +31,30 @@ class Rest:
         self._drain_ns = int(self.drain_ms * NS_PER_MS)
         self._turnaround_ns = int(timing.turnaround_ms * NS_PER_MS)
         self._drained_at_last_ns = 0
+        self._resting = Resting.NOT
         self.until_ns: int | None = None
-        """None: the line does not rest."""
-        self.is_draining = False
-        self._owes_silence = False
-        """A serial link, or its gateway, went down with something outstanding: its reply may still come."""
+        """There exactly in TURNAROUND and SILENCE: the line rests until then."""
+
+    @property
+    def is_draining(self) -> bool:
+        """Whether the line waits until it is silent."""
+        return self._resting is Resting.SILENCE
+
+    @property
+    def owes_silence(self) -> bool:
+        """Whether a reply may still come that is not for whoever uses the line next."""
+        return self._resting is Resting.SILENCE or self._resting is Resting.OWED
 
     def turn_around(self, now_ns: int) -> None:
         """Give the drives time to obey a broadcast."""
+        self._resting = Resting.TURNAROUND
         self.until_ns = now_ns + self._turnaround_ns
 
     def drain(self, now_ns: int) -> None:
         """Wait for silence, so that a late reply never answers the next request."""
+        self._resting = Resting.SILENCE
         self.until_ns = now_ns + self._drain_ns
         self._drained_at_last_ns = now_ns + LONGEST_DRAIN * self._drain_ns
-        self.is_draining = True
 
     def disturb(self, now_ns: int) -> None:
         """Bytes came in the middle of the silence: it begins anew, but not for ever."""
@@ -39,25 +62,19 @@ class Rest:
 
     def end(self) -> None:
         """The line has rested."""
+        self._resting = Resting.NOT
         self.until_ns = None
-        self.is_draining = self._owes_silence = False
 
     def owe(self) -> None:
         """A reply may come that nobody here has asked for: the line rests first when its link comes up."""
-        self._owes_silence = True
-
-    @property
-    def owes_silence(self) -> bool:
-        """Whether a reply may still come that is not for whoever uses the line next."""
-        return self._owes_silence or self.is_draining
+        self._resting = Resting.OWED
 
     def break_off(self, *, owes_silence: bool) -> None:
         """The link went down; a reply may be on its way still."""
-        self._owes_silence = owes_silence
+        self._resting = Resting.OWED if owes_silence else Resting.NOT
         self.until_ns = None
-        self.is_draining = False
 
     def resume(self, now_ns: int) -> None:
         """The link is up again."""
-        if self._owes_silence:
+        if self._resting is Resting.OWED:
             self.drain(now_ns)

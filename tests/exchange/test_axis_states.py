@@ -137,7 +137,7 @@ def leave_unproven(axis: Axis) -> None:
 REACHED: Final[dict[Whereabouts, tuple[Callable[[Axis], None], ...]]] = {
     Whereabouts.UNKNOWN: (acknowledge, lambda axis: do(axis, Action.OTHER_MOTION)),
     Whereabouts.STOPPED: (acknowledge, lambda axis: do(axis, Action.STOP)),
-    Whereabouts.HELD: (acknowledge, lambda axis: axis.hold_back(is_held_back=True)),
+    Whereabouts.HELD: (acknowledge, lambda axis: axis.wait_for_peers(waits=True)),
     Whereabouts.OUT_OF_REACH: (acknowledge, lambda axis: axis.lose_link(2 * MS)),
     Whereabouts.UNPROVEN: (leave_unproven,),
     Whereabouts.UNPROVEN_AT_REST: (leave_unproven, lambda axis: axis.observe_done(3 * MS, is_done=True)),
@@ -229,10 +229,9 @@ def test_the_same_target_once_more_makes_an_axis_set_out_from_nowhere_else() -> 
     axis = an_axis()
     for step in REACHED[Whereabouts.SET_OUT]:
         step(axis)
-    acknowledge(axis)
-    assert axis.whereabouts is Whereabouts.SET_OUT
-    acknowledge(axis, 55_000)
-    assert axis.whereabouts is Whereabouts.UNDER_WAY
+    for counts, place in ((50_000, Whereabouts.SET_OUT), (55_000, Whereabouts.UNDER_WAY)):
+        acknowledge(axis, counts)
+        assert axis.whereabouts is place
 
 
 def test_done_alone_is_arrival_where_no_position_is_mapped() -> None:

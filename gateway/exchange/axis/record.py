@@ -11,7 +11,7 @@ counts is :class:`Fate`; the axis is taken up from it in ``transitions``, in one
 
 from collections.abc import Callable
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import Final
 
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table, with_line
 from gateway.compensation.direction import Direction, Travel
@@ -42,7 +42,7 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 LARGEST_COUNTS: Final = 2.0**53
 """Beyond it a double does not hold every whole count; such a target is not kept."""
-RECENT_NS: Final = 5 * NS_PER_S
+STILL_FOLLOWS_NS: Final = 5 * NS_PER_S
 """A record of this boot and no older may be of a drive that still follows its last setpoint."""
 LONGEST_LOOK_NS: Final = 100 * NS_PER_MS
 """So long it is watched whether the drive comes nearer."""
@@ -74,14 +74,21 @@ class Fate(Enum):
     DROPPED = "dropped"
 
 
-class Finding(NamedTuple):
+class Finding(Enum):
     """Where the drive was found, told from what the record allows."""
 
-    is_at_target: bool
+    AT_TARGET = "at-target"
     """At the last accepted target."""
-    has_arrived: bool | None
-    """Whether the unproven target reached the drive; None: there is none, or nobody can tell."""
-    is_at_unproven: bool
+    ON_WAY = "on-way"
+    """On the way to it, or on which it was stopped."""
+    AT_UNPROVEN = "at-unproven"
+    """At the target that was on its way to the drive when the gateway ended: it has got there."""
+    ON_WAY_TO_UNPROVEN = "on-way-to-unproven"
+    """On the way to that one, where no other target can have brought it."""
+
+
+PROVEN: Final = frozenset({Finding.AT_UNPROVEN, Finding.ON_WAY_TO_UNPROVEN})
+"""Findings which prove that the drive had got the unproven target."""
 
 
 class Record:
@@ -289,7 +296,7 @@ def find(axis: AxisState, record: Remembered, first: Actual, now: Actual) -> Fin
         return finding
     if axis.compensation.is_stream and record.has_target and _is_recent(record, first):
         if _has_come_nearer(axis, record, first.counts, now.counts):
-            return Finding(is_at_target=False, has_arrived=None, is_at_unproven=False)
+            return Finding.ON_WAY
         if now.seen_ns - first.seen_ns <= LONGEST_LOOK_NS:
             return None
     low, high = record.way
@@ -302,7 +309,7 @@ def find(axis: AxisState, record: Remembered, first: Actual, now: Actual) -> Fin
 
 def _is_recent(record: Remembered, first: Actual) -> bool:
     at_ns = record.state.at_ns if record.unproven is None else record.unproven.state.at_ns
-    return record.is_of_this_boot and 0 <= first.seen_ns - at_ns <= RECENT_NS
+    return record.is_of_this_boot and 0 <= first.seen_ns - at_ns <= STILL_FOLLOWS_NS
 
 
 def _has_come_nearer(axis: AxisState, record: Remembered, before: Counts, now: Counts) -> bool:
@@ -326,17 +333,18 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
     from_target = abs(counts - record.corrected_counts)
     is_at_target = record.has_target and from_target <= near
     is_on_way = is_at_target or (not record.was_at_target and low - near <= counts <= high + near)
+    before = Finding.AT_TARGET if is_at_target else Finding.ON_WAY
     move = record.unproven
     if move is None:
-        return Finding(is_at_target, None, is_at_unproven=False) if is_on_way else None
+        return before if is_on_way else None
     from_move = abs(counts - move.corrected_counts)
     if from_move <= near and not (is_at_target and from_target <= from_move):
-        return Finding(is_at_target=False, has_arrived=True, is_at_unproven=True)
+        return Finding.AT_UNPROVEN
     if is_on_way:
-        return Finding(is_at_target, False if is_at_target else None, is_at_unproven=False)
+        return before
     low, high = min(low, move.corrected_counts), max(high, move.corrected_counts)
     if low - near <= counts <= high + near:
-        return Finding(is_at_target=False, has_arrived=True, is_at_unproven=False)
+        return Finding.ON_WAY_TO_UNPROVEN
     return None
 
 

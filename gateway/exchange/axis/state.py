@@ -253,7 +253,6 @@ class AxisState:
         "hunting",
         "is_alarmed",
         "is_dry_run",
-        "is_held_back",
         "is_moving",
         "last_number",
         "last_run",
@@ -276,6 +275,7 @@ class AxisState:
         "told_unknown",
         "told_unsure",
         "unproven",
+        "waits_for_peers",
         "wanted",
         "whereabouts",
     )
@@ -297,7 +297,7 @@ class AxisState:
         """When the bit that decides was seen last."""
         self.homing_since_ns = 0
         """When the last homing command went out, or when the bit was seen to be down since."""
-        self.is_held_back = False
+        self.waits_for_peers = False
         """Another axis of its group is not referenced (M11)."""
         self.switched = Switched.ON
         # --- where it is
@@ -314,9 +314,10 @@ class AxisState:
         self.actual: Actual | None = None
         self.heard_ns = 0
         """When it was seen last, or was told something that it acknowledged."""
-        self.is_moving: bool | None = None
-        """What the drive's moving bit said last; None: not known."""
+        self.is_moving = False
+        """Its moving bit was set when it was seen last, and nothing has been commanded since."""
         self.is_alarmed = False
+        """Its alarm bit was set when it was seen last: only its rise tells of something."""
         self.silent_since_ns: int | None = None
         self.silent_until_ns = 0
         """The first and the last request since then that its drive left unanswered."""
@@ -368,7 +369,7 @@ class AxisState:
     def is_referenced(self) -> bool:
         """Whether the axis, and every axis of its group, knows where it is, as far as one can tell."""
         reference = self.reference
-        return (reference is _FOUND or reference is _FOUND_IN_DOUBT) and not self.is_held_back
+        return (reference is _FOUND or reference is _FOUND_IN_DOUBT) and not self.waits_for_peers
 
     @property
     def follows_homed_bit(self) -> bool:

@@ -29,6 +29,7 @@ from gateway.exchange.axis.events import (
 )
 from gateway.exchange.axis.hunting import MOST
 from gateway.exchange.axis.record import (
+    PROVEN,
     Fate,
     Finding,
     Record,
@@ -73,7 +74,7 @@ from gateway.exchange.plan import (
 from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_MS, NS_PER_S
 
-RECENT_NS: Final = 500 * NS_PER_MS
+SEEN_LATELY_NS: Final = 500 * NS_PER_MS
 """An actual position seen so long ago says where a stream begins, where none can be read."""
 RESTAGED_EVERY_NS: Final = 60 * NS_PER_S
 """How often restaging is reported; all of it is counted."""
@@ -274,7 +275,7 @@ class Axis(AxisState):
         detail = "the drive does not say that it is homed: positions pass 1:1"
         if not self.follows_homed_bit:
             detail = "it may not stand where its drive says any more: positions pass 1:1"
-        if self.is_held_back and self.is_found:
+        if self.waits_for_peers and self.is_found:
             detail = "another axis of its group is not referenced: positions pass 1:1"
         self.tell(EventKind.REFERENCE_LOST, detail)
 
@@ -307,7 +308,7 @@ class Axis(AxisState):
         self._happens(Happening.STOPPED if keeps_branch else Happening.DISPLACED)
         if moved_ns is not None:
             self._send_off(moved_ns)
-        self.is_moving = None
+        self.is_moving = False
 
     def forget(self) -> None:
         """Where the axis is and what its drive holds is unknown (M7)."""
@@ -324,7 +325,7 @@ class Axis(AxisState):
         held = self.held_target
         self._happens(Happening.DISPLACED if held is None else Happening.OUT_OF_REACH)
         self.held = held
-        self.is_moving = None
+        self.is_moving = False
         self._forget_words()
 
     def doubt_words(self) -> None:
@@ -353,7 +354,7 @@ class Axis(AxisState):
             self.displace()
         else:
             self._hold_target(held)
-            self.is_moving = None
+            self.is_moving = False
         self.doubt_words()
         if is_referenced:
             self.actual = None  # it may have been counted from another zero
@@ -398,12 +399,12 @@ class Axis(AxisState):
         members = (self, *self.peers)
         is_whole = all(member.is_found for member in members)
         for member in members:
-            member.hold_back(is_held_back=not is_whole)
+            member.wait_for_peers(waits=not is_whole)
 
-    def hold_back(self, *, is_held_back: bool) -> None:
+    def wait_for_peers(self, *, waits: bool) -> None:
         """Another axis of the group does not know where it is, or all of them do."""
         was_referenced = self.is_referenced
-        self.is_held_back = is_held_back
+        self.waits_for_peers = waits
         self._follow_reference(was_referenced=was_referenced)
 
     def join(self, peers: "tuple[Axis, ...]") -> None:
@@ -496,7 +497,7 @@ class Axis(AxisState):
         """
         actual = fresh
         if actual is None and self.asked_actual is None and self.actual is not None:
-            is_recent = now_ns - self.actual.seen_ns <= RECENT_NS
+            is_recent = now_ns - self.actual.seen_ns <= SEEN_LATELY_NS
             actual = self.actual if is_recent else None
         field_ = self.plan.command[number]
         raw = field_.unpack(nominal_words)
@@ -641,7 +642,7 @@ class Axis(AxisState):
             self._happens(happening)
         if not is_stream or place in AT_REST:
             self._send_off(now_ns)
-        self.is_moving = None
+        self.is_moving = False
 
     def _note_branch_change(self, now_ns: int) -> None:
         if self.has_branches and self.hunting.note_change(now_ns):
@@ -800,7 +801,7 @@ class Axis(AxisState):
 
     def _move_otherwise(self, action: Action, now_ns: int, *, is_certain: bool) -> None:
         """Something else than a target moves the axis, or stops it, or moves its zero."""
-        is_at_rest = self.is_moving is not True
+        is_at_rest = not self.is_moving
         moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
         self.displace(moved_ns, keeps_branch=action is Action.STOP)
         if action in (Action.HOME, Action.SET_POSITION):
@@ -1188,7 +1189,7 @@ class Axis(AxisState):
         except (TableError, SettingsError) as error:
             self.drop_record(f"the table that was in force cannot be used any more ({error})")
             return
-        self._restore(recalled, state, is_at_target=finding.is_at_target)
+        self._restore(recalled, state, is_at_target=finding is Finding.AT_TARGET)
         if move is not None and after is not None:
             self._restore_unproven(move, after, finding)
         self._resume_terms(actual.seen_ns)
@@ -1252,14 +1253,14 @@ class Axis(AxisState):
             move.is_distance,
             start,
         )
-        if not finding.has_arrived:
+        if finding not in PROVEN:
             self.leave_unproven(rendering, self.heard_ns)
             return
         if self.plan.has_rules:
             self.go(rendering, planned, self.heard_ns)
         else:
             self.acknowledge(rendering, self.heard_ns)
-        if not finding.is_at_unproven and may_have_stopped(self):
+        if finding is not Finding.AT_UNPROVEN and may_have_stopped(self):
             self.displace(keeps_branch=True)
 
     def _resume_terms(self, now_ns: int) -> None:
