@@ -52,7 +52,7 @@ WHEREABOUTS_LAYOUT: Final = Layout(
         "unknown": (190, 612),
         "stopped": (760, 612),
         "out-of-reach": (400, 612),
-        "held": (600, 712),
+        "retained": (600, 712),
         "unproven": (138, 165),
         "unproven-at-rest": (138, 290),
         "under-way": (428, 160),
@@ -86,11 +86,13 @@ WHEREABOUTS_LAYOUT: Final = Layout(
         ("may-have-left", "seen-there"): Route(((647, 450), (804, 450), (804, 330)), (725, 443), "middle"),
         ("group was there", "unknown"): Route(((270, 400), (242, 400), (242, 592)), (248, 556)),
         ("group targeted", "out-of-reach"): Route(((400, 520), (400, 592)), (406, 560)),
-        ("group targeted", "held"): Route(((600, 520), (600, 692)), (606, 660)),
+        ("group targeted", "retained"): Route(((600, 520), (600, 692)), (606, 660)),
         ("group targeted", "stopped"): Route(((760, 520), (760, 592)), (766, 560)),
-        ("out-of-reach", "held"): Route(((400, 632), (400, 712), (530, 712)), (394, 690), "end"),
+        ("out-of-reach", "retained"): Route(((400, 632), (400, 712), (530, 712)), (394, 690), "end"),
         ("out-of-reach", "unknown"): Route(((330, 612), (260, 612)), (295, 605), "middle"),
-        ("held", "unknown"): Route(((600, 732), (600, 750), (190, 750), (190, 632)), (395, 743), "middle"),
+        ("retained", "unknown"): Route(
+            ((600, 732), (600, 750), (190, 750), (190, 632)), (395, 743), "middle"
+        ),
         ("stopped", "unknown"): Route(((760, 632), (760, 785), (160, 785), (160, 632)), (460, 778), "middle"),
     },
 )

@@ -65,7 +65,7 @@ class AddedFrame:
     """Of a restaged target."""
     is_for_distance: bool = False
     """A look before a distance, which no place on the way is good for."""
-    losses: int = 0
+    epoch: int = 0
     """Of its field, when it was made."""
 
     @property
@@ -163,15 +163,15 @@ def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
 
 def restaging(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write that brings the drive's words in line with a rendering, if any (M2)."""
-    held, wanted = axis.fields[rendering.number].corrected_words, rendering.corrected_words
-    if held == wanted:
+    there, wanted = axis.fields[rendering.number].corrected_words, rendering.corrected_words
+    if there == wanted:
         return None
     place = axis.plan.command[rendering.number]
     if axis.plan.writes_with is not Form.FC06:
         return _restaging(axis, rendering, place.address, wanted)
     for word in range(place.words):
         start, end = 2 * word, 2 * word + 2
-        if held is None or held[start:end] != wanted[start:end]:
+        if there is None or there[start:end] != wanted[start:end]:
             return _restaging(axis, rendering, place.address + word, wanted[start:end])
     return None
 
@@ -184,7 +184,7 @@ def _restaging(axis: Axis, rendering: Rendering, address: int, words: bytes) -> 
         len(words) // 2,
         words=words,
         rendering=rendering,
-        losses=axis.fields[rendering.number].losses,
+        epoch=axis.fields[rendering.number].epoch,
     )
 
 
@@ -193,7 +193,7 @@ def note_restaged(frame: AddedFrame) -> None:
     rendering = frame.rendering
     assert rendering is not None
     first = frame.address - frame.axis.plan.command[rendering.number].address
-    frame.axis.restage(rendering, first, frame.words, frame.losses)
+    frame.axis.restage(rendering, first, frame.words, frame.epoch)
 
 
 def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:

@@ -109,8 +109,8 @@ class Gaps:
         )
         # One that needs a frame of the gateway's own first ends twice; it held the line for both.
         if transaction is self._forced:
-            held_ns = free_ns - self._forced_since_ns
-            self._next_forced_ns = free_ns + max(self._max_wait_ns, PAID_BACK * held_ns)
+            occupied_ns = free_ns - self._forced_since_ns
+            self._next_forced_ns = free_ns + max(self._max_wait_ns, PAID_BACK * occupied_ns)
 
     def choose(self, first: Sequence[Transaction], now_ns: int) -> tuple[Transaction | None, int | None]:
         """Return the first transaction whose turn it is; else None, and when to ask again.

@@ -169,7 +169,7 @@ class WritePath(FastPath):
             except RegisterRangeError:
                 return None
             corrected_counts = raw if self._scale == 1.0 else raw * self._scale
-        transaction.carry(self, (words, corrected_words, corrected_counts, image.losses, steady))
+        transaction.carry(self, (words, corrected_words, corrected_counts, image.epoch, steady))
         if axis.record is not None:
             axis.send_target(transaction.rendering())
         return pdu[:start] + corrected_words + pdu[end:]
@@ -223,7 +223,7 @@ class WritePath(FastPath):
         written = rewriting.of(self._axis)
         written.targets.append(rendering)
         written.parts.append(Part(self._image, -1, b""))
-        written.losses[self._number] = transaction.target[3]
+        written.epochs[self._number] = transaction.target[3]
         rewriting.complete()
         return rewriting
 

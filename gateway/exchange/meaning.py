@@ -69,7 +69,7 @@ class Meaning(Command):
             unclear_words=unclear_words,
             written=tuple(hit.place.number for hit in commands),
             modes_written=tuple(sorted(axis.rules.modes.intersection((*words, *unclear_words)))),
-            losses=axis.losses,
+            epoch=axis.epoch,
             is_doubtful=is_doubtful,
         )
         self.axis = axis
@@ -218,7 +218,7 @@ class _Reading:
 
     def _deeds(self) -> list[Deed]:
         rules = self.axis.rules
-        held = (lambda _: None) if self.may_have_risen else rules.word
+        before = (lambda _: None) if self.may_have_risen else rules.word
         deeds = []
         for trigger in self.plan.triggers:
             if trigger.is_coil:
@@ -227,7 +227,7 @@ class _Reading:
             elif trigger.block is not None and trigger.block != self.access.write_address:
                 continue
             elif trigger.address in self.words:
-                deeds.append(trigger.deed(self.words[trigger.address], held(trigger.address)))
+                deeds.append(trigger.deed(self.words[trigger.address], before(trigger.address)))
             elif trigger.address in self.unclear:
                 word, certain = self.certain_bits.get(trigger.address, (0, 0))
                 is_certain = not (trigger.mask | trigger.rising) & ~certain

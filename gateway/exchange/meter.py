@@ -132,12 +132,12 @@ class LineMeter:
         link = self._link
         sent, replied = link.stamps, port.stamps
         sent_ns, started_ns = sent.sent_ns, transaction.started_ns
-        leg_ns = replied.sent_ns - reply_ns - replied.held_ns
+        leg_ns = replied.sent_ns - reply_ns - replied.paced_ns
         if not sent_ns or leg_ns < 0:
             return  # nobody keeps time, or nobody was there to answer
         unit_id = transaction.unit_id
         measured = self.measured.get((port.plan.name, unit_id)) or self._measured(port.plan.name, unit_id)
-        request_ns = sent_ns - (started_ns or transaction.arrived_ns) - sent.held_ns
+        request_ns = sent_ns - (started_ns or transaction.arrived_ns) - sent.paced_ns
         gateway_ns = request_ns + leg_ns
         drive_ns = reply_ns - sent_ns
         if link.wire_ns_per_byte:
@@ -200,8 +200,8 @@ class LineMeter:
         started_ns = transaction.started_ns or transaction.arrived_ns
         steps = {
             "working out what is sent": sent.ready_ns - started_ns,
-            "writing it to the drive": sent.sent_ns - sent.ready_ns - sent.held_ns,
-            "turning the reply back and writing it": replied.sent_ns - reply_ns - replied.held_ns,
+            "writing it to the drive": sent.sent_ns - sent.ready_ns - sent.paced_ns,
+            "turning the reply back and writing it": replied.sent_ns - reply_ns - replied.paced_ns,
         }
         slowest = max(steps, key=lambda step: steps[step])
         all_us = sum(steps.values()) / NS_PER_US

@@ -17,7 +17,7 @@ class Stamps:
     """When it was ready to be written; only kept of requests."""
     sent_ns = 0
     """When the system had taken it, or, while it is held back, when it was ready; 0 where nobody measures."""
-    held_ns = 0
+    paced_ns = 0
     """How long it was held back, for the silence that a wire or a drive wants before it."""
 
 

@@ -85,9 +85,9 @@ def render(
     if needs_offset(axis):
         axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
     is_passing = axis.passes_unchanged
-    held = axis.held if axis.whereabouts is Whereabouts.HELD else None
-    if held is not None and held.number == number and held.nominal_words == nominal_words:
-        return Rendering(number, nominal_words, held.corrected_words, 0.0, None)
+    retained = axis.retained if axis.whereabouts is Whereabouts.RETAINED else None
+    if retained is not None and retained.number == number and retained.nominal_words == nominal_words:
+        return Rendering(number, nominal_words, retained.corrected_words, 0.0, None)
     if not isfinite(raw):
         if is_passing:
             return Rendering(number, nominal_words, nominal_words, 0.0, None)

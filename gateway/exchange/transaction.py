@@ -90,7 +90,7 @@ class Answer(Enum):
 
 
 Target = tuple[bytes, bytes, Counts, int, SteadyMove | None]
-"""A target on the fast path: nominal and corrected words, corrected counts, losses of its field when it was
+"""A target on the fast path: nominal and corrected words, corrected counts, epoch of its field when it was
 sent, and what accepting it means (None for a repeat). A plain tuple: one is made for each setpoint."""
 
 

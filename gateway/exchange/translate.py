@@ -78,7 +78,7 @@ def prepare(request: Request) -> Rewriting:
     rewriting.complete()
     for axis, written in rewriting.written:
         for target in (*written.targets, *written.runs):
-            written.losses[target.number] = axis.fields[target.number].losses
+            written.epochs[target.number] = axis.fields[target.number].epoch
     if access.read_quantity:
         _prepare_read(rewriting)
     return rewriting
@@ -153,7 +153,7 @@ def _stage_limit(hit: FieldHit, rewriting: Rewriting) -> bytes:
         corrected_words = render_limit(axis, hit.place.number, words)
     except RefusedPositionError as error:
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, axis.plan.name, str(error)) from error
-    rewriting.of(axis).stagings.append(Staging(image, words, corrected_words, image.losses))
+    rewriting.of(axis).stagings.append(Staging(image, words, corrected_words, image.epoch))
     return corrected_words
 
 
@@ -346,7 +346,7 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
             name = axis.plan.name
             raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
         if rendering is None:  # a distance passes as it is, and nobody knows where it leads
-            written.stagings.append(Staging(image, words, words, image.losses))
+            written.stagings.append(Staging(image, words, words, image.epoch))
             written.go_anywhere()
             continue
         written.targets.append(rendering)
@@ -404,8 +404,8 @@ def _pass_raw(rewriting: Rewriting, hit: FieldHit, words: bytes | None) -> None:
         return
     first, part = written_part(hit, rewriting.request.frame.pdu, rewriting.access)
     is_as_written = hit.is_whole or (axis.passes_unchanged and not image.may_be_corrected)
-    held = words if is_as_written else _merged(image.corrected_words, first, part)
-    rewriting.of(axis).stagings.append(Staging(image, words, held, image.losses))
+    in_drive = words if is_as_written else _merged(image.corrected_words, first, part)
+    rewriting.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch))
 
 
 def _stage(
@@ -419,18 +419,20 @@ def _stage(
             _refuse_unknown(rewriting, hit)
         else:  # its trigger is refused until the other parts have come
             part = part_of(hit, rewriting.request.frame.pdu, rewriting.access)
-            rewriting.of(axis).held_parts.append(part)
+            rewriting.of(axis).buffered_parts.append(part)
         return []
     waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
     if axis.passes_unchanged or waits_for_other_words:
         _pass_raw(rewriting, hit, words)
         return []
     corrected_words = _foreseen(rewriting.request, meaning, hit, words)
-    held: bytes | None = corrected_words
+    in_drive: bytes | None = corrected_words
     if axis.writes_words_alone and not hit.is_whole:
         first, written = written_part(hit, rewriting.request.frame.pdu, rewriting.access)
-        held = _merged(image.corrected_words, first, corrected_words[2 * first : 2 * first + len(written)])
-    rewriting.of(axis).stagings.append(Staging(image, words, held, image.losses))
+        in_drive = _merged(
+            image.corrected_words, first, corrected_words[2 * first : 2 * first + len(written)]
+        )
+    rewriting.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch))
     return [(hit, corrected_words)]
 
 

@@ -53,7 +53,7 @@ class PacedSender:
         """Send now if the silence is over, else as soon as it is."""
         stamps = self.stamps
         stamps.ready_ns = stamps.sent_ns = now_ns = boot_ns()
-        stamps.held_ns = 0
+        stamps.paced_ns = 0
         if self._held or now_ns < self._quiet_from_ns + self._gap_ns:
             self._held.append(frame)
             self._timer.arm(self._quiet_from_ns + self._gap_ns)
@@ -85,7 +85,7 @@ class PacedSender:
 
     def _send_held(self, now_ns: int) -> None:
         if self._held and now_ns >= self._quiet_from_ns + self._gap_ns:
-            self.stamps.held_ns = now_ns - self.stamps.ready_ns
+            self.stamps.paced_ns = now_ns - self.stamps.ready_ns
             self._write(self._held.popleft(), now_ns)
         if self._held:
             self._timer.arm(self._quiet_from_ns + self._gap_ns)

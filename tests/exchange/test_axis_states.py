@@ -45,7 +45,7 @@ from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Port, axis_plan
 PLACES: Final = {
     "?": Whereabouts.UNKNOWN,
     "S": Whereabouts.STOPPED,
-    "H": Whereabouts.HELD,
+    "H": Whereabouts.RETAINED,
     "O": Whereabouts.OUT_OF_REACH,
     "u": Whereabouts.UNPROVEN,
     "r": Whereabouts.UNPROVEN_AT_REST,
@@ -120,7 +120,7 @@ def do(axis: Axis, action: Action) -> None:
         unclear_words=frozenset(),
         written=(),
         modes_written=(),
-        losses=0,
+        epoch=0,
         is_doubtful=False,
     )
     axis.finish(AxisRequest(0, command), Outcome.ACKNOWLEDGED, 0, 1 * MS)
@@ -137,7 +137,7 @@ def leave_unproven(axis: Axis) -> None:
 REACHED: Final[dict[Whereabouts, tuple[Callable[[Axis], None], ...]]] = {
     Whereabouts.UNKNOWN: (acknowledge, lambda axis: do(axis, Action.OTHER_MOTION)),
     Whereabouts.STOPPED: (acknowledge, lambda axis: do(axis, Action.STOP)),
-    Whereabouts.HELD: (acknowledge, lambda axis: axis.wait_for_peers(waits=True)),
+    Whereabouts.RETAINED: (acknowledge, lambda axis: axis.wait_for_peers(waits=True)),
     Whereabouts.OUT_OF_REACH: (acknowledge, lambda axis: axis.lose_link(2 * MS)),
     Whereabouts.UNPROVEN: (leave_unproven,),
     Whereabouts.UNPROVEN_AT_REST: (leave_unproven, lambda axis: axis.observe_done(3 * MS, is_done=True)),
@@ -175,7 +175,9 @@ CAUSED: Final[dict[Happening, Callable[[Axis], None]]] = {
 def check(axis: Axis) -> None:
     """What belongs to a place is there in it, and only in it."""
     assert (axis.compensation.accepted is not None) is (axis.whereabouts in TARGETED)
-    assert (axis.held is not None) is (axis.whereabouts in (Whereabouts.HELD, Whereabouts.OUT_OF_REACH))
+    assert (axis.retained is not None) is (
+        axis.whereabouts in (Whereabouts.RETAINED, Whereabouts.OUT_OF_REACH)
+    )
     unproven = (Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST)
     assert (axis.unproven is not None) is (axis.whereabouts in unproven)
 
@@ -221,7 +223,7 @@ def test_an_axis_sets_out_from_where_it_is_known_to_stand_or_from_nowhere(
     head, *rows = (line.split() for line in SETS_OUT.strip("\n").splitlines())
     [letters] = [cells[1:] for cells in rows if cells[0] == row]
     assert axis.whereabouts is PLACES[letters[[PLACES[letter] for letter in head].index(place)]]
-    if place is Whereabouts.HELD:
+    if place is Whereabouts.RETAINED:
         assert not axis.is_referenced  # it passes 1:1, and is gone to all the same
 
 
@@ -297,7 +299,7 @@ def test_an_axis_is_at_rest_only_where_something_says_so() -> None:
     assert {place for place in Whereabouts if place not in AT_REST} == {
         Whereabouts.UNKNOWN,
         Whereabouts.STOPPED,
-        Whereabouts.HELD,
+        Whereabouts.RETAINED,
         Whereabouts.OUT_OF_REACH,
         Whereabouts.UNPROVEN,
         Whereabouts.UNDER_WAY,
@@ -411,7 +413,7 @@ BLOCKED: Final[dict[Block, tuple[Callable[[Axis], None], ...]]] = {
 BLOCK_CAUSED: Final[dict[BlockEvent, Callable[[Axis], None]]] = {
     BlockEvent.LOST: lambda axis: axis.block_triggers(6, "lost"),
     BlockEvent.LOST_OF_GROUP: lambda axis: axis.block_triggers(6, "lost", is_own=False),
-    BlockEvent.COMPLETED: lambda axis: write_whole(axis, losses=axis.losses),
+    BlockEvent.COMPLETED: lambda axis: write_whole(axis, epoch=axis.epoch),
 }
 BLOCK_WALK: Final = {
     (Block.NONE, BlockEvent.LOST): Block.OWN,
@@ -427,7 +429,7 @@ BLOCK_WALK: Final = {
 """By hand, from M3 and M11."""
 
 
-def write_whole(axis: Axis, *, losses: int) -> None:
+def write_whole(axis: Axis, *, epoch: int) -> None:
     command = Command(
         action=Action.IGNORE,
         number=None,
@@ -436,7 +438,7 @@ def write_whole(axis: Axis, *, losses: int) -> None:
         unclear_words=frozenset(),
         written=(0,),
         modes_written=(),
-        losses=losses,
+        epoch=epoch,
         is_doubtful=False,
     )
     axis.finish(AxisRequest(0, command), Outcome.ACKNOWLEDGED, 0, 1 * MS)
@@ -463,7 +465,7 @@ def test_each_loss_blocks_and_each_complete_target_lets_go(block: Block, event: 
 def test_what_was_sent_before_a_loss_does_not_let_go_of_its_block() -> None:
     axis = an_axis()
     axis.block_triggers(4, "lost")
-    write_whole(axis, losses=axis.losses - 1)
+    write_whole(axis, epoch=axis.epoch - 1)
     assert axis.block is Block.OWN
 
 

@@ -64,8 +64,7 @@ def state_of(axis: Axis) -> dict[str, Any]:
     compensation = axis.compensation
     state, readback = compensation.state, compensation.readback
     fields = [
-        (f.nominal_words, f.corrected_words, f.completeness, f.losses, f.may_be_corrected)
-        for f in axis.fields
+        (f.nominal_words, f.corrected_words, f.completeness, f.epoch, f.may_be_corrected) for f in axis.fields
     ]
     return {
         "state": state._replace(spec=None, previous=None),  # type: ignore[arg-type]

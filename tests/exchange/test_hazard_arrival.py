@@ -495,7 +495,7 @@ def homed(bench: Bench, *, is_set: bool) -> None:
     bench.ask(READ_DONE)
 
 
-def test_m9_a_held_target_moves_nothing_when_the_reference_goes_and_comes() -> None:
+def test_m9_a_retained_target_moves_nothing_when_the_reference_goes_and_comes() -> None:
     bench = Bench(axis_plan(table=WORN, referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
     homed(bench, is_set=True)
     bench.move(100_000)
@@ -517,7 +517,9 @@ def test_m9_a_held_target_moves_nothing_when_the_reference_goes_and_comes() -> N
 
 
 @pytest.mark.parametrize("is_staged_again", [True, False])
-def test_m9_a_held_target_is_run_again_as_it_was_when_the_reference_is_gone(is_staged_again: bool) -> None:
+def test_m9_a_retained_target_is_run_again_as_it_was_when_the_reference_is_gone(
+    is_staged_again: bool,
+) -> None:
     bench = StagedBench(staged_plan(table=WORN, referenced=Reference.DRIVE_BIT))
     bench.go_to(60_000)
     assert bench.drive.moves[-1][1] == 60_410
@@ -551,7 +553,7 @@ def test_m9_a_target_after_homing_is_a_new_one() -> None:
     assert bench.drive.moves[-1][1] == 60_000
 
 
-def test_m9_a_held_target_moves_nothing_after_a_silence_in_which_the_reference_went() -> None:
+def test_m9_a_retained_target_moves_nothing_after_a_silence_in_which_the_reference_went() -> None:
     plan = axis_plan(table=WORN, referenced=Reference.HOMING)
     bench = Bench(plan, timing=LineTiming(drain_ms=1))
     bench.line.axes[0].declare_referenced()

@@ -66,7 +66,7 @@ def test_m3_a_part_whose_loss_shows_later_than_that_of_a_newer_one_counts_for_no
 def test_m1_a_half_that_was_lost_and_given_again_may_wait_for_the_other() -> None:
     image = FieldImage(COMMAND)
     image.lose(1, b"\x00\x01", 100 * MS)
-    image.hold(1, b"\x00\x01", 250 * MS)
+    image.buffer(1, b"\x00\x01", 250 * MS)
     assert image.completed(0, b"\x12\x34", 900 * MS) == bytes.fromhex("1234 0001")
 
 

@@ -43,7 +43,7 @@ class TimedLink(Link):
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         super().send_request(unit_id, pdu)
-        self.stamps.held_ns = self.held_ns
+        self.stamps.paced_ns = self.held_ns
         self.stamps.ready_ns = self.clock_ns + self.work_ns
         self.stamps.sent_ns = self.stamps.ready_ns + self.held_ns + self.write_ns
 

@@ -59,8 +59,8 @@ NOT_COMPARED: Final = {
     "_map_key": "the key of a cache",
     "_arrived_ns": "only keeps the instants of requests apart",
     "_lost_ns": "counts only against requests that came before it: they are compared with it",
-    "losses": "counts only against what was sent before: that is compared with it",
-    "blocked_at_loss": "the same",
+    "epoch": "counts only against what was sent before: that is compared with it",
+    "blocked_in_epoch": "the same",
     "at_ns": "moves a blend by time only, which no world has",
     "transaction_id": "only the reply carries it",
     "started_ns": "figures of an exchange",
@@ -81,7 +81,7 @@ NOT_COMPARED: Final = {
 NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_since_ns": lambda each: each.completeness is Completeness.PARTS_LOST,
     "_missing": lambda each: each.is_torn,
-    "_parts": lambda each: each.completeness in (Completeness.PARTS_LOST, Completeness.PARTS_HELD),
+    "_parts": lambda each: each.completeness in (Completeness.PARTS_LOST, Completeness.PARTS_BUFFERED),
     "silent_until_ns": lambda each: each.silent_since_ns is not None,
     "heard_ns": lambda each: each.compensation.accepted is not None or each.unproven is not None,
     "last_ns": lambda each: not each.is_shared,
@@ -113,12 +113,12 @@ HORIZON_TICKS: Final = {
     "silent_since_ns": 3,
 }
 """Ages beyond which nothing asks, where that is earlier than the horizon of the world, in its ticks."""
-LIVE_COUNTERS: Final = ("losses", "blocked_at_loss")
+LIVE_COUNTERS: Final = ("epoch", "blocked_in_epoch")
 """Numbers that only grow. What was sent carries one of its time and is compared with what it is by now."""
 LIVE_INSTANTS: Final = ("_lost_ns",)
 """The same for instants; what carries them is called as follows."""
 CARRIED_INSTANT: Final = "arrived_ns"
-CARRIED_COUNTER: Final = "losses"
+CARRIED_COUNTERS: Final = ("epoch", "epochs")
 SAME: Final = (("state.spec", "_wanted"),)
 """Attributes of an object of which it counts whether they are one and the same object."""
 BY_VALUE: Final[dict[str, Callable[[Any], object]]] = {
@@ -463,7 +463,8 @@ class Lens:
 
     def _fields_of(self, kind: type, names: tuple[str, ...]) -> Callable[[Any], Any]:
         self.met.update(names)
-        special = {CARRIED_COUNTER: self._carried_counter, CARRIED_INSTANT: self._carried_instant}
+        special = dict.fromkeys(CARRIED_COUNTERS, self._carried_counter)
+        special[CARRIED_INSTANT] = self._carried_instant
         hows = tuple(special.get(name) for name in names)
         kept = tuple(i for i, name in enumerate(names) if name not in NOT_COMPARED or hows[i])
         is_tuple = issubclass(kind, tuple)
@@ -541,7 +542,7 @@ class Lens:
                 found.append(value is not None)
             elif name == "target":
                 found.append(None if value is None else self._draft(value))
-            elif name == CARRIED_COUNTER:
+            elif name in CARRIED_COUNTERS:
                 found.append(self._carried_counter(value))
             elif name == CARRIED_INSTANT:
                 found.append(self._carried_instant(value))

@@ -105,8 +105,8 @@ class Command:
     __slots__ = (
         "action",
         "coils",
+        "epoch",
         "is_doubtful",
-        "losses",
         "modes_written",
         "number",
         "unclear_words",
@@ -124,7 +124,7 @@ class Command:
         unclear_words: frozenset[int],
         written: tuple[int, ...],
         modes_written: tuple[int, ...],
-        losses: int,
+        epoch: int,
         is_doubtful: bool,
     ) -> None:
         self.action = action
@@ -140,8 +140,8 @@ class Command:
         """Numbers of the command fields that it writes."""
         self.modes_written = modes_written
         """Registers that it writes and that decide what a position means."""
-        self.losses = losses
-        """Targets and modes of its axis that had been lost when it was sent."""
+        self.epoch = epoch
+        """Of its axis, when it was sent."""
         self.is_doubtful = is_doubtful
         """A bit that starts the motion is set, and nobody knows whether it was set before."""
 
@@ -168,7 +168,7 @@ class Staging(NamedTuple):
     nominal_words: bytes
     corrected_words: bytes | None
     """None: what the drive holds is not known."""
-    losses: int
+    epoch: int
     """Of the field, when it was sent."""
 
 
@@ -187,10 +187,10 @@ class AxisRequest:
     __slots__ = (
         "arrived_ns",
         "blind",
+        "buffered_parts",
         "command",
+        "epochs",
         "goes_unknown",
-        "held_parts",
-        "losses",
         "parts",
         "remaps",
         "runs",
@@ -206,12 +206,12 @@ class AxisRequest:
         """Targets that the drive goes to with this request."""
         self.runs: list[Rendering] = []
         """The same of those that it held already."""
-        self.losses: dict[int, int] = {}
+        self.epochs: dict[int, int] = {}
         """Of the field of each of these targets, by its number, when the request was sent."""
         self.stagings: list[Staging] = []
         self.parts: list[Part] = []
         """What it writes of command fields, all of it."""
-        self.held_parts: list[Part] = []
+        self.buffered_parts: list[Part] = []
         """Parts of staged targets whose other parts are not known yet: they pass as they come (M1)."""
         self.blind: list[FieldImage] = []
         """Command fields that were written 1:1 in a way that leaves their content unknown."""

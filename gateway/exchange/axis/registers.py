@@ -31,7 +31,7 @@ class Completeness(Enum):
     """A write was lost: every word has to come again."""
     PARTS_LOST = "parts-lost"
     """Since then some words came which never reached the drive: they count when the others follow soon."""
-    PARTS_HELD = "parts-held"
+    PARTS_BUFFERED = "parts-buffered"
     """Since then some words came which the drive acknowledged: the others need not hurry."""
 
 
@@ -46,7 +46,7 @@ class FieldImage:
         "_since_ns",
         "completeness",
         "corrected_words",
-        "losses",
+        "epoch",
         "may_be_corrected",
         "nominal_words",
     )
@@ -66,26 +66,26 @@ class FieldImage:
         """When the newest write that was lost had come."""
         self.may_be_corrected = False
         """The drive may hold other words than the controller wrote."""
-        self.losses = 0
-        """Goes up with each write that was lost: what was sent before a loss does not make up for it."""
+        self.epoch = 0
+        """Goes up with each write that was lost: what was sent in an earlier one does not make up for it."""
 
     @property
     def is_torn(self) -> bool:
         """Whether a write was lost and no whole position has been acknowledged since."""
         return self.completeness is not Completeness.WHOLE
 
-    def settle(self, nominal_words: bytes, corrected_words: bytes | None, losses: int | None = None) -> None:
+    def settle(self, nominal_words: bytes, corrected_words: bytes | None, epoch: int | None = None) -> None:
         """Note that the drive holds these words.
 
         Args:
             nominal_words: what the controller wrote.
             corrected_words: what the drive was told; None: that is not known.
-            losses: how many writes had been lost when they were sent; None: none has been lost since.
+            epoch: of the field, when they were sent; None: nothing has been lost since.
         """
         self.nominal_words = nominal_words
         self.corrected_words = corrected_words
         self.may_be_corrected = corrected_words != nominal_words
-        if losses is None or losses == self.losses:
+        if epoch is None or epoch == self.epoch:
             self.completeness = Completeness.WHOLE
 
     def forget(self) -> None:
@@ -99,7 +99,7 @@ class FieldImage:
     def tear(self, arrived_ns: int = 0) -> None:
         """Note that a whole write was lost, and when it had come: every word has to come again."""
         self._lost_ns = max(self._lost_ns, arrived_ns)
-        self.losses += 1
+        self.epoch += 1
         self.completeness = Completeness.TORN
         self._missing = self._all_words
 
@@ -116,18 +116,18 @@ class FieldImage:
         return base[: 2 * first] + words + base[2 * first + len(words) :]
 
     def _are_joined(self, arrived_ns: int) -> bool:
-        return self.completeness is Completeness.PARTS_HELD or arrived_ns - self._since_ns <= JOIN_NS
+        return self.completeness is Completeness.PARTS_BUFFERED or arrived_ns - self._since_ns <= JOIN_NS
 
-    def hold(self, first: int, words: bytes, arrived_ns: int) -> None:
+    def buffer(self, first: int, words: bytes, arrived_ns: int) -> None:
         """Note a part that the drive acknowledged, while the other parts are not known."""
         covers_all = not self._all_words & ~self._missing & ~_mask(first, words)
         is_new = not self.is_torn or covers_all or not self._are_joined(arrived_ns)
-        stays_held = is_new or self.completeness is Completeness.PARTS_HELD
+        stays_buffered = is_new or self.completeness is Completeness.PARTS_BUFFERED
         if is_new:
             self.tear()
         self.lose(first, words, arrived_ns)
-        if stays_held and self.completeness is Completeness.PARTS_LOST:
-            self.completeness = Completeness.PARTS_HELD
+        if stays_buffered and self.completeness is Completeness.PARTS_LOST:
+            self.completeness = Completeness.PARTS_BUFFERED
 
     def lose(self, first: int, words: bytes, arrived_ns: int) -> None:
         """Note a part that never reached the drive; it counts when the other parts follow soon.
@@ -143,7 +143,7 @@ class FieldImage:
         if is_first or not self._are_joined(arrived_ns):
             self.tear()
             self._since_ns = arrived_ns
-        self.losses += 1
+        self.epoch += 1
         self.completeness = Completeness.PARTS_LOST
         self._parts[2 * first : 2 * first + len(words)] = words
         self._missing &= ~_mask(first, words)
@@ -184,7 +184,7 @@ class RuleImage:
         self._words: dict[int, int] = {}
         self._coils: dict[int, int] = {}
         self._lost_modes: dict[int, tuple[int, int]] = {}
-        """Mode registers whose writing was lost: its exception code, and the losses of the axis then."""
+        """Mode registers whose writing was lost: its exception code, and the epoch that began with it."""
         self.staged: int | None = None
         """The command field that a trigger without a number runs."""
 
@@ -196,11 +196,11 @@ class RuleImage:
         """Return the state of a coil, as far as it is known."""
         return self._coils.get(address)
 
-    def note_words(self, words: dict[int, int], losses: int) -> None:
-        """Note what the drive acknowledged; ``losses``: of its axis, when it was sent."""
+    def note_words(self, words: dict[int, int], epoch: int) -> None:
+        """Note what the drive acknowledged; ``epoch``: of its axis, when it was sent."""
         self._words.update(words)
         for address in words:
-            if self._lost_modes.get(address, (0, 0))[1] <= losses:
+            if self._lost_modes.get(address, (0, 0))[1] <= epoch:
                 self._lost_modes.pop(address, None)
 
     def note_read(self, address: int, word: int) -> None:
@@ -228,9 +228,9 @@ class RuleImage:
         self._coils.clear()
         self.staged = None
 
-    def lose_mode(self, address: int, code: int, losses: int) -> None:
-        """Note that the writing of a mode register was lost, as the loss of that number."""
-        self._lost_modes[address] = (code, losses)
+    def lose_mode(self, address: int, code: int, epoch: int) -> None:
+        """Note that the writing of a mode register was lost; ``epoch``: of the axis, which begins with it."""
+        self._lost_modes[address] = (code, epoch)
 
     def lost_mode(self, number: int | None) -> int | None:
         """Return the exception code with which the mode of a command field was lost, if it was."""

@@ -68,7 +68,7 @@ class Whereabouts(Enum):
     """Something else than a target decides where it is: homing, a jog, a stored position, an alarm."""
     STOPPED = "stopped"
     """A stop came after the last target: it stands somewhere, on the branch of that target."""
-    HELD = "held"
+    RETAINED = "retained"
     """The reference has changed since: the last target means nothing, but its repeat moves nothing."""
     OUT_OF_REACH = "out-of-reach"
     """Its drive could not be reached, or was silent for long: the last target means nothing until the axis is
@@ -221,7 +221,7 @@ class Rendering(NamedTuple):
     """Where a distance starts."""
 
 
-class Held(NamedTuple):
+class Retained(NamedTuple):
     """The last target as its drive was told it, over a change of the reference: its repeat moves nothing."""
 
     number: int
@@ -241,13 +241,13 @@ class AxisState:
         "began",
         "block",
         "block_code",
-        "blocked_at_loss",
+        "blocked_in_epoch",
         "compensation",
+        "epoch",
         "events",
         "fields",
         "has_branches",
         "heard_ns",
-        "held",
         "hold",
         "homing_since_ns",
         "hunting",
@@ -257,13 +257,13 @@ class AxisState:
         "last_number",
         "last_run",
         "limit_fields",
-        "losses",
         "may_read",
         "on_wire",
         "pending",
         "plan",
         "reference",
         "reference_seen_ns",
+        "retained",
         "rules",
         "said",
         "sent_off_ns",
@@ -307,8 +307,8 @@ class AxisState:
         """When the drive was made to move last, or may have been."""
         self.unproven: Rendering | None = None
         """The target that was not acknowledged; there exactly in both places of that name."""
-        self.held: Held | None = None
-        """The last target: there exactly in the places HELD and OUT_OF_REACH."""
+        self.retained: Retained | None = None
+        """The last target: there exactly in the places RETAINED and OUT_OF_REACH."""
         self.last_number: int | None = None
         """Of the command field through which the last accepted target came."""
         self.actual: Actual | None = None
@@ -336,9 +336,10 @@ class AxisState:
         self.block = Block.NONE
         self.block_code = 0
         """Exception code of the target that was lost; its triggers are refused with it."""
-        self.blocked_at_loss = 0
-        self.losses = 0
-        """Targets and modes lost so far: what was sent before a loss does not make up for it."""
+        self.blocked_in_epoch = 0
+        """The epoch that began with the loss for which triggers were blocked last."""
+        self.epoch = 0
+        """Goes up with each target and mode that is lost: what was sent before makes up for none."""
         self.last_run = Action.ABSOLUTE
         """How the last target was meant: the best guess for one that is staged before its mode is known."""
         self.on_wire = OnWire.NOTHING
@@ -491,18 +492,18 @@ class AxisState:
         return self.plan.exception_writes_nothing or code == ExceptionCode.ILLEGAL_FUNCTION
 
     @property
-    def held_target(self) -> Held | None:
+    def retained_target(self) -> Retained | None:
         """The last accepted target with its words, where nothing but a target moves the axis since."""
         accepted, number = self.compensation.accepted, self.last_number
         if self.compensation.is_stream or accepted is None or number is None:
-            return self.held
+            return self.retained
         image = self.fields[number]
         if image.nominal_words is None or image.corrected_words is None:
             return None
         field_ = self.plan.command[number]
         if counts_of(field_, field_.unpack(image.nominal_words)) != accepted.nominal_counts:
             return None  # another one is staged there by now, or a distance
-        return Held(number, image.nominal_words, image.corrected_words)
+        return Retained(number, image.nominal_words, image.corrected_words)
 
     # --- what is read of it ----------------------------------------------------------------------------
 

@@ -51,10 +51,10 @@ from gateway.exchange.axis.state import (
     Actual,
     AxisState,
     Block,
-    Held,
     OnWire,
     Referenced,
     Rendering,
+    Retained,
     Said,
     Switched,
     Whereabouts,
@@ -99,7 +99,7 @@ _NOTHING: Final = OnWire.NOTHING
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
 _UNPROVEN: Final = frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST})
-_KEEPING: Final = frozenset({Whereabouts.HELD, Whereabouts.OUT_OF_REACH})
+_RETAINING: Final = frozenset({Whereabouts.RETAINED, Whereabouts.OUT_OF_REACH})
 """Places that keep the last target, which means nothing in them."""
 
 WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
@@ -116,9 +116,9 @@ WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
         (place, Happening.OUT_OF_REACH): Whereabouts.OUT_OF_REACH
         if place in TARGETED
         else Whereabouts.UNKNOWN
-        for place in set(Whereabouts) - _KEEPING
+        for place in set(Whereabouts) - _RETAINING
     },
-    **{(place, Happening.REFERENCE_CHANGED): Whereabouts.HELD for place in TARGETED | _KEEPING},
+    **{(place, Happening.REFERENCE_CHANGED): Whereabouts.RETAINED for place in TARGETED | _RETAINING},
     (Whereabouts.UNPROVEN, Happening.DONE): Whereabouts.UNPROVEN_AT_REST,
     (Whereabouts.UNPROVEN, Happening.DONE_ALONE): Whereabouts.UNPROVEN_AT_REST,
     **{(place, Happening.DONE): Whereabouts.DONE_SAID for place in ON_WAY},
@@ -291,8 +291,8 @@ class Axis(AxisState):
             self.compensation.forget_target()
         if place not in _UNPROVEN:
             self.unproven = None
-        if place not in _KEEPING:
-            self.held = None
+        if place not in _RETAINING:
+            self.retained = None
 
     def _send_off(self, now_ns: int) -> None:
         """The drive is made to move, or may be: what it said before is of the time before."""
@@ -322,9 +322,9 @@ class Axis(AxisState):
 
     def _lose_reach(self) -> None:
         """The drive cannot be seen: what it holds and where its axis is has to be found out anew."""
-        held = self.held_target
-        self._happens(Happening.DISPLACED if held is None else Happening.OUT_OF_REACH)
-        self.held = held
+        retained = self.retained_target
+        self._happens(Happening.DISPLACED if retained is None else Happening.OUT_OF_REACH)
+        self.retained = retained
         self.is_moving = False
         self._forget_words()
 
@@ -347,13 +347,13 @@ class Axis(AxisState):
         is_referenced = self.is_referenced
         if is_referenced is was_referenced:
             return
-        held = self.held_target
+        retained = self.retained_target
         if self.compensation.is_stream:
             self.displace(keeps_branch=True)  # a stream keeps its offset
-        elif held is None:
+        elif retained is None:
             self.displace()
         else:
-            self._hold_target(held)
+            self._retain_target(retained)
             self.is_moving = False
         self.doubt_words()
         if is_referenced:
@@ -362,10 +362,10 @@ class Axis(AxisState):
         else:
             self.compensation.lose_reference()
 
-    def _hold_target(self, held: Held) -> None:
+    def _retain_target(self, retained: Retained) -> None:
         """Let the last target mean nothing, and its repeat move nothing."""
         self._happens(Happening.REFERENCE_CHANGED)
-        self.held = held
+        self.retained = retained
 
     def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:
         """Take note of the drive's homed bit, where it decides."""
@@ -613,12 +613,12 @@ class Axis(AxisState):
         if self.unproven is not self.pending:
             self.pending = None
 
-    def acknowledge(self, rendering: Rendering, now_ns: int = 0, losses: int | None = None) -> None:
+    def acknowledge(self, rendering: Rendering, now_ns: int = 0, epoch: int | None = None) -> None:
         """The drive acknowledged a target with its full native success, and goes there (M7).
 
-        ``losses``: of its field, when the target was sent.
+        ``epoch``: of its field, when the target was sent.
         """
-        self.fields[rendering.number].settle(rendering.nominal_words, rendering.corrected_words, losses)
+        self.fields[rendering.number].settle(rendering.nominal_words, rendering.corrected_words, epoch)
         self.heard_ns = now_ns
         if rendering.move is None:
             self.compensation.touch(now_ns)
@@ -655,7 +655,7 @@ class Axis(AxisState):
         Of a repeat it holds the same words in either case.
         """
         is_repeat = rendering.move is None and not rendering.is_distance
-        if is_repeat and (self.compensation.accepted is not None or self.whereabouts is Whereabouts.HELD):
+        if is_repeat and (self.compensation.accepted is not None or self.whereabouts is Whereabouts.RETAINED):
             return
         self.leave_run_unproven(rendering, now_ns)
         self.fields[rendering.number].forget()
@@ -712,12 +712,12 @@ class Axis(AxisState):
 
     def _obeyed(self, request: AxisRequest, now_ns: int) -> None:
         """The drive acknowledged a request in full (M7)."""
-        for image, nominal_words, corrected_words, losses in request.stagings:
-            image.settle(nominal_words, corrected_words, losses)
-        for part in request.held_parts:
-            part.image.hold(part.first, part.words, request.arrived_ns)
+        for image, nominal_words, corrected_words, epoch in request.stagings:
+            image.settle(nominal_words, corrected_words, epoch)
+        for part in request.buffered_parts:
+            part.image.buffer(part.first, part.words, request.arrived_ns)
         for rendering in (*request.targets, *request.runs):
-            self.acknowledge(rendering, now_ns, request.losses.get(rendering.number))
+            self.acknowledge(rendering, now_ns, request.epochs.get(rendering.number))
             self.tell_beginning()
         self._write_blindly(request, now_ns)
         if request.goes_unknown:
@@ -726,7 +726,7 @@ class Axis(AxisState):
         if command is None:
             return
         rules, action = self.rules, command.action
-        rules.note_words(dict(command.words), command.losses)
+        rules.note_words(dict(command.words), command.epoch)
         rules.note_coils(dict(command.coils))
         rules.doubt(dict.fromkeys(command.unclear_words, 0), {})
         for number in command.written:
@@ -736,14 +736,14 @@ class Axis(AxisState):
             self.last_run = action
             mode = None if command.number is None else rules.plan.mode(command.number)
             if mode is not None and mode.resets_to is not None:
-                rules.note_words({mode.address: mode.resets_to}, command.losses)
+                rules.note_words({mode.address: mode.resets_to}, command.epoch)
         if action in MOVES_OTHERWISE:
             self._move_otherwise(action, now_ns, is_certain=True)
         elif command.is_doubtful:
             self.displace(now_ns, keeps_branch=True)  # the reading counts on it already
         is_whole = not any(self.fields[number].is_torn for number in command.written)
         if command.written and is_whole:
-            self._release(command.losses)
+            self._release(command.epoch)
         if command.runs_alone and not request.is_run_known:
             self.displace(now_ns)
 
@@ -843,16 +843,16 @@ class Axis(AxisState):
 
     def lose_mode(self, address: int, code: int) -> None:
         """The writing of a mode register was lost."""
-        self.losses += 1
-        self.rules.lose_mode(address, code, self.losses)
+        self.epoch += 1
+        self.rules.lose_mode(address, code, self.epoch)
 
     def block_triggers(self, code: int, why: str, *, is_own: bool = True) -> None:
         """Refuse triggers from now on, and say why if they were not refused before.
 
         ``is_own``: for its own sake, not because another axis of the group was blocked (M11).
         """
-        self.losses += 1
-        self.blocked_at_loss = self.losses
+        self.epoch += 1
+        self.blocked_in_epoch = self.epoch
         if self.block is Block.NONE:
             self.block_code = code
             self.tell(EventKind.AXIS_BLOCKED, why)
@@ -862,9 +862,9 @@ class Axis(AxisState):
         """Go on to the block that the table says."""
         self.block = BLOCK_AFTER.get((self.block, event), self.block)
 
-    def _release(self, losses: int) -> None:
-        """A complete target was accepted; ``losses``: when it was sent."""
-        if losses < self.blocked_at_loss or self.block is Block.NONE:
+    def _release(self, epoch: int) -> None:
+        """A complete target was accepted; ``epoch``: when it was sent."""
+        if epoch < self.blocked_in_epoch or self.block is Block.NONE:
             return
         self._block_happens(BlockEvent.COMPLETED)
         self.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
@@ -873,9 +873,9 @@ class Axis(AxisState):
         """Report a frame that means something the register map does not know: once for the same contents."""
         words = dict(command.words)
         mode = None if command.number is None else self.rules.plan.mode(command.number)
-        held = None if mode is None else self.rules.word(mode.address)
-        if mode is not None and held is not None:
-            words.setdefault(mode.address, held)
+        word = None if mode is None else self.rules.word(mode.address)
+        if mode is not None and word is not None:
+            words.setdefault(mode.address, word)
         contents = tuple(sorted(words.items()))
         if self.told_unknown == contents:
             return
@@ -886,14 +886,14 @@ class Axis(AxisState):
 
     # --- a staged target that is written once more -----------------------------------------------------
 
-    def restage(self, rendering: Rendering, first: int, words: bytes, losses: int) -> None:
+    def restage(self, rendering: Rendering, first: int, words: bytes, epoch: int) -> None:
         """The drive acknowledged words of a staged target, from its word ``first`` on (M2)."""
         image = self.fields[rendering.number]
         if len(words) < len(rendering.corrected_words):
-            held = bytearray(image.corrected_words or bytes(len(rendering.corrected_words)))
-            held[2 * first : 2 * first + len(words)] = words
-            words = bytes(held)
-        image.settle(rendering.nominal_words, words, losses)
+            merged = bytearray(image.corrected_words or bytes(len(rendering.corrected_words)))
+            merged[2 * first : 2 * first + len(words)] = words
+            words = bytes(merged)
+        image.settle(rendering.nominal_words, words, epoch)
 
     def tell_restaged(self, count: int, now_ns: int) -> None:
         """Report restaging now and then: where an axis goes to and fro, every second move needs it."""
@@ -1224,7 +1224,7 @@ class Axis(AxisState):
             self.whereabouts = Whereabouts.MAY_HAVE_LEFT
         else:
             self.whereabouts = Whereabouts.ARRIVED if recalled.was_done_seen else Whereabouts.SEEN_THERE
-        self.unproven = self.held = None
+        self.unproven = self.retained = None
         self._send_off(state.at_ns if recalled.is_of_this_boot else 0)
         self.last_number = recalled.number
         if accepted is not None and recalled.knows_words:
