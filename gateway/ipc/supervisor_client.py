@@ -33,7 +33,7 @@ class _LocalConnection(http.client.HTTPConnection):
             connection.settimeout(self.timeout)
             connection.connect(str(self._path))
             check_owner(self._path, connection)
-        except BaseException:
+        except BaseException:  # also Ctrl-C: the socket may not stay open
             connection.close()
             raise
         self.sock = connection

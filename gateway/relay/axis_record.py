@@ -154,7 +154,7 @@ def _mapped(path: Path, name: str) -> tuple[int, mmap.mmap, str]:
             os.ftruncate(fd, 0)
         os.posix_fallocate(fd, 0, RECORD_SIZE)
         mapped = mmap.mmap(fd, RECORD_SIZE)
-    except BaseException:
+    except BaseException:  # whatever it was, the file may not stay open
         os.close(fd)
         raise
     mapped[: len(header(name))] = header(name)

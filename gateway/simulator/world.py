@@ -139,7 +139,7 @@ class World:
         try:
             self._exits.callback(self._ports.close)
             self.served = tuple([await self._serve(line) for line in self._plan.lines])
-        except BaseException:
+        except BaseException:  # also where it is cancelled: no endpoint may stay open
             await self._exits.aclose()
             raise
         return self

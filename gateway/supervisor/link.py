@@ -93,7 +93,7 @@ class Link:
             connection.setblocking(False)
             await asyncio.get_running_loop().sock_connect(connection, str(self._path))
             check_owner(self._path, connection)
-        except BaseException:
+        except BaseException:  # also where it is cancelled: the socket may not stay open
             connection.close()
             raise
         return await asyncio.open_unix_connection(sock=connection, limit=MAX_REPLY_BYTES)

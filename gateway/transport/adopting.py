@@ -84,7 +84,7 @@ class KeptSerial(serial.Serial):
             os.set_blocking(self.fd, False)
             self._reconfigure_port(force_update=True)  # type: ignore[attr-defined]
             termios.tcflush(self.fd, termios.TCIOFLUSH)
-        except BaseException:
+        except BaseException:  # whatever it was, the descriptor may not stay open
             self.close()
             raise
         self.is_open = True

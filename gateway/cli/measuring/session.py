@@ -168,7 +168,7 @@ class Session:
                 await link.set_mode(seen.needed_mode[1])
             await run.stops(stops)
         except BaseException as error:  # whatever it was, the axis must not go on by itself
-            with suppress(Exception):
+            with suppress(Exception):  # who shows it may be gone: the axis has to be stopped all the same
                 self._showing.end()
                 self._showing.say(f"stopping: {error}")
                 self._showing.happened("stopping", {"error": str(error)})
@@ -183,7 +183,7 @@ class Session:
             except LostAxisError:
                 await self._stop_anew(run)
         except MeasureError as second:
-            with suppress(Exception):
+            with suppress(Exception):  # nobody may be listening: what was raised says it as well
                 self._showing.happened("stop-failed", {"error": str(second), "may_move": run.may_move})
             if not run.may_move:
                 return

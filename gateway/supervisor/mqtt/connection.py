@@ -56,7 +56,7 @@ async def connected(settings: Settings) -> AsyncIterator[aiomqtt.Client]:
     except asyncio.CancelledError:
         await _say_goodbye(client, settings)
         raise
-    except Exception:
+    except Exception:  # whoever used it failed, whatever at: its socket may not stay open
         await _leave(client)
         raise
     await _leave(client)
