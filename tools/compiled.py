@@ -34,6 +34,8 @@ PATTERNS = (
     "relay/pacing.py",
     "relay/recorded.py",
     "relay/timed.py",
+    "transport/direct.py",
+    "transport/selector.py",
 )
 """What runs while a frame passes."""
 PLAIN = (

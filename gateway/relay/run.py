@@ -8,7 +8,6 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Coroutine, Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,6 +25,7 @@ from gateway.relay.gateway import Relay
 from gateway.relay.keeping import Keeping
 from gateway.relay.recorder import Recorder
 from gateway.relay.watchdog import Heart
+from gateway.transport.loop import RelayLoop
 
 SWITCH_INTERVAL_S: Final = 1e-4
 """How long another thread may keep the interpreter from the loop. There are only those which look up host
@@ -99,7 +99,7 @@ def run_relay(
         StartError: a listener, a port, the socket or the recording cannot be opened.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    with asyncio.Runner(loop_factory=_loop_factory()) as runner:
+    with asyncio.Runner(loop_factory=RelayLoop) as runner:
         log = LogThread(write)
         service = service or Service(ServiceManager())
         relay = Relay(plan, noting(log), state=state, recorder=recorder, keeping=service.keeping)
@@ -119,15 +119,6 @@ def noting(log: LogThread) -> Callable[[Note], None]:
             log.wake()
 
     return note
-
-
-def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop]:
-    """Take uvloop where it is installed; everything runs without it as well, a little slower."""
-    try:
-        factory: Callable[[], asyncio.AbstractEventLoop] = import_module("uvloop").new_event_loop
-    except ImportError:
-        return asyncio.new_event_loop
-    return factory
 
 
 async def _serve(
@@ -230,8 +221,7 @@ class _Log:
         self.say(events.STOPPING, lines=list(busy), detail=f"{waits}; a second signal ends at once")
 
     def plan(self, plan: GatewayPlan, loop: asyncio.AbstractEventLoop) -> None:
-        loop_name = type(loop).__module__.partition(".")[0]
-        self.say(events.STARTING, gateway=plan.name, loop=loop_name, compiled=is_compiled())
+        self.say(events.STARTING, gateway=plan.name, compiled=is_compiled())
         for line in plan.lines:
             controllers = [f"{link.plan.name} ({link.plan.role.value})" for link in line.controllers]
             self.say(events.LINE, line=line.name, drives=str(line.drives), controllers=controllers)

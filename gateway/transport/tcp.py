@@ -1,4 +1,4 @@
-"""TCP on both sides: raw asyncio protocols with one small buffer each.
+"""TCP on both sides: the relay's loop reads and writes sockets itself, others through raw asyncio protocols.
 
 A plain ``asyncio.Protocol`` makes the loop allocate 256 KiB for every read, which costs more than the rest of
 an exchange; a ``BufferedProtocol`` reads into memory that is there already.
@@ -16,16 +16,16 @@ from typing import Final, cast
 
 from gateway.clock import boot_ns
 from gateway.transport.channel import Receiver
+from gateway.transport.direct import RECEIVE_BYTES, DirectSocket
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.keeper import Keeper
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits, ConnectRate
+from gateway.transport.loop import RelayLoop
 from gateway.transport.permissions import is_permission, no_port
 from gateway.transport.places import SWEEP_S, Asking, Closing, Places
 from gateway.transport.stopping import stop_serving
 
-RECEIVE_BYTES: Final = 4096
-"""More than fifteen of the largest Modbus/TCP frames (260 bytes)."""
 CONNECT_TIMEOUT_S: Final = 3.0
 TCP_ESTABLISHED: Final = 1
 """``tcpi_state``, the first byte of ``struct tcp_info`` (``include/net/tcp_states.h`` of the kernel)."""
@@ -38,18 +38,29 @@ the new connection starts without the back-off that retransmission would have re
 
 
 class TcpChannel(asyncio.BufferedProtocol):
-    """One TCP connection; passes what it reads to ``receiver``."""
+    """One TCP connection; passes what it reads to ``receiver``.
+
+    On the relay's loop its bytes go past the transport (``transport.direct``), which keeps all the rest.
+    """
 
     wire_ns_per_byte = 0
 
     def __init__(self, receiver: Receiver) -> None:
         self._receiver = receiver
-        self._buffer = memoryview(bytearray(RECEIVE_BYTES))
+        self._loop = asyncio.get_running_loop()
+        self._buffer = memoryview(b"")
         self._transport: asyncio.Transport | None = None
         self._socket: socket.socket | None = None
+        self._direct: DirectSocket | None = None
+        self._why_broken_off = ""
+        self._bytes_received = 0
         self.peer = "?"
-        self.bytes_received = 0
-        self.lost: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self.lost: asyncio.Future[None] = self._loop.create_future()
+
+    @property
+    def bytes_received(self) -> int:
+        """How many bytes have come."""
+        return self._bytes_received if self._direct is None else self._direct.bytes_received
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See ``asyncio.BaseProtocol``."""
@@ -57,7 +68,14 @@ class TcpChannel(asyncio.BufferedProtocol):
         self.peer = _name(transport.get_extra_info("peername"))
         self._socket = transport.get_extra_info("socket")
         _tune(self._socket)
-        self._receiver.opened(self, boot_ns())
+        if not isinstance(self._loop, RelayLoop):
+            self._buffer = memoryview(bytearray(RECEIVE_BYTES))
+            self._receiver.opened(self, boot_ns())
+            return
+        self._transport.pause_reading()
+        self._direct = DirectSocket(self, self._socket.fileno(), self._loop.selector, self._receiver)
+        self._loop.add_reader(self._direct.descriptor, self._direct.readable)
+        self._receiver.opened(self._direct, boot_ns())
 
     def get_buffer(self, sizehint: int) -> memoryview:
         """See ``asyncio.BufferedProtocol``."""
@@ -66,30 +84,46 @@ class TcpChannel(asyncio.BufferedProtocol):
     def buffer_updated(self, nbytes: int) -> None:
         """See ``asyncio.BufferedProtocol``."""
         now_ns = boot_ns()
-        self.bytes_received += nbytes
+        self._bytes_received += nbytes
         self._receiver.received(bytes(self._buffer[:nbytes]), now_ns)
 
     def pause_writing(self) -> None:
         """Stop reading from a peer that does not take its replies, or they would fill the memory."""
-        if self._transport is not None and not self._transport.is_closing():
+        if self._direct is not None:
+            self._loop.remove_reader(self._direct.descriptor)
+        elif self._transport is not None and not self._transport.is_closing():
             self._transport.pause_reading()
 
     def resume_writing(self) -> None:
         """Go on reading."""
-        if self._transport is not None and not self._transport.is_closing():
+        if self._transport is None or self._transport.is_closing():
+            return
+        if self._direct is not None:
+            self._loop.add_reader(self._direct.descriptor, self._direct.readable)
+        else:
             self._transport.resume_reading()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """See ``asyncio.BaseProtocol``."""
+        self._stop_reading()
         self._transport = None
         if not self.lost.done():
             self.lost.set_result(None)
-        self._receiver.closed(str(exc) if exc else "connection closed", boot_ns())
+        why = self._why_broken_off or (str(exc) if exc else "connection closed")
+        self._receiver.closed(why, boot_ns())
 
     def write(self, data: bytes) -> None:
         """See ``Channel``."""
         if self._transport is not None and not self._transport.is_closing():
             self._transport.write(data)
+
+    def leave_over(self, data: bytes) -> None:
+        """See ``direct.Connection``."""
+        self.write(data)
+
+    def has_left_over(self) -> bool:
+        """See ``direct.Connection``."""
+        return self._transport is not None and self._transport.get_write_buffer_size() > 0
 
     def has_gone(self) -> bool:
         """See ``Channel``: a FIN or RST that has come counts, though it was not read yet."""
@@ -103,13 +137,26 @@ class TcpChannel(asyncio.BufferedProtocol):
 
     def close(self) -> None:
         """See ``Channel``."""
+        self._stop_reading()
         if self._transport is not None:
             self._transport.close()
 
     def abort(self) -> None:
         """Close at once; what was not sent yet is lost."""
+        self._stop_reading()
         if self._transport is not None:
             self._transport.abort()
+
+    def break_off(self, reason: str) -> None:
+        """See ``direct.Connection``."""
+        self._why_broken_off = reason
+        self.abort()
+
+    def _stop_reading(self) -> None:
+        """Leave the descriptor alone, before the transport closes it and it becomes another one's."""
+        if self._direct is not None:
+            self._direct.over()
+            self._loop.remove_reader(self._direct.descriptor)
 
 
 class _AcceptedChannel(TcpChannel):

@@ -17,6 +17,7 @@ from gateway.modbus.registers import PositionField, RegisterType
 from gateway.relay.gateway import Relay
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.loop import RelayLoop
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector, TcpListener
@@ -29,6 +30,11 @@ COMMAND, ACTUAL, OTHER = 100, 110, 200
 """Addresses: where a position is commanded, where it is reported, and registers that mean nothing to us."""
 QUICK = LineTiming(response_timeout_ms=20.0, drain_ms=5.0, turnaround_ms=1.0)
 Script = Callable[[bytes], bytes | None]
+
+
+def pytest_asyncio_loop_factories() -> dict[str, Callable[[], asyncio.AbstractEventLoop]]:
+    """The loop that a relay runs on."""
+    return {"relay": RelayLoop}
 
 
 def axis(compensation: CompensationMode = CompensationMode.ON) -> AxisPlan:

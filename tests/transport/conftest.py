@@ -10,12 +10,18 @@ import pytest
 from gateway.transport import memory
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.loop import RelayLoop
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector, TcpListener
 
 PATIENCE_S = 30.0
 Eventually = Callable[[Callable[[], bool]], Awaitable[None]]
+
+
+def pytest_asyncio_loop_factories() -> dict[str, Callable[[], asyncio.AbstractEventLoop]]:
+    """The loop of the relay, and that of everything else that opens connections and ports."""
+    return {"relay": RelayLoop, "asyncio": asyncio.new_event_loop}
 
 
 class Recorder:

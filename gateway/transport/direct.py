@@ -1,0 +1,127 @@
+"""Bytes of a TCP connection past its transport: read and written in one system call each.
+
+The transport of asyncio keeps the connection: it closes it, and takes what the system does not take at once.
+"""
+
+import os
+from typing import Final, Protocol
+
+from gateway.clock import boot_ns
+from gateway.transport.channel import Receiver
+from gateway.transport.selector import ENDED, RelaySelector
+
+_read: Final = os.read
+_write: Final = os.write
+RECEIVE_BYTES: Final = 4096
+"""More than fifteen of the largest Modbus/TCP frames (260 bytes)."""
+
+
+class Connection(Protocol):
+    """The connection whose bytes these are."""
+
+    @property
+    def peer(self) -> str:
+        """See ``Channel``."""
+        ...
+
+    def has_gone(self) -> bool:
+        """See ``Channel``."""
+        ...
+
+    def close(self) -> None:
+        """See ``Channel``."""
+        ...
+
+    def break_off(self, reason: str) -> None:
+        """End it at once; its receiver is told why, later."""
+        ...
+
+    def leave_over(self, data: bytes) -> None:
+        """Take what the system did not: it is sent as soon as it can be."""
+        ...
+
+    def has_left_over(self) -> bool:
+        """Whether something of it is not sent yet."""
+        ...
+
+
+class DirectSocket:
+    """A ``Channel`` over the descriptor of a connection, which ``selector`` watches."""
+
+    wire_ns_per_byte = 0
+
+    def __init__(
+        self,
+        connection: Connection,
+        descriptor: int,
+        selector: RelaySelector,
+        receiver: Receiver,
+    ) -> None:
+        self.peer = connection.peer
+        self.descriptor = descriptor
+        self.bytes_received = 0
+        self._connection = connection
+        self._selector = selector
+        self._is_reading = False
+        self._receiver = receiver
+        self._may_have_left_over = False
+        self._is_over = False
+
+    def readable(self) -> None:
+        """Read what is there and pass it on."""
+        try:
+            data = _read(self.descriptor, RECEIVE_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._end(str(error))
+            return
+        now_ns = boot_ns()
+        if not data:
+            self._is_over = True
+            self._connection.close()
+            return
+        self.bytes_received += len(data)
+        self._is_reading = True
+        try:
+            self._receiver.received(data, now_ns)
+        finally:
+            self._is_reading = False
+
+    def write(self, data: bytes) -> None:
+        """See ``Channel``."""
+        if self._is_over:
+            return
+        if self._may_have_left_over:
+            self._may_have_left_over = self._connection.has_left_over()
+        if not self._may_have_left_over:
+            try:
+                sent = _write(self.descriptor, data)
+            except BlockingIOError:
+                sent = 0
+            except OSError as error:
+                self._end(str(error))
+                return
+            if sent == len(data):
+                return
+            data = data[sent:]
+            self._may_have_left_over = True
+        self._connection.leave_over(data)
+
+    def has_gone(self) -> bool:
+        """See ``Channel``. While its bytes are worked on, the system has said so together with them."""
+        if self._is_reading:
+            return self._selector.said & ENDED != 0
+        return self._connection.has_gone()
+
+    def close(self) -> None:
+        """See ``Channel``."""
+        self._connection.close()
+
+    def over(self) -> None:
+        """Neither read nor write any more: the descriptor is about to be another one's."""
+        self._is_over = True
+
+    def _end(self, reason: str) -> None:
+        self._is_over = True
+        self._connection.break_off(reason)

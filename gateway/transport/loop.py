@@ -1,0 +1,62 @@
+"""The relay's loop: asyncio's, with a selector that works on the frames itself (``transport.selector``)."""
+
+import asyncio
+from collections.abc import Callable
+from contextvars import Context
+from functools import partial
+from typing import Any, TypeVarTuple, Unpack, cast
+
+from gateway.transport.selector import RelaySelector, Watcher
+
+_Ts = TypeVarTuple("_Ts")
+
+
+class RelayLoop(asyncio.SelectorEventLoop):
+    """A loop whose ``add_reader`` calls back without a turn of the loop.
+
+    What is added so runs inside ``select``, where no task is the current one: it must not block, as ever.
+    """
+
+    def __init__(self) -> None:
+        self.selector = RelaySelector()
+        self.selector.on_error = self._failed
+        super().__init__(self.selector)  # type: ignore[arg-type]
+
+    def add_reader(self, fd: Any, callback: Callable[[Unpack[_Ts]], object], *args: *_Ts) -> None:
+        """See ``asyncio``; also of a descriptor whose transport has paused its reading."""
+        watcher = partial(callback, *args) if args else callback
+        self.selector.watch(fd if isinstance(fd, int) else fd.fileno(), cast("Watcher", watcher))
+
+    def remove_reader(self, fd: Any) -> bool:
+        """See ``asyncio``."""
+        is_watched = self.selector.unwatch(fd if isinstance(fd, int) else fd.fileno())
+        return is_watched or super().remove_reader(fd)
+
+    def call_soon(
+        self,
+        callback: Callable[[Unpack[_Ts]], object],
+        *args: *_Ts,
+        context: Context | None = None,
+    ) -> asyncio.Handle:
+        """See ``asyncio``."""
+        self.selector.is_wanted = True
+        return super().call_soon(callback, *args, context=context)
+
+    def call_at(
+        self,
+        when: float,
+        callback: Callable[[Unpack[_Ts]], object],
+        *args: *_Ts,
+        context: Context | None = None,
+    ) -> asyncio.TimerHandle:
+        """See ``asyncio``."""
+        self.selector.is_wanted = True
+        return super().call_at(when, callback, *args, context=context)
+
+    def stop(self) -> None:
+        """See ``asyncio``."""
+        self.selector.is_wanted = True
+        super().stop()
+
+    def _failed(self, error: Exception) -> None:
+        self.call_exception_handler({"message": "a frame could not be worked on", "exception": error})

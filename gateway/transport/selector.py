@@ -1,0 +1,127 @@
+"""What the relay's loop waits with: descriptors whose bytes are worked on without a turn of the loop.
+
+A turn of asyncio's loop takes longer than the work on a frame does: a handle for each descriptor, a queue,
+two looks at the clock. Here a descriptor that is *watched* is worked on as soon as ``epoll_wait`` names it,
+inside ``select``, in which the loop waits; only what somebody else waits for makes ``select`` return. The
+descriptors that asyncio itself looks after are behind a descriptor of their own (epoll(7): one epoll may be
+watched by another), so both have their turn in the order in which the system names them.
+
+Public interfaces of the standard library only: asyncio takes any selector (``SelectorEventLoop``).
+"""
+
+import select
+import selectors
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from gateway.clock import boot_ns
+from gateway.times import NS_PER_S
+
+READABLE: Final[int] = select.EPOLLIN
+ENDED: Final[int] = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
+"""What the system says of a connection whose other end has closed or broken it off."""
+Watcher = Callable[[], object]
+"""Called when its descriptor can be read."""
+MOST_AT_ONCE: Final = 64
+"""Descriptors that one look names; the others are named by the next one, in their turn."""
+
+
+class RelaySelector:
+    """A selector of asyncio that works on watched descriptors by itself.
+
+    ``on_error`` gets what a watcher raises: it must not end the loop.
+    """
+
+    def __init__(self) -> None:
+        self._others = selectors.DefaultSelector()
+        self._others_fd: int = self._others.fileno()
+        self._epoll = select.epoll()
+        self._epoll.register(self._others_fd, READABLE)
+        self._watchers: dict[int, Watcher] = {}
+        self.said = 0
+        """What the system has said of the descriptor that is worked on (epoll_ctl(2))."""
+        self.is_wanted = False
+        """Whether the loop has something to do that it had not when it began to wait."""
+        self.on_error: Callable[[Exception], None] = _raise
+
+    def watch(self, descriptor: int, watcher: Watcher) -> None:
+        """Call ``watcher`` whenever a descriptor can be read, or was hung up; in place of any before it."""
+        if descriptor not in self._watchers:
+            self._epoll.register(descriptor, READABLE | select.EPOLLRDHUP)
+        self._watchers[descriptor] = watcher
+
+    def unwatch(self, descriptor: int) -> bool:
+        """Watch a descriptor no more; to be called before it is closed. Return whether it was watched."""
+        if self._watchers.pop(descriptor, None) is None:
+            return False
+        self._epoll.unregister(descriptor)
+        return True
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """See ``selectors``: wait until there is work for the loop, or for ``timeout`` seconds."""
+        self.is_wanted = False
+        wait_s = -1.0
+        end_ns = 0
+        if timeout is not None:
+            wait_s = max(0.0, timeout)
+            if wait_s:
+                end_ns = boot_ns() + int(wait_s * NS_PER_S)
+        others_fd, watchers, poll = self._others_fd, self._watchers, self._epoll.poll
+        while True:
+            found = poll(wait_s, MOST_AT_ONCE)
+            is_others = False
+            for descriptor, said in found:
+                if descriptor == others_fd:
+                    is_others = True
+                    continue
+                watcher = watchers.get(descriptor)
+                if watcher is not None:  # else somebody before it in this list has closed it
+                    self.said = said
+                    try:
+                        watcher()
+                    except Exception as error:  # noqa: BLE001, as asyncio does with its own callbacks
+                        self.on_error(error)
+            if is_others:
+                return self._others.select(0)
+            if self.is_wanted or not found or not wait_s:
+                return []
+            if wait_s > 0.0:
+                wait_s = (end_ns - boot_ns()) / NS_PER_S
+                if wait_s <= 0.0:
+                    return []
+
+    # --- what asyncio looks after itself ---------------------------------------------------------------
+
+    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
+        """See ``selectors``."""
+        return self._others.register(fileobj, events, data)
+
+    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
+        """See ``selectors``."""
+        return self._others.unregister(fileobj)
+
+    def modify(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
+        """See ``selectors``."""
+        return self._others.modify(fileobj, events, data)
+
+    def fileno(self) -> int:
+        """Return the descriptor that can be read when something can be done."""
+        return self._epoll.fileno()
+
+    def get_key(self, fileobj: Any) -> selectors.SelectorKey:
+        """See ``selectors``."""
+        return self._others.get_key(fileobj)
+
+    def get_map(self) -> Mapping[Any, selectors.SelectorKey]:
+        """See ``selectors``."""
+        return self._others.get_map()
+
+    def close(self) -> None:
+        """See ``selectors``."""
+        self._watchers.clear()
+        self._epoll.close()
+        self._others.close()
+
+
+def _raise(error: Exception) -> None:
+    raise error
