@@ -144,7 +144,7 @@ async def _serve(
         loop.add_signal_handler(number, stop)
     loop.add_signal_handler(RELOADS, log.hangup)
     loop.set_exception_handler(log.unexpected)
-    log.plan(plan, loop)
+    log.plan(plan)
     await relay.start()
     log.ready(relay)
     relay.take_process()
@@ -220,7 +220,7 @@ class _Log:
             waits = f"waits up to {max(busy.values()):g} s for the exchange on {', '.join(busy)} to end"
         self.say(events.STOPPING, lines=list(busy), detail=f"{waits}; a second signal ends at once")
 
-    def plan(self, plan: GatewayPlan, loop: asyncio.AbstractEventLoop) -> None:
+    def plan(self, plan: GatewayPlan) -> None:
         self.say(events.STARTING, gateway=plan.name, compiled=is_compiled())
         for line in plan.lines:
             controllers = [f"{link.plan.name} ({link.plan.role.value})" for link in line.controllers]

@@ -9,7 +9,7 @@ def stop_serving(server: asyncio.Server) -> None:
     The loop makes the transport of an accepted connection in a task of its own. Where the server was closed
     before that task ran, it ends with an assertion that nobody sees, and the connection stays open, read by
     nobody (CPython, ``asyncio.Server._attach``). Every such task that there is by now runs before the server
-    is closed here; uvloop, which accepts in one go, has nothing to look after.
+    is closed here.
     """
     loop = asyncio.get_running_loop()
     for listening in server.sockets:

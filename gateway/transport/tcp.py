@@ -64,7 +64,7 @@ class TcpChannel(asyncio.BufferedProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See ``asyncio.BaseProtocol``."""
-        self._transport = cast("asyncio.Transport", transport)  # uvloop's are no subclass
+        self._transport = cast("asyncio.Transport", transport)
         self.peer = _name(transport.get_extra_info("peername"))
         self._socket = transport.get_extra_info("socket")
         _tune(self._socket)
@@ -429,8 +429,8 @@ def _tune(connection: socket.socket) -> None:
 def is_no_address_here(error: OSError) -> bool:
     """Whether listening failed because the machine does not have the address.
 
-    uvloop and asyncio up to Python 3.12 keep the system's number.  asyncio leaves such an address out from
-    Python 3.13 on, and where none is left its error has no number, which no other error here lacks.
+    Up to Python 3.12 asyncio keeps the system's number. From Python 3.13 on it leaves such an address out,
+    and where none is left its error has no number, which no other error here lacks.
     """
     return error.errno in (errno.EADDRNOTAVAIL, None)
 

@@ -1,8 +1,7 @@
 """One-shot timer with microsecond resolution on an absolute CLOCK_BOOTTIME deadline.
 
-The timers of asyncio round up to a millisecond (epoll_wait takes milliseconds), those of uvloop also fire
-up to a millisecond early. A timerfd is a descriptor that becomes readable at the very instant, so it serves
-for 3.5-character silences (1.75 ms) on both loops.
+The timers of asyncio round up to a millisecond (epoll_wait takes milliseconds). A timerfd is a descriptor
+that becomes readable at the very instant, so it serves for 3.5-character silences (1.75 ms).
 """
 
 import asyncio

@@ -84,7 +84,7 @@ class Connection(H11Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See ``asyncio.BaseProtocol``."""
-        transport = cast("asyncio.Transport", transport)  # uvloop's are no subclass
+        transport = cast("asyncio.Transport", transport)
         connection: socket.socket = transport.get_extra_info("socket")
         with contextlib.suppress(OSError):  # it has gone already
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
