@@ -25,10 +25,8 @@ C_RELAY: Final = "relay in C"
 SOCAT: Final = "socat"
 MODBUS_PROXY: Final = "modbus-proxy"
 PYMODBUS: Final = "pymodbus forwarder"
-UVLOOP: Final = "gateway, uvloop"
-ASYNCIO: Final = "gateway, asyncio"
-COMPILED: Final = "gateway compiled, uvloop"
-COMPILED_ASYNCIO: Final = "gateway compiled, asyncio"
+GATEWAY: Final = "gateway"
+COMPILED: Final = "gateway compiled"
 WITHOUT_TABLE: Final = ", no table"
 
 
@@ -94,10 +92,6 @@ def _socat(processes: Processes, tools: Tools, drive: int) -> Way:
     return Way.tcp(port)
 
 
-def _kind(*, has_uvloop: bool, is_compiled: bool) -> str:
-    return f"{'compiled-' if is_compiled else ''}{'uvloop' if has_uvloop else 'asyncio'}"
-
-
 def _modbus_proxy(processes: Processes, tools: Tools, drive: int) -> Way:
     port = free_port()
     program = tools.compared_python.with_name("modbus-proxy")
@@ -113,13 +107,13 @@ def _pymodbus(processes: Processes, tools: Tools, drive: int) -> Way:
     return Way.tcp(port)
 
 
-def _gateway(*, has_uvloop: bool, points: int = 201, is_compiled: bool = False) -> Start:
+def _gateway(*, points: int = 201, is_compiled: bool = False) -> Start:
     def start(processes: Processes, tools: Tools, drive: int) -> Way:
         port = free_port()
         setup = GatewaySetup((LineSetup((Controller(tcp_port=port),), drive_port=drive),), points=points)
-        name = f"gateway-{_kind(has_uvloop=has_uvloop, is_compiled=is_compiled)}-{points}"
+        name = f"gateway{'-compiled' if is_compiled else ''}-{points}"
         packages = tools.packages(is_compiled=is_compiled)
-        start_gateway(processes, name, setup, has_uvloop=has_uvloop, cpus=tools.relay_cpus, packages=packages)
+        start_gateway(processes, name, setup, cpus=tools.relay_cpus, packages=packages)
         return Way.tcp(port)
 
     return start
@@ -129,13 +123,10 @@ TCP_CANDIDATES: Final[dict[str, Start]] = {
     DIRECT: _direct,
     C_RELAY: _c_relay,
     SOCAT: _socat,
-    UVLOOP: _gateway(has_uvloop=True),
-    UVLOOP + WITHOUT_TABLE: _gateway(has_uvloop=True, points=0),
-    ASYNCIO: _gateway(has_uvloop=False),
-    ASYNCIO + WITHOUT_TABLE: _gateway(has_uvloop=False, points=0),
-    COMPILED: _gateway(has_uvloop=True, is_compiled=True),
-    COMPILED + WITHOUT_TABLE: _gateway(has_uvloop=True, points=0, is_compiled=True),
-    COMPILED_ASYNCIO: _gateway(has_uvloop=False, is_compiled=True),
+    GATEWAY: _gateway(),
+    GATEWAY + WITHOUT_TABLE: _gateway(points=0),
+    COMPILED: _gateway(is_compiled=True),
+    COMPILED + WITHOUT_TABLE: _gateway(points=0, is_compiled=True),
     MODBUS_PROXY: _modbus_proxy,
     PYMODBUS: _pymodbus,
 }
@@ -163,19 +154,16 @@ def _socat_on_ptys(processes: Processes, tools: Tools, cable: Cable) -> None:
     processes.start("socat-ptys", command, cpus=tools.relay_cpus)
 
 
-def gateway_on_ptys(
-    *, has_uvloop: bool, points: int = 201, baudrate: int = 115200, is_compiled: bool = False
-) -> StartOnPtys:
+def gateway_on_ptys(*, points: int = 201, baudrate: int = 115200, is_compiled: bool = False) -> StartOnPtys:
     """Return how the gateway is started between two serial ports."""
 
     def start(processes: Processes, tools: Tools, cable: Cable) -> None:
         near = (Controller(tty=cable.near.path),)
         line = LineSetup(near, drive_tty=cable.far.path, baudrate=baudrate)
-        kind = _kind(has_uvloop=has_uvloop, is_compiled=is_compiled)
-        name = f"gateway-ptys-{kind}-{points}-{baudrate}"
+        name = f"gateway-ptys{'-compiled' if is_compiled else ''}-{points}-{baudrate}"
         setup = GatewaySetup((line,), points=points)
         packages = tools.packages(is_compiled=is_compiled)
-        start_gateway(processes, name, setup, has_uvloop=has_uvloop, cpus=tools.relay_cpus, packages=packages)
+        start_gateway(processes, name, setup, cpus=tools.relay_cpus, packages=packages)
 
     return start
 
@@ -183,8 +171,7 @@ def gateway_on_ptys(
 PTY_CANDIDATES: Final[dict[str, StartOnPtys]] = {
     C_RELAY: _c_relay_on_ptys,
     SOCAT: _socat_on_ptys,
-    UVLOOP: gateway_on_ptys(has_uvloop=True),
-    UVLOOP + WITHOUT_TABLE: gateway_on_ptys(has_uvloop=True, points=0),
-    ASYNCIO: gateway_on_ptys(has_uvloop=False),
-    COMPILED: gateway_on_ptys(has_uvloop=True, is_compiled=True),
+    GATEWAY: gateway_on_ptys(),
+    GATEWAY + WITHOUT_TABLE: gateway_on_ptys(points=0),
+    COMPILED: gateway_on_ptys(is_compiled=True),
 }

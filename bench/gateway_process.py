@@ -14,26 +14,13 @@ from bench.places import BUILD, ROOT
 from bench.processes import Process, Processes, children, command_line, environment
 
 _MAIN: Final = "from gateway.cli.main import main; main()"
-_WITHOUT_UVLOOP: Final = "import sys; sys.modules['uvloop'] = None; "
-"""An import of a module that stands as None in ``sys.modules`` fails, as if it were not installed."""
 _RELAY_MODULE: Final = "gateway.relay"
 _SUPERVISOR_MODULE: Final = "gateway.supervisor"
-_RELAY: Final = f"import runpy; runpy.run_module('{_RELAY_MODULE}', run_name='__main__', alter_sys=True)"
 
 
 def gateway_command(*words: str | Path) -> list[str]:
     """Return the command line of ``pitch-gateway WORDS``."""
     return [sys.executable, "-c", _MAIN, *map(str, words)]
-
-
-def _serving_command(command: str, config: Path, *, has_uvloop: bool) -> list[str]:
-    """Return the command line of ``pitch-gateway COMMAND CONFIG``; ``command`` is ``relay`` or ``run``."""
-    if has_uvloop:
-        return gateway_command(command, config)
-    # The command ``relay`` becomes another program, which would find uvloop again: start that one here.
-    begin = _RELAY if command == "relay" else _MAIN
-    words = [config] if command == "relay" else [command, config]
-    return [sys.executable, "-c", _WITHOUT_UVLOOP + begin, *map(str, words)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +52,6 @@ def start_gateway(
     name: str,
     setup: GatewaySetup,
     *,
-    has_uvloop: bool = True,
     is_whole: bool = False,
     cpus: Iterable[int] | None = None,
     packages: Path = ROOT,
@@ -81,7 +67,7 @@ def start_gateway(
     is_alone = not is_whole and has_command("relay")
     _ask(gateway_command("check", *(["--compile"] if is_alone else []), config))
     command = "relay" if is_alone else "run"
-    words = _serving_command(command, config, has_uvloop=has_uvloop)
+    words = gateway_command(command, config)
     return Gateway(processes.start(name, words, cpus=cpus, packages=packages), config, command)
 
 

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Final
 
@@ -34,7 +33,6 @@ def versions(compared_python: Path) -> Facts:
     facts = [
         ("pitch-gateway", f"{gateway.__version__}{_commit()}"),
         ("Python", f"{platform.python_implementation()} {platform.python_version()}"),
-        ("uvloop", _installed("uvloop")),
         ("gcc", _said("gcc", "-dumpfullversion")),
         ("socat", _socat()),
     ]
@@ -82,12 +80,6 @@ def _line(path: str) -> str:
     with contextlib.suppress(OSError):
         return Path(path).read_text().strip()
     return "unknown"
-
-
-def _installed(package: str) -> str:
-    with contextlib.suppress(metadata.PackageNotFoundError):
-        return metadata.version(package)
-    return "not installed"
 
 
 def _said(*command: str) -> str:

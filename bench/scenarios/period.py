@@ -8,7 +8,7 @@ from functools import partial
 from itertools import pairwise
 from typing import Final
 
-from bench.candidates import DIRECT, SOCAT, TCP_CANDIDATES, UVLOOP, Start, Tools, free_port
+from bench.candidates import DIRECT, GATEWAY, SOCAT, TCP_CANDIDATES, Start, Tools, free_port
 from bench.context import Bench
 from bench.figures import Round, Series, ratio
 from bench.gateway_process import refusal, start_gateway
@@ -21,7 +21,7 @@ from bench.results import Goal, Section, latency_table
 
 TITLE: Final = "A command every 2 ms"
 PERIOD_US: Final = 2000
-FIFO: Final = UVLOOP + ", fifo"
+FIFO: Final = GATEWAY + ", fifo"
 RELAY_PRIORITY: Final = 50
 ENDS_PRIORITY: Final = 60
 """Controller and drive keep better time than what is measured; where that is allowed."""
@@ -65,7 +65,7 @@ def _goals(found: dict[str, _Condition], refused: str) -> list[Goal]:
         series, quiet = pick(found[BUSY]), pick(found[QUIET])
         if FIFO not in series:
             return Goal(what, 0.4, None, remark=f"no real-time scheduling: {refused}")
-        idle, without = ratio(quiet, FIFO, SOCAT, "p999"), ratio(series, UVLOOP, SOCAT, "p999")
+        idle, without = ratio(quiet, FIFO, SOCAT, "p999"), ratio(series, GATEWAY, SOCAT, "p999")
         remark = f"on {QUIET}: {idle}; without fifo: {without}"
         return Goal(what, 0.4, ratio(series, FIFO, SOCAT, "p999"), remark=remark)
 
@@ -80,7 +80,7 @@ def _goals(found: dict[str, _Condition], refused: str) -> list[Goal]:
 
 def _measured(bench: Bench, condition: str, refused: str) -> _Condition:
     with Processes() as processes:
-        starts: dict[str, Start] = {name: TCP_CANDIDATES[name] for name in (DIRECT, SOCAT, UVLOOP)}
+        starts: dict[str, Start] = {name: TCP_CANDIDATES[name] for name in (DIRECT, SOCAT, GATEWAY)}
         if not refused:
             starts[FIFO] = partial(_fifo_gateway, bench)
         priority = 0 if refused else ENDS_PRIORITY

@@ -5,13 +5,12 @@ from functools import partial
 from typing import Final
 
 from bench.candidates import (
-    ASYNCIO,
     C_RELAY,
     COMPILED,
     DIRECT,
+    GATEWAY,
     PTY_CANDIDATES,
     SOCAT,
-    UVLOOP,
     Cable,
     free_port,
     socat_program,
@@ -71,7 +70,7 @@ def _goals(what: str, by_placement: dict[str, Series], to: str) -> list[Goal]:
         remark = f"{ANYWHERE}: {ratio(by_placement[ANYWHERE], of, to)}"
         return Goal(name, 1.1, ratio(by_placement[ON_ONE], of, to), remark=remark)
 
-    return [goal(f"{what}, compiled", COMPILED), goal("… not compiled", UVLOOP)]
+    return [goal(f"{what}, compiled", COMPILED), goal("… not compiled", GATEWAY)]
 
 
 def _rtu_series(bench: Bench, placement: str, cpus: Cpus) -> Series:
@@ -96,7 +95,7 @@ def _mixed_series(bench: Bench, placement: str, cpus: Cpus) -> Series:
         processes = stack.enter_context(Processes())
         ways: dict[str, Way] = {}
         fds: list[int] = []
-        for name in (C_RELAY, UVLOOP, ASYNCIO, COMPILED):
+        for name in (C_RELAY, GATEWAY, COMPILED):
             far, port = stack.enter_context(closing(Pty())), free_port()
             fds.append(far.master_fd)
             ways[name] = Way.tcp(port)
@@ -105,9 +104,9 @@ def _mixed_series(bench: Bench, placement: str, cpus: Cpus) -> Series:
                 processes.start("converting-relay-in-c", command, cpus=cpus)
                 continue
             setup = GatewaySetup((LineSetup((Controller(tcp_port=port),), drive_tty=far.path),))
-            label = f"gateway-tcp-to-rtu-{name.replace(', ', '-').replace(' ', '-')}"
+            label = f"{name.replace(' ', '-')}-tcp-to-rtu"
             packages = bench.tools(cpus).packages(is_compiled=name == COMPILED)
-            start_gateway(processes, label, setup, has_uvloop=name != ASYNCIO, cpus=cpus, packages=packages)
+            start_gateway(processes, label, setup, cpus=cpus, packages=packages)
         start_drive(processes, bench.programs, [f"fd:{fd}" for fd in fds], fds=fds, cpus=cpus)
         return _measured(bench, f"{MIXED_TITLE}, {placement}", ways, cpus)
 

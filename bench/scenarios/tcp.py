@@ -4,15 +4,13 @@ from functools import partial
 from typing import Final
 
 from bench.candidates import (
-    ASYNCIO,
     COMPILED,
-    COMPILED_ASYNCIO,
     DIRECT,
+    GATEWAY,
     MODBUS_PROXY,
     PYMODBUS,
     SOCAT,
     TCP_CANDIDATES,
-    UVLOOP,
 )
 from bench.context import ANYWHERE, ON_ONE, Bench, Cpus
 from bench.errors import BenchError
@@ -74,7 +72,7 @@ def _prove(bench: Bench, name: str, way: Way, drive: int) -> None:
     """See that a candidate does what it is measured for: with a table the drive gets corrected positions."""
     bench.meter.run(way, Load(PROOF_WRITES, warmup=0))
     nominal = PROOF_COUNTS
-    has_table = name in {UVLOOP, ASYNCIO, COMPILED, COMPILED_ASYNCIO}
+    has_table = name in {GATEWAY, COMPILED}
     wanted = nominal + (round(COUNTS_PER_MM * forward_mm(nominal / COUNTS_PER_MM)) if has_table else 0)
     found = holding(drive, COMMAND)
     if abs(found - wanted) > has_table:
@@ -89,14 +87,12 @@ def goals(judged: Series, free: Series) -> list[Goal]:
         return Goal(what, limit, added_ratio(judged, of, to), by, remark)
 
     return [
-        goal("TCP→TCP added median, compiled, on uvloop ÷ socat's", 1.0, COMPILED, SOCAT, Judged.LOW),
+        goal("TCP→TCP added median, compiled ÷ socat's", 1.0, COMPILED, SOCAT, Judged.LOW),
         goal("… ÷ modbus-proxy's", 0.3, COMPILED, MODBUS_PROXY),
         goal("… ÷ a pymodbus forwarder's", 0.2, COMPILED, PYMODBUS),
-        goal("TCP→TCP added median, compiled, on plain asyncio ÷ socat's", 1.3, COMPILED_ASYNCIO, SOCAT),
-        goal("TCP→TCP added median, not compiled, on uvloop ÷ socat's", 1.0, UVLOOP, SOCAT, Judged.LOW),
-        goal("… ÷ modbus-proxy's", 0.3, UVLOOP, MODBUS_PROXY),
-        goal("… ÷ a pymodbus forwarder's", 0.2, UVLOOP, PYMODBUS),
-        goal("TCP→TCP added median, not compiled, on plain asyncio ÷ socat's", 1.3, ASYNCIO, SOCAT),
+        goal("TCP→TCP added median, not compiled ÷ socat's", 3.0, GATEWAY, SOCAT),
+        goal("… ÷ modbus-proxy's", 0.3, GATEWAY, MODBUS_PROXY),
+        goal("… ÷ a pymodbus forwarder's", 0.2, GATEWAY, PYMODBUS),
     ]
 
 

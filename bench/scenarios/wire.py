@@ -7,7 +7,7 @@ from operator import attrgetter
 from statistics import median
 from typing import Final
 
-from bench.candidates import DIRECT, UVLOOP, Cable, gateway_on_ptys
+from bench.candidates import DIRECT, GATEWAY, Cable, gateway_on_ptys
 from bench.context import Bench
 from bench.figures import Interval, Round, Series, over_rounds
 from bench.gateway_process import has_command
@@ -22,7 +22,7 @@ from gateway.simulator.pty import Pty
 TITLE: Final = "RTU on serial wires"
 BAUDRATES: Final = (9600, 38400, 115200)
 ROUNDS: Final = 5
-WIRES: Final = {DIRECT: 1, UVLOOP: 2}
+WIRES: Final = {DIRECT: 1, GATEWAY: 2}
 
 
 def run(bench: Bench) -> Section:
@@ -78,10 +78,10 @@ def _series(bench: Bench, baudrate: int) -> tuple[Series, Budget | None]:
         direct, near, far = wire(), wire(), wire()
         # The gateway's ports: the far end of the controller's wire, the near end of the drive's.
         middle = Cable(near.far, far.near)
-        gateway_on_ptys(has_uvloop=True, baudrate=baudrate)(processes, bench.tools(None), middle)
+        gateway_on_ptys(baudrate=baudrate)(processes, bench.tools(None), middle)
         drives = [f"tty:{direct.far.path}", f"tty:{far.far.path}"]
         start_drive(processes, bench.programs, drives)
-        ways = {DIRECT: Way.tty(direct.near.path), UVLOOP: Way.tty(near.near.path)}
+        ways = {DIRECT: Way.tty(direct.near.path), GATEWAY: Way.tty(near.near.path)}
         count = bench.effort.of(60, 20) * (1 if baudrate < 20_000 else 4)
         load = Load(count, warmup=2)
 
