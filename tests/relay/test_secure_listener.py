@@ -16,25 +16,24 @@ from pymodbus.client import AsyncModbusTlsClient
 
 from gateway.modbus.mbap import encode_mbap
 from gateway.transport.certificates import ROLE_OID
+from gateway.transport.loop import RelayLoop
 from tests.certificates import Shop, client_context
 from tests.relay.secure_site import CORRECTED, READ, WRITE, WRITTEN, Site, ask
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools
 
-LOOPS = ["asyncio", "uvloop"]
+LOOPS = {"relay": RelayLoop, "asyncio": asyncio.new_event_loop}
 Scenario = Callable[["Site"], Coroutine[Any, Any, None]]
 
 
 def on(loop: str, tools: "Tools", folder: Path, scenario: Scenario) -> None:
-    factory = pytest.importorskip("uvloop").new_event_loop if loop == "uvloop" else asyncio.new_event_loop
-
     async def run() -> None:
         bench = tools.bench()
         async with bench.stack:
             await scenario(Site(tools, bench, folder))
 
-    with asyncio.Runner(loop_factory=factory) as runner:
+    with asyncio.Runner(loop_factory=LOOPS[loop]) as runner:
         runner.run(run())
 
 

@@ -3,8 +3,6 @@
 import asyncio
 import itertools
 
-import pytest
-
 from gateway.clock import boot_ns
 from gateway.transport.timer import Timer
 
@@ -122,10 +120,3 @@ async def test_a_closed_timer_is_silent_and_may_be_closed_again() -> None:
     await other.first()
     witness.close()
     assert closed.times_ns == []
-
-
-def test_it_runs_on_uvloop_too() -> None:
-    uvloop = pytest.importorskip("uvloop")
-    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        runner.run(test_it_fires_once_and_never_early())
-        runner.run(test_a_deadline_moved_later_holds())
