@@ -6,7 +6,7 @@ usage() {
     cat <<'TEXT'
 usage: environment.sh [options] FOLDER
 
-Makes a virtual environment with pitch-gateway and uvloop in FOLDER, which must not exist: bin/python3 and
+Makes a virtual environment with pitch-gateway in FOLDER, which must not exist: bin/python3 and
 bin/pitch-gateway, and below share/ the systemd units, udev rules, man pages and completions of this release.
 The checkout that this script stands in is what is installed, with the packages of deploy/requirements.txt; each
 is checked by its hash. Its hot path is compiled where there is a C compiler and Python.h.
@@ -145,7 +145,6 @@ build_wheel() {
     wheel=$(echo "$work"/wheel/*.whl)
 }
 
-# A relay without uvloop is slower over TCP: it is among the requirements.
 install_packages() {
     install_into "$folder" --require-hashes -r "$source_folder/deploy/requirements.txt"
     [ -n "$wheel" ] || build_wheel

@@ -12,7 +12,7 @@ flock 9
 
 venv=${VENV:-.venv}
 packages=("$@") space_mb=150
-[ $# != 0 ] || { packages=(--editable '.[dev,docs,uvloop]'); space_mb=700; }
+[ $# != 0 ] || { packages=(--editable '.[dev,docs]'); space_mb=700; }
 stamp=$venv/.ready           # what it was made for, once it is whole
 unfinished=$venv/.unfinished # there until then, in one that is made anew
 

@@ -35,7 +35,7 @@ def main() -> None:
     pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
     project = pyproject["project"]
     python = ("--python-version", project["requires-python"].removeprefix(">="))
-    run(*LOCK, RUN, *python, "--extra", "uvloop", "pyproject.toml")
+    run(*LOCK, RUN, *python, "pyproject.toml")
     needs = subprocess.run(
         [sys.executable, "tools/compiled.py", "--needs"], capture_output=True, text=True, check=True, cwd=ROOT
     ).stdout.splitlines()

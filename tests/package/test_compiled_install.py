@@ -35,7 +35,7 @@ def test_pip_compiles_in_an_environment_that_was_empty(with_compiler: BareDebian
     # It builds in isolation: what the compiling needs is what the hook says that it needs.
     said = with_compiler.does(
         f"{WORK} PIP_NO_INDEX=1 PIP_FIND_LINKS=/wheels PITCH_GATEWAY_COMPILED=1 && python3 -m venv /env && "
-        "/env/bin/pip install --quiet '/src[uvloop]' && /env/bin/pitch-gateway --version"
+        "/env/bin/pip install --quiet /src && /env/bin/pitch-gateway --version"
     )
     assert said == COMPILED
     assert list((with_compiler.folder / "var/tmp/work").iterdir()) == []

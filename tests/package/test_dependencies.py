@@ -107,7 +107,7 @@ def wanted(path: Path) -> list[str]:
     parsed = tomllib.loads(PYPROJECT)
     project: dict[str, Any] = parsed["project"]
     if path == RUN:
-        return [*project["dependencies"], *project["optional-dependencies"]["uvloop"]]
+        return list(project["dependencies"])
     if path == RELEASE:
         return list(project["optional-dependencies"]["release"])
     needs = subprocess.run(

@@ -30,7 +30,7 @@ def build_editable(folder, settings=None, metadata=None):
     name = "small-1-py3-none-any.whl"
     with zipfile.ZipFile(f"{folder}/{name}", "w") as wheel:
         wheel.writestr("small-1.dist-info/METADATA", "Metadata-Version: 2.1\\nName: small\\nVersion: 1\\n"
-                       "Provides-Extra: dev\\nProvides-Extra: docs\\nProvides-Extra: uvloop\\n")
+                       "Provides-Extra: dev\\nProvides-Extra: docs\\n")
         wheel.writestr("small-1.dist-info/WHEEL", "Wheel-Version: 1.0\\nRoot-Is-Purelib: true\\n"
                        "Tag: py3-none-any\\n")
         wheel.writestr("small-1.dist-info/RECORD", "")
