@@ -72,7 +72,7 @@ def test_the_site_is_built_without_a_warning_and_has_every_page(site: Path) -> N
 def test_every_word_can_be_searched_for(site: Path) -> None:
     index = (site / "searchindex.js").read_text(encoding="utf-8")
     assert index.startswith("Search.setIndex(")
-    for word in ("leadscrew", "backlash", "uvloop"):
+    for word in ("leadscrew", "backlash", "watchdog"):
         assert word in index
 
 
