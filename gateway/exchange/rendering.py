@@ -277,8 +277,10 @@ def _measured(axis: Axis, actual: Actual) -> Place:
         return Place(actual.counts, PlaceKind.MEASURED)
     if axis.whereabouts not in ON_BRANCH:
         return Place(actual.counts, PlaceKind.ON_DRIVE)
-    if axis.whereabouts is Whereabouts.UNDER_WAY and not axis.is_at_target(actual.counts):
-        return Place(actual.counts, PlaceKind.ON_WAY)  # nobody knows where it set out
+    # Nobody knows where it set out: a reading that still fades from there is no position, at its target neither.
+    fades = axis.compensation.readback.fade is not None
+    if axis.whereabouts is Whereabouts.UNDER_WAY and (fades or not axis.is_at_target(actual.counts)):
+        return Place(actual.counts, PlaceKind.ON_WAY)
     return Place(axis.nominal_of(actual.counts), PlaceKind.MEASURED)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from tests.verify.designs import BY_NAME
 from tests.verify.explore import play
-from tests.verify.world import Happening
+from tests.verify.world import Happening, World
 
 ACK = ("drive", "ack")
 REFUSE = ("drive", "refuse")
@@ -16,9 +16,21 @@ ARRIVE = ("arrive", 0)
 RUN = ("ask", 0, "run", 0)
 
 
+READ = ("ask", 0, "read", 0)
+OBEY = ("drive", "obey")
+WAIT = ("wait",)
+KILL = ("kill",)
+
+
 def to(target: int, axis: int = 0) -> Happening:
     """The controller writes one of the targets of the world."""
     return ("ask", 0, "to", axis, target)
+
+
+def on_the_wire(world: World) -> bytes:
+    """The frame that the drive has and has not answered."""
+    assert world.state.wire is not None
+    return world.state.wire.pdu
 
 
 def test_a_beam_does_not_go_while_the_target_of_one_of_its_axes_is_lost() -> None:
@@ -97,3 +109,54 @@ def test_a_target_that_is_repeated_while_its_axis_is_on_its_way_keeps_its_branch
         ACK,  # 03 0520 0002 -> 23D5 0000: it has not moved yet
         ACK,  # 10 0606 0002 04 23D4 0000: forward to 9172, and not flagged
     )
+
+
+def test_a_reading_that_fades_from_an_assumed_start_decides_no_branch_in_the_window_of_its_target() -> None:
+    """M6: 9008 was obeyed and not acknowledged, 9007 lies a count beside it: the axis stands where it stood.
+
+    Its reading fades from 1:1, 9173, to 9007 within that count. Forward 9008 is 9173.12, backward 8937.09.
+    """
+    stands = (
+        ("jog", 0),
+        READ,
+        ACK,  # 03 0520 0002 -> 0BB9 0000: 3001
+        to(1),  # 10 0606 0002 04 2330 0000: 9008
+        OBEY,  # 10 0606 0002 04 23D5 0000: forward to 9173, not acknowledged
+        WAIT,
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
+        WAIT,
+        ACK,  # 03 0520 0002 -> 2364 0000: 9060, between the branches
+        ARRIVE,  # 10 0606 0002 04 235E 0000: half-way to 9054, flagged, lost; it stands at 9173
+        to(0),
+        WAIT,
+        ACK,  # 03 0520 0002 -> 23D5 0000
+        ACK,  # 10 0606 0002 04 23D4 0000: it has come there forward
+    )
+    world = play(BY_NAME["read-back"], *stands, to(1), ACK)  # 03 0520 0002 -> 23D5 0000
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D5 0000")  # not 22E9, as it was sent
+    assert world.is_sending_unsure()
+
+
+def test_a_gateway_that_was_killed_does_not_take_the_start_of_the_last_way_for_known() -> None:
+    """M6: its record keeps the fade of the reading, and not that it fades from a start that was assumed.
+
+    9007 is 9172.10 forward and 8936.08 backward, half-way 9054.09; 9019 half-way 9066.24.
+    """
+    stands = (
+        READ,
+        ACK,  # 03 0520 0002 -> 0000 0000
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
+        OBEY,  # 10 0606 0002 04 23D4 0000: forward to 9172, not acknowledged
+        ARRIVE,
+        KILL,
+        to(1),  # 10 0606 0002 04 233B 0000: 9019
+        ACK,  # 03 0520 0002 -> 23D4 0000
+        ACK,  # 10 0606 0002 04 236A 0000: half-way to 9066, flagged
+        KILL,
+        ACK,  # 03 0520 0002 -> 23D4 0000: it has not begun to move
+    )
+    world = play(BY_NAME["killed-near"], *stands, to(0))
+    if on_the_wire(world)[0] == 3:
+        world.happen(ACK)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 235E 0000")  # not 22E8, as it was sent
+    assert world.is_sending_unsure()

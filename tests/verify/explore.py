@@ -140,7 +140,7 @@ class Walk:
         """Take random steps from the start, again and again."""
         world, outcome, random = self.world, self.outcome, Random(seed)
         began = time.perf_counter()
-        first, trace = self._first, list[Happening]()
+        first, trace, known = self._first, list[Happening](), len(outcome.broken)
         for step in range(steps):
             if seconds and not step % LOOK_EVERY and time.perf_counter() - began > seconds:
                 break
@@ -157,6 +157,7 @@ class Walk:
                     break
                 world.restore(first, is_live_known=False)
                 trace = []
+        outcome.broken[known:] = [shortened(world.design, each) for each in outcome.broken[known:]]
         outcome.seconds += time.perf_counter() - began
         self._sum_up()
         return outcome
@@ -177,7 +178,7 @@ class Walk:
         return tuple(found)
 
     def _is_enough(self, what: str, trace: tuple[Happening, ...]) -> bool:
-        kind = "".join(each for each in what if not each.isdigit())
+        kind = _kind(what)
         self._whats[kind] += 1
         if self._whats[kind] == 1:
             self.outcome.broken.append(Broken(what, trace))
@@ -236,6 +237,48 @@ def replay(design: Design, trace: tuple[Happening, ...]) -> Iterator[str]:
             return
         yield from lines
         lines.clear()
+
+
+def shortened(design: Design, broken: Broken, *, passes: int = 6) -> Broken:
+    """Return a shorter trace to the same broken rule: events are left out, first many in a row, then few.
+
+    What is left may not be the shortest there is; leaving any one event or any two neighbours out mends it.
+    """
+    kind, world = _kind(broken.what), World(design)
+    first = world.keep()
+    best = broken
+    for _ in range(passes):
+        before, size = best, max(1, len(best.trace) // 2)
+        while size:
+            at = 0
+            while at < len(best.trace):
+                shorter = best.trace[:at] + best.trace[at + size :]
+                world.restore(first, is_live_known=False)
+                found = _broken_by(world, shorter)
+                if found is not None and _kind(found.what) == kind:
+                    best = found
+                else:
+                    at += 1
+            size = size // 2 if size > 3 else size - 1
+        if len(best.trace) == len(before.trace):
+            break
+    return best
+
+
+def _kind(what: str) -> str:
+    return "".join(each for each in what if not each.isdigit())
+
+
+def _broken_by(world: World, trace: tuple[Happening, ...]) -> Broken | None:
+    """Play a trace as far as a rule breaks; None where it cannot happen, or breaks none."""
+    for count, event in enumerate(trace, 1):
+        if event not in world.happenings():
+            return None
+        try:
+            world.happen(event)
+        except BrokenRuleError as violation:
+            return Broken(str(violation), trace[:count])
+    return None
 
 
 def _listen(world: World, tell: Callable[[str], None]) -> None:

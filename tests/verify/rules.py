@@ -11,7 +11,7 @@ from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import COMMANDED, RUN, RUN_RELATIVE, STATUS, STOP, TRIGGER
 
 if TYPE_CHECKING:
-    from tests.verify.world import Aim, Asked, Axis, Belief, Run, Side, Wire, World
+    from tests.verify.world import Aim, Asked, Axis, Belief, Run, Side, Tried, Wire, World
 
 ROUNDING: Final = 0.5 + 1e-6
 ONE_COUNT: Final = 1.0 + 1e-6
@@ -115,9 +115,27 @@ def _others(half: bytes) -> int:
 
 
 def _note_tried(world: "World", number: int, pdu: bytes, aim: "Aim") -> None:
+    from tests.verify.world import Tried
+
     axes = list(world.state.axes)
-    axes[number] = axes[number]._replace(tried=(aim.nominal_counts, int(COMMAND.unpack(pdu[6:10]))))
+    axis, end_counts = axes[number], int(COMMAND.unpack(pdu[6:10]))
+    made = _made_with(axis, aim, aim.nominal_counts, end_counts)
+    tried = Tried(aim.nominal_counts, end_counts, made.table, made.state, made.is_gain_half)
+    axes[number] = axis._replace(tried=tried)
     world.state = world.state._replace(axes=tuple(axes))
+
+
+def _made_with(axis: "Axis", aim: "Aim", nominal: int, end: int) -> "Aim | Run | Tried":
+    """Return what the words of a target were made with: a repeat keeps those of an older correction (M4)."""
+    for before in (aim.tried, axis.run):
+        if before is not None and (before.nominal_counts, before.end_counts) == (nominal, end):
+            return before
+    return aim
+
+
+def _is_tried(aim: "Aim", nominal: int, end: int) -> bool:
+    tried = aim.tried
+    return tried is not None and (tried.nominal_counts, tried.end_counts) == (nominal, end)
 
 
 def _is_frame_of(frame: bytes, request: bytes) -> bool:
@@ -187,6 +205,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
         is_lost,
         base,
         _arrived(axis),
+        axis.tried,
     )
 
 
@@ -232,7 +251,8 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
         )
     is_certain = aim.base is None or aim.base[1]
     is_unsure = aim.is_unsure or not is_certain
-    return Run(nominal, end, False, is_unsure, aim.table, aim.state, is_gain_half=aim.is_gain_half)
+    made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
+    return Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
 
 
 def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
@@ -251,7 +271,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
                 f"the same target {nominal} again moves the drive from {run.end_counts} to {end} (0, M4)"
             )
     if aim.state in PASSING:
-        if end != nominal and (nominal, end) != axis.tried and not aim.is_lost:
+        if end != nominal and not _is_tried(aim, nominal, end) and not aim.is_lost:
             raise BrokenRuleError(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
         return
     _judge_branch(world, axis, end, aim, nominal)
@@ -298,6 +318,8 @@ def _judge_branch(
     if aim.is_unsure:
         if is_forward or is_backward or abs(end - (forward + backward) / 2) <= tolerance:
             return
+        if _is_tried(aim, nominal, end):
+            return  # the drive may hold these words: given again they are the same (M4)
         raise BrokenRuleError(
             f"target {nominal} becomes {end}: {forward:.2f} or {backward:.2f} would be right (1)"
         )

@@ -122,6 +122,8 @@ class Aim(NamedTuple):
     """Of a distance: where it starts in nominal counts, and whether that is certain."""
     arrived: "Run | None" = None
     """The motion at whose end it stood, as it was told."""
+    tried: "Tried | None" = None
+    """The target that nobody had acknowledged until then."""
 
 
 class Wire(NamedTuple):
@@ -168,6 +170,17 @@ class Belief(NamedTuple):
         return value - (1 << 32) if value >> 31 else value
 
 
+class Tried(NamedTuple):
+    """A target that was sent and not acknowledged: the drive may hold it."""
+
+    nominal_counts: int
+    end_counts: int
+    table: int
+    state: str
+    is_gain_half: bool
+    """With the two before: the correction that made these words, which may be an older one (M4)."""
+
+
 class Run(NamedTuple):
     """The last motion to a target."""
 
@@ -200,8 +213,8 @@ class Axis(NamedTuple):
     run: Run | None = None
     is_seen_undone: bool = False
     """It stood while somebody was told that it is not done."""
-    tried: tuple[int, int] | None = None
-    """The last target on its way that was not acknowledged, and where it leads."""
+    tried: Tried | None = None
+    """The last target on its way that was not acknowledged."""
 
 
 class State(NamedTuple):

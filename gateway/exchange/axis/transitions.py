@@ -1064,6 +1064,8 @@ class Axis(AxisState):
         accepted = self.compensation.accepted
         assert accepted is not None
         if self.is_at_target(actual.counts):
+            if self.whereabouts is _UNDER_WAY and self.compensation.readback.fade is not None:
+                return  # the reading still fades from a start that nobody knew: it may have stood there before
             happening = Happening.THERE
         elif abs(actual.counts - accepted.corrected_counts) <= self.plan.settings.max_correction_counts:
             happening = Happening.NEAR
@@ -1219,11 +1221,13 @@ class Axis(AxisState):
         if accepted is None:
             self.whereabouts = Whereabouts.STOPPED
         elif not is_at_target:
-            self.whereabouts = Whereabouts.SET_OUT
+            self.whereabouts = _UNDER_WAY  # a record does not say how well the start of the way was known
         elif recalled.may_have_left:
             self.whereabouts = Whereabouts.MAY_HAVE_LEFT
+        elif recalled.was_done_seen:
+            self.whereabouts = _ARRIVED
         else:
-            self.whereabouts = Whereabouts.ARRIVED if recalled.was_done_seen else Whereabouts.SEEN_THERE
+            self.whereabouts = Whereabouts.SEEN_THERE if fade is None else _UNDER_WAY
         self.unproven = self.retained = None
         self._send_off(state.at_ns if recalled.is_of_this_boot else 0)
         self.last_number = recalled.number
