@@ -277,7 +277,7 @@ def _measured(axis: Axis, actual: Actual) -> Place:
         return Place(actual.counts, PlaceKind.MEASURED)
     if axis.whereabouts not in ON_BRANCH:
         return Place(actual.counts, PlaceKind.ON_DRIVE)
-    # Nobody knows where it set out: a reading that still fades from there is no position, at its target neither.
+    # Nobody knows where it set out: a reading that still fades from there is no position, nor at its target.
     fades = axis.compensation.readback.fade is not None
     if axis.whereabouts is Whereabouts.UNDER_WAY and (fades or not axis.is_at_target(actual.counts)):
         return Place(actual.counts, PlaceKind.ON_WAY)

@@ -1065,7 +1065,7 @@ class Axis(AxisState):
         assert accepted is not None
         if self.is_at_target(actual.counts):
             if self.whereabouts is _UNDER_WAY and self.compensation.readback.fade is not None:
-                return  # the reading still fades from a start that nobody knew: it may have stood there before
+                return  # the reading still fades from a start that nobody knew: it may have stood there
             happening = Happening.THERE
         elif abs(actual.counts - accepted.corrected_counts) <= self.plan.settings.max_correction_counts:
             happening = Happening.NEAR
