@@ -183,10 +183,10 @@ class _Reading:
     def meaning(self) -> Meaning | None:
         if not (self.commands or self.words or self.unclear or self.coils or self.sets_position):
             return None
-        following = self._unknown_following()
+        deed = min(self._deeds(), key=_rank, default=NOTHING_DONE)
+        following = None if deed.action is Action.STOP else self._unknown_following()
         if following is not None:
             return self._meaning(Action.UNKNOWN, None, needs_word=following)
-        deed = min(self._deeds(), key=_rank, default=NOTHING_DONE)
         if deed.action is Action.FOLLOW_NEXT:
             deed = Deed(Action.FOLLOW) if self.commands else NOTHING_DONE
         if not deed.action.runs_target:
