@@ -1,0 +1,65 @@
+"""Why a line rests (W6), walked: each thing that can happen, in each state."""
+
+from collections.abc import Callable
+from itertools import product
+from typing import Final
+
+import pytest
+
+from gateway.exchange.plan import LineTiming
+from gateway.exchange.rest import Rest
+
+MS: Final = 1_000_000
+WALK: Final = """
+                not        turnaround silence    owed
+turnaround      turnaround turnaround turnaround turnaround
+drain           silence    silence    silence    silence
+end             not        not        not        not
+link-lost-busy  owed       owed       owed       owed
+link-lost-idle  not        not        not        not
+link-up         .          .          .          silence
+"""
+"""By hand, from W6; a dot where nothing changes."""
+STEPS: Final[dict[str, Callable[[Rest], None]]] = {
+    "turnaround": lambda rest: rest.turn_around(10 * MS),
+    "drain": lambda rest: rest.drain(10 * MS),
+    "end": lambda rest: rest.end(),
+    "link-lost-busy": lambda rest: rest.break_off(owes_silence=True),
+    "link-lost-idle": lambda rest: rest.break_off(owes_silence=False),
+    "link-up": lambda rest: rest.resume(10 * MS),
+}
+REACHED: Final[dict[str, Callable[[Rest], None]]] = {
+    "not": lambda rest: None,
+    "turnaround": lambda rest: rest.turn_around(0),
+    "silence": lambda rest: rest.drain(0),
+    "owed": lambda rest: rest.owe(),
+}
+
+
+def kind(rest: Rest) -> str:
+    """What of a rest can be seen from outside."""
+    if rest.until_ns is None:
+        return "owed" if rest.owes_silence else "not"
+    assert rest.is_draining is rest.owes_silence
+    return "silence" if rest.is_draining else "turnaround"
+
+
+@pytest.mark.parametrize(("state", "step"), list(product(REACHED, STEPS)))
+def test_each_step_leads_from_each_state_to_the_one_that_the_rule_says(state: str, step: str) -> None:
+    head, *rows = (line.split() for line in WALK.strip("\n").splitlines())
+    [after] = [cells[1:][head.index(state)] for cells in rows if cells[0] == step]
+    rest = Rest(LineTiming(drain_ms=50.0, turnaround_ms=100.0))
+    REACHED[state](rest)
+    assert kind(rest) == state
+    STEPS[step](rest)
+    assert kind(rest) == (state if after == "." else after)
+
+
+def test_a_silence_that_is_disturbed_begins_anew_but_not_for_ever() -> None:
+    rest = Rest(LineTiming(drain_ms=50.0))
+    rest.drain(0)
+    ends = []
+    for now_ms in (40, 80, 120, 149):
+        rest.disturb(now_ms * MS)
+        ends.append(rest.until_ns)
+    assert ends == [90 * MS, 130 * MS, 150 * MS, 150 * MS]  # three times 50 ms at most
