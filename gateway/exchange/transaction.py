@@ -342,7 +342,8 @@ class Endings:
         else:
             for rewriting in transaction.rewritings:
                 _finish_axes(rewriting, outcome, code, now_ns)
-        self._answer(transaction, code, answer)
+        if answer is not Answer.NOTHING:
+            self._answer(transaction, code, answer)
 
     def reply(self, transaction: Transaction, pdu: bytes) -> None:
         """Give the controller its reply, if it still waits for one."""
@@ -361,25 +362,26 @@ class Endings:
         is worked out, unless the same frame also reads positions, which that state turns back.
         """
         self._counters.note_reply(reply)
-        if not transaction.rewritings:
+        rewritings = transaction.rewritings
+        if not rewritings:
             self.reply(transaction, reply)
             unit = self._unit_of(transaction.unit_id)
             note_discrete(unit, transaction.pdu, reply, transaction.sent_ns)
             return
-        for rewriting in transaction.rewritings:
-            is_acknowledged = outcome is Outcome.ACKNOWLEDGED
-            if is_acknowledged and rewriting.access.read_quantity:
+        is_acknowledged = outcome is Outcome.ACKNOWLEDGED
+        for rewriting in rewritings:
+            is_read = rewriting.access.read_quantity > 0
+            if is_acknowledged and is_read:
                 _finish_axes(rewriting, outcome, code, now_ns)
                 self.reply(transaction, turned_back(rewriting, reply))
             else:
                 passed = reply_without_positions(rewriting, reply, is_acknowledged=is_acknowledged)
                 self.reply(transaction, passed)
                 _finish_axes(rewriting, outcome, code, now_ns)
-            self._counters.unmapped_reads += rewriting.reads_unmapped
+            if is_read:
+                self._counters.unmapped_reads += rewriting.reads_unmapped
 
     def _answer(self, transaction: Transaction, code: int, answer: Answer) -> None:
-        if answer is Answer.NOTHING:
-            return
         port = transaction.port
         if answer is not Answer.ABSENCE:
             self._counters.note_refusal(None if port is None else port.plan.name)

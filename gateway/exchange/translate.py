@@ -529,10 +529,22 @@ def outcome_of(rewriting: Rewriting, reply: bytes) -> tuple[Outcome, int]:
 
 
 def reply_without_positions(rewriting: Rewriting, reply: bytes, *, is_acknowledged: bool) -> bytes:
-    """Return what the controller gets for a reply that carries no positions."""
+    """Return what the controller gets for a reply that carries no positions (W4).
+
+    An acknowledgement becomes the echo that belongs to its own request. What is none passes untouched; of a
+    request that was sent in another form, as an exception in the form that was asked.
+    """
+    pdu = rewriting.request.frame.pdu
+    asked, sent = pdu[0], rewriting.sent_pdu[0]
     if is_acknowledged:
-        return _native_echo(rewriting.request.frame.pdu, reply)
-    return _foreign_reply(rewriting, reply)
+        if asked == FunctionCode.WRITE_MULTIPLE_REGISTERS:
+            return pdu[:5]
+        is_echoed = asked in (FunctionCode.WRITE_SINGLE_REGISTER, FunctionCode.MASK_WRITE_REGISTER)
+        return pdu if is_echoed else reply
+    if asked == sent:
+        return reply
+    is_refusal = len(reply) == 2 and is_exception(reply)
+    return exception_pdu(asked, reply[1] if is_refusal else ExceptionCode.SERVER_DEVICE_FAILURE)
 
 
 def _acknowledges(rewriting: Rewriting, reply: bytes) -> bool:
@@ -547,24 +559,6 @@ def _acknowledges(rewriting: Rewriting, reply: bytes) -> bool:
     if sent[0] in (FunctionCode.WRITE_MULTIPLE_REGISTERS, FunctionCode.WRITE_MULTIPLE_COILS):
         return reply == sent[:5]
     return reply == sent
-
-
-def _foreign_reply(rewriting: Rewriting, reply: bytes) -> bytes:
-    """Pass what is no acknowledgement untouched; of a recast request, in the form that was asked (W4)."""
-    asked, sent = rewriting.request.frame.pdu[0], rewriting.sent_pdu[0]
-    if asked == sent:
-        return reply
-    is_refusal = len(reply) == 2 and is_exception(reply)
-    return exception_pdu(asked, reply[1] if is_refusal else ExceptionCode.SERVER_DEVICE_FAILURE)
-
-
-def _native_echo(request: bytes, reply: bytes) -> bytes:
-    """Give the controller the echo that belongs to its own request."""
-    if request[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS:
-        return request[:5]
-    if request[0] in (FunctionCode.WRITE_SINGLE_REGISTER, FunctionCode.MASK_WRITE_REGISTER):
-        return request
-    return reply
 
 
 def turned_back(rewriting: Rewriting, reply: bytes) -> bytes:
