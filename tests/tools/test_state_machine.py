@@ -105,11 +105,11 @@ def test_make_docs_names_a_state_that_has_no_place(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     layout = state_machine.WHEREABOUTS_LAYOUT
-    nodes = {name: place for name, place in layout.nodes.items() if name != "held"}
+    nodes = {name: place for name, place in layout.nodes.items() if name != "retained"}
     monkeypatch.setattr(state_machine, "WHEREABOUTS_LAYOUT", replace(layout, nodes=nodes))
     monkeypatch.setattr(sys, "argv", ["docs"])
     assert docs.main() == 1
-    said = "state-machine-whereabouts.svg: the layout has no place for the state held\n"
+    said = "state-machine-whereabouts.svg: the layout has no place for the state retained\n"
     assert capsys.readouterr().err == said
 
 
