@@ -28,13 +28,14 @@ from gateway.compensation.moves import (
     is_reversing,
     map_in_force,
 )
-from gateway.compensation.readback import Fade, Readback, after_target
+from gateway.compensation.readback import Fade, Readback, after_target, reached
 from gateway.compensation.settings import AxisSettings, OutsideKind, Setpoints
 from gateway.counts import Counts
 from gateway.times import NS_PER_MS
 
 _new: Final = tuple.__new__
 """Makes a named tuple of its fields in their order, for half the price of naming its class."""
+FORWARD: Final = Direction.FORWARD
 JUST_BELOW: Final = 1.0 - 1e-6
 """A distance of exactly the hysteresis must count as one, whatever floating point makes of it."""
 
@@ -48,12 +49,20 @@ class AxisCompensation:
     def __init__(self, settings: AxisSettings) -> None:
         self.settings = settings
         self._hysteresis = settings.hysteresis * JUST_BELOW
-        self.state = State()
-        self.readback = Readback(settings.counts_per_unit, settings.zero_counts)
-        self.accepted: Accepted | None = None
-        """None when nothing was commanded yet, or nobody knows what the drive holds."""
-        self.way = (0.0, 0.0)
-        """Corrected counts between which the axis moves for the last accepted target, lower one first."""
+        self._state = State()
+        self._readback = Readback(settings.counts_per_unit, settings.zero_counts)
+        self._accepted: Accepted | None = None
+        self._way = (0.0, 0.0)
+        self._steps = 0
+        """Targets of a run: accepted since these four were worked out, each going on from the one before."""
+        self._from_nominal: Counts = 0
+        self._from_corrected: Counts = 0
+        """The last target but one of the run."""
+        self._to_nominal: Counts = 0
+        self._to_corrected: Counts = 0
+        """The last one."""
+        self._position = self._extreme = 0.0
+        self._at_ns = 0
         self._wanted = NOTHING
         self._wanted_distance = settings.reload_distance
         self._standing_counts: Counts | None = None
@@ -67,6 +76,34 @@ class AxisCompensation:
         self._counts_per_unit, self._zero_counts = settings.counts_per_unit, settings.zero_counts
         self._refuses_outside = settings.outside.kind is OutsideKind.REFUSE
         self._lowest, self._highest = settings.corrected_bounds
+
+    @property
+    def state(self) -> State:
+        """What the last accepted target left behind."""
+        if self._steps:
+            self._end_run()
+        return self._state
+
+    @property
+    def readback(self) -> Readback:
+        """What a reading means."""
+        if self._steps:
+            self._end_run()
+        return self._readback
+
+    @property
+    def accepted(self) -> Accepted | None:
+        """The last accepted target; None: nothing was commanded yet, or nobody knows what the drive holds."""
+        if self._steps:
+            self._end_run()
+        return self._accepted
+
+    @property
+    def way(self) -> tuple[float, float]:
+        """Corrected counts between which the axis moves for the last accepted target, lower one first."""
+        if self._steps:
+            self._end_run()
+        return self._way
 
     def take_limits(self, settings: AxisSettings) -> None:
         """Take the limits of other settings that are the same in everything else."""
@@ -133,7 +170,7 @@ class AxisCompensation:
     def _stand_on(self, offset: float) -> None:
         """Let a mere offset be in force, whole."""
         spec = CorrectionSpec(offset=offset) if offset else NOTHING
-        self.state = self.state._replace(spec=spec, previous=None, change=1.0)
+        self._state = self.state._replace(spec=spec, previous=None, change=1.0)
         self._measure_change()
         self._note_steadiness()
 
@@ -146,19 +183,20 @@ class AxisCompensation:
         self.begin_anew()
         if not self.is_stream or state.position is None:
             return
-        self.state = state
+        self._state = state
         self._stand_on(self.map_of(state).correction(state.position))
-        self.readback = Readback(
+        self._readback = Readback(
             self._counts_per_unit, self._zero_counts, self.map_of(self.state), anchor_counts
         )
 
     def begin_anew(self) -> None:
         """Pass 1:1 from now on, and want nothing: where the axis is has nothing to do with where it was."""
-        self.state = State()
-        self.accepted = None
+        self._steps = 0
+        self._state = State()
+        self._accepted = None
         self._wanted = NOTHING
         self._standing_counts = None
-        self.readback = Readback(self._counts_per_unit, self._zero_counts)
+        self._readback = Readback(self._counts_per_unit, self._zero_counts)
         self._note_steadiness()
 
     def find_reference(self, spec: CorrectionSpec) -> None:
@@ -168,13 +206,15 @@ class AxisCompensation:
         """
         if self.settings.setpoints is Setpoints.TARGETS or self.state.position is None:
             approach = Direction(self.settings.home_approach)
-            self.state = State(travel=Travel(approach, 0.0), progress=approach.goal)
+            self._state = State(travel=Travel(approach, 0.0), progress=approach.goal)
         self.want(spec)
         self._note_steadiness()
 
     def forget_target(self) -> None:
         """Nobody knows any more which target the drive holds; the next one is never taken for a repeat."""
-        self.accepted = None
+        if self._steps:
+            self._end_run()
+        self._accepted = None
 
     @property
     def is_seen(self) -> bool:
@@ -185,7 +225,7 @@ class AxisCompensation:
         """Note where the drive says it is: a fade begins there, and one that has ended there is over."""
         self._standing_counts = actual_counts
         if self.readback.is_faded_out(actual_counts):
-            self.readback = self.readback.without_fade()
+            self._readback = self.readback.without_fade()
 
     def again(self) -> Move:
         """Return the last accepted target as a move: the same correction, and nothing changes with it."""
@@ -196,7 +236,7 @@ class AxisCompensation:
 
     def touch(self, now_ns: int) -> None:
         """Note that the same setpoint came again: a blend by time stands still meanwhile."""
-        self.state = self.state._replace(at_ns=now_ns)
+        self._state = self.state._replace(at_ns=now_ns)
 
     def plan(self, nominal_counts: Counts, place: Place | None, now_ns: int) -> Move:
         """Work out what a target becomes. Nothing changes until :meth:`commit`.
@@ -243,18 +283,18 @@ class AxisCompensation:
         is_blind = seen is None and has_target and not is_reached and not self.is_stream
         if is_blind:  # it may be anywhere on the way before
             low, high = min(low, self.way[0]), max(high, self.way[1])
-        self.way = (low, high)
+        self._way = (low, high)
         target = Accepted(move.nominal_counts, corrected_counts)
         is_there = has_target and standing == before
-        self.readback = after_target(
+        self._readback = after_target(
             self.readback, move.correction_map, target, standing, is_at_target=is_there
         )
         goes_on = self._goes_on(move)
         is_other = move.state.spec is not self.state.spec
-        self.state = move.state
+        self._state = move.state
         if is_other:  # something else may have been asked for while it was on its way
             self._measure_change()
-        self.accepted = target
+        self._accepted = target
         self._standing_counts = None
         if not goes_on:
             self._note_steadiness()
@@ -269,40 +309,52 @@ class AxisCompensation:
             now_ns: monotonic time.
             is_reached: the last accepted target is known to be reached.
         """
-        state, accepted = self.state, self.accepted
-        position = (nominal_counts - self._zero_counts) / self._counts_per_unit
-        if accepted is not None and accepted[0] == nominal_counts:
+        accepted, position = self._accepted, (nominal_counts - self._zero_counts) / self._counts_per_unit
+        has_target, last_counts = accepted is not None, self._to_nominal
+        if not self._steps:
+            direction, extreme = self._state.travel
+            if accepted is not None:
+                last_counts = accepted.nominal_counts
+        else:
+            direction, extreme = self._state.travel.direction, self._extreme
+        if has_target and last_counts == nominal_counts:
             return None
-        direction, extreme = state.travel
         slack = self._hysteresis
         if not self.is_stream:
-            if accepted is None or not is_reached:
+            if not (has_target and is_reached):
                 return None
-            extreme, slack = self.machine_position(accepted.nominal_counts), 0.0
-        behind = extreme - position if direction is Direction.FORWARD else position - extreme
-        if behind > 0.0 and behind >= slack:
-            return None
+            extreme, slack = (last_counts - self._zero_counts) / self._counts_per_unit, 0.0
+        behind = extreme - position if direction is FORWARD else position - extreme
+        if behind > 0.0:
+            if behind >= slack:
+                return None
+        else:
+            extreme = position
         if self._refuses_outside and not self._is_covered(position):
             return None
         correction_map = self._steady_map
         if correction_map.is_identity:
-            return nominal_counts, 0.0, position, now_ns, state, correction_map
+            return nominal_counts, 0.0, position, extreme, now_ns, self._state, correction_map
         correction = correction_map.correction(position)
         if not self._lowest <= position + correction <= self._highest:
             return None
-        return nominal_counts, correction * self._counts_per_unit, position, now_ns, state, correction_map
+        counts = correction * self._counts_per_unit
+        return nominal_counts, counts, position, extreme, now_ns, self._state, correction_map
 
     def move_of(self, steady: SteadyMove) -> Move:
         """Return a steady move with the state that accepting it leads to, as :meth:`plan` would."""
-        nominal_counts, correction_counts, position, now_ns, before, correction_map = steady
-        direction, extreme = before.travel
+        nominal_counts, correction_counts, position, extreme, now_ns, before, correction_map = steady
+        state = self._state_after(before, position, extreme, now_ns)
+        return _new(Move, (nominal_counts, correction_counts, correction_map, state))
+
+    def _state_after(self, before: State, position: float, extreme: float, now_ns: int) -> State:
+        """Return what a target leaves behind that goes on in its direction."""
         is_stream = self.is_stream
-        is_further = position >= extreme if direction is Direction.FORWARD else position <= extreme
-        state = _new(
+        return _new(
             State,
             (
                 position,
-                _new(Travel, (direction, position)) if is_further or not is_stream else before.travel,
+                _new(Travel, (before.travel.direction, extreme)),
                 before.progress,
                 before.spec,
                 None,
@@ -312,10 +364,55 @@ class AxisCompensation:
                 now_ns,
             ),
         )
-        return _new(Move, (nominal_counts, correction_counts, correction_map, state))
+
+    def go_on(self, steady: SteadyMove, corrected_counts: Counts, *, is_reached: bool) -> None:
+        """Take a steady move as accepted by the drive, as :meth:`commit` would, for a fraction of its time.
+
+        What it leaves behind is worked out when somebody asks for it, of the last target of the run: what the
+        others left behind would be gone by then.
+
+        Args:
+            steady: as :meth:`plan_steady` returned it.
+            corrected_counts: what the drive was sent.
+            is_reached: as of :meth:`commit`.
+        """
+        nominal_counts, _, position, extreme, now_ns, before, correction_map = steady
+        accepted = self._accepted
+        if (
+            accepted is None
+            or not self.is_steady
+            or before is not self._state
+            or correction_map is not self._steady_map
+            or not (self._standing_counts is None or is_reached)
+        ):
+            self.commit(self.move_of(steady), corrected_counts, is_reached=is_reached)
+            return
+        if self._steps:
+            self._from_nominal, self._from_corrected = self._to_nominal, self._to_corrected
+        else:
+            self._from_nominal, self._from_corrected = accepted
+        self._to_nominal, self._to_corrected = nominal_counts, corrected_counts
+        self._position, self._extreme, self._at_ns = position, extreme, now_ns
+        self._standing_counts = None
+        self._steps += 1
+
+    def _end_run(self) -> None:
+        """Work out what the last target of a run has left behind."""
+        steps, self._steps = self._steps, 0
+        correction_map, before = self._steady_map, self._readback
+        from_corrected, corrected = self._from_corrected, self._to_corrected
+        if steps > 1:
+            before = reached(before, correction_map, Accepted(self._from_nominal, from_corrected))
+        self._state = self._state_after(self._state, self._position, self._extreme, self._at_ns)
+        self._accepted = Accepted(self._to_nominal, corrected)
+        self._readback = after_target(
+            before, correction_map, self._accepted, from_corrected, is_at_target=True
+        )
+        is_up = from_corrected < corrected
+        self._way = (from_corrected, corrected) if is_up else (corrected, from_corrected)
 
     def _is_covered(self, position: float) -> bool:
-        curve = self.state.spec.curve
+        curve = self._state.spec.curve
         return curve is None or curve.covers(position)
 
     def _goes_on(self, move: Move) -> bool:
@@ -346,7 +443,9 @@ class AxisCompensation:
 
     def accept_again(self, target: Accepted) -> None:
         """The axis stands at a target that the drive accepted before: what was sent since did not run."""
-        self.accepted = target
+        if self._steps:
+            self._end_run()
+        self._accepted = target
 
     def resume(
         self,
@@ -357,10 +456,11 @@ class AxisCompensation:
         way: tuple[float, float],
     ) -> None:
         """Go on where another run of the gateway left off; what is wanted stays."""
-        self.state = state
-        self.accepted = accepted
-        self.way = way
-        self.readback = Readback(
+        self._steps = 0
+        self._state = state
+        self._accepted = accepted
+        self._way = way
+        self._readback = Readback(
             self._counts_per_unit, self._zero_counts, self.map_of(state), anchor_counts, fade
         )
         self._standing_counts = None

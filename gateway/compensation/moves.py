@@ -55,9 +55,10 @@ class Move(NamedTuple):
     state: State
 
 
-SteadyMove = tuple[Counts, float, float, int, State, CorrectionMap]
-"""A move that changes nothing but the position: nominal and correction counts, nominal machine position, time
-in ns, the state before it, the map. A plain tuple, for one is made for each setpoint; see ``move_of``."""
+SteadyMove = tuple[Counts, float, float, float, int, State, CorrectionMap]
+"""A move that changes nothing but the position: nominal and correction counts, nominal machine position, the
+furthest one of its travel, time in ns, the state before it (position, furthest one and time of which may be
+older), the map. A plain tuple, for one is made for each setpoint; see ``move_of``."""
 
 
 class Accepted(NamedTuple):

@@ -78,6 +78,24 @@ class Readback(NamedTuple):
         return self._replace(fade=None)
 
 
+def reached(previous: Readback, correction_map: CorrectionMap, target: Accepted) -> Readback:
+    """Return the readback of an axis that has gone all the way to a target: no fade is left of it."""
+    counts_per_unit, zero_counts = previous.counts_per_unit, previous.zero_counts
+    end, anchor = _end_and_anchor(previous, correction_map, target)
+    return Readback(counts_per_unit, zero_counts, correction_map, anchor, None, end)
+
+
+def _end_and_anchor(
+    previous: Readback, correction_map: CorrectionMap, target: Accepted
+) -> tuple[float, float]:
+    """Return the nominal machine position at a target, and what rounding made of its counts."""
+    counts_per_unit, zero_counts = previous.counts_per_unit, previous.zero_counts
+    nominal_counts, corrected_counts = target
+    corrected = (corrected_counts - zero_counts) / counts_per_unit
+    end, correction = correction_map.solve(corrected, (nominal_counts - zero_counts) / counts_per_unit)
+    return end, (corrected_counts - nominal_counts) - correction * counts_per_unit
+
+
 def after_target(
     previous: Readback,
     correction_map: CorrectionMap,
@@ -96,11 +114,8 @@ def after_target(
         is_at_target: that is exactly where the target of ``previous`` was.
     """
     counts_per_unit, zero_counts = previous.counts_per_unit, previous.zero_counts
-    nominal_counts, corrected_counts = target
-    corrected = (corrected_counts - zero_counts) / counts_per_unit
-    end, correction = correction_map.solve(corrected, (nominal_counts - zero_counts) / counts_per_unit)
-    anchor = (corrected_counts - nominal_counts) - correction * counts_per_unit
-    if standing_counts == corrected_counts:
+    end, anchor = _end_and_anchor(previous, correction_map, target)
+    if standing_counts == target.corrected_counts:
         return Readback(counts_per_unit, zero_counts, correction_map, anchor, None, end)
     if is_at_target and previous.end is not None and correction_map is previous.correction_map:
         # The same place through the same map, where a fade has ended: nothing needs to be solved again.

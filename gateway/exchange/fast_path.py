@@ -199,7 +199,7 @@ class WritePath(FastPath):
     def settle(self, transaction: Transaction, now_ns: int) -> None:
         """See ``FastPath``."""
         assert transaction.target is not None
-        self._axis.acknowledge(transaction.rendering(), now_ns, transaction.target[3])
+        self._axis.acknowledge_steady(self._number, transaction.target, now_ns)
         if self._axis.record is not None:
             self._axis.conclude()
 

@@ -15,12 +15,10 @@ from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Final
 
-from gateway.compensation.moves import SteadyMove
 from gateway.compensation.readback import Readback
-from gateway.counts import Counts
 from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import AddedFrame
-from gateway.exchange.axis.events import Outcome
+from gateway.exchange.axis.events import Outcome, SteadyTarget
 from gateway.exchange.axis.state import Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.counters import LineCounters
@@ -87,11 +85,6 @@ class Answer(Enum):
     """An exception on TCP, silence on a serial line: the drive cannot be had."""
     NOTHING = "nothing"
     """It does not wait for it any more."""
-
-
-Target = tuple[bytes, bytes, Counts, int, SteadyMove | None]
-"""A target on the fast path: nominal and corrected words, corrected counts, epoch of its field when it was
-sent, and what accepting it means (None for a repeat). A plain tuple: one is made for each setpoint."""
 
 
 class FastPath:
@@ -163,7 +156,7 @@ class Transaction:
     known: Known | None = None
     path: FastPath | None = None
     """The fast path on which it was sent; None: it went the slow one."""
-    target: Target | None = None
+    target: SteadyTarget | None = None
     """What it carries on the fast path."""
     readbacks: Sequence[Readback | None] = ()
     """Of each position that it reads, on the fast path: as they were when it was sent."""
@@ -232,7 +225,7 @@ class Transaction:
         """Note which frame of the gateway's own it needs first; None: none any more."""
         self.added = frame
 
-    def carry(self, path: FastPath, target: Target) -> None:
+    def carry(self, path: FastPath, target: SteadyTarget) -> None:
         """Note the target that it carries on a fast path."""
         self.path, self.target = path, target
 

@@ -17,6 +17,7 @@ from operator import attrgetter, is_
 from types import MemberDescriptorType, MethodType, ModuleType
 from typing import Any, Final, NamedTuple
 
+from gateway.compensation.axis import AxisCompensation
 from gateway.exchange.axis import transitions
 from gateway.exchange.axis.registers import Completeness
 from gateway.exchange.axis.state import HOMING
@@ -52,6 +53,12 @@ LEFT_OUT: Final = {
     "began": "what an event tells",
     "is_alarmed": "no world has an alarm bit",
     "_silent": "drives of whose silence was told",
+    "_from_nominal": "of a run of targets, which ends before a state is kept",
+    "_from_corrected": "the same",
+    "_to_nominal": "the same",
+    "_to_corrected": "the same",
+    "_position": "the same",
+    "_extreme": "the same",
 }
 """Attributes that are neither kept nor compared, by name."""
 NOT_COMPARED: Final = {
@@ -61,6 +68,7 @@ NOT_COMPARED: Final = {
     "_lost_ns": "counts only against requests that came before it: they are compared with it",
     "epoch": "counts only against what was sent before: that is compared with it",
     "blocked_in_epoch": "the same",
+    "_at_ns": "of a run of targets, which ends before a state is kept",
     "at_ns": "moves a blend by time only, which no world has",
     "transaction_id": "only the reply carries it",
     "started_ns": "figures of an exchange",
@@ -92,7 +100,7 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_steady_map": lambda each: each.is_steady,
 }
 """Attributes that count only while something else holds; else they are taken for nothing."""
-ONLY_OF_A_RECORD: Final = ("way",)
+ONLY_OF_A_RECORD: Final = ("_way",)
 """Attributes that only a record asks for: compared where axes have one."""
 DERIVED: Final[dict[str, Callable[[Any], Any]]] = {
     "silent_since_ns": lambda each: (
@@ -258,6 +266,7 @@ class Lens:
         self.met: set[str] = set()
         """Names of all attributes, also of those left out."""
         self._find_standing(roots, by_class)
+        self._compensations = [each for each in self.objects if isinstance(each, AxisCompensation)]
         self._kinds = Kinds(self._how)
         self._tokens_of: dict[Any, int] = {}
         self._frozen: dict[int, tuple[Any, Any]] = {}
@@ -318,6 +327,8 @@ class Lens:
 
     def take(self, now_ns: int) -> Snapshot:
         """Return the state as it is now."""
+        for compensation in self._compensations:
+            assert compensation.state is not None  # which ends a run of targets
         self._now = now_ns
         self._passing = {}
         self._passing_tokens = {}

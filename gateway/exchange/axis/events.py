@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
 
+from gateway.compensation.moves import SteadyMove
+from gateway.counts import Counts
 from gateway.drives.motion import Action
 from gateway.exchange.axis.registers import FieldImage
 from gateway.exchange.axis.state import Rendering
@@ -170,6 +172,11 @@ class Staging(NamedTuple):
     """None: what the drive holds is not known."""
     epoch: int
     """Of the field, when it was sent."""
+
+
+SteadyTarget = tuple[bytes, bytes, Counts, int, SteadyMove | None]
+"""A target on the fast path: nominal and corrected words, corrected counts, epoch of its field when it was
+sent, and what accepting it means (None for a repeat). A plain tuple: one is made for each setpoint."""
 
 
 class Part(NamedTuple):

@@ -26,6 +26,7 @@ from gateway.exchange.axis.events import (
     Outcome,
     Part,
     ReferenceEvent,
+    SteadyTarget,
 )
 from gateway.exchange.axis.hunting import MOST
 from gateway.exchange.axis.record import (
@@ -94,6 +95,7 @@ MOVES_OTHERWISE: Final = frozenset(
 # A member is looked up slowly, and these are asked for with each move.
 _UNDER_WAY: Final = Whereabouts.UNDER_WAY
 _SET_OUT: Final = Whereabouts.SET_OUT
+_STOPPED: Final = Whereabouts.STOPPED
 _ARRIVED: Final = Whereabouts.ARRIVED
 _NOTHING: Final = OnWire.NOTHING
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
@@ -625,22 +627,41 @@ class Axis(AxisState):
         else:
             self.go(rendering, rendering.move, now_ns)
 
+    def acknowledge_steady(self, number: int, target: SteadyTarget, now_ns: int) -> None:
+        """The same of a target on the fast path: it goes on in its direction, or is a repeat."""
+        nominal_words, corrected_words, corrected_counts, epoch, steady = target
+        self.fields[number].settle(nominal_words, corrected_words, epoch)
+        self.heard_ns = now_ns
+        compensation = self.compensation
+        if steady is None:
+            compensation.touch(now_ns)
+            return
+        was_seen = compensation.is_seen
+        compensation.go_on(steady, corrected_counts, is_reached=self.whereabouts is _ARRIVED)
+        self._set_out(number, now_ns, was_seen=was_seen)
+
     def go(self, rendering: Rendering, move: Move, now_ns: int) -> None:
         """The axis goes to a target, or has gone there, whatever its registers hold by now."""
         compensation, place = self.compensation, self.whereabouts
-        is_stream, is_reached = compensation.is_stream, place is _ARRIVED
-        if not is_stream and compensation.state.travel.direction is not move.state.travel.direction:
+        if (
+            not compensation.is_stream
+            and compensation.state.travel.direction is not move.state.travel.direction
+        ):
             self._note_branch_change(now_ns)
-        happening = Happening.ACKNOWLEDGED
-        if is_reached or place is Whereabouts.STOPPED or (place in WAS_THERE and compensation.is_seen):
-            happening = Happening.ACKNOWLEDGED_AT_REST
         target = (move.nominal_counts, rendering.corrected_counts)
         is_same_way = place is _SET_OUT and compensation.accepted == target
-        compensation.commit(move, rendering.corrected_counts, is_reached=is_reached)
-        self.last_number = rendering.number
+        was_seen = compensation.is_seen
+        compensation.commit(move, rendering.corrected_counts, is_reached=place is _ARRIVED)
+        self._set_out(rendering.number, now_ns, was_seen=was_seen, is_same_way=is_same_way)
+
+    def _set_out(self, number: int, now_ns: int, *, was_seen: bool, is_same_way: bool = False) -> None:
+        """It is on its way to the target of a field, from where it was known to stand, or not."""
+        place = self.whereabouts
+        self.last_number = number
         if place is not _UNDER_WAY and not is_same_way:
-            self._happens(happening)
-        if not is_stream or place in AT_REST:
+            is_at_rest = place is _ARRIVED or place is _STOPPED or (was_seen and place in WAS_THERE)
+            self._happens(Happening.ACKNOWLEDGED_AT_REST if is_at_rest else Happening.ACKNOWLEDGED)
+        if not self.compensation.is_stream or place in AT_REST:
             self._send_off(now_ns)
         self.is_moving = False
 
