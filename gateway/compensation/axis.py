@@ -111,15 +111,20 @@ class AxisCompensation:
         self._lowest, self._highest = settings.corrected_bounds
 
     @property
+    def is_unsure(self) -> bool:
+        """Whether the branch of the last accepted target was only assumed; that of a run never is."""
+        return not self._steps and self._state.is_unsure
+
+    @property
     def is_passing(self) -> bool:
         """Whether nothing is corrected and nothing is asked for: words go through as they are."""
-        state = self.state
+        state = self._state  # a run changes nothing of what counts here
         return self._wanted is NOTHING and state.spec is NOTHING and state.previous is None
 
     @property
     def is_blending(self) -> bool:
         """Whether a reversal or a change-over is under way."""
-        state = self.state
+        state = self._state
         return state.previous is not None or state.spec is not self._wanted or is_reversing(state)
 
     def machine_position(self, counts: Counts) -> float:

@@ -71,6 +71,9 @@ class Both:
         return corrected_counts
 
     def are_equal(self) -> None:
+        assert self.run.is_unsure == self.single.is_unsure
+        assert self.run.is_passing == self.single.is_passing
+        assert self.run.is_blending == self.single.is_blending
         assert self.run.state == self.single.state
         ours, theirs = self.run.readback, self.single.readback
         assert ours._replace(correction_map=IDENTITY) == theirs._replace(correction_map=IDENTITY)

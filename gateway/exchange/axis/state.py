@@ -436,7 +436,7 @@ class AxisState:
     def is_unsure(self) -> bool:
         """Whether the branch in force was assumed, where there are two and they count."""
         unproven = self.unproven
-        is_assumed = self.compensation.state.is_unsure or (unproven is not None and unproven.is_distance)
+        is_assumed = self.compensation.is_unsure or (unproven is not None and unproven.is_distance)
         return is_assumed and self.has_branches and not self.compensation.is_passing
 
     @property
