@@ -115,7 +115,7 @@ DERIVED: Final[dict[str, Callable[[Any], Any]]] = {
 """What counts of attributes beside their values: a difference that saturated ages do not show."""
 HORIZON_TICKS: Final = {
     "_since_ns": 3,
-    "sent_off_ns": 3,
+    "sent_off_ns": 2,
     "seen_ns": 2,
     "silent_until_ns": 2,
     "silent_since_ns": 3,
@@ -395,6 +395,24 @@ class Lens:
             each.__dict__.update(attributes)
 
     # --- comparing -------------------------------------------------------------------------------------
+
+    def parts(self, now_ns: int) -> dict[str, int]:
+        """Return what each compared attribute is worth, by class and name: what splits states shows there."""
+        self.take(now_ns)
+        found: dict[str, int] = {}
+        for number, (each, shape) in enumerate(zip(self.objects, self._shapes, strict=True)):
+            name = f"{number} {type(each).__name__}"
+            if shape is None:
+                values: Iterable[tuple[str, Any]] = (
+                    (name, self._container(each, self._last[number])),
+                )
+            else:
+                compared = self._standing(each, shape, self._last[number])
+                names = [shape.names[at] for at in shape.compared] + ["same"] * len(shape.same)
+                values = ((f"{name}.{n}", v) for n, v in zip(names, compared, strict=True))
+            for key, value in values:
+                found[key] = self._tokens_of.setdefault(value, len(self._tokens_of))
+        return found
 
     def token(self, value: Any) -> int:
         """Return what a value of the world is worth in a comparison; its instants are seen from now."""

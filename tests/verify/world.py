@@ -262,6 +262,8 @@ class Design:
     has_record: bool = False
     is_twin: bool = False
     refuses_reads: bool = False
+    is_answered: bool = False
+    """The drive answers before a tick has passed: silence is the business of other worlds."""
     is_prompt: bool = True
     """A drive that is told to go has left its place a tick later."""
     most_asked: int = 1
@@ -345,6 +347,18 @@ class World:
             key += lens.token(None if found is None else found._replace(generation=0)).to_bytes(4, "big")
         return key
 
+    def parts(self) -> dict[str, int]:
+        """Return what each attribute of the state is worth in a comparison, the gateway's and the world's."""
+        lens = self.sides[0].lens
+        found = lens.parts(self.now_ns)
+        for name, value in zip(State._fields, self.state, strict=True):
+            if name == "axes":
+                for number, axis in enumerate(self.state.axes):
+                    found |= {f"axis {number}.{n}": lens.token(v) for n, v in axis._asdict().items()}
+            else:
+                found[f"world.{name}"] = lens.token(value)
+        return found
+
     def _record_bytes(self) -> tuple[bytes, ...]:
         if not self.design.has_record:
             return ()
@@ -376,10 +390,15 @@ class World:
             found += [("drive", each) for each in design.answers if not is_read or each in may_be]
         if state.late is not None and "late" in design.happenings:
             found.append(("late",))
+        waits = design.is_answered and state.wire is not None
         for number, axis in enumerate(state.axes):
-            found += [(each, number) for each in design.happenings if _can(each, axis)]
+            found += [
+                (each, number)
+                for each in design.happenings
+                if _can(each, axis) and not (waits and each in TAKES_TIME)
+            ]
         for each in design.happenings:
-            if each in OF_WORLD and OF_WORLD[each](state):
+            if each in OF_WORLD and OF_WORLD[each](state) and not (waits and each in TAKES_TIME):
                 found.append((each,))
         return found
 
@@ -810,6 +829,7 @@ TRIGGERS: Final = {
     "zero": ZERO,
     "jog-on": JOG,
 }
+TAKES_TIME: Final = frozenset({"wait", "arrive", "arrive_undone", "creep", "jog", "reboot", "plug"})
 OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "arrive": lambda axis: axis.goes_counts is not None,
     "arrive_undone": lambda axis: axis.goes_counts is not None,
