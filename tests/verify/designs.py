@@ -1,5 +1,6 @@
 """The small worlds that are walked, the quickest first."""
 
+from dataclasses import replace
 from typing import Any, Final
 
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
@@ -274,4 +275,337 @@ DESIGNS: Final = (
         has_record=True,
     ),
 )
-BY_NAME: Final = {design.name: design for design in DESIGNS}
+
+
+def _small(name: str, about: str, *plans: AxisPlan, **changes: Any) -> Design:
+    """A world that closes: one family of events beside targets and time; the drive answers in time."""
+    parts: dict[str, Any] = {
+        "menu": ("to", "read"),
+        "answers": ("ack",),
+        "happenings": ("arrive", "wait"),
+        "targets": (-7003, 9007),
+        "is_answered": True,
+    }
+    return Design(name, about, plans or (_plan(),), **(parts | changes))
+
+
+def _small_staged(name: str, about: str, *plans: AxisPlan, **changes: Any) -> Design:
+    parts: dict[str, Any] = {"menu": ("to", "run", "read"), "is_staged": True, "targets": (9007,)}
+    return _small(name, about, *(plans or (_staged(),)), **(parts | changes))
+
+
+STORED_PASS: Final = replace(STAGED, passes_stored_moves=True)
+TIME: Final = ("arrive", "wait")
+CLOSING: Final = (
+    _small("s-status", "done bit and position", menu=("to", "read", "status")),
+    _small(
+        "s-near", "the same, nearer than the branches", menu=("to", "read", "status"), targets=(9007, 9019)
+    ),
+    _small(
+        "s-hair", "the same, nearer than the hysteresis", menu=("to", "read", "status"), targets=(9007, 9008)
+    ),
+    _small("s-three", "three targets", targets=(-7003, 9007, 9019)),
+    _small("s-refused", "writes and reads refused", answers=("ack", "refuse")),
+    _small("s-refused-near", "the same, near", answers=("ack", "refuse"), targets=(9007, 9019)),
+    _small(
+        "s-early",
+        "done earlier than there",
+        menu=("to", "status"),
+        happenings=(*TIME, "done"),
+        targets=(9007,),
+        checks_way_back=False,
+    ),
+    _small(
+        "s-later",
+        "done later than there",
+        menu=("to", "status"),
+        happenings=("wait", "arrive_undone", "done"),
+        targets=(9007,),
+        checks_way_back=False,
+    ),
+    _small("s-falls", "done falls late", menu=("to", "status"), happenings=(*TIME, "undone")),
+    _small(
+        "s-falls-read",
+        "the same, and read; one target",
+        menu=("to", "read", "status"),
+        targets=(9007,),
+        happenings=(*TIME, "undone", "arrive_undone", "done"),
+        checks_way_back=False,
+    ),
+    _small(
+        "s-silent",
+        "frames that are not answered",
+        answers=("ack", "obey"),
+        targets=(9007,),
+        is_answered=False,
+    ),
+    _small(
+        "s-silent-status",
+        "the same with the done bit",
+        menu=("to", "status"),
+        answers=("ack", "obey"),
+        targets=(9007,),
+        is_answered=False,
+    ),
+    _small("s-garbled", "answers that prove nothing", answers=("ack", "garble")),
+    _small("s-obeyed", "refused and carried out all the same", answers=("ack", "obey-refuse")),
+    _small("s-jogged", "moved on its own panel", happenings=(*TIME, "jog")),
+    _small(
+        "s-jogged-refused",
+        "the same, refused",
+        happenings=(*TIME, "jog"),
+        answers=("ack", "refuse"),
+        targets=(9007,),
+    ),
+    _small(
+        "s-blinks",
+        "done blinks, the axis creeps",
+        menu=("to", "read", "status"),
+        targets=(9007,),
+        happenings=(*TIME, "blink", "creep", "done"),
+    ),
+    _small("s-blind", "done and no position", _plan(actual=()), menu=("to", "status")),
+    _small(
+        "s-blind-near",
+        "the same, near and refused",
+        _plan(actual=()),
+        menu=("to", "status"),
+        answers=("ack", "refuse"),
+        targets=(9007, 9008),
+    ),
+    _small("s-deaf", "reads refused", targets=(9007, 9019), refuses_reads=True, answers=("ack", "refuse")),
+    _small("s-slow", "stands as long as it likes", is_prompt=False),
+    _small("s-slow-near", "the same, near", is_prompt=False, targets=(9007, 9008)),
+    _small(
+        "s-back",
+        "its target register read back",
+        menu=("to", "back", "read"),
+        answers=("ack", "refuse"),
+        targets=(9007,),
+    ),
+    _small("s-table", "another table", happenings=(*TIME, "table"), targets=(9007,)),
+    _small("s-gain", "half a gain", happenings=(*TIME, "gain"), targets=(9007,)),
+    _small("s-switch", "off and on", happenings=(*TIME, "switch"), targets=(9007,)),
+    _small(
+        "s-table-switch",
+        "table and switch",
+        menu=("to",),
+        happenings=(*TIME, "table", "switch"),
+        targets=(9007,),
+    ),
+    _small(
+        "s-link", "the link is lost and comes back", happenings=(*TIME, "unplug", "plug"), targets=(9007,)
+    ),
+    _small(
+        "s-killed", "killed with its record", happenings=(*TIME, "kill"), has_record=True, targets=(9007,)
+    ),
+    _small(
+        "s-killed-bare",
+        "killed without",
+        happenings=(*TIME, "kill", "kill_bare"),
+        has_record=True,
+        targets=(9007,),
+        menu=("to",),
+    ),
+    _small(
+        "s-killed-obeyed",
+        "killed before the drive has answered",
+        happenings=(*TIME, "kill"),
+        menu=("to",),
+        answers=("ack", "obey"),
+        has_record=True,
+        targets=(9007,),
+    ),
+    _small_staged("s-staged", "a target that waits for its trigger"),
+    _small_staged("s-staged-two", "two of them", menu=("to", "run"), targets=(-7003, 9007)),
+    _small_staged("s-staged-refused", "refused", menu=("to", "run"), answers=("ack", "refuse")),
+    _small_staged("s-stop", "stopped", menu=("to", "run", "stop")),
+    _small_staged(
+        "s-stop-refused", "stopped and refused", menu=("to", "run", "stop"), answers=("ack", "refuse")
+    ),
+    _small_staged("s-halves", "word by word", menu=("low", "high", "run"), happenings=("wait",)),
+    _small_staged(
+        "s-halves-refused",
+        "word by word, refused",
+        menu=("low", "high", "run"),
+        answers=("ack", "refuse"),
+        happenings=("wait",),
+    ),
+    _small_staged(
+        "s-distance",
+        "a distance",
+        _staged(travel=(-12.0, 12.0)),
+        menu=("to", "by", "run", "distance"),
+        distances=(-4003,),
+        checks_way_back=False,
+    ),
+    _small_staged(
+        "s-homed",
+        "a homed bit, switched off and on",
+        _staged(referenced=Reference.DRIVE_BIT, bits=HOMED_TOO),
+        menu=("to", "run", "home"),
+        happenings=(*TIME, "reboot", "homed"),
+        horizon_ticks=14,
+    ),
+    _small_staged(
+        "s-homing",
+        "homing and a position that is set",
+        _staged(referenced=Reference.HOMING, bits=HOMED_TOO),
+        menu=("to", "run", "home", "zero"),
+        happenings=(*TIME, "homed"),
+    ),
+    _small_staged(
+        "s-writers",
+        "two controllers",
+        _staged(has_one_writer=True, writer_hold_s=HELD_S),
+        menu=("to", "run"),
+        controllers=_controllers("cnc", "plc"),
+    ),
+    _small_staged(
+        "s-group",
+        "a beam",
+        _staged(),
+        _staged(name="y", unit_id=2),
+        menu=("to", "run"),
+        groups=(("x", "y"),),
+        happenings=("wait",),
+    ),
+    _small_staged(
+        "s-group-refused",
+        "a beam, refused",
+        _staged(),
+        _staged(name="y", unit_id=2),
+        menu=("to", "run"),
+        groups=(("x", "y"),),
+        happenings=(),
+        answers=("ack", "refuse"),
+    ),
+    _small_staged(
+        "s-impatient",
+        "asks again before it is answered",
+        menu=("to", "run", "stop"),
+        controllers=_controllers("cnc", serial=True),
+        most_asked=2,
+        happenings=("arrive",),
+    ),
+    _small(
+        "s-killed-within",
+        "killed in the middle of an event, before each store of its record",
+        menu=("to",),
+        happenings=(*TIME, "kill_at"),
+        has_record=True,
+        targets=(9007,),
+    ),
+    _small(
+        "s-killed-within-near",
+        "the same, with two targets near each other",
+        menu=("to",),
+        happenings=("arrive", "kill_at"),
+        has_record=True,
+        targets=(9007, 9019),
+    ),
+    _small_staged(
+        "s-killed-staged",
+        "killed in the middle of an event, staged",
+        menu=("to", "run"),
+        happenings=(*TIME, "kill_at"),
+        has_record=True,
+    ),
+    _small(
+        "s-other-boot",
+        "switched off and on with its record",
+        menu=("to",),
+        happenings=(*TIME, "kill_boot"),
+        has_record=True,
+        targets=(9007, 9019),
+    ),
+    _small(
+        "s-torn",
+        "switched off and on, the newest record torn in the middle",
+        menu=("to",),
+        happenings=(*TIME, "kill_torn"),
+        has_record=True,
+        targets=(9007,),
+        checks_way_back=False,
+    ),
+    _small_staged(
+        "s-group-half",
+        "a beam of which one axis lost its record",
+        _staged(),
+        _staged(name="y", unit_id=2),
+        menu=("to", "run"),
+        groups=(("x", "y"),),
+        happenings=("arrive", "kill_half"),
+        has_record=True,
+    ),
+    _small(
+        "s-two-units",
+        "two drives on a line",
+        _plan(),
+        _plan(name="y", unit_id=2),
+        menu=("to",),
+        targets=(9007,),
+    ),
+    _small(
+        "s-down", "a drive that counts the other way", _plan(counts_per_unit=-1000.0), targets=(-7003, 9007)
+    ),
+    _small(
+        "s-down-near",
+        "the same, near",
+        _plan(counts_per_unit=-1000.0),
+        menu=("to", "read", "status"),
+        targets=(9007, 9019),
+    ),
+    _small(
+        "s-carry",
+        "corrections that carry from one word to the other",
+        _plan(max_speed=1000.0),
+        targets=(65530, 65541),
+        checks_way_back=False,
+    ),
+    _small_staged(
+        "s-carry-halves",
+        "the same word by word",
+        menu=("low", "high", "run"),
+        happenings=("wait",),
+        targets=(65530,),
+        checks_way_back=False,
+    ),
+    _small(
+        "s-vendor",
+        "refuses with another function byte",
+        answers=("ack", "vendor"),
+        refuses_reads=True,
+        targets=(9007,),
+        checks_way_back=False,
+    ),
+    _small(
+        "s-vendor-named",
+        "the same, and its map names it",
+        _plan(refused_read=0x81),
+        answers=("ack", "vendor"),
+        refuses_reads=True,
+        targets=(9007,),
+        checks_way_back=False,
+    ),
+    _small(
+        "s-in-position",
+        "says in-position instead of done",
+        _plan(done_is_in_position=True),
+        menu=("to", "read", "status"),
+        is_in_position=True,
+    ),
+    _small_staged(
+        "s-stored",
+        "runs positions that the drive keeps",
+        _staged(motion=STORED_PASS),
+        menu=("to", "run", "stored"),
+    ),
+    _small_staged("s-stored-refused", "must not run them", menu=("to", "run", "stored")),
+    _small_staged("s-jog-on", "jogged by its controller", menu=("to", "run", "jog-on", "stop")),
+    _small(
+        "s-ways", "fast and slow path", menu=("to", "read", "status"), is_twin=True, checks_way_back=False
+    ),
+)
+"""Worlds that close: together they have in pairs what the large ones have at once."""
+BY_NAME: Final = {design.name: design for design in (*CLOSING, *DESIGNS)}

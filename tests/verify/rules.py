@@ -21,6 +21,10 @@ SLOPE_COUNTS: Final = 3.0
 """What rounding on two scales and an inverse on a steep slope may put a reading beside the branches."""
 PASSING: Final = frozenset({"unreferenced", "off", "no-table"})
 """States in which positions go through 1:1 (M9)."""
+PASSED_STORED: Final = "no-table"
+"""What a position that the drive keeps is run as, where its map lets it pass: 1:1."""
+NEVER_WRITTEN: Final = 3
+"""Both words, and neither was lost on its way (``Belief.lost``)."""
 STOP_TICKS: Final = 12
 OLD_TICKS: Final = 3
 """A word that was lost so long ago belongs to no word that comes now: 200 ms."""
@@ -193,12 +197,14 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
             base = (run.nominal_counts, True)
         else:
             base = (axis.commanded_counts, False)
-    run = axis.run
+    run, compensation = axis.run, world.said(number).compensation
+    if is_run and belief.lost == NEVER_WRITTEN and world.design.plans[number].motion.passes_stored_moves:
+        is_lost, compensation = True, PASSED_STORED  # a position that the drive keeps
     is_kept = base is not None or run is None or run.nominal_counts == belief.nominal_counts
     return Aim(
         belief.nominal_counts,
         axis.stands_counts,
-        world.said(number).compensation,
+        compensation,
         world.is_sending_unsure() or (is_kept and world.said(number).direction == "unsure"),
         state.table,
         state.is_gain_half,
@@ -505,7 +511,8 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
         seen |= 1
     elif address == STATUS and axis.is_done:
         seen |= 2
-    if not world.design.plans[number].actual and seen & 2:
+    plan = world.design.plans[number]
+    if not (plan.actual or plan.done_is_in_position) and seen & 2:
         seen = 3
     axes = list(world.state.axes)
     axes[number] = axis._replace(run=run._replace(seen=seen))

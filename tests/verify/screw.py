@@ -15,6 +15,8 @@ class Screw(NamedTuple):
     positions_mm: Sequence[float]
     forward_mm: Sequence[float]
     backward_mm: Sequence[float]
+    counts_per_mm: float = COUNTS_PER_MM
+    """Negative: the drive counts the other way."""
 
     def table(self) -> CorrectionTable:
         """The same as the gateway has it."""
@@ -22,22 +24,26 @@ class Screw(NamedTuple):
 
     def correction_counts(self, nominal_counts: float, *, is_forward: bool) -> float:
         """What has to be added to a nominal position; beyond the ends what holds at the end."""
-        at_mm = nominal_counts / COUNTS_PER_MM
+        at_mm = nominal_counts / self.counts_per_mm
         values = self.forward_mm if is_forward else self.backward_mm
         places = self.positions_mm
         if at_mm <= places[0]:
-            return values[0] * COUNTS_PER_MM
+            return values[0] * self.counts_per_mm
         for i in range(1, len(places)):
             if at_mm <= places[i]:
                 share = (at_mm - places[i - 1]) / (places[i] - places[i - 1])
-                return (values[i - 1] + share * (values[i] - values[i - 1])) * COUNTS_PER_MM
-        return values[-1] * COUNTS_PER_MM
+                return (values[i - 1] + share * (values[i] - values[i - 1])) * self.counts_per_mm
+        return values[-1] * self.counts_per_mm
 
     def corrected(self, nominal_counts: int) -> tuple[float, float]:
-        """Where the drive has to stand for a nominal position: come forward, come backward. Not rounded."""
+        """Where the drive has to stand for a nominal position: come with rising counts, with falling ones.
+
+        Not rounded. Where the drive counts the other way, rising counts go backward.
+        """
+        is_forward = self.counts_per_mm > 0
         return (
-            nominal_counts + self.correction_counts(nominal_counts, is_forward=True),
-            nominal_counts + self.correction_counts(nominal_counts, is_forward=False),
+            nominal_counts + self.correction_counts(nominal_counts, is_forward=is_forward),
+            nominal_counts + self.correction_counts(nominal_counts, is_forward=not is_forward),
         )
 
 

@@ -21,6 +21,7 @@ from gateway.compensation.axis import AxisCompensation
 from gateway.exchange.axis import transitions
 from gateway.exchange.axis.registers import Completeness
 from gateway.exchange.axis.state import HOMING
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
 from gateway.times import NS_PER_MS
@@ -403,9 +404,7 @@ class Lens:
         for number, (each, shape) in enumerate(zip(self.objects, self._shapes, strict=True)):
             name = f"{number} {type(each).__name__}"
             if shape is None:
-                values: Iterable[tuple[str, Any]] = (
-                    (name, self._container(each, self._last[number])),
-                )
+                values: Iterable[tuple[str, Any]] = ((name, self._container(each, self._last[number])),)
             else:
                 compared = self._standing(each, shape, self._last[number])
                 names = [shape.names[at] for at in shape.compared] + ["same"] * len(shape.same)
@@ -625,6 +624,12 @@ class Said(NamedTuple):
 def said(line: LineExchange) -> tuple[Said, ...]:
     """Return what a line says of each axis, as its status does."""
     return tuple(Said(compensation_state(axis), direction_state(axis)) for axis in line.axes)
+
+
+def watch_stores(axis: Axis, may_store: Callable[[], bool]) -> None:
+    """Ask before each store of a record of an axis; what is asked may raise."""
+    assert axis.record is not None
+    axis.record._slots._may_store = may_store
 
 
 def is_sending_unsure(line: LineExchange) -> bool:

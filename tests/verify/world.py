@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 from gateway.compensation.settings import Gain
+from gateway.exchange.axis.record_layout import BOOT, HEADER, SLOT_SIZE, SLOTS_AT
 from gateway.exchange.control import Declare, SetGain, SetTables, Switch, TableChange
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
@@ -29,13 +30,14 @@ from tests.exchange.staged_bench import (
     RUN_RELATIVE,
     STATUS,
     STOP,
+    STORED,
     TRIGGER,
     ZERO,
 )
 from tests.verify import rules
 from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS, BrokenRuleError
 from tests.verify.screw import REGROUND, WORN, Screw
-from tests.verify.snapshot import Lens, Snapshot, is_sending_unsure, said
+from tests.verify.snapshot import Lens, Snapshot, is_sending_unsure, said, watch_stores
 
 TICK_MS: Final = 80
 """All times of a world are whole ticks. None of the gateway's own constants is one: 100, 200 and 500 ms."""
@@ -50,6 +52,10 @@ UNSEEN_TICKS: Final = 2
 LOST_TICKS: Final = 2
 TIMING: Final = LineTiming(response_timeout_ms=RESPONSE_TICKS * TICK_MS, drain_ms=DRAIN_TICKS * TICK_MS)
 EXCEPTION: Final = 4
+VENDOR: Final = 0x81
+"""The function byte of whatever a certain drive refuses."""
+MOST_STORES: Final = 3
+"""Stores within one event that a kill may come before."""
 SCREWS: Final = (WORN, REGROUND)
 Bytes = Callable[[bytes], None]
 Happening = tuple[Any, ...]
@@ -264,6 +270,8 @@ class Design:
     refuses_reads: bool = False
     is_answered: bool = False
     """The drive answers before a tick has passed: silence is the business of other worlds."""
+    is_in_position: bool = False
+    """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
     is_prompt: bool = True
     """A drive that is told to go has left its place a tick later."""
     most_asked: int = 1
@@ -286,6 +294,10 @@ class Tally:
     """The longest that a stop had to wait."""
 
 
+class KilledError(Exception):
+    """The gateway is killed at this very instant."""
+
+
 class Kept(NamedTuple):
     """A state of a world that can be put back."""
 
@@ -306,7 +318,9 @@ class World:
     def __init__(self, design: Design) -> None:
         self.design = design
         self.tally = Tally()
-        self.screws: tuple[Screw, ...] = SCREWS
+        per_mm = design.plans[0].settings.counts_per_unit
+        self.screws: tuple[Screw, ...] = tuple(screw._replace(counts_per_mm=per_mm) for screw in SCREWS)
+        self._dies_at = 0
         self.now_ns = START_NS
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
         self.sides = [Side(design, each, self._tell) for each in ways]
@@ -372,6 +386,16 @@ class World:
         if self.design.has_record:
             for side in self.sides:
                 self.records.attach(side.line)
+                for axis in side.line.axes:
+                    watch_stores(axis, self._may_store)
+
+    def _may_store(self) -> bool:
+        """Die before the store that was chosen (``_on_kill_at``)."""
+        if self._dies_at:
+            self._dies_at -= 1
+            if not self._dies_at:
+                raise KilledError
+        return True
 
     # --- what can happen -------------------------------------------------------------------------------
 
@@ -386,7 +410,7 @@ class World:
                 found.append(("disconnect", port))
         if state.wire is not None and not state.wire.is_obeyed:
             is_read = state.wire.pdu[0] == 3
-            may_be = ("ack", "refuse") if design.refuses_reads else ("ack",)
+            may_be = ("ack", "refuse", "vendor") if design.refuses_reads else ("ack",)
             found += [("drive", each) for each in design.answers if not is_read or each in may_be]
         if state.late is not None and "late" in design.happenings:
             found.append(("late",))
@@ -400,7 +424,19 @@ class World:
         for each in design.happenings:
             if each in OF_WORLD and OF_WORLD[each](state) and not (waits and each in TAKES_TIME):
                 found.append((each,))
+        if "kill_at" in design.happenings:
+            found += self._kills_within(found)
         return found
+
+    def _kills_within(self, found: list[Happening]) -> list[Happening]:
+        """Return kills in the middle of what can happen: before each store, and with what had left or not."""
+        within = [each for each in found if each[0] in ("ask", "drive")]
+        return [
+            ("kill_at", number, is_obeyed, *each)
+            for each in within
+            for number in range(1, MOST_STORES + 1)
+            for is_obeyed in (False, True)
+        ]
 
     def _requests(self) -> Iterable[tuple[Any, ...]]:
         for name in self.design.menu:
@@ -484,6 +520,8 @@ class World:
             reply = self._obey(wire)
         elif what == "refuse":
             reply = bytes((wire.pdu[0] | 0x80, EXCEPTION))
+        elif what == "vendor":
+            reply = bytes((VENDOR, EXCEPTION))
         elif what == "obey-refuse":
             self._obey(wire)
             reply = bytes((wire.pdu[0] | 0x80, EXCEPTION))
@@ -510,7 +548,7 @@ class World:
         late = state.late
         if late is not None:
             late = late._replace(ticks_left=late.ticks_left - 1) if late.ticks_left > 1 else None
-        axes = tuple(_older(axis, is_prompt=self.design.is_prompt) for axis in state.axes)
+        axes = tuple(_older(axis, self.design) for axis in state.axes)
         asked = tuple(
             tuple(each._replace(ticks=min(each.ticks + 1, 20)) for each in waiting) for waiting in state.asked
         )
@@ -551,10 +589,13 @@ class World:
 
     def _arrive(self, number: int, *, is_done: bool) -> None:
         self._on_wait()
+        if self.state.axes[number].goes_counts is not None:
+            self._rest(number, is_done=is_done)
+
+    def _rest(self, number: int, *, is_done: bool) -> None:
         axis = self.state.axes[number]
-        if axis.goes_counts is None:
-            return
         end = axis.goes_counts
+        assert end is not None
         self._set(
             number,
             axis._replace(
@@ -632,6 +673,50 @@ class World:
     def _on_kill_bare(self) -> None:
         self._restart(is_record_kept=False)
 
+    def _on_kill_boot(self) -> None:
+        """The machine is switched off and on: the record is of another boot, every axis has come to rest."""
+        for number, axis in enumerate(self.state.axes):
+            if axis.goes_counts is not None:
+                self._rest(number, is_done=True)
+        for buffer in self.records.buffers.values():
+            buffer[HEADER.size : HEADER.size + BOOT.size] = bytes(BOOT.size)
+        self._restart(is_record_kept=True)
+
+    def _on_kill_torn(self) -> None:
+        """The same, and what was written last is torn in the middle."""
+        for buffer in self.records.buffers.values():
+            at = max(SLOTS_AT, key=lambda at: int.from_bytes(buffer[at : at + 8], "little"))
+            buffer[at + SLOT_SIZE // 2] ^= 0xFF
+        self._on_kill_boot()
+
+    def _on_kill_half(self) -> None:
+        """The record of the last axis is gone, those of the others are there."""
+        *_, buffer = self.records.buffers.values()
+        buffer[:] = bytes(len(buffer))
+        self._restart(is_record_kept=True)
+
+    def _on_kill_at(self, number: int, is_obeyed: bool, *event: Any) -> None:
+        """The gateway dies in the middle of an event, right before the store of that number.
+
+        A frame that had left is carried out or not.
+        """
+        self._dies_at = number
+        try:
+            self.happen(event)
+        except KilledError:
+            for side in self.sides:
+                for port in side.ports:
+                    port.replies.clear()  # whether an answer was still read makes no difference to iron
+            frames, self.sides[0].link.sent = self.sides[0].link.sent, []
+            self.sides[0].link.is_abandoned = False
+            for unit_id, pdu in frames:
+                self.state = self.state._replace(wire=rules.judge_frame(self, unit_id, pdu))
+        self._dies_at = 0
+        wire = self.state.wire
+        if is_obeyed and wire is not None and not wire.is_obeyed:
+            self._obey(wire)
+        self._restart(is_record_kept=True)
+
     def _restart(self, *, is_record_kept: bool) -> None:
         for port in range(len(self.state.asked)):
             self._give_up(port)
@@ -644,9 +729,12 @@ class World:
             wire=None, late=None, is_starting=True, is_up=True, owed_stops=0, given_up=()
         )
         self.state = self.state._replace(table=0, is_wanted=True, is_gain_half=False)
+        if self.design.groups:  # nobody remembers of the others what was lost on its way
+            beliefs = tuple(tuple(b._replace(lost=b.lost & 3) for b in own) for own in self.state.beliefs)
+            self.state = self.state._replace(beliefs=beliefs)
         self._forget_runs(is_restart=True)
         self.now_ns += TICK_NS
-        axes = tuple(_older(axis, is_prompt=self.design.is_prompt) for axis in self.state.axes)
+        axes = tuple(_older(axis, self.design) for axis in self.state.axes)
         self.state = self.state._replace(axes=axes)
         self._call("link_up", self.now_ns)
         self._collect()
@@ -725,7 +813,7 @@ class World:
             axis = self.state.axes[number]
             if axis.run is not None:
                 self._set(number, axis._replace(run=axis.run._replace(is_told=False, seen=0)))
-        elif value in (HOME, JOG):
+        elif value in (HOME, JOG, STORED):
             self._set(
                 number,
                 axis._replace(
@@ -745,7 +833,8 @@ class World:
             number,
             axis._replace(
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
-                is_done=axis.is_done or is_there, is_seen_undone=False, ticks=0, run=run,
+                is_done=axis.is_done or is_there,
+                is_seen_undone=False, ticks=0, run=run,
             ),
         )  # fmt: skip
 
@@ -828,6 +917,7 @@ TRIGGERS: Final = {
     "home": HOME,
     "zero": ZERO,
     "jog-on": JOG,
+    "stored": STORED,
 }
 TAKES_TIME: Final = frozenset({"wait", "arrive", "arrive_undone", "creep", "jog", "reboot", "plug"})
 OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
@@ -847,6 +937,9 @@ OF_WORLD: Final[dict[str, Callable[[State], bool]]] = {
     "plug": lambda state: not state.is_up,
     "kill": lambda state: True,
     "kill_bare": lambda state: True,
+    "kill_boot": lambda state: True,
+    "kill_torn": lambda state: True,
+    "kill_half": lambda state: True,
     "table": lambda state: True,
     "gain": lambda state: True,
     "switch": lambda state: True,
@@ -858,17 +951,17 @@ def _can(name: str, axis: Axis) -> bool:
     return name in OF_AXIS and OF_AXIS[name](axis)
 
 
-def _older(axis: Axis, *, is_prompt: bool) -> Axis:
+def _older(axis: Axis, design: Design) -> Axis:
     """Let a tick pass: a drive that has begun to move lets done fall, and is on its way if it is prompt."""
     if axis.goes_counts is None:
         return axis
     ticks = min(axis.ticks + 1, DONE_DROP_TICKS)
     is_late = ticks == DONE_DROP_TICKS and axis.ticks < DONE_DROP_TICKS
     stands = axis.stands_counts
-    if is_prompt and not axis.ticks:
+    if design.is_prompt and not axis.ticks:
         low, high = min(stands, axis.goes_counts), max(stands, axis.goes_counts)
         stands = next((place for place in ON_THE_WAY_COUNTS if low < place < high), stands)
-    is_done = axis.is_done and not is_late
+    is_done = axis.is_done and (design.is_in_position or not is_late)
     return axis._replace(ticks=ticks, stands_counts=stands, commanded_counts=stands, is_done=is_done)
 
 
