@@ -1,7 +1,8 @@
 """``python -m tests.verify [WORLD ...]``: walks the small worlds, two at a time (make verify).
 
-A world is walked breadth first until nothing is new, to ``--depth``, or for ``--seconds``; where it did not
-close, random steps follow. Ends with 1 where a rule was broken, and prints the shortest trace as a test.
+A world is walked breadth first until nothing is new, to ``--depth``, or for ``--seconds``; ``--random`` steps
+are shared out among those that did not close. Ends with 1 where a rule was broken, and prints the shortest
+trace as a test.
 """
 
 import argparse
@@ -9,9 +10,9 @@ import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
-from tests.verify.designs import BY_NAME, DESIGNS
+from tests.verify.designs import BY_NAME, CLOSING
 from tests.verify.explore import Outcome, as_test
-from tests.verify.running import walked
+from tests.verify.running import walked, wandered
 
 EXAMPLES = """examples:
   python -m tests.verify                               every world, as make verify does
@@ -19,18 +20,24 @@ EXAMPLES = """examples:
   python -m tests.verify staged --depth 9 --random 0   all traces of up to nine events, nothing else
   python -m tests.verify --list                        what there is
 """
-SECONDS = 150.0
-RANDOM_STEPS = 100_000
+SECONDS = 30.0
+"""Of each large world: with what follows, all of it takes less than 30 minutes on two cores."""
+CLOSING_SECONDS = 150.0
+"""Of each world that closes: the largest takes a third of it."""
+RANDOM_STEPS = 10_000_000
 JOBS = 2
 
 
 def shown(outcome: Outcome) -> str:
-    """Return an outcome as one line."""
-    how = "closed" if outcome.is_closed else f"open, {outcome.random_steps} random steps"
+    """Return an outcome as one row of a table in Markdown."""
+    how = "closed" if outcome.is_closed else f"{outcome.random_steps:,} random steps"
     return (
-        f"{outcome.world:16} {outcome.states:9,} states  {outcome.transitions:10,} transitions  "
-        f"depth {outcome.depth:3}  {outcome.seconds:5.0f} s  {outcome.rate:6,.0f}/s  {how}"
+        f"| `{outcome.world}` | {outcome.states:,} | {outcome.transitions:,} | {outcome.depth} "
+        f"| {outcome.seconds:.0f} s | {how} |"
     )
+
+
+HEAD = "| world | states | transitions | depth | time | closed, or else |\n|---|---|---|---|---|---|"
 
 
 def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -44,11 +51,15 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("worlds", nargs="*", metavar="WORLD", help="which worlds; without one, every world")
     parser.add_argument("--depth", type=int, default=0, metavar="N", help="stop after N events in a row")
     parser.add_argument(
-        "--seconds", type=float, default=SECONDS, metavar="S", help="of each world (%(default)s)"
+        "--seconds",
+        type=float,
+        default=None,
+        metavar="S",
+        help=f"of each world ({SECONDS:g}, of one that closes {CLOSING_SECONDS:g})",
     )
     parser.add_argument(
         "--random", type=int, default=RANDOM_STEPS, metavar="N",
-        help="random steps in worlds that did not close (%(default)s)",
+        help="random steps, over all worlds that did not close (%(default)s)",
     )  # fmt: skip
     parser.add_argument("--jobs", type=int, default=JOBS, metavar="N", help="worlds at a time (%(default)s)")
     parser.add_argument(
@@ -66,29 +77,51 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Walk the worlds; return the exit code."""
     asked = parsed(arguments)
     if asked.list:
-        for design in DESIGNS:
-            print(f"{design.name:16} {design.about}")
+        for design in BY_NAME.values():
+            print(f"{design.name:24} {design.about}")
         return 0
-    names = asked.worlds or [design.name for design in DESIGNS]
-    outcomes = []
+    names = asked.worlds or list(BY_NAME)
+    closing = {design.name for design in CLOSING}
+    outcomes: dict[str, Outcome] = {}
     with ProcessPoolExecutor(max_workers=asked.jobs, max_tasks_per_child=1) as pool:
-        waiting = [
-            pool.submit(walked, name, asked.depth, asked.seconds, asked.random, asked.broken)
-            for name in names
-        ]
+        waiting = []
+        for name in names:
+            seconds = asked.seconds or (CLOSING_SECONDS if name in closing else SECONDS)
+            waiting.append(pool.submit(walked, name, asked.depth, seconds, 0, asked.broken))
+        print(HEAD)
         for each in as_completed(waiting):
-            outcome = each.result()
-            outcomes.append(outcome)
-            print(shown(outcome), flush=True)
-            for broken in outcome.broken:
-                print(f"  broken: {broken.what}")
-                print(as_test(BY_NAME[outcome.world], broken), flush=True)
+            outcome = outcomes[each.result().world] = each.result()
+            if outcome.is_closed or outcome.broken or not asked.random:
+                _tell(outcome)
+        rest = [name for name in names if not (outcomes[name].is_closed or outcomes[name].broken)]
+        steps = asked.random // len(rest) if rest else 0
+        waiting = [pool.submit(wandered, name, steps, asked.broken) for name in rest if steps]
+        for each in as_completed(waiting):
+            outcome = outcomes[each.result().world]
+            outcome.add(each.result())
+            _tell(outcome)
+    return _sum_up(list(outcomes.values()))
+
+
+def _tell(outcome: Outcome) -> None:
+    print(shown(outcome), flush=True)
+    for broken in outcome.broken:
+        print(f"  broken: {broken.what}")
+        print(as_test(BY_NAME[outcome.world], broken), flush=True)
+
+
+def _sum_up(outcomes: Sequence[Outcome]) -> int:
+    """Print what all walks together have shown; return the exit code."""
     met = sorted({name for outcome in outcomes for name in outcome.met})
     print(f"longest wait of a stop: {max(outcome.stop_ticks for outcome in outcomes)} ticks of 80 ms")
     print(f"met ({len(met)}): {', '.join(met)}")
-    total = sum(outcome.transitions + outcome.random_steps for outcome in outcomes)
+    total, steps = sum(o.transitions for o in outcomes), sum(o.random_steps for o in outcomes)
     states, seconds = sum(o.states for o in outcomes), sum(o.seconds for o in outcomes)
-    print(f"{states:,} states, {total:,} transitions, {seconds:,.0f} s")
+    closed = sum(o.is_closed for o in outcomes)
+    print(
+        f"{closed} of {len(outcomes)} worlds closed; {states:,} states, {total:,} transitions, "
+        f"{steps:,} random steps, {seconds:,.0f} s of one core"
+    )
     return 1 if any(outcome.broken for outcome in outcomes) else 0
 
 

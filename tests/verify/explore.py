@@ -49,6 +49,14 @@ class Outcome:
     """Events of the gateway, refusals and rows of the table of whereabouts."""
     stop_ticks: int = 0
 
+    def add(self, other: "Outcome") -> None:
+        """Add what another walk through the same world has shown."""
+        self.random_steps += other.random_steps
+        self.seconds += other.seconds
+        self.broken += other.broken
+        self.met |= other.met
+        self.stop_ticks = max(self.stop_ticks, other.stop_ticks)
+
     @property
     def rate(self) -> float:
         """Transitions a second."""

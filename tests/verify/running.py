@@ -14,3 +14,9 @@ def walked(name: str, depth: int, seconds: float, steps: int, most_broken: int) 
     if steps and not outcome.is_closed and len(outcome.broken) < most_broken:
         walk.random(steps, seconds=seconds)
     return outcome
+
+
+def wandered(name: str, steps: int, most_broken: int) -> Outcome:
+    """Take random steps in one world, from the start again and again."""
+    gc.disable()
+    return Walk(BY_NAME[name], most_broken=most_broken).random(steps)
