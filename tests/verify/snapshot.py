@@ -77,6 +77,7 @@ NOT_COMPARED: Final = {
     "added_ns": "figures of an exchange",
     "deadline_ns": "follows from when it was sent and from who waits",
     "_generation": "how often a record was written",
+    "generation": "the same, in a record that was read: only told",
     "_specs": "a cache",
     "_specs_bytes": "a cache",
     "_tilts": "a cache",
