@@ -160,3 +160,28 @@ def test_a_gateway_that_was_killed_does_not_take_the_start_of_the_last_way_for_k
         world.happen(ACK)
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 235E 0000")  # not 22E8, as it was sent
     assert world.is_sending_unsure()
+
+
+def test_a_gateway_that_was_killed_takes_no_target_for_reached_where_the_way_before_begins_there() -> None:
+    """M6: 9007 was given again and not answered before the axis had begun to go from there to 9019.
+
+    9007 is 9172.10 forward and 8936.08 backward, 9019 forward 9184.29.
+    """
+    under_way = (
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23D4 0000: forward to 9172
+        ARRIVE,
+        to(1),  # 10 0606 0002 04 233B 0000: 9019
+        ACK,  # 03 0520 0002 -> 23D4 0000
+        ACK,  # 10 0606 0002 04 23E0 0000: forward to 9184
+        to(0),
+        ACK,  # 03 0520 0002 -> 23D4 0000: it has not begun to move
+        KILL,  # 10 0606 0002 04 23D4 0000 never came
+        ACK,  # 03 0520 0002 -> 23D4 0000
+        ARRIVE,  # at 9184
+    )
+    world = play(BY_NAME["killed-near"], *under_way, to(0))
+    assert on_the_wire(world) == bytes.fromhex("03 0520 0002")  # not 10 ... 23D4: that would be forward
+    world.happen(ACK)  # 03 0520 0002 -> 23E0 0000
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 22E8 0000")

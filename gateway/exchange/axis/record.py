@@ -325,7 +325,8 @@ def _has_come_nearer(axis: AxisState, record: Remembered, before: Counts, now: C
 def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None:
     """Compare where the drive is with where it may be; None where the record cannot be true.
 
-    Between two targets of which one is not proven, the nearer one counts.
+    Between two targets of which one is not proven, the nearer one counts. Where the way to the proven one
+    leads over the other, or begins there, a place tells nothing; a stream goes on from setpoint to setpoint.
     """
     settings = axis.plan.settings
     near = settings.hysteresis * abs(settings.counts_per_unit)
@@ -338,6 +339,9 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
     if move is None:
         return before if is_on_way else None
     from_move = abs(counts - move.corrected_counts)
+    is_ambiguous = is_on_way and not (is_at_target or axis.compensation.is_stream)
+    if from_move <= near and is_ambiguous:
+        return Finding.ON_WAY
     if from_move <= near and not (is_at_target and from_target <= from_move):
         return Finding.AT_UNPROVEN
     if is_on_way:
