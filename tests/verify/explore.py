@@ -10,11 +10,14 @@ from typing import Final
 
 from tests.verify.rules import BrokenRuleError, is_settled
 from tests.verify.snapshot import row_name, watch_table
-from tests.verify.world import Design, Happening, Kept, World
+from tests.verify.wires import world_of
+from tests.verify.world import START_NS, Design, Happening, Kept, World
 
 LOOK_EVERY: Final = 256
 """States between two looks at the clock."""
-KINDLY: Final = frozenset({"ask", "drive", "arrive", "wait", "plug", "homed", "done", "undone", "late"})
+KINDLY: Final = frozenset(
+    {"ask", "drive", "arrive", "wait", "plug", "homed", "done", "undone", "late", "tail", "reply_tail"}
+)
 """Events of which a way back may consist: traffic, a drive that does what it is told, time."""
 BY_A_PERSON: Final = frozenset({"declare", "switch"})
 UNKIND: Final = frozenset({"refuse", "obey", "obey-refuse", "garble"})
@@ -76,7 +79,7 @@ class Walk:
     def __init__(self, design: Design, *, most_broken: int = 1) -> None:
         self.table = watch_table()
         self.table.taken.clear()
-        self.world = World(design)
+        self.world = world_of(design)
         self.outcome = Outcome(design.name)
         self._most_broken = most_broken
         self._numbers: dict[bytes, int] = {}
@@ -232,11 +235,11 @@ class Walk:
 
 def replay(design: Design, trace: tuple[Happening, ...]) -> Iterator[str]:
     """Play a trace again; tell with each event what went over the wires. The last line is what was broken."""
-    world = World(design)
+    world = world_of(design)
     lines: list[str] = []
     _listen(world, lines.append)
     for event in trace:
-        yield f"{(world.now_ns - World(design).now_ns) // 1_000_000:6d} ms  {' '.join(map(str, event))}"
+        yield f"{(world.now_ns - START_NS) // 1_000_000:6d} ms  {' '.join(map(str, event))}"
         try:
             world.happen(event)
         except BrokenRuleError as violation:
@@ -252,7 +255,7 @@ def shortened(design: Design, broken: Broken, *, passes: int = 6) -> Broken:
 
     What is left may not be the shortest there is; leaving any one event or any two neighbours out mends it.
     """
-    kind, world = _kind(broken.what), World(design)
+    kind, world = _kind(broken.what), world_of(design)
     first = world.keep()
     best = broken
     for _ in range(passes):
@@ -303,13 +306,15 @@ def _listen(world: World, tell: Callable[[str], None]) -> None:
         tell(f"             from the drive  {unit_id}  {pdu.hex(' ')}")
         reply(unit_id, pdu, now_ns)
 
-    def requested(port: object, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
+    def requested(
+        port: object, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int, **why: str
+    ) -> None:
         tell(f"             asked           {unit_id}  {pdu.hex(' ')}")
-        request(port, transaction_id, unit_id, pdu, now_ns)  # type: ignore[arg-type]
+        request(port, transaction_id, unit_id, pdu, now_ns, **why)  # type: ignore[arg-type]
 
     side.link.send_request = sent  # type: ignore[method-assign]
     line.reply = replied  # type: ignore[method-assign]
-    line.request = requested  # type: ignore[method-assign, assignment]
+    line.request = requested  # type: ignore[method-assign]
     for port in side.ports:
         answer = port.send_reply
 
@@ -339,7 +344,7 @@ def test_found_in_{name}() -> None:
 
 def play(design: Design, *trace: Happening) -> World:
     """Play a trace; raises BrokenRuleError where it breaks a rule."""
-    world = World(design)
+    world = world_of(design)
     for event in trace:
         if event not in world.happenings():
             raise AssertionError(f"{event} cannot happen here; there are {world.happenings()}")

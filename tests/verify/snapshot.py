@@ -52,6 +52,8 @@ LEFT_OUT: Final = {
     "_gaps": "when monitors may read; no world has one",
     "replies": "the world's",
     "began": "what an event tells",
+    "stamps": "figures for the status",
+    "asked_ns": "figures for the status",
     "is_alarmed": "no world has an alarm bit",
     "_silent": "drives of whose silence was told",
     "_from_nominal": "of a run of targets, which ends before a state is kept",

@@ -103,6 +103,23 @@ class Side:
             [self.line, *self.ports], TICK_NS, design.horizon_ticks, has_record=design.has_record
         )
 
+    def request(self, port: int, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """A controller asks."""
+        self.line.request(self.ports[port], transaction_id, unit_id, pdu, now_ns)
+
+    def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """The drive answers what is on the wire."""
+        self.line.reply(unit_id, pdu, now_ns)
+
+    def stray(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """The drive answers something else."""
+        self.line.stray(now_ns, is_frame=True)
+
+    def gone(self, port: int, now_ns: int) -> None:
+        """A controller closes its connection, and opens another one."""
+        self.line.controller_gone(self.ports[port], now_ns)
+        self.ports[port].gate = Unmeasured.gate
+
     def forget(self) -> None:
         """Nothing has left and nothing was answered."""
         self.link.sent.clear()
@@ -245,6 +262,10 @@ class State(NamedTuple):
     """Stops whose controllers have given up: they go out all the same."""
     given_up: tuple[tuple[int, int], ...] = ()
     """Controller and number of requests that the gateway may still have waiting, for nobody."""
+    half: tuple[Any, ...] = ()
+    """A request of which a part has come: its words in the menu, and since how many ticks."""
+    split: tuple[int, bytes] | tuple[()] = ()
+    """The unit id and the rest of a reply of which a part has come."""
 
 
 @dataclass(frozen=True)
@@ -272,6 +293,8 @@ class Design:
     """The drive answers before a tick has passed: silence is the business of other worlds."""
     is_in_position: bool = False
     """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
+    is_bytes: bool = False
+    """It begins at bytes: real ports and decoders of Modbus/TCP (``tests.verify.wires``)."""
     is_prompt: bool = True
     """A drive that is told to go has left its place a tick later."""
     most_asked: int = 1
@@ -323,7 +346,7 @@ class World:
         self._dies_at = 0
         self.now_ns = START_NS
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
-        self.sides = [Side(design, each, self._tell) for each in ways]
+        self.sides = [self.side_of(each) for each in ways]
         for side in self.sides[1:]:
             side.lens.share(self.sides[0].lens)
         self._fresh = [side.lens.take(self.now_ns) for side in self.sides]
@@ -333,6 +356,10 @@ class World:
         self._attach()
         self._call("link_up", self.now_ns)
         self._collect()
+
+    def side_of(self, ways: dict[str, int]) -> Side:
+        """Return a gateway with its ports and its link."""
+        return Side(self.design, ways, self._tell)
 
     # --- keeping, putting back, comparing --------------------------------------------------------------
 
@@ -487,14 +514,13 @@ class World:
         self.state = self.state._replace(asked=tuple(asked), order=order)
         unit_id = self.design.plans[axis].unit_id
         for side in self.sides:
-            side.line.request(side.ports[port], transaction_id, unit_id, pdu, self.now_ns)
+            side.request(port, transaction_id, unit_id, pdu, self.now_ns)
         self._collect()
 
     def _on_disconnect(self, port: int) -> None:
         self._give_up(port)
         for side in self.sides:
-            side.line.controller_gone(side.ports[port], self.now_ns)
-            side.ports[port].gate = Unmeasured.gate
+            side.gone(port, self.now_ns)
         self._collect()
 
     def _give_up(self, port: int) -> None:
@@ -527,8 +553,7 @@ class World:
             reply = bytes((wire.pdu[0] | 0x80, EXCEPTION))
         else:  # garble: the form of a success that says something else
             reply = wire.pdu[:3] + b"\0\0" if wire.pdu[0] == 16 else wire.pdu[:3] + b"\xff\xff"
-        self._call("reply", wire.unit_id, reply, self.now_ns)
-        self._collect(answered=wire, reply=reply)
+        self._answer(wire, reply)
         if wire.aim is not None:
             self._on_wait()  # no controller says something else before the axis had the time to begin
 
@@ -536,11 +561,15 @@ class World:
         late = self.state.late
         assert late is not None
         self.state = self.state._replace(late=None)
-        if not late.is_obeyed:
-            self._obey(late)
+        reply = self.reply_to(late) if late.is_obeyed else self._obey(late)
         for side in self.sides:
-            side.line.stray(self.now_ns, is_frame=True)
+            side.stray(late.unit_id, reply, self.now_ns)
         self._collect()
+
+    def _answer(self, wire: Wire, reply: bytes) -> None:
+        for side in self.sides:
+            side.reply(wire.unit_id, reply, self.now_ns)
+        self._collect(answered=wire, reply=reply)
 
     def _on_wait(self, _axis: int = 0) -> None:
         self.now_ns += TICK_NS
@@ -774,6 +803,15 @@ class World:
 
     # --- the drive -------------------------------------------------------------------------------------
 
+    def reply_to(self, wire: Wire) -> bytes:
+        """Return what the drive answers to a frame that it has obeyed."""
+        pdu = wire.pdu
+        if pdu[0] != 3:
+            return pdu[:5] if pdu[0] == 16 else pdu
+        number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
+        data = _registers(self.state.axes[number], pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
+        return bytes((3, len(data))) + data
+
     def _obey(self, wire: Wire) -> bytes:
         """Let the drive do what a frame says; return its answer."""
         pdu = wire.pdu
@@ -781,8 +819,7 @@ class World:
         axis = self.state.axes[number]
         address = pdu[1] << 8 | pdu[2]
         if pdu[0] == 3:
-            data = _registers(axis, address, pdu[3] << 8 | pdu[4])
-            return bytes((3, len(data))) + data
+            return self.reply_to(wire)
         if address == TRIGGER:
             self._act(number, pdu[3] << 8 | pdu[4], wire)
             return pdu
@@ -863,7 +900,8 @@ class World:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
             wire = rules.judge_frame(self, unit_id, pdu)
-            self.state = self.state._replace(wire=wire, late=None)
+            late = None if self.design.is_serial else self.state.late
+            self.state = self.state._replace(wire=wire, late=late)
         if not frames and answered is not None:
             self.state = self.state._replace(is_starting=False, owed_stops=0, given_up=())
         if len(self.sides) > 1 and self.is_quiet:
@@ -874,7 +912,11 @@ class World:
         wire = self.state.wire
         if wire is not None:
             rules.note_silence(self, wire)
-            late = wire._replace(ticks_left=DRAIN_TICKS) if "late" in self.design.happenings else None
+            late = (
+                wire._replace(ticks_left=DRAIN_TICKS)
+                if not self.state.split and "late" in self.design.happenings
+                else None
+            )
             self.state = self.state._replace(wire=None, late=late)
 
     def _compare_states(self) -> None:

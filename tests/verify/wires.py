@@ -1,0 +1,319 @@
+"""Worlds that begin at bytes: the real ports, links and decoders of Modbus/TCP around the same small world.
+
+A request comes in two pieces, or two in one read; so does a reply, and one that is late comes while the next
+request is out. What is not here: the silences of a wire and of a drive, which the links keep with timers of
+the system (``gateway.relay.pacing``): a frame leaves at once. Numbers of frames only grow, and are compared
+with each other alone: where none is out and none may come late they begin anew.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+from unittest import mock
+
+from gateway.exchange.line import LineExchange
+from gateway.exchange.ports import ControllerPort as AnyPort
+from gateway.exchange.ports import Stamps
+from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
+from gateway.relay.controller_port import MbapControllerPort
+from gateway.relay.drive_link import MbapDriveLink
+from tests.verify import rules
+from tests.verify.snapshot import Lens
+from tests.verify.world import TICK_NS, TIMING, Asked, Design, Happening, Side, Wire, World
+
+NOBODY: Final = 0xFFFF
+"""The number of a late reply to a request of a connection before."""
+CUT: Final = 9
+"""So many bytes of a request come first: its header, its function code, a byte of its address."""
+REPLY_CUT: Final = 8
+
+
+def _keep(port: Any, number: int, _unit_id: int, pdu: bytes) -> None:
+    port.replies.append((number, pdu))
+
+
+class Pipe:
+    """One open connection, which takes apart what is written to it."""
+
+    peer = ""
+    wire_ns_per_byte = 0
+
+    def __init__(self, take: Callable[[int, int, bytes], None]) -> None:
+        self._take = take
+        self.is_closed = False
+
+    def write(self, data: bytes) -> None:
+        """See ``Channel``."""
+        frames = MbapDecoder().feed(data)
+        assert len(frames) == 1, data.hex(" ")
+        self._take(*frames[0])
+
+    def has_gone(self) -> bool:
+        """See ``Channel``."""
+        return False
+
+    def close(self) -> None:
+        """See ``Channel``."""
+        self.is_closed = True
+
+
+class AtOnce:
+    """Sends without any silence before it."""
+
+    wire_ns_per_byte = 0
+
+    def __init__(self, _gap_ns: int, _wire_gap_ns: int = 0) -> None:
+        self._channel: Pipe | None = None
+        self.stamps = Stamps()
+
+    def opened(self, channel: Pipe, _now_ns: int) -> None:
+        """Write there from now on."""
+        self._channel = channel
+
+    def closed(self) -> None:
+        """Write nowhere."""
+        self._channel = None
+
+    def heard(self, _now_ns: int) -> None:
+        """Nothing is waited for."""
+
+    def discard(self) -> None:
+        """Nothing is held back."""
+
+    def send(self, frame: bytes) -> None:
+        """Send."""
+        if self._channel is not None:
+            self._channel.write(frame)
+
+
+class BytesLink(MbapDriveLink):
+    """The real link, which tells what left over it and what it does not wait for any more."""
+
+    def __init__(self) -> None:
+        with mock.patch("gateway.relay.drive_link.PacedSender", AtOnce):
+            super().__init__(0)
+        self.sent: list[tuple[int, bytes]] = []
+        self.is_abandoned = False
+        self.pipe = Pipe(lambda _number, unit_id, pdu: self.sent.append((unit_id, pdu)))
+
+    def abandon(self) -> None:
+        """See ``DriveLink``."""
+        self.is_abandoned |= self._awaited_id is not None
+        super().abandon()
+
+    def number(self, *, is_late: bool) -> int:
+        """Return the number of the request that is out, or of the newest that was given up."""
+        if not is_late and self._awaited_id is not None:
+            return self._awaited_id
+        return next(reversed(self._unanswered), NOBODY)
+
+
+class NeverStoodStill:
+    """The process runs without a pause."""
+
+    def stood_still(self, _now_ns: int, _patience_ns: int) -> bool:
+        """See ``Beats``."""
+        return False
+
+
+class Door:
+    """Where the ports bring whole requests."""
+
+    pulse = NeverStoodStill()
+
+    def __init__(self, line: LineExchange) -> None:
+        self._line = line
+
+    def request(
+        self, port: AnyPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int, **why: str
+    ) -> None:
+        """See ``Requests``."""
+        self._line.request(port, transaction_id, unit_id, pdu, now_ns, **why)
+
+    def controller_gone(self, port: AnyPort, now_ns: int) -> None:
+        """See ``Requests``."""
+        self._line.controller_gone(port, now_ns)
+
+
+class BytesSide(Side):
+    """One gateway whose ports and link are the real ones."""
+
+    link: Any
+
+    def __init__(self, design: Design, tell: Callable[[Any], None]) -> None:
+        link: Any = BytesLink()
+        self.link = link
+        self.line = LineExchange(design.plans, TIMING, link, tell, design.groups)
+        link.attach(self.line)
+        door = Door(self.line)
+        self.ports: list[Any] = []
+        self.pipes: list[Pipe] = []
+        for plan in design.controllers:
+            port: Any = MbapControllerPort(plan, door, MbapCounters(), lambda _peer: None)  # type: ignore[arg-type]
+            port.replies = []
+            self.ports.append(port)
+            self.pipes.append(Pipe(partial(_keep, port)))
+        roots = [self.line, *self.ports, *self.pipes, link]
+        self.lens = Lens(roots, TICK_NS, design.horizon_ticks)
+
+    def open(self, now_ns: int) -> None:
+        """Open every connection."""
+        self.link.opened(self.link.pipe, now_ns)
+        for port in range(len(self.ports)):
+            self._open(port, now_ns)
+
+    def _open(self, port: int, now_ns: int) -> None:
+        self.pipes[port].is_closed = False
+        self.ports[port]._decoder = MbapDecoder(MbapCounters())
+        self.ports[port].unfinished_ns = 0
+        self.ports[port].opened(self.pipes[port], now_ns)
+
+    def feed(self, port: int, data: bytes, now_ns: int) -> None:
+        """Bytes of a controller."""
+        self.ports[port].received(data, now_ns)
+
+    def request(self, port: int, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """See ``Side``."""
+        self.feed(port, encode_mbap(transaction_id, unit_id, pdu), now_ns)
+
+    def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """See ``Side``."""
+        self.link.received(encode_mbap(self.link.number(is_late=False), unit_id, pdu), now_ns)
+
+    def stray(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """See ``Side``."""
+        self.link.received(encode_mbap(self.link.number(is_late=True), unit_id, pdu), now_ns)
+
+    def gone(self, port: int, now_ns: int) -> None:
+        """See ``Side``."""
+        self.ports[port].closed("", now_ns)
+        self._open(port, now_ns)
+
+
+class BytesWorld(World):
+    """A world whose controllers and drive speak in bytes, whole frames or not."""
+
+    def side_of(self, ways: dict[str, int]) -> Side:
+        """See ``World``."""
+        return BytesSide(self.design, self._tell)
+
+    def _call(self, name: str, *args: Any) -> None:
+        if name == "link_up":
+            for side in self.sides:
+                assert isinstance(side, BytesSide)
+                side.open(*args)
+            return
+        super()._call(name, *args)
+
+    @property
+    def _side(self) -> BytesSide:
+        side = self.sides[0]
+        assert isinstance(side, BytesSide)
+        return side
+
+    def happen(self, event: Happening) -> None:
+        """See ``World``."""
+        super().happen(event)
+        state, link = self.state, self._side.link
+        if state.wire is None and state.late is None and not state.split:
+            link._unanswered.clear()
+            link._last_id = 0
+
+    def happenings(self) -> list[Happening]:
+        """See ``World``."""
+        design, state = self.design, self.state
+        found = super().happenings()
+        asks = [each for each in found if each[0] == "ask"]
+        if state.half:
+            found = [each for each in found if each[0] not in ("ask", "disconnect")] + [("tail",)]
+        elif "half" in design.happenings:
+            found += [("half", *each[1:]) for each in asks]
+        if "pair" in design.happenings and not state.half and not state.asked[0]:
+            found += [("pair", one[2:], other[2:]) for one in asks for other in asks]
+        if state.split:  # in a stream of bytes nothing overtakes it
+            found = [each for each in found if each[0] not in ("drive", "late")] + [("reply_tail",)]
+        elif "split" in design.happenings and state.wire is not None and not state.wire.is_obeyed:
+            found.append(("split",))
+        return found
+
+    def _register(self, name: str, axis: int, number: int = 0, ticks: int = 0) -> tuple[int, bytes]:
+        """Let a request be one that its controller waits for; return its number and its bytes."""
+        pdu = self.pdu(name, number)
+        taken = {each.transaction_id for each in self.state.asked[0]}
+        taken.update(given for owner, given in self.state.given_up if owner == 0)
+        transaction_id = next(i for i in range(1, 99) if i not in taken)
+        asked = (*self.state.asked[0], Asked(pdu, transaction_id, ticks=ticks, axis=axis))
+        order = (*self.state.order, (0, transaction_id))
+        self.state = self.state._replace(asked=(asked, *self.state.asked[1:]), order=order)
+        return transaction_id, encode_mbap(transaction_id, self.design.plans[axis].unit_id, pdu)
+
+    def _on_half(self, port: int, name: str, axis: int, number: int = 0) -> None:
+        """The first bytes of a request come; its controller waits for an answer from now on."""
+        before = self.state
+        _, data = self._register(name, axis, number)
+        self.state = before._replace(half=(name, axis, number, 0))
+        self._side.feed(port, data[:CUT], self.now_ns)
+        self._collect()
+
+    def _on_tail(self) -> None:
+        """The rest of it comes. A request that took too long is not sent, and ends the connection (W5)."""
+        name, axis, number, ticks = self.state.half
+        self.state = self.state._replace(half=())
+        _, data = self._register(name, axis, number, ticks)
+        self._side.feed(0, data[CUT:], self.now_ns)
+        self._collect()
+        if self._side.pipes[0].is_closed:
+            self._on_disconnect(0)
+
+    def _on_pair(self, one: Happening, other: Happening) -> None:
+        """Two requests come in one read."""
+        data = b"".join(self._register(*each)[1] for each in (one, other))
+        self._side.feed(0, data, self.now_ns)
+        self._collect()
+
+    def _on_split(self) -> None:
+        """The drive obeys, and the first bytes of its reply come."""
+        wire = self.state.wire
+        assert wire is not None
+        reply = self._obey(wire)
+        data = encode_mbap(self._side.link.number(is_late=False), wire.unit_id, reply)
+        self.state = self.state._replace(wire=wire._replace(is_obeyed=True), split=(wire.unit_id, reply))
+        self._side.link.received(data[:REPLY_CUT], self.now_ns)
+        self._collect()
+
+    def _on_reply_tail(self) -> None:
+        """The rest of it comes: in time, or when nobody waits for it any more."""
+        wire = self.state.wire
+        assert self.state.split
+        reply = self.state.split[1]
+        self.state = self.state._replace(split=())
+        is_awaited = wire is not None and wire.is_obeyed
+        rest = encode_mbap(0, 0, reply)[REPLY_CUT:]
+        if is_awaited:
+            assert wire is not None
+            self.state = self.state._replace(wire=None)
+        self._side.link.received(rest, self.now_ns)
+        if is_awaited:
+            self._collect(answered=wire, reply=reply)
+            if wire is not None and wire.aim is not None:
+                self._on_wait()
+        else:
+            self._collect()
+
+    def _on_wait(self, _axis: int = 0) -> None:
+        if self.state.half:
+            *what, ticks = self.state.half
+            self.state = self.state._replace(half=(*what, min(ticks + 1, rules.PATIENCE_TICKS + 2)))
+        super()._on_wait()
+
+    def _on_disconnect(self, port: int) -> None:
+        self.state = self.state._replace(half=())
+        super()._on_disconnect(port)
+
+
+def world_of(design: Design) -> World:
+    """Return the world of a design."""
+    return BytesWorld(design) if design.is_bytes else World(design)
+
+
+__all__ = ["BytesWorld", "Wire", "world_of"]
