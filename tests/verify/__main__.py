@@ -20,10 +20,10 @@ EXAMPLES = """examples:
   python -m tests.verify staged --depth 9 --random 0   all traces of up to nine events, nothing else
   python -m tests.verify --list                        what there is
 """
-SECONDS = 30.0
+SECONDS = 10.0
 """Of each large world: with what follows, all of it takes less than 30 minutes on two cores."""
-CLOSING_SECONDS = 150.0
-"""Of each world that closes: the largest takes a third of it."""
+CLOSING_SECONDS = 60.0
+"""Of each world that closes: most take less than a quarter of it."""
 RANDOM_STEPS = 10_000_000
 JOBS = 2
 

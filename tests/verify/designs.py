@@ -286,7 +286,9 @@ def _small(name: str, about: str, *plans: AxisPlan, **changes: Any) -> Design:
         "targets": (-7003, 9007),
         "is_answered": True,
     }
-    return Design(name, about, plans or (_plan(),), **(parts | changes))
+    parts |= changes
+    parts.setdefault("checks_way_back", len(parts["targets"]) > 1)  # an unsure branch needs another target
+    return Design(name, about, plans or (_plan(),), **parts)
 
 
 def _small_staged(name: str, about: str, *plans: AxisPlan, **changes: Any) -> Design:
@@ -409,9 +411,24 @@ CLOSING: Final = (
         answers=("ack", "refuse"),
         targets=(9007,),
     ),
-    _small("s-table", "another table", happenings=(*TIME, "table"), targets=(9007,)),
-    _small("s-gain", "half a gain", happenings=(*TIME, "gain"), targets=(9007,)),
-    _small("s-switch", "off and on", happenings=(*TIME, "switch"), targets=(9007,)),
+    _small(
+        "s-table",
+        "another table",
+        happenings=(*TIME, "table"),
+        targets=(9007,),
+    ),
+    _small(
+        "s-gain",
+        "half a gain",
+        happenings=(*TIME, "gain"),
+        targets=(9007,),
+    ),
+    _small(
+        "s-switch",
+        "off and on",
+        happenings=(*TIME, "switch"),
+        targets=(9007,),
+    ),
     _small(
         "s-table-switch",
         "table and switch",
@@ -420,18 +437,26 @@ CLOSING: Final = (
         targets=(9007,),
     ),
     _small(
-        "s-link", "the link is lost and comes back", happenings=(*TIME, "unplug", "plug"), targets=(9007,)
+        "s-link",
+        "the link is lost and comes back",
+        happenings=(*TIME, "unplug", "plug"),
+        targets=(9007,),
     ),
     _small(
-        "s-killed", "killed with its record", happenings=(*TIME, "kill"), has_record=True, targets=(9007,)
+        "s-killed",
+        "killed with its record",
+        happenings=(*TIME, "kill"),
+        has_record=True,
+        targets=(-7003, 9007),
+        menu=("to",),
     ),
     _small(
         "s-killed-bare",
         "killed without",
         happenings=(*TIME, "kill", "kill_bare"),
         has_record=True,
-        targets=(9007,),
         menu=("to",),
+        targets=(-7003, 9007),
     ),
     _small(
         "s-killed-obeyed",
@@ -444,8 +469,19 @@ CLOSING: Final = (
     ),
     _small_staged("s-staged", "a target that waits for its trigger"),
     _small_staged("s-staged-two", "two of them", menu=("to", "run"), targets=(-7003, 9007)),
-    _small_staged("s-staged-refused", "refused", menu=("to", "run"), answers=("ack", "refuse")),
-    _small_staged("s-stop", "stopped", menu=("to", "run", "stop")),
+    _small_staged(
+        "s-staged-refused",
+        "refused",
+        menu=("to", "run"),
+        answers=("ack", "refuse"),
+        targets=(9007,),
+    ),
+    _small_staged(
+        "s-stop",
+        "stopped",
+        menu=("to", "run", "stop"),
+        targets=(-7003, 9007),
+    ),
     _small_staged(
         "s-stop-refused", "stopped and refused", menu=("to", "run", "stop"), answers=("ack", "refuse")
     ),
@@ -536,12 +572,12 @@ CLOSING: Final = (
         "b-replies",
         "begins at bytes: replies in two pieces, and late ones before the next",
         targets=(9007,),
-        answers=("ack", "obey"),
         happenings=(*TIME, "split", "late"),
         is_serial=False,
         is_bytes=True,
         is_answered=False,
         menu=("to",),
+        answers=("ack",),
     ),
     _small(
         "s-killed-within",
@@ -563,8 +599,8 @@ CLOSING: Final = (
         "s-killed-staged",
         "killed in the middle of an event, staged",
         menu=("to", "run"),
-        happenings=(*TIME, "kill_at"),
         has_record=True,
+        happenings=("arrive", "kill_at"),
     ),
     _small(
         "s-other-boot",

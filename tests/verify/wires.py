@@ -214,10 +214,25 @@ class BytesWorld(World):
     def happen(self, event: Happening) -> None:
         """See ``World``."""
         super().happen(event)
+        self._number_anew()
+
+    def _number_anew(self) -> None:
+        """Let the numbers of frames begin at 1 again: only which of them are the same counts."""
         state, link = self.state, self._side.link
-        if state.wire is None and state.late is None and not state.split:
-            link._unanswered.clear()
-            link._last_id = 0
+        buffer = link._decoder._buffer
+        split = int.from_bytes(buffer[:2], "big") if state.split else 0
+        late = link.number(is_late=True) if state.late is not None else 0
+        kept = [each for each in link._unanswered if each in (split, late)]
+        if link._awaited_id is not None:
+            kept.append(link._awaited_id)
+        numbers = {before: number for number, before in enumerate(kept, 1)}
+        link._last_id = len(kept)
+        if link._awaited_id is not None:
+            link._awaited_id = numbers[link._awaited_id]
+        link._unanswered.clear()
+        link._unanswered.update((numbers[each], None) for each in kept if numbers[each] != link._awaited_id)
+        if state.split:
+            link._decoder._buffer = numbers.get(split, NOBODY).to_bytes(2, "big") + buffer[2:]
 
     def happenings(self) -> list[Happening]:
         """See ``World``."""
