@@ -65,6 +65,7 @@ def test_the_lists_of_what_is_left_out_name_only_what_there_is() -> None:
     for design, events in (
         (recorded, (*arrived, TO_1, ACK, ("kill",), ACK)),
         (BY_NAME["pipelined"], (TO_1, ("ask", 0, "run", 0), ACK, ACK)),
+        (BY_NAME["b-requests"], ()),
     ):
         world = World(design)
         for event in events:
