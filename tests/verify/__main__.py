@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
-from tests.verify.designs import BY_NAME, CLOSING
+from tests.verify.designs import BY_NAME, CLOSING, PAIRS
 from tests.verify.explore import Outcome, as_test
 from tests.verify.running import walked, wandered
 
@@ -81,7 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{design.name:24} {design.about}")
         return 0
     names = asked.worlds or list(BY_NAME)
-    closing = {design.name for design in CLOSING}
+    closing = {design.name for design in (*CLOSING, *PAIRS)}
     outcomes: dict[str, Outcome] = {}
     with ProcessPoolExecutor(max_workers=asked.jobs, max_tasks_per_child=1) as pool:
         waiting = []

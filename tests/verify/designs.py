@@ -699,4 +699,206 @@ CLOSING: Final = (
     ),
 )
 """Worlds that close: together they have in pairs what the large ones have at once."""
-BY_NAME: Final = {design.name: design for design in (*CLOSING, *DESIGNS)}
+
+
+def _pair(name: str, about: str, *plans: AxisPlan, **changes: Any) -> Design:
+    """The smallest world with two families of events at once: one target, which is written and not read."""
+    parts: dict[str, Any] = {"menu": ("to",), "targets": (9007,)}
+    if changes.pop("is_silent", False):
+        parts |= {"answers": ("ack", "obey"), "is_answered": False}
+    if changes.pop("is_triggered", False):
+        parts |= {"menu": ("to", "run"), "is_staged": True}
+        plans = plans or (_staged(),)
+    return _small(name, about, *plans, **(parts | changes))
+
+
+STATUS_TOO: Final = ("to", "status")
+HOMING_PLAN: Final = _staged(referenced=Reference.HOMING, bits=HOMED_TOO)
+SWITCHED_PLAN: Final = _staged(referenced=Reference.DRIVE_BIT, bits=HOMED_TOO)
+PAIRS: Final = (
+    _pair("p-refuse-silent", "refused, and silent", answers=("ack", "refuse", "obey"), is_answered=False),
+    _pair(
+        "p-done-silent",
+        "done early and late, silent",
+        menu=STATUS_TOO,
+        is_silent=True,
+        happenings=("wait", "arrive_undone", "done"),
+    ),
+    _pair(
+        "p-falls-silent",
+        "done falls late, silent",
+        menu=STATUS_TOO,
+        is_silent=True,
+        happenings=(*TIME, "undone"),
+    ),
+    _pair(
+        "p-refuse-done",
+        "done at any time, refused",
+        menu=STATUS_TOO,
+        answers=("ack", "refuse"),
+        happenings=(*TIME, "arrive_undone", "done", "undone"),
+    ),
+    _pair("p-jog-silent", "jogged, silent", is_silent=True, happenings=(*TIME, "jog")),
+    _pair(
+        "p-jog-blinks",
+        "jogged, done blinks",
+        menu=STATUS_TOO,
+        happenings=(*TIME, "jog", "blink", "creep", "done"),
+    ),
+    _pair(
+        "p-blinks-silent",
+        "done blinks, silent",
+        menu=STATUS_TOO,
+        is_silent=True,
+        happenings=(*TIME, "blink", "creep"),
+    ),
+    _pair("p-answers", "every answer that there is", answers=("ack", "refuse", "garble", "obey-refuse")),
+    _pair(
+        "p-answers-silent",
+        "the same, silent and late",
+        answers=("ack", "garble", "obey-refuse", "obey"),
+        happenings=(*TIME, "late"),
+        is_answered=False,
+        controllers=_controllers("cnc", serial=True),
+    ),
+    _pair(
+        "p-late-read",
+        "read, refused and late",
+        menu=("to", "read"),
+        answers=("ack", "refuse"),
+        happenings=("wait", "late"),
+        is_answered=False,
+        controllers=_controllers("cnc", serial=True),
+    ),
+    _pair("p-run-silent", "triggered, silent", is_silent=True, is_triggered=True),
+    _pair(
+        "p-stop-silent",
+        "stopped, silent",
+        menu=("to", "run", "stop"),
+        is_silent=True,
+        is_triggered=True,
+        happenings=("wait",),
+    ),
+    _pair(
+        "p-run-status",
+        "triggered, stopped, done falls late",
+        menu=("to", "run", "stop", "status"),
+        is_triggered=True,
+        happenings=(*TIME, "undone"),
+    ),
+    _pair("p-stop-read", "stopped and read", menu=("to", "run", "stop", "read"), is_triggered=True),
+    _pair(
+        "p-pipe",
+        "two requests open, a connection that closes",
+        menu=("to", "run", "stop"),
+        answers=("ack", "refuse"),
+        happenings=("disconnect",),
+        is_triggered=True,
+        is_serial=False,
+        most_asked=2,
+    ),
+    _pair(
+        "p-pipe-silent",
+        "the same, silent",
+        menu=("run", "stop"),
+        happenings=("wait", "disconnect"),
+        is_triggered=True,
+        is_serial=False,
+        most_asked=2,
+        is_answered=False,
+    ),
+    _pair("p-halves-read", "word by word, and read", menu=("low", "high", "run", "read"), is_triggered=True),
+    _pair(
+        "p-halves-silent",
+        "word by word, silent",
+        menu=("low", "high", "run"),
+        is_silent=True,
+        is_triggered=True,
+        happenings=("wait",),
+    ),
+    _pair(
+        "p-distance-silent",
+        "a distance, silent",
+        _staged(travel=(-12.0, 12.0)),
+        is_triggered=True,
+        menu=("by", "run", "distance"),
+        distances=(-4003,),
+        is_silent=True,
+    ),
+    _pair(
+        "p-distance-stop",
+        "a distance, stopped",
+        _staged(travel=(-12.0, 12.0)),
+        is_triggered=True,
+        menu=("to", "by", "run", "distance", "stop"),
+        distances=(-4003,),
+    ),
+    _pair(
+        "p-link-run", "the link is lost, triggered", is_triggered=True, happenings=(*TIME, "unplug", "plug")
+    ),
+    _pair("p-link-silent", "the link is lost, silent", is_silent=True, happenings=(*TIME, "unplug", "plug")),
+    _pair(
+        "p-kill-read",
+        "killed and read",
+        menu=("to", "read"),
+        has_record=True,
+        happenings=(*TIME, "kill", "kill_bare"),
+    ),
+    _pair(
+        "p-kill-silent",
+        "killed, silent",
+        has_record=True,
+        is_silent=True,
+        happenings=(*TIME, "kill", "kill_bare"),
+    ),
+    _pair(
+        "p-home-read",
+        "homed, switched off and on, read",
+        SWITCHED_PLAN,
+        is_triggered=True,
+        menu=("to", "run", "home", "read"),
+        happenings=(*TIME, "reboot", "homed"),
+        horizon_ticks=14,
+    ),
+    _pair(
+        "p-home-silent",
+        "homed, switched off and on, silent",
+        SWITCHED_PLAN,
+        is_triggered=True,
+        is_silent=True,
+        menu=("to", "run", "home"),
+        happenings=("arrive", "wait", "reboot", "homed"),
+        horizon_ticks=14,
+    ),
+    _pair(
+        "p-zero-read",
+        "a position that is set, read",
+        HOMING_PLAN,
+        is_triggered=True,
+        menu=("to", "run", "zero", "read"),
+        happenings=(*TIME, "homed"),
+    ),
+    _pair(
+        "p-zero-silent",
+        "homing and a position that is set, silent",
+        HOMING_PLAN,
+        is_triggered=True,
+        is_silent=True,
+        menu=("run", "home", "zero"),
+        happenings=("wait", "homed"),
+    ),
+    _pair("p-back-silent", "its register read back, silent", menu=("to", "back"), is_silent=True),
+    _pair("p-back-jog", "its register read back, jogged", menu=("to", "back"), happenings=(*TIME, "jog")),
+    _pair(
+        "p-back-status",
+        "its register read back, done falls late",
+        menu=("to", "back", "status"),
+        happenings=(*TIME, "undone"),
+    ),
+    _pair("p-table-silent", "another table, silent", is_silent=True, happenings=(*TIME, "table")),
+    _pair("p-gain-silent", "half a gain, silent", is_silent=True, happenings=(*TIME, "gain")),
+    _pair("p-switch-silent", "off and on, silent", is_silent=True, happenings=(*TIME, "switch")),
+    _pair("p-changes", "table, gain and switch", happenings=(*TIME, "table", "gain", "switch")),
+)
+"""Two families of events at once, where no other world that closes has them."""
+BY_NAME: Final = {design.name: design for design in (*CLOSING, *PAIRS, *DESIGNS)}
