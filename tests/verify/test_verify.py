@@ -1,14 +1,17 @@
 """The walk itself: it closes, it sees, it says what it saw; and its lists of what is left out are alive."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import pytest
 
 from tests.verify import snapshot
-from tests.verify.designs import BY_NAME, DESIGNS
-from tests.verify.explore import Broken, Walk, as_test, play, replay
+from tests.verify import world as world_module
+from tests.verify.designs import BY_NAME, CLOSING, DESIGNS, PAIRS
+from tests.verify.explore import Broken, Walk, as_test, play, replay, shortened
 from tests.verify.rules import BrokenRuleError
 from tests.verify.screw import WORN
+from tests.verify.wires import world_of
 from tests.verify.world import Design, Happening, World
 
 ACK = ("drive", "ack")
@@ -23,6 +26,34 @@ def test_a_tiny_world_closes_and_has_a_way_back_from_everywhere() -> None:
     assert outcome.settled
     assert outcome.states > 500
     assert outcome.without_way_back == 0
+
+
+@pytest.mark.parametrize(
+    "name", ["s-down", "s-carry", "s-stored", "s-killed-within", "s-two-units", "b-requests"]
+)
+def test_a_small_world_closes_and_breaks_no_rule(name: str) -> None:
+    outcome = Walk(BY_NAME[name]).breadth_first()
+    assert outcome.is_closed
+    assert not outcome.broken, outcome.broken[0]
+
+
+@pytest.mark.parametrize("design", [*CLOSING, *PAIRS], ids=lambda design: design.name)
+def test_no_rule_is_broken_at_the_beginning_of_a_world_that_closes(design: Design) -> None:
+    outcome = Walk(design).breadth_first(depth=3)
+    assert not outcome.broken, outcome.broken[0]
+
+
+def test_worlds_that_close_have_all_pairs_of_what_the_large_ones_have_at_once() -> None:
+    small = {pair for design in (*CLOSING, *PAIRS) for pair in pairs_of(design)}
+    assert [(d.name, pair) for d in DESIGNS for pair in pairs_of(d) if pair not in small] == []
+
+
+def pairs_of(design: Design) -> set[tuple[str, ...]]:
+    """Each two of what controllers ask, drives answer and else happens; a drive that may be silent is one."""
+    found = {*design.menu, *design.answers, *design.happenings}
+    if not design.is_answered:
+        found.add("silence")
+    return set(combinations(sorted(found), 2))
 
 
 @pytest.mark.parametrize("design", DESIGNS, ids=lambda design: design.name)
@@ -65,9 +96,9 @@ def test_the_lists_of_what_is_left_out_name_only_what_there_is() -> None:
     for design, events in (
         (recorded, (*arrived, TO_1, ACK, ("kill",), ACK)),
         (BY_NAME["pipelined"], (TO_1, ("ask", 0, "run", 0), ACK, ACK)),
-        (BY_NAME["b-requests"], ()),
+        (BY_NAME["b-requests"], (TO_0, ACK, ACK)),
     ):
-        world = World(design)
+        world = world_of(design)
         for event in events:
             play_in(world, event)
             world.key(world.keep())
@@ -94,6 +125,46 @@ def test_a_wrong_branch_is_seen() -> None:
     world.screws = (WORN._replace(forward_mm=WORN.backward_mm, backward_mm=WORN.forward_mm),)
     with pytest.raises(BrokenRuleError, match="wrong branch"):
         play_in(world, TO_1, ACK, ACK)
+
+
+def test_what_a_broken_rule_does_not_need_is_left_out_of_its_trace(monkeypatch: pytest.MonkeyPatch) -> None:
+    swapped = WORN._replace(forward_mm=WORN.backward_mm, backward_mm=WORN.forward_mm)
+    monkeypatch.setattr(world_module, "SCREWS", (swapped,))
+    wait, read = ("wait",), ("ask", 0, "read", 0)
+    long = (wait, read, ACK, wait, wait, TO_1, ACK, ACK)
+    assert shortened(BY_NAME["direct"], Broken("on the wrong branch", long)).trace == long  # another rule
+    world = world_of(BY_NAME["direct"])
+    with pytest.raises(BrokenRuleError) as broken:
+        play_in(world, *long)
+    assert shortened(BY_NAME["direct"], Broken(str(broken.value), long)).trace == (TO_1, ACK, ACK)
+
+
+def test_a_gateway_dies_before_the_store_that_is_chosen_and_what_had_left_is_carried_out_or_not() -> None:
+    before = (TO_0, ACK, ACK, ("arrive", 0), TO_1)
+    design = BY_NAME["s-killed-within-near"]
+    # The read is answered: the first store says that 9019, 9184 forward, is on its way, and comes before it.
+    for number, is_obeyed, goes_counts in ((1, True, None), (2, False, None), (2, True, 9184)):
+        world = play(design, *before, ("kill_at", number, is_obeyed, "drive", "ack"))
+        assert world.state.axes[0].goes_counts == goes_counts
+
+
+def test_the_late_rest_of_half_a_request_is_no_request_and_ends_its_connection() -> None:
+    half, tail, wait = ("half", 0, "to", 0, 0), ("tail",), ("wait",)
+    world = play(BY_NAME["b-requests"], half, wait, tail)
+    assert world.state.wire is not None  # 80 ms: its controller waits yet
+    world = play(BY_NAME["b-requests"], half, wait, wait, tail)
+    assert world.state.wire is None
+    assert world.is_quiet
+
+
+def test_a_late_reply_answers_no_other_request_in_a_world_of_bytes() -> None:
+    obeyed = (TO_0, ACK, ("drive", "obey"), ("wait",), TO_0)
+    design = replace(BY_NAME["b-replies"], answers=("ack", "obey"))
+    world = play(design, *obeyed)
+    wire = world.state.wire
+    world.happen(("late",))
+    assert world.state.wire == wire
+    assert world.state.asked[0]
 
 
 def test_a_trace_is_printed_as_a_test_with_what_went_over_the_wires() -> None:
