@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Final
 
-from tests.verify.rules import BrokenRuleError, is_settled
+from tests.verify.errors import BrokenRuleError
+from tests.verify.rules import is_settled
 from tests.verify.snapshot import row_name, watch_table
 from tests.verify.world import Design, Happening, Kept, World
 

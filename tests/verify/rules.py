@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 from gateway.modbus.pdu import is_exception
 from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import COMMANDED, RUN, RUN_RELATIVE, STATUS, STOP, TRIGGER
+from tests.verify import facts
+from tests.verify.errors import BrokenRuleError
 
 if TYPE_CHECKING:
     from tests.verify.world import Aim, Asked, Axis, Belief, Run, Side, Wire, World
@@ -35,10 +37,6 @@ RUN_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN.to_bytes(2, "big")
 RELATIVE_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN_RELATIVE.to_bytes(2, "big")
 RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU})
 ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
-
-
-class BrokenRuleError(Exception):
-    """A rule that was broken; the message says which one, and how."""
 
 
 def is_stop(pdu: bytes) -> bool:
@@ -338,6 +336,11 @@ def _is_native(sent: bytes, reply: bytes) -> bool:
 
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
+    _note_answer(world, wire, reply)
+    facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
+
+
+def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     if wire.owner < 0 or wire.pdu[0] == 3:
         return
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == wire.unit_id)
@@ -454,6 +457,8 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
             raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
         if not is_own:
             note_lost(world, port, request)
+            if not request.is_sent:
+                facts.never_sent(world, request, pdu[1])
         return
     if not is_own:
         raise BrokenRuleError(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")

@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 
 from gateway.exchange.axis import transitions
 from gateway.exchange.axis.registers import Completeness
-from gateway.exchange.axis.state import HOMING
+from gateway.exchange.axis.state import HOMING, Block
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
 from gateway.times import NS_PER_MS
@@ -43,14 +43,9 @@ LEFT_OUT: Final = {
     "_link": "the world's",
     "_refusals": "how often was told of a refusal",
     "_told": "how often was told of something",
-    "told_restaged_ns": "when was told of it",
-    "told_unknown": "of what was told",
-    "told_unsure": "whether it was told already",
-    "told_referenced": "what was told last",
     "_gaps": "when monitors may read; no world has one",
     "replies": "the world's",
     "began": "what an event tells",
-    "is_alarmed": "no world has an alarm bit",
     "_silent": "drives of whose silence was told",
 }
 """Attributes that are neither kept nor compared, by name."""
@@ -60,6 +55,7 @@ NOT_COMPARED: Final = {
     "_arrived_ns": "only keeps the instants of requests apart",
     "_lost_ns": "counts only against requests that came before it: they are compared with it",
     "losses": "counts only against what was sent before: that is compared with it",
+    "told_restaged_ns": "counts a minute, longer than any trace; whether there is one the world knows",
     "blocked_at_loss": "the same",
     "at_ns": "moves a blend by time only, which no world has",
     "transaction_id": "only the reply carries it",
@@ -588,11 +584,27 @@ class Said(NamedTuple):
 
     compensation: str
     direction: str
+    is_referenced: bool
+    is_reference_told: bool
+    """Whether the drive was ever asked, where it decides."""
+    is_blocked: bool
+    """Whether its triggers are refused, for its own sake or for that of its group."""
+    is_own_blocked: bool
 
 
 def said(line: LineExchange) -> tuple[Said, ...]:
     """Return what a line says of each axis, as its status does."""
-    return tuple(Said(compensation_state(axis), direction_state(axis)) for axis in line.axes)
+    return tuple(
+        Said(
+            compensation_state(axis),
+            direction_state(axis),
+            axis.is_referenced,
+            axis.is_reference_told,
+            axis.blocked_by is not None,
+            axis.block is not Block.NONE,
+        )
+        for axis in line.axes
+    )
 
 
 def is_sending_unsure(line: LineExchange) -> bool:

@@ -6,8 +6,8 @@ import pytest
 
 from tests.verify import snapshot
 from tests.verify.designs import BY_NAME, DESIGNS
+from tests.verify.errors import BrokenRuleError
 from tests.verify.explore import Broken, Walk, as_test, play, replay
-from tests.verify.rules import BrokenRuleError
 from tests.verify.screw import WORN
 from tests.verify.world import Design, Happening, World
 

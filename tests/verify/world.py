@@ -32,8 +32,10 @@ from tests.exchange.staged_bench import (
     TRIGGER,
     ZERO,
 )
-from tests.verify import rules
-from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS, BrokenRuleError
+from tests.verify import facts, rules
+from tests.verify.errors import BrokenRuleError
+from tests.verify.facts import Facts
+from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS
 from tests.verify.screw import REGROUND, WORN, Screw
 from tests.verify.snapshot import Lens, Snapshot, is_sending_unsure, said
 
@@ -138,6 +140,7 @@ class Wire(NamedTuple):
     is_obeyed: bool = False
     ticks_left: int = 0
     """Of a frame that nobody waits for any more: so long it may still be answered."""
+    sent_ns: int = 0
 
 
 class Asked(NamedTuple):
@@ -202,6 +205,7 @@ class Axis(NamedTuple):
     """It stood while somebody was told that it is not done."""
     tried: tuple[int, int] | None = None
     """The last target on its way that was not acknowledged, and where it leads."""
+    facts: Facts | None = None
 
 
 class State(NamedTuple):
@@ -226,6 +230,8 @@ class State(NamedTuple):
     """Stops whose controllers have given up: they go out all the same."""
     given_up: tuple[tuple[int, int], ...] = ()
     """Controller and number of requests that the gateway may still have waiting, for nobody."""
+    owed: tuple[tuple[str, str], ...] = ()
+    """Axis and event that is told with the next answer."""
 
 
 @dataclass(frozen=True)
@@ -257,6 +263,10 @@ class Design:
     depth: int = 0
     """To which it is walked unless it closes before; 0: until it closes."""
     checks_way_back: bool = True
+    judges_blocks: bool = True
+    """It is known at any moment whether a target was lost: nothing passes 1:1, and is refused unjudged."""
+    ways: tuple[tuple[Happening, ...], ...] = ()
+    """Traces that are walked first, with each event in each state on them."""
     options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -293,14 +303,19 @@ class World:
         self.tally = Tally()
         self.screws: tuple[Screw, ...] = SCREWS
         self.now_ns = START_NS
+        self.told: list[Event] = []
+        """What was told since the last event of the world began."""
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
-        self.sides = [Side(design, each, self._tell) for each in ways]
+        self.sides = [
+            Side(design, each, self._tell if i == 0 else _tell_nobody) for i, each in enumerate(ways)
+        ]
         for side in self.sides[1:]:
             side.lens.share(self.sides[0].lens)
         self._fresh = [side.lens.take(self.now_ns) for side in self.sides]
         self.records = Records()
         ports, axes = len(design.controllers), len(design.plans)
-        self.state = State(tuple(Axis() for _ in range(axes)), ((Belief(),) * axes,) * ports, ((),) * ports)
+        beginning = tuple(Axis(facts=facts.first(plan)) for plan in design.plans)
+        self.state = State(beginning, ((Belief(),) * axes,) * ports, ((),) * ports)
         self._attach()
         self._call("link_up", self.now_ns)
         self._collect()
@@ -400,7 +415,10 @@ class World:
 
     def happen(self, event: Happening) -> None:
         """Let an event happen. Raises BrokenRuleError."""
+        before = said(self.sides[0].line)
+        self.told.clear()
         getattr(self, "_on_" + event[0])(*event[1:])
+        facts.judge(self, before, self.told, is_restart=event[0] in ("kill", "kill_bare"))
 
     def _call(self, name: str, *args: Any) -> None:
         for side in self.sides:
@@ -571,7 +589,8 @@ class World:
         """The drive is switched off and on: it stands where it stood and counts from another zero."""
         for _ in range(REBOOT_TICKS):
             self._on_wait()
-        self._set(number, Axis(target_counts=self.state.axes[number].target_counts, is_homed=False))
+        was = self.state.axes[number]
+        self._set(number, Axis(target_counts=was.target_counts, is_homed=False, facts=was.facts))
 
     def _on_homed(self, number: int) -> None:
         self._set(number, self.state.axes[number]._replace(is_homed=True, is_done=True))
@@ -582,6 +601,8 @@ class World:
         wire = self.state.wire
         if wire is not None:
             self.state = self.state._replace(wire=None)
+            facts.unanswered(self, wire, is_cut=True)
+        facts.link_lost(self, set() if wire is None else {wire.unit_id})
         self._call("link_down", self.now_ns)
         self._collect()
         for port in range(len(self.state.asked)):
@@ -591,6 +612,7 @@ class World:
     def _on_plug(self) -> None:
         self._on_wait()
         self.state = self.state._replace(is_up=True, is_starting=True)
+        facts.link_found(self)
         self._call("link_up", self.now_ns)
         self._collect()
 
@@ -609,13 +631,15 @@ class World:
             self.records = Records()
         self._attach()
         self.state = self.state._replace(
-            wire=None, late=None, is_starting=True, is_up=True, owed_stops=0, given_up=()
+            wire=None, late=None, is_starting=True, is_up=True, owed_stops=0, given_up=(), owed=()
         )
         self.state = self.state._replace(table=0, is_wanted=True, is_gain_half=False)
         self._forget_runs(is_restart=True)
         self.now_ns += TICK_NS
         axes = tuple(_older(axis, is_prompt=self.design.is_prompt) for axis in self.state.axes)
         self.state = self.state._replace(axes=axes)
+        for number, plan in enumerate(self.design.plans):
+            facts.note(self, number, facts.first(plan))
         self._call("link_up", self.now_ns)
         self._collect()
 
@@ -645,6 +669,7 @@ class World:
         self._control(lambda: Switch(self.design.plans[0].name, self.state.is_wanted))
 
     def _on_declare(self) -> None:
+        facts.declared(self, 0)
         self._control(lambda: Declare(self.design.plans[0].name))
 
     def _control(self, message: Callable[[], Any]) -> None:
@@ -721,6 +746,7 @@ class World:
 
     def _tell(self, event: Event) -> None:
         self.tally.events.add(event.kind.value)
+        self.told.append(event)
 
     def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:
         """Look at what left, and at what came back."""
@@ -741,8 +767,9 @@ class World:
         for unit_id, pdu in frames:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
-            wire = rules.judge_frame(self, unit_id, pdu)
+            wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
             self.state = self.state._replace(wire=wire, late=None)
+            facts.left(self)
         if not frames and answered is not None:
             self.state = self.state._replace(is_starting=False, owed_stops=0, given_up=())
         if len(self.sides) > 1 and self.is_quiet:
@@ -752,6 +779,7 @@ class World:
         """The gateway does not wait for a reply any longer; it may still come."""
         wire = self.state.wire
         if wire is not None:
+            facts.unanswered(self, wire)
             rules.note_silence(self, wire)
             late = wire._replace(ticks_left=DRAIN_TICKS) if "late" in self.design.happenings else None
             self.state = self.state._replace(wire=None, late=late)
@@ -776,11 +804,17 @@ class World:
 
     def _lose(self, port: int, request: Asked) -> None:
         rules.note_lost(self, port, request)
+        if not request.is_sent:
+            facts.never_sent(self, request, 0)
 
     @property
     def is_quiet(self) -> bool:
         """Whether nothing is asked and nothing is on the wire."""
         return self.state.wire is None and not any(self.state.asked)
+
+
+def _tell_nobody(_event: Event) -> None:
+    """The second of two sides says the same as the first."""
 
 
 ON_THE_WAY_COUNTS: Final = (1501, 9060)
