@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan, Reference
+from tests.exchange.line_bench import ACTUAL
 from tests.exchange.staged_bench import HOME, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER, ZERO
+from tests.verify import rules
 from tests.verify.errors import BrokenRuleError
 
 if TYPE_CHECKING:
@@ -60,8 +62,8 @@ class Facts(NamedTuple):
     """Exception code of the loss; 0: not known."""
     is_stale: bool = False
     """Something was lost since the frame on the wire has left."""
-    has_restaged: bool = False
-    """It was told that a target was written anew, which it is once a minute."""
+    heard_ns: int = 0
+    """When it was told something that it acknowledged, or said where it is."""
 
 
 def first(plan: AxisPlan) -> Facts:
@@ -97,6 +99,9 @@ def answered(world: "World", wire: "Wire", reply: bytes, *, is_native: bool) -> 
     number = number_of(world, wire.unit_id)
     plan = world.design.plans[number]
     facts = _heard_again(_of(world, number), plan)
+    is_place = wire.pdu[0] == 3 and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address
+    if is_native and (wire.aim is not None or is_place):
+        facts = facts._replace(heard_ns=wire.sent_ns if is_place else world.now_ns)
     if wire.pdu[0] == 3:
         facts = _read(world, facts, plan, wire, reply)
     else:
@@ -262,9 +267,39 @@ def _is_run(pdu: bytes) -> bool:
 
 
 def _is_target(pdu: bytes) -> bool:
-    from tests.verify.rules import writes_target
+    return rules.writes_target(pdu)
 
-    return writes_target(pdu)
+
+def is_unseen(world: "World", number: int) -> bool:
+    """Whether somebody may have moved an axis since anything was heard of it (M6)."""
+    return world.now_ns - _of(world, number).heard_ns > world.design.plans[number].unseen_ms * MS
+
+
+def why_no_bit(world: "World", number: int, *, is_target: bool, is_read: bool) -> str:
+    """Return why the bit on which a reference hangs need not be read (W8, M9); empty where it must."""
+    facts, plan = _of(world, number), world.design.plans[number]
+    if plan.referenced is Reference.HOMING:
+        return "" if facts.is_homing and is_target else "no homing has to end before a target"
+    if plan.referenced is not Reference.DRIVE_BIT:
+        return "no bit decides"
+    is_old = not facts.is_found or world.now_ns - facts.seen_ns > BIT_COUNTS_NS
+    if facts.is_doubted or (is_target and is_old):
+        return ""
+    return "the bit was seen, and nothing has happened since"
+
+
+def has_to_ask(world: "World", number: int, *, is_target: bool) -> bool:
+    """Whether the bit on which a reference hangs has to be read before a position passes (M9)."""
+    facts, plan = _of(world, number), world.design.plans[number]
+    if not (plan.safe_read and plan.added_frames):
+        return False
+    if plan.referenced is Reference.HOMING:
+        is_lost = bool(facts.silent_since_ns) and _was_lost_long(facts, plan)
+        return is_target and facts.is_homing and not is_lost
+    if plan.referenced is not Reference.DRIVE_BIT:
+        return False
+    is_old = not facts.is_found or world.now_ns - facts.seen_ns > BIT_COUNTS_NS
+    return facts.is_doubted or (is_target and is_old)
 
 
 # --- targets that were lost ---------------------------------------------------------------------------
@@ -309,6 +344,7 @@ def judge(world: "World", before: "tuple[Said, ...]", told: list[Event], *, is_r
         said = world.said(number)
         _judge_reference(world, number, said)
         _judge_block(world, number, said)
+        rules.judge_direction(world, number)
         if not is_restart:
             _judge_events(world, plan.name, before[number], said, told)
 

@@ -70,7 +70,7 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     if is_stop(pdu) and state.owed_stops:
         world.state = state._replace(owed_stops=state.owed_stops - 1)
     elif pdu[0] == 3:
-        _judge_own_read(world, pdu)
+        _judge_own_read(world, number, pdu)
     else:
         _judge_restaging(world, number, pdu)
     return Wire(unit_id, pdu, -1, 0, None)
@@ -87,6 +87,13 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
             raise BrokenRuleError(f"a stop had to wait for {request.ticks} ticks (2)")
     elif request.ticks > PATIENCE_TICKS:
         raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
+    moves_or_reads = pdu in RUNS or writes_target(pdu) or (pdu[0] == 3 and (pdu[1] << 8 | pdu[2]) != STATUS)
+    if moves_or_reads and not request.is_bit_asked and facts.has_to_ask(world, number, is_target=pdu[0] != 3):
+        raise BrokenRuleError(
+            f"sent before the bit was read on which the reference hangs: {pdu.hex(' ')} (M9)"
+        )
+    if pdu[0] != 3:
+        _note_run(world, number, is_recalled=False)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
@@ -99,12 +106,58 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
 
 
-def _judge_own_read(world: "World", pdu: bytes) -> None:
+def _judge_own_read(world: "World", number: int, pdu: bytes) -> None:
     if (pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4]) not in READABLE:
         raise BrokenRuleError(f"a read that nothing names: {pdu.hex(' ')} (W8)")
-    waits = any(not each.is_sent for waiting in world.state.asked for each in waiting)
-    if not (waits or world.state.is_starting):
+    waiting = [find(world, port, transaction_id) for port, transaction_id in world.state.order]
+    unsent = [each for each in waiting if not each.is_sent and each.axis == number]
+    if not (unsent or world.state.is_starting):
         raise BrokenRuleError(f"a read for nothing: {pdu.hex(' ')} (W8)")
+    if not world.state.is_starting:
+        _judge_need(world, number, pdu, unsent)
+    if pdu[1] << 8 | pdu[2] == STATUS and unsent:
+        _note_bit_asked(world, number)
+
+
+def _note_bit_asked(world: "World", number: int) -> None:
+    """The bit is read for the request whose turn it is: the first that has not left."""
+    for port, transaction_id in world.state.order:
+        request = find(world, port, transaction_id)
+        if not request.is_sent and request.axis == number:
+            _replace(world, port, request._replace(is_bit_asked=True))
+            return
+
+
+def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") -> None:
+    """A read of the gateway's own needs a request that cannot go without it (W8)."""
+    address, axis, plan = pdu[1] << 8 | pdu[2], world.state.axes[number], world.design.plans[number]
+    moving = [each for each in unsent if each.pdu in RUNS or writes_target(each.pdu)]
+    is_distance = any(each.pdu == RELATIVE_PDU for each in moving)
+    run = axis.run
+    why = ""
+    if address == COMMAND.address:
+        is_needed = any(len(each.pdu) == 5 and writes_target(each.pdu) for each in moving)
+        why = "" if is_needed else "no part of a target waits"
+    elif address == COMMANDED.address:
+        why = "" if is_distance else "no distance waits"
+    elif address == ACTUAL.address:
+        is_seen = run is not None and run.is_told and run.seen == 3 and run.state == "active"
+        if not moving:
+            why = "no target waits"
+        elif is_seen and not is_distance and not facts.is_unseen(world, number):
+            why = "the axis was seen to stand at its target a moment ago"
+    elif address == STATUS and not is_distance:
+        why = facts.why_no_bit(world, number, is_target=bool(moving), is_read=len(moving) < len(unsent))
+    if why:
+        raise BrokenRuleError(f"a read for nothing, {why}: {pdu.hex(' ')} (W8)")
+
+
+def _note_run(world: "World", number: int, **changes: Any) -> None:
+    axis = world.state.axes[number]
+    if axis.run is not None:
+        axes = list(world.state.axes)
+        axes[number] = axis._replace(run=axis.run._replace(**changes))
+        world.state = world.state._replace(axes=tuple(axes))
 
 
 def _others(half: bytes) -> int:
@@ -228,9 +281,29 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
         raise BrokenRuleError(
             f"an axis that was seen to have arrived at {was.end_counts} is taken for unsure (M6)"
         )
+    if aim.is_unsure and not is_passing and aim.base is None:
+        _judge_doubt(world, number, aim)
     is_certain = aim.base is None or aim.base[1]
     is_unsure = aim.is_unsure or not is_certain
     return Run(nominal, end, False, is_unsure, aim.table, aim.state, is_gain_half=aim.is_gain_half)
+
+
+def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
+    """A branch is assumed only where no reading could tell: for want of one, or beside its branches (M6)."""
+    plan, axis = world.design.plans[number], world.state.axes[number]
+    run = axis.run
+    is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
+    is_again |= axis.tried is not None and axis.tried[0] == aim.nominal_counts
+    if world.design.refuses_reads or not plan.actual or is_again:
+        return
+    low, high = sorted(_branches(world, aim.nominal_counts, aim))
+    if not any(
+        low - BESIDE_COUNTS <= each <= high + BESIDE_COUNTS for each in (aim.from_counts, axis.stands_counts)
+    ):
+        raise BrokenRuleError(
+            f"target {aim.nominal_counts} is taken for unsure, and the axis stands at {aim.from_counts}, "
+            f"beyond {low:.1f} to {high:.1f}: a reading tells (M6)"
+        )
 
 
 def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
@@ -337,6 +410,11 @@ def _is_native(sent: bytes, reply: bytes) -> bool:
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
     _note_answer(world, wire, reply)
+    if wire.pdu[0] == 3 and reply[0] == 3 and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
+        number = facts.number_of(world, wire.unit_id)
+        axis = world.state.axes[number]
+        if axis.run is not None and axis.run.is_recalled and axis.stands_counts == axis.run.end_counts:
+            _note_run(world, number, is_told=True, is_recalled=False)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
 
 
@@ -532,6 +610,28 @@ def _band(world: "World", stands: int) -> tuple[float, float]:
         spread = max(spread, abs(forward - backward))
         found += [2 * stands - forward, 2 * stands - backward]
     return min(found) - spread, max(found) + spread
+
+
+def judge_direction(world: "World", number: int) -> None:
+    """What is said of the direction is that of the branch on which the axis stands (8). BrokenRuleError."""
+    axis, said = world.state.axes[number], world.said(number)
+    run = axis.run
+    if run is None or not run.is_told or run.is_unsure or run.state != "active":
+        return
+    if said.compensation != "active" or axis.stands_counts != run.end_counts or axis.goes_counts is not None:
+        return
+    is_same = (run.table, run.is_gain_half) == (world.state.table, world.state.is_gain_half)
+    if not is_same or not world.state.is_wanted:
+        return
+    share = 0.5 if run.is_gain_half else 1.0
+    for name, corrected in zip(
+        ("forward", "backward"), world.screws[run.table].corrected(run.nominal_counts)
+    ):
+        end = run.nominal_counts + share * (corrected - run.nominal_counts)
+        if abs(run.end_counts - end) <= ONE_COUNT and said.direction != name:
+            raise BrokenRuleError(
+                f"the axis has come to {run.end_counts} {name}, and it is said: {said.direction} (8)"
+            )
 
 
 # --- two ways through ---------------------------------------------------------------------------------

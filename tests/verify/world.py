@@ -151,6 +151,8 @@ class Asked(NamedTuple):
     is_sent: bool = False
     ticks: int = 0
     is_restaged: bool = False
+    is_bit_asked: bool = False
+    """The bit on which its reference hangs was read for it."""
     axis: int = 0
 
 
@@ -184,6 +186,8 @@ class Run(NamedTuple):
     is_restarted: bool = False
     """The gateway was killed since, and its record with it."""
     is_gain_half: bool = False
+    is_recalled: bool = False
+    """The gateway was killed since and has its record: it is told again as soon as the axis is seen there."""
     seen: int = 0
     """Since it was told, while it stood there: bit 0, its place was read; bit 1, its drive said done."""
 
@@ -623,18 +627,25 @@ class World:
         self._restart(is_record_kept=False)
 
     def _restart(self, *, is_record_kept: bool) -> None:
+        wire = self.state.wire
+        is_clean = wire is None or wire.pdu[0] == 3
+        is_clean &= (self.state.table, self.state.is_gain_half, self.state.is_wanted) == (0, False, True)
         for port in range(len(self.state.asked)):
             self._give_up(port)
         for side, fresh in zip(self.sides, self._fresh, strict=True):
             side.lens.restore(fresh, is_live_known=False)
         if not is_record_kept:
-            self.records = Records()
+            for (
+                buffer
+            ) in self.records.buffers.values():  # the same buffers: states that are put back write there
+                for at in range(0, len(buffer), PAGE):
+                    buffer[at : at + WRITTEN] = bytes(WRITTEN)
         self._attach()
         self.state = self.state._replace(
             wire=None, late=None, is_starting=True, is_up=True, owed_stops=0, given_up=(), owed=()
         )
         self.state = self.state._replace(table=0, is_wanted=True, is_gain_half=False)
-        self._forget_runs(is_restart=True)
+        self._forget_runs(is_restart=True, is_recalled=is_record_kept and is_clean)
         self.now_ns += TICK_NS
         axes = tuple(_older(axis, is_prompt=self.design.is_prompt) for axis in self.state.axes)
         self.state = self.state._replace(axes=axes)
@@ -643,11 +654,14 @@ class World:
         self._call("link_up", self.now_ns)
         self._collect()
 
-    def _forget_runs(self, *, is_restart: bool = False) -> None:
+    def _forget_runs(self, *, is_restart: bool = False, is_recalled: bool = False) -> None:
         for number, axis in enumerate(self.state.axes):
             run = axis.run
             if run is not None:
+                is_there = (run.is_told or run.is_recalled) and axis.stands_counts == run.end_counts
+                is_known = is_there and axis.goes_counts is None and run.table == 0
                 run = run._replace(is_told=False, seen=0, is_restarted=run.is_restarted or is_restart)
+                run = run._replace(is_recalled=is_recalled and is_known)
                 self._set(number, axis._replace(run=run))
 
     def _on_table(self) -> None:
