@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan, Reference
+from gateway.exchange.rights import UNLIMITED
 from tests.exchange.line_bench import ACTUAL
 from tests.exchange.staged_bench import HOME, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER, ZERO
 from tests.verify import rules
@@ -28,8 +29,6 @@ LOST: Final = 4
 TOLD_AFTER: Final = {
     EventKind.AXIS_BLOCKED: (lambda said: said.is_own_blocked, True),
     EventKind.AXIS_RELEASED: (lambda said: said.is_own_blocked, False),
-    EventKind.AXIS_REFERENCED: (lambda said: said.is_referenced, True),
-    EventKind.REFERENCE_LOST: (lambda said: said.is_referenced, False),
     EventKind.DIRECTION_UNSURE: (lambda said: said.direction == "unsure", True),
 }
 """Events that tell of a change of what is said, with what is said afterwards."""
@@ -56,6 +55,8 @@ class Facts(NamedTuple):
     silent_since_ns: int = 0
     silent_until_ns: int = 0
     """The first and the last request since then that it left unanswered; 0: it answers."""
+    told_found: bool | None = None
+    """What was told of it last."""
     block: str = ""
     """Whether a target was lost: for its own sake, or because another axis of the group had lost its own."""
     block_code: int = 0
@@ -69,7 +70,8 @@ class Facts(NamedTuple):
 def first(plan: AxisPlan) -> Facts:
     """Return what is known of an axis at the start."""
     is_found = plan.referenced is Reference.ABSOLUTE
-    return Facts(is_found, plan.referenced is not Reference.DRIVE_BIT)
+    is_told = plan.referenced is not Reference.DRIVE_BIT
+    return Facts(is_found, is_told, told_found=is_found if is_told else None)
 
 
 def _of(world: "World", number: int) -> Facts:
@@ -156,8 +158,10 @@ def declared(world: "World", number: int) -> None:
         note(world, number, _of(world, number)._replace(is_found=True, is_homing=False))
 
 
-def never_sent(world: "World", request: "Asked", code: int) -> None:
-    """A request was lost before it had left."""
+def never_sent(world: "World", port: int, request: "Asked", code: int) -> None:
+    """A request was lost before it had left; of who may not write nothing is lost (W9)."""
+    if world.design.controllers[port].rights != UNLIMITED:
+        return
     number = request.axis
     is_run = _is_run(request.pdu) or (_is_target(request.pdu) and not world.design.is_staged)
     if _is_target(request.pdu) or (is_run and world.design.groups and not _blocked_peers(world, number)):
@@ -305,6 +309,11 @@ def has_to_ask(world: "World", number: int, *, is_target: bool) -> bool:
 # --- targets that were lost ---------------------------------------------------------------------------
 
 
+def is_own_blocked(world: "World", number: int) -> bool:
+    """Whether a target of an axis was lost for its own sake."""
+    return _of(world, number).block == "own"
+
+
 def _blocked_peers(world: "World", number: int) -> bool:
     if not world.design.groups:
         return False
@@ -347,6 +356,7 @@ def judge(world: "World", before: "tuple[Said, ...]", told: list[Event], *, is_r
         rules.judge_direction(world, number)
         if not is_restart:
             _judge_events(world, plan.name, before[number], said, told)
+            _judge_told_reference(world, number, said, told)
 
 
 def _judge_reference(world: "World", number: int, said: "Said") -> None:
@@ -378,8 +388,6 @@ def _judge_events(world: "World", name: str, before: "Said", after: "Said", told
     owed = set(world.state.owed)
     for kind, (what, value) in TOLD_AFTER.items():
         was, is_now = what(before) is value, what(after) is value
-        if kind in (EventKind.AXIS_REFERENCED, EventKind.REFERENCE_LOST):
-            was, is_now = was and before.is_reference_told, is_now and after.is_reference_told
         is_due = (is_now and not was) or (name, kind.value) in owed
         others = sum(each is not kind and each in TOLD_AFTER and TOLD_AFTER[each][0] is what for each in own)
         most = is_due + others + (kind is EventKind.DIRECTION_UNSURE and not was)
@@ -392,6 +400,22 @@ def _judge_events(world: "World", name: str, before: "Said", after: "Said", told
             owed.add((name, kind.value))
     if owed != set(world.state.owed):
         world.state = world.state._replace(owed=tuple(sorted(owed)))
+
+
+def _judge_told_reference(world: "World", number: int, said: "Said", told: list[Event]) -> None:
+    """Found and lost are told in turn, and what was told last is so."""
+    was = is_found = _of(world, number).told_found
+    for event in told:
+        is_new = {EventKind.AXIS_REFERENCED: True, EventKind.REFERENCE_LOST: False}.get(event.kind)
+        if is_new is None or event.axis != world.design.plans[number].name:
+            continue
+        if is_new is is_found:
+            raise BrokenRuleError(f"{event.kind.value} is told, and it is not new (9)")
+        is_found = is_new
+    if is_found is not was:
+        note(world, number, _of(world, number)._replace(told_found=is_found))
+    if world.state.wire is None and said.is_reference_told and is_found is not said.is_referenced:
+        raise BrokenRuleError(f"the reference is {said.is_referenced}, and what was told is {is_found} (9)")
 
 
 __all__ = ["STOP", "STORED", "Facts", "answered", "declared", "first", "judge", "never_sent", "unanswered"]

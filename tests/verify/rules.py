@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gateway.modbus.pdu import is_exception
 from tests.exchange.line_bench import ACTUAL, COMMAND
-from tests.exchange.staged_bench import COMMANDED, RUN, RUN_RELATIVE, STATUS, STOP, TRIGGER
+from tests.exchange.staged_bench import COMMANDED, MODE, RUN, RUN_RELATIVE, STATUS, STOP, TRIGGER
 from tests.verify import facts
 from tests.verify.errors import BrokenRuleError
 
@@ -30,7 +30,7 @@ PATIENCE_TICKS: Final = 1
 """So long a controller waits for an answer."""
 NO_PATH: Final = 0x0A
 READABLE: Final = frozenset(
-    {(ACTUAL.address, 2), (COMMAND.address, 2), (COMMANDED.address, 2), (STATUS, 1), (TRIGGER, 1)}
+    {(ACTUAL.address, 2), (COMMAND.address, 2), (COMMANDED.address, 2), (STATUS, 1), (TRIGGER, 1), (MODE, 1)}
 )
 STOP_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + STOP.to_bytes(2, "big")
 RUN_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN.to_bytes(2, "big")
@@ -42,6 +42,11 @@ ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
 def is_stop(pdu: bytes) -> bool:
     """Whether a request stops the axis."""
     return pdu == STOP_PDU
+
+
+def runs_distance(world: "World", number: int, pdu: bytes) -> bool:
+    """Whether a request makes an axis go a distance, as its mode register stands."""
+    return pdu == RELATIVE_PDU or (pdu == RUN_PDU and world.state.axes[number].mode == 2)
 
 
 def writes_target(pdu: bytes) -> bool:
@@ -62,7 +67,9 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     for port, transaction_id in state.order:
         request = find(world, port, transaction_id)
         is_stopping = is_stop(request.pdu)
-        if request.is_sent or not (is_stopping or is_first):
+        rights = world.design.controllers[port].rights  # for who has none nothing leaves (W9)
+        has_none = rights.is_read_only or (bool(rights.unit_ids) and unit_id not in rights.unit_ids)
+        if request.is_sent or has_none or not (is_stopping or is_first):
             continue
         is_first &= is_stopping
         if request.axis == number and _is_frame_of(pdu, request.pdu):
@@ -101,6 +108,12 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
     aim = _aim(world, port, number, pdu, request)
+    axis = world.state.axes[number]
+    is_again = aim is not None and axis.run is not None and axis.run.nominal_counts == aim.nominal_counts
+    if is_again and axis.is_owed_look:
+        raise BrokenRuleError(
+            f"its done bit has fallen, and nobody has looked where it is: {pdu.hex(' ')} (M4)"
+        )
     if aim is not None and pdu not in RUNS:
         _note_tried(world, number, pdu, aim)
     return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
@@ -132,7 +145,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     """A read of the gateway's own needs a request that cannot go without it (W8)."""
     address, axis, plan = pdu[1] << 8 | pdu[2], world.state.axes[number], world.design.plans[number]
     moving = [each for each in unsent if each.pdu in RUNS or writes_target(each.pdu)]
-    is_distance = any(each.pdu == RELATIVE_PDU for each in moving)
+    is_distance = any(runs_distance(world, number, each.pdu) for each in moving)
     run = axis.run
     why = ""
     if address == COMMAND.address:
@@ -186,7 +199,13 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
     why = f"a write that nobody has asked for: {shown} (2)"
     for port, transaction_id in world.state.order:
         request = find(world, port, transaction_id)
-        if request.is_sent or request.pdu not in RUNS or request.axis != number or not writes_target(pdu):
+        if request.is_sent or request.axis != number or not writes_target(pdu):
+            continue
+        belief = world.state.beliefs[port][number]
+        is_strange = request.pdu[:3] == RUN_PDU[:3] and request.pdu not in RUNS
+        if is_strange and not belief.lost and pdu[6:] == COMMAND.pack(belief.nominal_counts):
+            return  # before something runs of which nobody knows what it means, the words of the controller
+        if request.pdu not in RUNS:
             continue
         if world.state.beliefs[port][number].lost and not is_passing:
             why = f"a target that was lost is written anew: {shown} (4)"
@@ -215,12 +234,12 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     if not is_run:
         belief = _written(belief, request.pdu, pdu)
     is_lost = bool(belief.lost) or any(
-        world.state.beliefs[port][i].lost & 4
+        world.state.beliefs[port][i].lost & 4 and (world.design.is_staged or facts.is_own_blocked(world, i))
         for i in range(len(state.axes))
         if i != number and world.design.groups
     )
     base = None
-    if pdu == RELATIVE_PDU:
+    if runs_distance(world, number, pdu):
         run = axis.run
         if run is not None and run.is_told and not run.is_unsure and axis.commanded_counts == run.end_counts:
             base = (run.nominal_counts, True)
@@ -412,6 +431,9 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     _note_answer(world, wire, reply)
     if wire.pdu[0] == 3 and reply[0] == 3 and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
         number = facts.number_of(world, wire.unit_id)
+        axes = list(world.state.axes)
+        axes[number] = axes[number]._replace(is_owed_look=False)
+        world.state = world.state._replace(axes=tuple(axes))
         axis = world.state.axes[number]
         if axis.run is not None and axis.run.is_recalled and axis.stands_counts == axis.run.end_counts:
             _note_run(world, number, is_told=True, is_recalled=False)
@@ -480,6 +502,17 @@ def note_silence(world: "World", wire: "Wire") -> None:
         end(world, wire.owner, request)
 
 
+def judge_waiting(world: "World") -> None:
+    """Where nothing is on the wire and the line is at rest nobody waits (2). Raises BrokenRuleError."""
+    state = world.state
+    if state.wire is not None or not state.is_up or world.is_resting():
+        return
+    for port, transaction_id in state.order:
+        request, plan = find(world, port, transaction_id), world.design.controllers[port]
+        if not (plan.serial and (request.is_sent or plan.rights.unit_ids)):
+            raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
+
+
 def note_lost(world: "World", port: int, request: "Asked") -> None:
     """Take note of a write of a target of which nobody can say that it is in the drive (4)."""
     if not writes_target(request.pdu):
@@ -529,14 +562,19 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         raise BrokenRuleError(f"an answer that nobody waits for: {pdu.hex(' ')}")
     end(world, port, request)
     is_own = answered is not None and answered.owner == port and answered.transaction_id == transaction_id
+    plan = world.design.controllers[port]
     if is_exception(pdu):
         world.tally.refusals.add(pdu[1])
+        if plan.serial and not is_own and pdu[1] == NO_PATH:
+            raise BrokenRuleError(f"a serial controller is answered {pdu.hex(' ')}: silence says that (W7)")
+        if plan.rights.is_read_only and request.pdu[0] != 3 and pdu[1] != 1:
+            raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
         if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
             raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
         if not is_own:
             note_lost(world, port, request)
             if not request.is_sent:
-                facts.never_sent(world, request, pdu[1])
+                facts.never_sent(world, port, request, pdu[1])
         return
     if not is_own:
         raise BrokenRuleError(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")
@@ -553,9 +591,14 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == read.unit_id)
     axis, address = world.state.axes[number], read.pdu[1] << 8 | read.pdu[2]
     run = axis.run
+    if address == ACTUAL.address and axis.is_owed_look:
+        axis = axis._replace(is_owed_look=False)
+        axes = list(world.state.axes)
+        axes[number] = axis
+        world.state = world.state._replace(axes=tuple(axes))
     if address == STATUS and "creep" in world.design.happenings:
-        is_seen = not axis.is_done and axis.goes_counts is None
-        axis = axis._replace(is_seen_undone=is_seen)
+        is_seen = not axis.is_done and axis.goes_counts is None and axis.was_done
+        axis = axis._replace(is_seen_undone=is_seen, is_owed_look=axis.is_owed_look or is_seen)
         axes = list(world.state.axes)
         axes[number] = axis
         world.state = world.state._replace(axes=tuple(axes))

@@ -607,6 +607,11 @@ def said(line: LineExchange) -> tuple[Said, ...]:
     )
 
 
+def is_resting(line: LineExchange) -> bool:
+    """Whether a line falls silent before anything else leaves."""
+    return line.rest.until_ns is not None
+
+
 def is_sending_unsure(line: LineExchange) -> bool:
     """Whether the frame on the wire carries a target whose branch was assumed; the fast path takes none."""
     exchange = getattr(line, "_current", None)

@@ -29,6 +29,9 @@ from tests.exchange.staged_bench import (
     RUN_RELATIVE,
     STATUS,
     STOP,
+    ALARM_BIT,
+    MODE,
+    STORED,
     TRIGGER,
     ZERO,
 )
@@ -37,7 +40,7 @@ from tests.verify.errors import BrokenRuleError
 from tests.verify.facts import Facts
 from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS
 from tests.verify.screw import REGROUND, WORN, Screw
-from tests.verify.snapshot import Lens, Snapshot, is_sending_unsure, said
+from tests.verify.snapshot import Lens, Snapshot, is_resting, is_sending_unsure, said
 
 TICK_MS: Final = 80
 """All times of a world are whole ticks. None of the gateway's own constants is one: 100, 200 and 500 ms."""
@@ -205,6 +208,13 @@ class Axis(NamedTuple):
     ticks: int = 0
     """Since it began to move."""
     run: Run | None = None
+    is_alarmed: bool = False
+    mode: int = 1
+    """What stands in its mode register: 1, a target is absolute; 2, it is a distance, once."""
+    was_done: bool = False
+    """Its drive had said done of its last motion before the bit fell."""
+    is_owed_look: bool = False
+    """Somebody was told that it is not done any more, and nobody has read where it is since."""
     is_seen_undone: bool = False
     """It stood while somebody was told that it is not done."""
     tried: tuple[int, int] | None = None
@@ -413,6 +423,10 @@ class World:
             return read(REGISTERS[name])
         if name == "status":
             return b"\x03" + STATUS.to_bytes(2, "big") + b"\0\x01"
+        if name == "remap":
+            return b"\x06" + REMAPPING.to_bytes(2, "big") + b"\0\x01"
+        if name.startswith("mode-"):
+            return b"\x06" + MODE.to_bytes(2, "big") + MODES[name].to_bytes(2, "big")
         return b"\x06" + TRIGGER.to_bytes(2, "big") + TRIGGERS[name].to_bytes(2, "big")
 
     # --- making it happen ------------------------------------------------------------------------------
@@ -422,6 +436,7 @@ class World:
         before = said(self.sides[0].line)
         self.told.clear()
         getattr(self, "_on_" + event[0])(*event[1:])
+        rules.judge_waiting(self)
         facts.judge(self, before, self.told, is_restart=event[0] in ("kill", "kill_bare"))
 
     def _call(self, name: str, *args: Any) -> None:
@@ -561,8 +576,9 @@ class World:
     def _on_blink(self, number: int) -> None:
         """Done falls of an axis that stands: it moves a little, or the bit has flickered."""
         axis = self.state.axes[number]
+        was_done = axis.was_done or bool(axis.run is not None and axis.run.is_told and axis.run.seen & 2)
         run = None if axis.run is None else axis.run._replace(seen=0, is_told=False)
-        self._set(number, axis._replace(is_done=False, run=run))
+        self._set(number, axis._replace(is_done=False, run=run, was_done=was_done))
 
     def _on_creep(self, number: int) -> None:
         """An axis whose done bit fell is elsewhere a moment later; somebody has seen the bit."""
@@ -595,6 +611,15 @@ class World:
             self._on_wait()
         was = self.state.axes[number]
         self._set(number, Axis(target_counts=was.target_counts, is_homed=False, facts=was.facts))
+
+    def _on_alarm(self, number: int) -> None:
+        """The drive gives up: it stands where it is."""
+        axis = self.state.axes[number]
+        run = None if axis.run is None or axis.goes_counts is not None else axis.run._replace(is_told=False)
+        self._set(number, axis._replace(is_alarmed=True, goes_counts=None, ticks=0, is_done=True, run=run))
+
+    def _on_calm(self, number: int) -> None:
+        self._set(number, self.state.axes[number]._replace(is_alarmed=False))
 
     def _on_homed(self, number: int) -> None:
         self._set(number, self.state.axes[number]._replace(is_homed=True, is_done=True))
@@ -705,6 +730,11 @@ class World:
         if address == TRIGGER:
             self._act(number, pdu[3] << 8 | pdu[4], wire)
             return pdu
+        if address == MODE:
+            self._set(number, axis._replace(mode=pdu[3] << 8 | pdu[4]))
+            return pdu
+        if address == REMAPPING:
+            return pdu
         words = bytearray(COMMAND.pack(axis.target_counts))
         data = pdu[6:] if pdu[0] == 16 else pdu[3:5]
         at = 2 * (address - COMMAND.address)
@@ -717,9 +747,10 @@ class World:
 
     def _act(self, number: int, value: int, wire: Wire) -> None:
         axis = self.state.axes[number]
-        if value == RUN:
+        if value == RUN and axis.mode == 1:
             self._go(number, axis.target_counts, wire)
-        elif value == RUN_RELATIVE:
+        elif value in (RUN, RUN_RELATIVE):
+            self._set(number, axis._replace(mode=1))
             self._go(number, axis.commanded_counts + axis.target_counts, wire)
         elif value == STOP:
             self._set(
@@ -732,7 +763,7 @@ class World:
             axis = self.state.axes[number]
             if axis.run is not None:
                 self._set(number, axis._replace(run=axis.run._replace(is_told=False, seen=0)))
-        elif value in (HOME, JOG):
+        elif value in (HOME, JOG, STORED, STRANGE):
             self._set(
                 number,
                 axis._replace(
@@ -752,7 +783,7 @@ class World:
             number,
             axis._replace(
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
-                is_done=axis.is_done or is_there, is_seen_undone=False, ticks=0, run=run,
+                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
             ),
         )  # fmt: skip
 
@@ -816,10 +847,14 @@ class World:
         """Whether the target on the wire has an assumed branch."""
         return is_sending_unsure(self.sides[0].line)
 
+    def is_resting(self) -> bool:
+        """Whether the line is silent for a while, whatever waits."""
+        return is_resting(self.sides[0].line)
+
     def _lose(self, port: int, request: Asked) -> None:
         rules.note_lost(self, port, request)
         if not request.is_sent:
-            facts.never_sent(self, request, 0)
+            facts.never_sent(self, port, request, 0)
 
     @property
     def is_quiet(self) -> bool:
@@ -834,9 +869,14 @@ def _tell_nobody(_event: Event) -> None:
 ON_THE_WAY_COUNTS: Final = (1501, 9060)
 """Where an axis is seen on its way, the first of them that lies there."""
 JOGGED_COUNTS: Final = 3001
+STRANGE: Final = 999
+"""A value of the trigger that no register map knows."""
+REMAPPING: Final = 0x0900
+"""Where a register stands that moves other registers about."""
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
 REGISTERS: Final[dict[str, PositionField]] = {"read": ACTUAL, "back": COMMAND, "commanded": COMMANDED}
+MODES: Final = {"mode-absolute": 1, "mode-distance": 2}
 TRIGGERS: Final = {
     "run": RUN,
     "distance": RUN_RELATIVE,
@@ -844,6 +884,8 @@ TRIGGERS: Final = {
     "home": HOME,
     "zero": ZERO,
     "jog-on": JOG,
+    "stored": STORED,
+    "strange": STRANGE,
 }
 OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "arrive": lambda axis: axis.goes_counts is not None,
@@ -854,6 +896,8 @@ OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "creep": lambda axis: axis.is_seen_undone and axis.goes_counts is None and not axis.is_done,
     "jog": lambda axis: axis.goes_counts is None and axis.stands_counts != JOGGED_COUNTS,
     "reboot": lambda axis: axis.is_homed,
+    "alarm": lambda axis: not axis.is_alarmed,
+    "calm": lambda axis: axis.is_alarmed,
     "homed": lambda axis: not axis.is_homed and axis.stands_counts == 0,
 }
 OF_WORLD: Final[dict[str, Callable[[State], bool]]] = {
@@ -895,6 +939,12 @@ def _registers(axis: Axis, address: int, quantity: int) -> bytes:
         data = place.pack(counts)
         words[place.address], words[place.address + 1] = data[:2], data[2:]
     is_moving = axis.goes_counts is not None
-    status = axis.is_done << DONE_BIT | axis.is_homed << HOMED_BIT | is_moving << MOVING_BIT
+    words[MODE] = axis.mode.to_bytes(2, "big")
+    status = (
+        axis.is_alarmed << ALARM_BIT
+        | axis.is_done << DONE_BIT
+        | axis.is_homed << HOMED_BIT
+        | is_moving << MOVING_BIT
+    )
     words[STATUS] = status.to_bytes(2, "big")
     return b"".join(words.get(address + i, b"\0\0") for i in range(quantity))
