@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
+from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from gateway.exchange.rights import Rights
@@ -155,6 +156,13 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
         ControllerPlan("log", timeout_ms=float(TICK_MS), serial=True, rights=Rights(unit_ids=frozenset({9}))),
     )
     y = replace(direct(), name="y", unit_id=2)
+    homes = MotionPlan(
+        triggers=(TriggerPlan(TRIGGER, deeds={v: d for v, d in DEEDS.items() if v not in (1, 2)}),)
+    )
+    streamed = direct(
+        motion=homes, setpoints=Setpoints.STREAM, reload_distance=3.0, referenced=Reference.HOMING,
+        bits=HOMED_TOO, fresh_ms=1.0,
+    )  # fmt: skip
     return (
         Design(
             "beam",
@@ -215,6 +223,46 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
                     ("arrive", 0),
                     *ask("to", 0),
                     *ask("run"),
+                ),
+            ),
+        ),  # fmt: skip
+        Design(
+            "stream",
+            "a setpoint each cycle, for a drive that follows; homing, and a reference that is lost",
+            (streamed,),
+            menu=("to", "home", "stop", "read", "status"),
+            happenings=("arrive", "wait", "homed", "declare", "alarm", "calm"),
+            targets=(40, 9007),
+            is_stream=True,
+            judges_blocks=False,
+            checks_way_back=False,
+            ways=(
+                (
+                    *ask("to", 0),
+                    *ask("home"),
+                    ("wait",),
+                    ("wait",),
+                    ("homed", 0),
+                    *seen(),
+                    *ask("to", 0),
+                    *ask("read"),
+                    *ask("to", 1),
+                    ("arrive", 0),
+                    *ask("read"),
+                    *ask("home"),
+                    ("wait",),
+                    ("wait",),
+                    ("homed", 0),
+                    *seen(),
+                    *ask("to", 0),
+                    *ask("to", 1),
+                    ("arrive", 0),
+                    ("alarm", 0),
+                    *seen(),
+                    *ask("to", 1),
+                    ("calm", 0),
+                    ("declare",),
+                    *ask("to", 1),
                 ),
             ),
         ),  # fmt: skip

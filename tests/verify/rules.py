@@ -300,7 +300,7 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
         raise BrokenRuleError(
             f"an axis that was seen to have arrived at {was.end_counts} is taken for unsure (M6)"
         )
-    if aim.is_unsure and not is_passing and aim.base is None:
+    if aim.is_unsure and not is_passing and aim.base is None and not world.design.is_stream:
         _judge_doubt(world, number, aim)
     is_certain = aim.base is None or aim.base[1]
     is_unsure = aim.is_unsure or not is_certain
@@ -340,11 +340,31 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
             raise BrokenRuleError(
                 f"the same target {nominal} again moves the drive from {run.end_counts} to {end} (0, M4)"
             )
+    if world.design.is_stream:
+        _judge_setpoint(world, axis, end, aim)
+        return
     if aim.state in PASSING:
         if end != nominal and (nominal, end) != axis.tried and not aim.is_lost:
             raise BrokenRuleError(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
         return
     _judge_branch(world, axis, end, aim, nominal)
+
+
+def _judge_setpoint(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
+    """A setpoint has an offset between none and that of both branches; the first one that of its drive (M6)."""
+    nominal, stands = aim.nominal_counts, axis.stands_counts
+    screw = world.screws[aim.table]
+    offsets = [0.0, *(1000 * each for each in (*screw.forward_mm, *screw.backward_mm))]
+    if not min(offsets) - BESIDE_COUNTS <= end - nominal <= max(offsets) + BESIDE_COUNTS:
+        raise BrokenRuleError(f"setpoint {nominal} becomes {end}, which no table of it says (1)")
+    if axis.run is None and axis.is_fresh:
+        here = [0.0, *(each - stands for each in screw.corrected(stands))]
+        offset = min(max(stands - nominal, min(here)), max(here))
+        if abs(end - nominal - offset) > BESIDE_COUNTS:
+            raise BrokenRuleError(
+                f"a stream begins with setpoint {nominal}, the drive stands at {stands}, and it becomes {end}: "
+                f"an offset of {offset:.1f} would be right (M6)"
+            )
 
 
 def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
@@ -622,6 +642,8 @@ def _judge_reading(world: "World", number: int, read_counts: int) -> None:
     if axis.goes_counts is not None:
         return
     is_told = run is not None and run.is_told and stands == run.end_counts
+    if world.design.is_stream and (said.compensation in PASSING or not is_told):
+        return  # an offset that fades, and a drive that lags
     if said.compensation in PASSING:
         if not world.state.is_wanted or read_counts == stands or run is not None:
             return  # a fade leads to 1:1, and a target that was told holds
@@ -659,7 +681,7 @@ def judge_direction(world: "World", number: int) -> None:
     """What is said of the direction is that of the branch on which the axis stands (8). BrokenRuleError."""
     axis, said = world.state.axes[number], world.said(number)
     run = axis.run
-    if run is None or not run.is_told or run.is_unsure or run.state != "active":
+    if run is None or not run.is_told or run.is_unsure or run.state != "active" or world.design.is_stream:
         return
     if said.compensation != "active" or axis.stands_counts != run.end_counts or axis.goes_counts is not None:
         return

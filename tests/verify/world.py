@@ -211,6 +211,8 @@ class Axis(NamedTuple):
     is_alarmed: bool = False
     mode: int = 1
     """What stands in its mode register: 1, a target is absolute; 2, it is a distance, once."""
+    is_fresh: bool = True
+    """Since the start, or since it counts from another zero, it was told no target."""
     was_done: bool = False
     """Its drive had said done of its last motion before the bit fell."""
     is_owed_look: bool = False
@@ -268,6 +270,8 @@ class Design:
     is_staged: bool = False
     has_record: bool = False
     is_twin: bool = False
+    is_stream: bool = False
+    """Its targets are setpoints of a stream."""
     refuses_reads: bool = False
     is_prompt: bool = True
     """A drive that is told to go has left its place a tick later."""
@@ -770,6 +774,7 @@ class World:
                     stands_counts=0 if value == HOME else JOGGED_COUNTS, goes_counts=None,
                     commanded_counts=0 if value == HOME else JOGGED_COUNTS,
                     is_done=False, is_homed=axis.is_homed and value != HOME, ticks=0, run=None,
+                    is_fresh=value == HOME and not wire.is_obeyed,
                 ),
             )  # fmt: skip
         elif value == ZERO:
@@ -783,7 +788,7 @@ class World:
             number,
             axis._replace(
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
-                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
+                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run, is_fresh=False,
             ),
         )  # fmt: skip
 
