@@ -6,14 +6,14 @@ every state on them. A way that cannot be gone any more is a broken rule (10).
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from gateway.exchange.rights import Rights
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
-from tests.exchange.staged_bench import BITS, DEEDS, MODE, RUN, STAGED, TRIGGER
+from tests.exchange.staged_bench import BITS, DEEDS, MODE, RUN, TRIGGER
 from tests.verify.world import REMAPPING, TICK_MS, Design, Happening
 
 Plan = Callable[..., AxisPlan]
@@ -71,7 +71,8 @@ def _references(staged: Plan) -> tuple[Design, ...]:
     homed = (
         *ask("home"), ("wait",), ("wait",), ("homed", 0), *seen(), *go(1), *ask("home"), *ask("stop"),
         ("homed", 0), *seen(), *go(0), *ask("home"), *ask("status"), ("homed", 0), *seen(), *go(1),
-        ("alarm", 0), *seen(), ("calm", 0), *seen(), *ask("zero"), *seen(), *LONG, *ask("read"), *ask("to", 0),
+        ("alarm", 0), *seen(), ("calm", 0), *seen(), *ask("zero"), *seen(), *LONG, *ask("read"),
+        *ask("to", 0),
     )  # fmt: skip
     silent = (*go(1), *ask("home"), ("homed", 0), ("ask", 0, "read", 0), *WAIT * 3, *ask("read"), *go(0))
     hushed = (*go(1), ("ask", 0, "read", 0), *WAIT * 3, *ask("read"), *ask("read"), *ask("to", 0))
@@ -185,7 +186,7 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
                     *ask("to", 1, axis=1),
                 ),
             ),
-        ),  # fmt: skip
+        ),
         Design(
             "strange",
             "values that the register map does not know, stored moves, and a register that moves others",
@@ -225,7 +226,7 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
                     *ask("run"),
                 ),
             ),
-        ),  # fmt: skip
+        ),
         Design(
             "stream",
             "a setpoint each cycle, for a drive that follows; homing, and a reference that is lost",
@@ -265,7 +266,7 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
                     *ask("to", 1),
                 ),
             ),
-        ),  # fmt: skip
+        ),
         Design(
             "rights",
             "a controller that may only read, and one that may not reach this drive",

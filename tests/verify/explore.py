@@ -13,7 +13,7 @@ from tests.verify.rules import is_settled
 from tests.verify.snapshot import row_name, watch_table
 from tests.verify.world import Design, Happening, Kept, World
 
-LOOK_EVERY: Final = 256
+LOOK_EVERY: Final = 64
 """States between two looks at the clock."""
 KINDLY: Final = frozenset({"ask", "drive", "arrive", "wait", "plug", "homed", "done", "undone", "late"})
 """Events of which a way back may consist: traffic, a drive that does what it is told, time."""

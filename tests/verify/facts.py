@@ -4,6 +4,7 @@ Nothing of it is worked out by the gateway: what the drive was told and what it 
 say, for how long it said nothing, what of a target was lost. What the status and the events say has to agree.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gateway.exchange.events import Event, EventKind
@@ -26,7 +27,7 @@ BIT_COUNTS_NS: Final = 1000 * MS
 NO_REPLY: Final = 0x0B
 LOST: Final = 4
 """Exception code of what was lost without one."""
-TOLD_AFTER: Final = {
+TOLD_AFTER: Final[dict[EventKind, tuple[Callable[["Said"], bool], bool]]] = {
     EventKind.AXIS_BLOCKED: (lambda said: said.is_own_blocked, True),
     EventKind.AXIS_RELEASED: (lambda said: said.is_own_blocked, False),
     EventKind.DIRECTION_UNSURE: (lambda said: said.direction == "unsure", True),
@@ -339,9 +340,8 @@ def _target_ended(world: "World", number: int, wire: "Wire", code: int, *, is_na
     if not is_native:
         if is_target or (is_run and world.design.groups and not _blocked_peers(world, number)):
             _lose(world, number, code, is_run=is_run or not world.design.is_staged)
-    elif is_target and wire.owner >= 0 and not is_stale:
-        if not world.state.beliefs[wire.owner][number].lost:
-            note(world, number, _of(world, number)._replace(block="", block_code=0))
+    elif is_target and not is_stale and wire.owner >= 0 and not world.state.beliefs[wire.owner][number].lost:
+        note(world, number, _of(world, number)._replace(block="", block_code=0))
 
 
 # --- what has to be said ------------------------------------------------------------------------------

@@ -5,8 +5,8 @@ another member of an enum, or takes ``<`` for ``<=``. Each is loaded in a proces
 file that it was made of, and the small worlds are walked until one of them breaks a rule, or for so long. No
 other test is asked.
 
-Which mutants are tried is drawn before anything is known of them (``--sample``, ``--seed``), from each file as
-many as its share of all mutants. Left out is only what cannot change anything but the words of a message.
+Which mutants are tried is drawn before anything is known of them (``--sample``, ``--seed``), from each file
+as many as its share of all mutants. Left out is only what cannot change anything but the words of a message.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from random import Random
 from typing import Any, Final
@@ -34,8 +34,8 @@ FILES: Final = (
 """What decides a move, and whether a frame leaves."""
 SECONDS: Final = 3.0
 """Of each world in the second round, half of them breadth first, half at random."""
-FIRST_SECONDS: Final = 0.6
-"""The same in the first round: most mutants are noticed at once, in one world or another."""
+FIRST_SECONDS: Final = (0.1, 0.5)
+"""The same in rounds before it: most mutants are noticed at once, in one world or another."""
 LOAD_SECONDS: Final = 20.0
 """Beside what the worlds may take: to load the gateway, and to find the shortest way."""
 ENDLESS: Final = 1_000_000_000
@@ -204,8 +204,8 @@ class _Breaker(ast.NodeTransformer):
         for at, key in enumerate(node.keys):
             if not (isinstance(key, ast.Tuple) or self._is_member(key)):
                 continue
-            row = f"row dropped: {ast.unparse(key)}"
-            if self._is_here(key, lambda row=row: row):  # type: ignore[misc]
+            assert key is not None
+            if self._is_here(key, partial("row dropped: {}".format, ast.unparse(key))):
                 del node.keys[at], node.values[at]
                 return node
         self.generic_visit(node)
@@ -312,7 +312,7 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> 
     try:
         from tests.verify.running import walked
 
-        for each in (FIRST_SECONDS, seconds):
+        for each in (*FIRST_SECONDS, seconds):
             for world in worlds:
                 outcome = walked(world, 0, each / 2, ENDLESS, 1)
                 if outcome.broken:
@@ -333,7 +333,7 @@ def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
     process = context.Process(target=_try, args=(mutant, worlds, seconds, theirs))
     process.start()
     theirs.close()
-    limit = (seconds + FIRST_SECONDS + 2.0) * len(worlds) + LOAD_SECONDS
+    limit = (seconds + sum(FIRST_SECONDS) + 3.0) * len(worlds) + LOAD_SECONDS
     try:
         if ours.poll(limit):
             found = ours.recv()

@@ -143,7 +143,7 @@ def _note_bit_asked(world: "World", number: int) -> None:
 
 def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") -> None:
     """A read of the gateway's own needs a request that cannot go without it (W8)."""
-    address, axis, plan = pdu[1] << 8 | pdu[2], world.state.axes[number], world.design.plans[number]
+    address, axis = pdu[1] << 8 | pdu[2], world.state.axes[number]
     moving = [each for each in unsent if each.pdu in RUNS or writes_target(each.pdu)]
     is_distance = any(runs_distance(world, number, each.pdu) for each in moving)
     run = axis.run
@@ -351,7 +351,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
 
 
 def _judge_setpoint(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
-    """A setpoint has an offset between none and that of both branches; the first one that of its drive (M6)."""
+    """A setpoint has an offset up to that of the branches; the first has that of its drive (M6)."""
     nominal, stands = aim.nominal_counts, axis.stands_counts
     screw = world.screws[aim.table]
     offsets = [0.0, *(1000 * each for each in (*screw.forward_mm, *screw.backward_mm))]
@@ -362,8 +362,8 @@ def _judge_setpoint(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         offset = min(max(stands - nominal, min(here)), max(here))
         if abs(end - nominal - offset) > BESIDE_COUNTS:
             raise BrokenRuleError(
-                f"a stream begins with setpoint {nominal}, the drive stands at {stands}, and it becomes {end}: "
-                f"an offset of {offset:.1f} would be right (M6)"
+                f"a stream begins with setpoint {nominal}, the drive stands at {stands}, and it is sent as "
+                f"{end}: an offset of {offset:.1f} would be right (M6)"
             )
 
 
@@ -689,9 +689,8 @@ def judge_direction(world: "World", number: int) -> None:
     if not is_same or not world.state.is_wanted:
         return
     share = 0.5 if run.is_gain_half else 1.0
-    for name, corrected in zip(
-        ("forward", "backward"), world.screws[run.table].corrected(run.nominal_counts)
-    ):
+    branches = world.screws[run.table].corrected(run.nominal_counts)
+    for name, corrected in zip(("forward", "backward"), branches, strict=True):
         end = run.nominal_counts + share * (corrected - run.nominal_counts)
         if abs(run.end_counts - end) <= ONE_COUNT and said.direction != name:
             raise BrokenRuleError(

@@ -19,18 +19,18 @@ from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
 from tests.exchange.record_bench import Records
 from tests.exchange.staged_bench import (
+    ALARM_BIT,
     COMMANDED,
     DONE_BIT,
     HOME,
     HOMED_BIT,
     JOG,
+    MODE,
     MOVING_BIT,
     RUN,
     RUN_RELATIVE,
     STATUS,
     STOP,
-    ALARM_BIT,
-    MODE,
     STORED,
     TRIGGER,
     ZERO,
@@ -788,7 +788,8 @@ class World:
             number,
             axis._replace(
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
-                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run, is_fresh=False,
+                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
+                is_fresh=False,
             ),
         )  # fmt: skip
 
