@@ -126,6 +126,7 @@ def _places(direct: Plan, staged: Plan) -> tuple[Design, ...]:
         *ask("to", 0),
     )
     near = (*to(1), *seen(), ("blink", 0), *ask("status"), *ask("read"), ("done", 0), *seen(), *ask("to", 0))
+    beside = (*to(1), *seen(), ("blink", 0), *ask("status"), ("tremble", 0), *ask("read"), *ask("to", 1))
     return (
         Design(
             "left",
@@ -133,9 +134,9 @@ def _places(direct: Plan, staged: Plan) -> tuple[Design, ...]:
             (direct(),),
             menu=("to", "read", "status"),
             answers=("ack", "obey"),
-            happenings=("arrive", "wait", "blink", "creep", "done"),
+            happenings=("arrive", "wait", "blink", "creep", "tremble", "done"),
             targets=(9007, 9020),
-            ways=(left, flickered, near),
+            ways=(left, flickered, near, beside),
         ),
         Design(
             "blind-staged",

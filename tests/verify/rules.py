@@ -6,8 +6,9 @@ reason that the gateway gives aloud: an axis that is flagged unsure, that is not
 
 from typing import TYPE_CHECKING, Any, Final
 
+from gateway.exchange.transaction import Phase
 from gateway.modbus.pdu import is_exception
-from tests.exchange.line_bench import ACTUAL, COMMAND
+from tests.exchange.line_bench import ACTUAL, COMMAND, write
 from tests.exchange.staged_bench import COMMANDED, MODE, RUN, RUN_RELATIVE, STATUS, STOP, TRIGGER
 from tests.verify import facts
 from tests.verify.errors import BrokenRuleError
@@ -23,6 +24,8 @@ SLOPE_COUNTS: Final = 3.0
 """What rounding on two scales and an inverse on a steep slope may put a reading beside the branches."""
 PASSING: Final = frozenset({"unreferenced", "off", "no-table"})
 """States in which positions go through 1:1 (M9)."""
+NEAR_COUNTS: Final = 100
+"""Beside a target by less than any correction is long (M6)."""
 STOP_TICKS: Final = 12
 OLD_TICKS: Final = 3
 """A word that was lost so long ago belongs to no word that comes now: 200 ms."""
@@ -119,6 +122,29 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
 
 
+def run_pdu(run: "Run | None") -> bytes:
+    """Return the request that makes a drive go to the last target again, where writing it does."""
+    return b"" if run is None else write(COMMAND, run.nominal_counts)
+
+
+def judge_phase(world: "World", wire: "Wire") -> None:
+    """A request is where its frame is, and each moment that it was held up counts. BrokenRuleError."""
+    found = world.on_its_way()
+    if found is None:
+        return
+    if wire.owner >= 0:
+        request = find(world, wire.owner, wire.transaction_id)
+        if found.phase is not Phase.SENT or found.may_follow != {Phase.ENDED}:
+            raise BrokenRuleError(f"a frame has left in phase {found.phase.value} (2)")
+        # Requests that come at one instant are told apart by some ns.
+        if request.ticks < 20 and abs(found.held_up_ns - request.ticks * world.tick_ns) > 1000:
+            raise BrokenRuleError(
+                f"a request waited for {request.ticks} ticks, and its figures say {found.held_up_ns} ns (11)"
+            )
+    elif found.phase is Phase.PREREQUISITE and found.may_follow != {Phase.WAITING, Phase.ENDED}:
+        raise BrokenRuleError("nothing may follow a frame that was needed first (2)")
+
+
 def _judge_own_read(world: "World", number: int, pdu: bytes) -> None:
     if (pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4]) not in READABLE:
         raise BrokenRuleError(f"a read that nothing names: {pdu.hex(' ')} (W8)")
@@ -147,6 +173,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     moving = [each for each in unsent if each.pdu in RUNS or writes_target(each.pdu)]
     is_distance = any(runs_distance(world, number, each.pdu) for each in moving)
     run = axis.run
+    is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
+    is_again = is_there and len(moving) == 1 and moving[0].pdu == run_pdu(run)
     why = ""
     if address == COMMAND.address:
         is_needed = any(len(each.pdu) == 5 and writes_target(each.pdu) for each in moving)
@@ -159,6 +187,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
             why = "no target waits"
         elif is_seen and not is_distance and not facts.is_unseen(world, number):
             why = "the axis was seen to stand at its target a moment ago"
+        elif is_again and not axis.is_owed_look and not facts.is_unseen(world, number):
+            why = "the same target is the same words"
     elif address == STATUS and not is_distance:
         why = facts.why_no_bit(world, number, is_target=bool(moving), is_read=len(moving) < len(unsent))
     if why:
@@ -483,7 +513,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         axes = list(world.state.axes)
         run = axes[number].run
         if run is not None:
-            run = run._replace(is_told=not wire.aim.is_lost)
+            run = run._replace(is_told=not wire.aim.is_lost, is_acked=not wire.aim.is_lost)
             axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
 
@@ -498,7 +528,7 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
     run = axes[number].run
     if run is not None:
         is_near = end is not None and 0 < abs(end - run.end_counts) <= BESIDE_COUNTS
-        run = run._replace(is_told=False, seen=0, is_unsure=run.is_unsure or is_near)
+        run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=run.is_unsure or is_near)
         axes[number] = axes[number]._replace(run=run)
         world.state = world.state._replace(axes=tuple(axes))
 
@@ -506,7 +536,9 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
 def note_silence(world: "World", wire: "Wire") -> None:
     """Take note of a frame that was not answered in time."""
     axes = tuple(
-        axis if axis.run is None else axis._replace(run=axis.run._replace(is_told=False, seen=0))
+        axis
+        if axis.run is None
+        else axis._replace(run=axis.run._replace(is_told=False, is_acked=False, seen=0))
         for axis in world.state.axes
     )
     world.state = world.state._replace(axes=axes)

@@ -22,6 +22,7 @@ from gateway.exchange.axis.registers import Completeness
 from gateway.exchange.axis.state import HOMING, Block
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
+from gateway.exchange.transaction import PHASE_AFTER, Phase
 from gateway.times import NS_PER_MS
 
 FIRST_INSTANT: Final = 10**17
@@ -610,6 +611,25 @@ def said(line: LineExchange) -> tuple[Said, ...]:
 def is_resting(line: LineExchange) -> bool:
     """Whether a line falls silent before anything else leaves."""
     return line.rest.until_ns is not None
+
+
+class OnItsWay(NamedTuple):
+    """What is known of the request whose frame, or whose prerequisite, has left."""
+
+    phase: Phase
+    may_follow: frozenset[Phase]
+    """Phases that its table lets follow where it waits again after a frame that it needed."""
+    held_up_ns: int
+    """How long it had waited for the line and for frames of the gateway's own, by its figures."""
+
+
+def on_its_way(line: LineExchange) -> OnItsWay | None:
+    """Return what is known of the request that is on the wire; None where nothing is."""
+    current = getattr(line, "_current", None)
+    if current is None:
+        return None
+    may_follow = PHASE_AFTER[current.phase]
+    return OnItsWay(current.phase, may_follow, current.queue_ns + current.added_ns)
 
 
 def is_sending_unsure(line: LineExchange) -> bool:

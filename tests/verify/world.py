@@ -40,7 +40,7 @@ from tests.verify.errors import BrokenRuleError
 from tests.verify.facts import Facts
 from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS
 from tests.verify.screw import REGROUND, WORN, Screw
-from tests.verify.snapshot import Lens, Snapshot, is_resting, is_sending_unsure, said
+from tests.verify.snapshot import Lens, OnItsWay, Snapshot, is_resting, is_sending_unsure, on_its_way, said
 
 TICK_MS: Final = 80
 """All times of a world are whole ticks. None of the gateway's own constants is one: 100, 200 and 500 ms."""
@@ -189,10 +189,12 @@ class Run(NamedTuple):
     is_restarted: bool = False
     """The gateway was killed since, and its record with it."""
     is_gain_half: bool = False
-    is_recalled: bool = False
-    """The gateway was killed since and has its record: it is told again as soon as the axis is seen there."""
     seen: int = 0
     """Since it was told, while it stood there: bit 0, its place was read; bit 1, its drive said done."""
+    is_recalled: bool = False
+    """The gateway was killed since and has its record: it is told again as soon as the axis is seen there."""
+    is_acked: bool = False
+    """It is told, whatever its done bit says."""
 
 
 class Axis(NamedTuple):
@@ -584,6 +586,13 @@ class World:
         run = None if axis.run is None else axis.run._replace(seen=0, is_told=False)
         self._set(number, axis._replace(is_done=False, run=run, was_done=was_done))
 
+    def _on_tremble(self, number: int) -> None:
+        """An axis whose done bit fell stands beside its target a moment later."""
+        self._on_wait()
+        axis = self.state.axes[number]
+        at = axis.stands_counts + TREMBLES_COUNTS
+        self._set(number, axis._replace(stands_counts=at, commanded_counts=at, is_seen_undone=False))
+
     def _on_creep(self, number: int) -> None:
         """An axis whose done bit fell is elsewhere a moment later; somebody has seen the bit."""
         self._on_wait()
@@ -619,7 +628,11 @@ class World:
     def _on_alarm(self, number: int) -> None:
         """The drive gives up: it stands where it is."""
         axis = self.state.axes[number]
-        run = None if axis.run is None or axis.goes_counts is not None else axis.run._replace(is_told=False)
+        run = (
+            None
+            if axis.run is None or axis.goes_counts is not None
+            else axis.run._replace(is_told=False, is_acked=False)
+        )
         self._set(number, axis._replace(is_alarmed=True, goes_counts=None, ticks=0, is_done=True, run=run))
 
     def _on_calm(self, number: int) -> None:
@@ -689,7 +702,9 @@ class World:
             if run is not None:
                 is_there = (run.is_told or run.is_recalled) and axis.stands_counts == run.end_counts
                 is_known = is_there and axis.goes_counts is None and run.table == 0
-                run = run._replace(is_told=False, seen=0, is_restarted=run.is_restarted or is_restart)
+                run = run._replace(
+                    is_told=False, is_acked=False, seen=0, is_restarted=run.is_restarted or is_restart
+                )
                 run = run._replace(is_recalled=is_recalled and is_known)
                 self._set(number, axis._replace(run=run))
 
@@ -766,7 +781,7 @@ class World:
             )  # fmt: skip
             axis = self.state.axes[number]
             if axis.run is not None:
-                self._set(number, axis._replace(run=axis.run._replace(is_told=False, seen=0)))
+                self._set(number, axis._replace(run=axis.run._replace(is_told=False, is_acked=False, seen=0)))
         elif value in (HOME, JOG, STORED, STRANGE):
             self._set(
                 number,
@@ -819,6 +834,7 @@ class World:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
             wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
+            rules.judge_phase(self, wire)
             self.state = self.state._replace(wire=wire, late=None)
             facts.left(self)
         if not frames and answered is not None:
@@ -853,6 +869,15 @@ class World:
         """Whether the target on the wire has an assumed branch."""
         return is_sending_unsure(self.sides[0].line)
 
+    @property
+    def tick_ns(self) -> int:
+        """How long a tick is."""
+        return TICK_NS
+
+    def on_its_way(self) -> OnItsWay | None:
+        """What is known of the request that is on the wire."""
+        return on_its_way(self.sides[0].line)
+
     def is_resting(self) -> bool:
         """Whether the line is silent for a while, whatever waits."""
         return is_resting(self.sides[0].line)
@@ -879,6 +904,8 @@ STRANGE: Final = 999
 """A value of the trigger that no register map knows."""
 REMAPPING: Final = 0x0900
 """Where a register stands that moves other registers about."""
+TREMBLES_COUNTS: Final = 7
+"""Beside its window, and nearer than a correction is long."""
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
 REGISTERS: Final[dict[str, PositionField]] = {"read": ACTUAL, "back": COMMAND, "commanded": COMMANDED}
@@ -900,6 +927,12 @@ OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "undone": lambda axis: axis.is_done and axis.goes_counts is not None,
     "blink": lambda axis: axis.is_done and axis.goes_counts is None and axis.run is not None,
     "creep": lambda axis: axis.is_seen_undone and axis.goes_counts is None and not axis.is_done,
+    "tremble": lambda axis: (
+        axis.is_seen_undone
+        and axis.goes_counts is None
+        and axis.run is not None
+        and axis.stands_counts == axis.run.end_counts
+    ),
     "jog": lambda axis: axis.goes_counts is None and axis.stands_counts != JOGGED_COUNTS,
     "reboot": lambda axis: axis.is_homed,
     "alarm": lambda axis: not axis.is_alarmed,
