@@ -84,12 +84,17 @@ def _references(staged: Plan) -> tuple[Design, ...]:
         ("ask", 0, "read", 0),
         *WAIT * 3,
     )
+    again = (
+        *go(1), *ask("home"), *ask("status"), *ask("stop"), *ask("home"), ("homed", 0), *ask("status"),
+        *ask("to", 0),
+    )  # fmt: skip
+    untold = (*WAIT * 3, *ask("home"), *ask("stop"), ("homed", 0), *ask("status"), *ask("read"))
     found = []
     for name, way, ways in (
         ("set-position", Reference.SET_POSITION, (set_and_lost,)),
         ("absolute", Reference.ABSOLUTE, (set_and_lost,)),
         ("homing-all", Reference.HOMING, (homed, set_and_lost, silent)),
-        ("drive-bit", Reference.DRIVE_BIT, (homed, silent, hushed, lost)),
+        ("drive-bit", Reference.DRIVE_BIT, (homed, silent, hushed, lost, again, untold)),
     ):
         found.append(
             Design(
@@ -189,16 +194,67 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
             ),
         ),
         Design(
+            "distances",
+            "distances that run, and that do not, and nobody says which",
+            (staged(travel=(-30.0, 30.0), commanded=()),),
+            menu=("to", "by", "run", "distance", "stop", "read", "status"),
+            targets=(9007,),
+            distances=(-4003,),
+            is_staged=True,
+            checks_way_back=False,
+            ways=(
+                (
+                    *go(0),
+                    *ask("by", 0),
+                    ("ask", 0, "distance", 0),
+                    ("drive", "ack"),
+                    ("drive", "ack"),
+                    *WAIT * 4,
+                    *ask("read"),
+                    *ask("status"),
+                    *ask("distance"),
+                ),
+                (*go(0), *ask("by", 0), ("ask", 0, "distance", 0), *WAIT * 4, *ask("read"), *ask("distance")),
+            ),
+        ),
+        Design(
+            "switched",
+            "compensation that is switched off and on between targets",
+            (direct(),),
+            menu=("to", "read", "status"),
+            answers=("ack",),
+            happenings=("arrive", "wait", "switch"),
+            targets=(-7003, 9007),
+            ways=(
+                (*go(1, is_staged=False), ("switch",), *go(0, is_staged=False), ("switch",), *ask("to", 1)),
+            ),
+        ),
+        Design(
+            "jumps",
+            "an axis that stands where no motion can have brought it: it counts from another zero",
+            (direct(referenced=Reference.DRIVE_BIT, bits=HOMED_TOO, max_speed=1.0),),
+            menu=("to", "read", "status"),
+            happenings=("arrive", "wait", "jog", "homed"),
+            targets=(-7003, 9007),
+            horizon_ticks=14,
+            jog_is_jump=True,
+            judges_blocks=False,
+            ways=((*go(1, is_staged=False), ("jog", 0), *ask("read"), *ask("read"), *ask("to", 0)),),
+        ),
+        Design(
             "strange",
             "values that the register map does not know, stored moves, and a register that moves others",
             (staged(remapping=(remapping,)),),
-            menu=("to", "run", "strange", "jog-on", "stored", "remap", "read"),
+            menu=("to", "run", "stop", "strange", "jog-on", "stored", "remap", "read", "status"),
             happenings=("arrive", "wait"),
-            targets=(-7003, 9007),
+            targets=(9007, 5003),
             is_staged=True,
             judges_blocks=False,
             checks_way_back=False,
             ways=(
+                (*go(0), *ask("jog-on"), *ask("to", 1), *ask("run")),
+                (*go(0), *ask("stored"), *ask("to", 1), *ask("run")),
+                (*ask("to", 1), *ask("run"), ("wait",), *ask("stop"), *ask("to", 0), *ask("run")),
                 (*ask("to", 1), *ask("strange"), *ask("strange"), *ask("to", 0), *ask("run"), *ask("stored")),
                 (*ask("to", 1), *ask("run"), ("arrive", 0), *ask("remap"), *ask("read"), *ask("to", 0)),
             ),

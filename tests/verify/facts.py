@@ -64,6 +64,8 @@ class Facts(NamedTuple):
     """Exception code of the loss; 0: not known."""
     is_stale: bool = False
     """Something was lost since the frame on the wire has left."""
+    read_ns: int = 0
+    """When its place was read, if it was told nothing since."""
     heard_ns: int = 0
     """When it was told something that it acknowledged, or said where it is."""
 
@@ -105,6 +107,10 @@ def answered(world: "World", wire: "Wire", reply: bytes, *, is_native: bool) -> 
     is_place = wire.pdu[0] == 3 and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address
     if is_native and (wire.aim is not None or is_place):
         facts = facts._replace(heard_ns=wire.sent_ns if is_place else world.now_ns)
+    if wire.pdu[0] != 3:
+        facts = facts._replace(read_ns=0)
+    elif is_place and is_native:
+        facts = facts._replace(read_ns=wire.sent_ns)
     if wire.pdu[0] == 3:
         facts = _read(world, facts, plan, wire, reply)
     else:
@@ -126,6 +132,7 @@ def unanswered(world: "World", wire: "Wire", *, is_cut: bool = False) -> None:
     number = number_of(world, wire.unit_id)
     plan = world.design.plans[number]
     facts = _of(world, number)
+    facts = facts._replace(read_ns=0)
     if is_cut:
         facts = _fell_silent(facts, plan, world.now_ns)
     if wire.pdu[0] != 3:
@@ -280,6 +287,11 @@ def is_unseen(world: "World", number: int) -> bool:
     return world.now_ns - _of(world, number).heard_ns > world.design.plans[number].unseen_ms * MS
 
 
+def is_just_read(world: "World", number: int) -> bool:
+    """Whether the place of an axis was read at this very moment."""
+    return _of(world, number).read_ns == world.now_ns
+
+
 def why_no_bit(world: "World", number: int, *, is_target: bool, is_read: bool) -> str:
     """Return why the bit on which a reference hangs need not be read (W8, M9); empty where it must."""
     facts, plan = _of(world, number), world.design.plans[number]
@@ -288,7 +300,7 @@ def why_no_bit(world: "World", number: int, *, is_target: bool, is_read: bool) -
     if plan.referenced is not Reference.DRIVE_BIT:
         return "no bit decides"
     is_old = not facts.is_found or world.now_ns - facts.seen_ns > BIT_COUNTS_NS
-    if facts.is_doubted or (is_target and is_old):
+    if facts.is_doubted or world.design.jog_is_jump or (is_target and is_old):
         return ""
     return "the bit was seen, and nothing has happened since"
 
@@ -296,7 +308,7 @@ def why_no_bit(world: "World", number: int, *, is_target: bool, is_read: bool) -
 def has_to_ask(world: "World", number: int, *, is_target: bool) -> bool:
     """Whether the bit on which a reference hangs has to be read before a position passes (M9)."""
     facts, plan = _of(world, number), world.design.plans[number]
-    if not (plan.safe_read and plan.added_frames):
+    if not (plan.safe_read and plan.added_frames) or world.design.jog_is_jump:
         return False
     if plan.referenced is Reference.HOMING:
         is_lost = bool(facts.silent_since_ns) and _was_lost_long(facts, plan)

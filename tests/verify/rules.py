@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from gateway.exchange.transaction import Phase
 from gateway.modbus.pdu import is_exception
 from tests.exchange.line_bench import ACTUAL, COMMAND, write
-from tests.exchange.staged_bench import COMMANDED, MODE, RUN, RUN_RELATIVE, STATUS, STOP, TRIGGER
+from tests.exchange.staged_bench import COMMANDED, JOG, MODE, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER
 from tests.verify import facts
 from tests.verify.errors import BrokenRuleError
 
@@ -26,6 +26,8 @@ PASSING: Final = frozenset({"unreferenced", "off", "no-table"})
 """States in which positions go through 1:1 (M9)."""
 NEAR_COUNTS: Final = 100
 """Beside a target by less than any correction is long (M6)."""
+CORRECTION_COUNTS: Final = 350
+"""No table of the worlds adds more."""
 STOP_TICKS: Final = 12
 OLD_TICKS: Final = 3
 """A word that was lost so long ago belongs to no word that comes now: 200 ms."""
@@ -38,6 +40,8 @@ READABLE: Final = frozenset(
 STOP_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + STOP.to_bytes(2, "big")
 RUN_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN.to_bytes(2, "big")
 RELATIVE_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN_RELATIVE.to_bytes(2, "big")
+ODD_PDUS: Final = frozenset(RUN_PDU[:3] + value.to_bytes(2, "big") for value in (JOG, STORED, 999))
+"""What makes an axis move in another way than to a target."""
 RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU})
 ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
 
@@ -173,6 +177,9 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     moving = [each for each in unsent if each.pdu in RUNS or writes_target(each.pdu)]
     is_distance = any(runs_distance(world, number, each.pdu) for each in moving)
     run = axis.run
+    # Beside its target a reading that is a moment old tells no direction.
+    is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
+    may_look = is_distance or axis.is_owed_look or is_beside
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
     is_again = is_there and len(moving) == 1 and moving[0].pdu == run_pdu(run)
     why = ""
@@ -187,6 +194,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
             why = "no target waits"
         elif is_seen and not is_distance and not facts.is_unseen(world, number):
             why = "the axis was seen to stand at its target a moment ago"
+        elif facts.is_just_read(world, number) and axis.goes_counts is None and not may_look:
+            why = "it was read at this very moment"
         elif is_again and not axis.is_owed_look and not facts.is_unseen(world, number):
             why = "the same target is the same words"
     elif address == STATUS and not is_distance:
@@ -485,6 +494,11 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         axes[number] = axes[number]._replace(is_owed_look=False)
         world.state = world.state._replace(axes=tuple(axes))
         axis = world.state.axes[number]
+        run = axis.run
+        if run is not None and run.lost_ns and axis.stands_counts == run.end_counts:
+            plan = world.design.plans[number]
+            if axis.goes_counts is None and wire.sent_ns - run.lost_ns >= plan.done_drop_ms * facts.MS:
+                _note_run(world, number, is_told=True, lost_ns=0)
         if axis.run is not None and axis.run.is_recalled and axis.stands_counts == axis.run.end_counts:
             _note_run(world, number, is_told=True, is_recalled=False)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
@@ -521,6 +535,8 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
 def _forget(world: "World", number: int, wire: "Wire") -> None:
     """Nobody knows any more whether the last motion is the one that the axis is on.
 
+    Of a distance that went without an answer a look tells whether it has run (M5).
+
     Of two targets nearer to each other than the hysteresis no reading tells which of them was reached.
     """
     end = int(COMMAND.unpack(wire.pdu[6:10])) if wire.pdu[0] == 16 else None
@@ -528,7 +544,10 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
     run = axes[number].run
     if run is not None:
         is_near = end is not None and 0 < abs(end - run.end_counts) <= BESIDE_COUNTS
+        is_distance = wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is None
+        lost_ns = world.now_ns if run.is_told and is_distance else 0
         run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=run.is_unsure or is_near)
+        run = run._replace(lost_ns=lost_ns)
         axes[number] = axes[number]._replace(run=run)
         world.state = world.state._replace(axes=tuple(axes))
 

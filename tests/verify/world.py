@@ -193,6 +193,8 @@ class Run(NamedTuple):
     """Since it was told, while it stood there: bit 0, its place was read; bit 1, its drive said done."""
     is_recalled: bool = False
     """The gateway was killed since and has its record: it is told again as soon as the axis is seen there."""
+    lost_ns: int = 0
+    """When a distance from its end went without an answer; 0: none did."""
     is_acked: bool = False
     """It is told, whatever its done bit says."""
 
@@ -272,6 +274,8 @@ class Design:
     is_staged: bool = False
     has_record: bool = False
     is_twin: bool = False
+    jog_is_jump: bool = False
+    """Whoever sees an axis jogged, or just arrived, may doubt its reference: it cannot go so fast (M9)."""
     is_stream: bool = False
     """Its targets are setpoints of a stream."""
     refuses_reads: bool = False
@@ -502,7 +506,7 @@ class World:
             reply = wire.pdu[:3] + b"\0\0" if wire.pdu[0] == 16 else wire.pdu[:3] + b"\xff\xff"
         self._call("reply", wire.unit_id, reply, self.now_ns)
         self._collect(answered=wire, reply=reply)
-        if wire.aim is not None:
+        if wire.aim is not None or wire.pdu in rules.ODD_PDUS:
             self._on_wait()  # no controller says something else before the axis had the time to begin
 
     def _on_late(self) -> None:
