@@ -58,6 +58,14 @@ class Facts(NamedTuple):
     """The first and the last request since then that it left unanswered; 0: it answers."""
     told_found: bool | None = None
     """What was told of it last."""
+    restaged_ns: int = 0
+    """When it was told that a target was written anew: once a minute."""
+    was_strange: bool = False
+    """A value that no register map knows has passed while it was corrected."""
+    has_told_unknown: bool = False
+    """It was told of the value that no register map knows: once for the same contents."""
+    is_recalling: bool = False
+    """It is not decided yet whether the record of the run before counts."""
     block: str = ""
     """Whether a target was lost: for its own sake, or because another axis of the group had lost its own."""
     block_code: int = 0
@@ -116,13 +124,18 @@ def answered(world: "World", wire: "Wire", reply: bytes, *, is_native: bool) -> 
     else:
         facts = _reference_after(facts, plan, wire, world.now_ns, is_obeyed=is_native)
     note(world, number, facts)
+    if wire.pdu[0] == 16 and wire.owner < 0 and is_native:
+        _written_anew(world, number)
     if wire.pdu[0] != 3:
         code = reply[1] if len(reply) == 2 and reply[0] & 0x80 else LOST
         _target_ended(world, number, wire, code, is_native=is_native)
 
 
-def left(world: "World") -> None:
+def left(world: "World", wire: "Wire") -> None:
     """A frame has left: after all that was lost so far."""
+    mine = number_of(world, wire.unit_id)
+    if _triggered(wire.pdu) == 999 and world.said(mine).compensation == "active":
+        note(world, mine, _of(world, mine)._replace(was_strange=True))
     for number in range(len(world.state.axes)):
         note(world, number, _of(world, number)._replace(is_stale=False))
 
@@ -176,6 +189,29 @@ def never_sent(world: "World", port: int, request: "Asked", code: int) -> None:
         _lose(world, number, code, is_run=is_run)
         if world.state.wire is not None:
             note(world, number, _of(world, number)._replace(is_stale=True))
+
+
+RESTAGED_NS: Final = 50 * 1000 * MS
+"""Well within the minute in which it is not told again."""
+
+
+def _written_anew(world: "World", number: int) -> None:
+    """A staged target was written anew, which is told once a minute (9)."""
+    facts, name = _of(world, number), world.design.plans[number].name
+    is_told = any(event.kind is EventKind.RESTAGED and event.axis == name for event in world.told)
+    age_ns = world.now_ns - facts.restaged_ns
+    if is_told and age_ns < RESTAGED_NS:
+        raise BrokenRuleError("restaged is told again within a minute (9)")
+    if not is_told and not facts.restaged_ns:
+        raise BrokenRuleError("restaged is not told (9)")
+    if is_told:
+        note(world, number, facts._replace(restaged_ns=world.now_ns))
+
+
+def restarted(world: "World", *, has_record: bool) -> None:
+    """The gateway was started again."""
+    for number, plan in enumerate(world.design.plans):
+        note(world, number, first(plan)._replace(is_recalling=has_record))
 
 
 def _fell_silent(facts: Facts, plan: AxisPlan, now_ns: int) -> Facts:
@@ -369,6 +405,7 @@ def judge(world: "World", before: "tuple[Said, ...]", told: list[Event], *, is_r
         if not is_restart:
             _judge_events(world, plan.name, before[number], said, told)
             _judge_told_reference(world, number, said, told)
+        _judge_told_once(world, number, [event.kind for event in told if event.axis == plan.name])
 
 
 def _judge_reference(world: "World", number: int, said: "Said") -> None:
@@ -412,6 +449,26 @@ def _judge_events(world: "World", name: str, before: "Said", after: "Said", told
             owed.add((name, kind.value))
     if owed != set(world.state.owed):
         world.state = world.state._replace(owed=tuple(sorted(owed)))
+
+
+def _judge_told_once(world: "World", number: int, told: list[EventKind]) -> None:
+    """A record is decided once, and of what nobody knows is told once (9)."""
+    facts = _of(world, number)
+    decided = told.count(EventKind.RESTORED) + told.count(EventKind.RECORD_NOT_USED)
+    if decided > facts.is_recalling:
+        raise BrokenRuleError("a record is decided, and there is none that is open (9)")
+    unknown = told.count(EventKind.UNKNOWN_MODE)
+    if unknown + facts.has_told_unknown > 1:
+        raise BrokenRuleError("unknown-mode is told again for the same contents (9)")
+    if decided or unknown:
+        is_recalling = facts.is_recalling and not decided
+        facts = facts._replace(
+            is_recalling=is_recalling, has_told_unknown=facts.has_told_unknown or bool(unknown)
+        )
+        note(world, number, facts)
+    wire = world.state.wire
+    if "strange" in world.design.menu and wire is None and facts.was_strange and not facts.has_told_unknown:
+        raise BrokenRuleError("what no register map knows has passed, and unknown-mode is not told (9)")
 
 
 def _judge_told_reference(world: "World", number: int, said: "Said", told: list[Event]) -> None:

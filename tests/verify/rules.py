@@ -111,6 +111,9 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
+    is_alone = is_half and pdu[0] == 6 and world.said(number).compensation not in PASSING
+    if is_alone and belief.joins & _others(request.pdu) and belief.ticks - request.ticks < OLD_TICKS - 1:
+        raise BrokenRuleError(f"a word goes alone, and the other one came a moment ago: {pdu.hex(' ')} (M1)")
     is_completed = is_half and pdu[0] == 16 and bool(belief.lost & _others(request.pdu))
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
@@ -301,6 +304,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
 
 def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     """Return what a controller believes once a request of it is there, and how it was sent."""
+    belief = belief._replace(joins=0)
     data = request[6:] if request[0] == 16 else request[3:5]
     if len(data) == 4:
         return belief._replace(low=data[0] << 8 | data[1], high=data[2] << 8 | data[3], lost=0)
@@ -498,7 +502,7 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if run is not None and run.lost_ns and axis.stands_counts == run.end_counts:
             plan = world.design.plans[number]
             if axis.goes_counts is None and wire.sent_ns - run.lost_ns >= plan.done_drop_ms * facts.MS:
-                _note_run(world, number, is_told=True, lost_ns=0)
+                _note_run(world, number, is_told=True, lost_ns=0, seen=3 if run.is_done_since else 1)
         if axis.run is not None and axis.run.is_recalled and axis.stands_counts == axis.run.end_counts:
             _note_run(world, number, is_told=True, is_recalled=False)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
@@ -547,7 +551,7 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
         is_distance = wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is None
         lost_ns = world.now_ns if run.is_told and is_distance else 0
         run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=run.is_unsure or is_near)
-        run = run._replace(lost_ns=lost_ns)
+        run = run._replace(lost_ns=lost_ns, is_done_since=False)
         axes[number] = axes[number]._replace(run=run)
         world.state = world.state._replace(axes=tuple(axes))
 
@@ -584,6 +588,12 @@ def judge_waiting(world: "World") -> None:
             raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
 
 
+def _joined(belief: "Belief", word: int) -> int:
+    """Words that came one after the other and were lost: the last one alone where the one before is old."""
+    found = word | (belief.joins if belief.ticks < OLD_TICKS - 1 else 0)
+    return 0 if found == 3 else found
+
+
 def note_lost(world: "World", port: int, request: "Asked") -> None:
     """Take note of a write of a target of which nobody can say that it is in the drive (4)."""
     if not writes_target(request.pdu):
@@ -593,11 +603,13 @@ def note_lost(world: "World", port: int, request: "Asked") -> None:
     beliefs = [list(own) for own in world.state.beliefs]
     i, belief = request.axis, beliefs[port][request.axis]
     if request.pdu[0] == 16:
-        beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS)
+        beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS, joins=0)
     elif is_low:
-        beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0)
+        joins = 0 if request.is_sent else _joined(belief, 1)
+        beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0, joins=joins)
     else:
-        beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0)
+        joins = 0 if request.is_sent else _joined(belief, 2)
+        beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0, joins=joins)
     world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
 
 
@@ -673,6 +685,10 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
         axes = list(world.state.axes)
         axes[number] = axis
         world.state = world.state._replace(axes=tuple(axes))
+    is_done = address == STATUS and axis.is_done and axis.goes_counts is None
+    if is_done and run is not None and run.lost_ns:
+        dropped = read.sent_ns - run.lost_ns >= world.design.plans[number].done_drop_ms * facts.MS
+        _note_run(world, number, is_done_since=dropped or run.is_done_since)
     if run is None or not run.is_told or axis.stands_counts != run.end_counts:
         return
     seen = run.seen

@@ -37,7 +37,6 @@ LEFT_OUT: Final = {
     "counters": "figures for the status",
     "meter": "figures for the status",
     "hunting": "decides only whether an event is told",
-    "events": "what is about to be told",
     "_counters": "figures for the status",
     "_units": "what registers mean, and ways prepared from it: a cache",
     "_on_event": "a function of the world",

@@ -168,6 +168,8 @@ class Belief(NamedTuple):
     """Bit 0, 1: the low, the high word was lost, or never written; bit 2: some word was lost, on its way."""
     ticks: int = OLD_TICKS
     """Since then."""
+    joins: int = 0
+    """The words that were lost last, alone and within 200 ms of each other."""
 
     @property
     def nominal_counts(self) -> int:
@@ -193,6 +195,8 @@ class Run(NamedTuple):
     """Since it was told, while it stood there: bit 0, its place was read; bit 1, its drive said done."""
     is_recalled: bool = False
     """The gateway was killed since and has its record: it is told again as soon as the axis is seen there."""
+    is_done_since: bool = False
+    """Its drive has said done since."""
     lost_ns: int = 0
     """When a distance from its end went without an answer; 0: none did."""
     is_acked: bool = False
@@ -695,8 +699,7 @@ class World:
         self.now_ns += TICK_NS
         axes = tuple(_older(axis, is_prompt=self.design.is_prompt) for axis in self.state.axes)
         self.state = self.state._replace(axes=axes)
-        for number, plan in enumerate(self.design.plans):
-            facts.note(self, number, facts.first(plan))
+        facts.restarted(self, has_record=self.design.has_record and is_record_kept)
         self._call("link_up", self.now_ns)
         self._collect()
 
@@ -840,7 +843,7 @@ class World:
             wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
             rules.judge_phase(self, wire)
             self.state = self.state._replace(wire=wire, late=None)
-            facts.left(self)
+            facts.left(self, wire)
         if not frames and answered is not None:
             self.state = self.state._replace(is_starting=False, owed_stops=0, given_up=())
         if len(self.sides) > 1 and self.is_quiet:
