@@ -89,10 +89,11 @@ def _references(staged: Plan) -> tuple[Design, ...]:
         *ask("to", 0),
     )  # fmt: skip
     untold = (*WAIT * 3, *ask("home"), *ask("stop"), ("homed", 0), *ask("status"), *ask("read"))
+    alarmed = (*go(1), *WAIT * 2, ("alarm", 0), *ask("status"), ("calm", 0), *ask("to", 1), *ask("run"))
     found = []
     for name, way, ways in (
         ("set-position", Reference.SET_POSITION, (set_and_lost,)),
-        ("absolute", Reference.ABSOLUTE, (set_and_lost,)),
+        ("absolute", Reference.ABSOLUTE, (set_and_lost, alarmed)),
         ("homing-all", Reference.HOMING, (homed, set_and_lost, silent)),
         ("drive-bit", Reference.DRIVE_BIT, (homed, silent, hushed, lost, again, untold)),
     ):
@@ -263,6 +264,58 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
                     ("kill",),
                 ),
                 (*ask("to", 1), *ask("jog-on"), ("kill",), SETTLE, *ask("to", 0), *ask("run"), *ask("stop")),
+            ),
+        ),
+        Design(
+            "halves-lost",
+            "words of a target, of which one is given up before it has left",
+            (staged(travel=(-20.0, 40.0)),),
+            menu=("to", "low", "high", "read"),
+            answers=("ack", "refuse"),
+            happenings=("arrive", "wait", "disconnect"),
+            targets=(-7003, 9007),
+            is_staged=True,
+            is_serial=False,
+            most_asked=2,
+            ways=(
+                (
+                    *ask("to", 0),
+                    ("ask", 0, "read", 0),
+                    ("ask", 0, "low", 0, 1),
+                    ("disconnect", 0),
+                    *ask("high", 1),
+                ),
+                (
+                    *ask("to", 0),
+                    ("ask", 0, "read", 0),
+                    ("ask", 0, "high", 0, 1),
+                    ("disconnect", 0),
+                    *ask("low", 1),
+                ),
+            ),
+        ),
+        Design(
+            "slow-distances",
+            "distances of a drive that is slow to begin, and of which nobody knows whether it has",
+            (staged(travel=(-30.0, 30.0), commanded=()),),
+            menu=("to", "by", "run", "distance", "stop", "read", "status"),
+            targets=(9007,),
+            distances=(-4003,),
+            is_staged=True,
+            is_prompt=False,
+            checks_way_back=False,
+            ways=(
+                (
+                    *go(0),
+                    *ask("by", 0),
+                    ("ask", 0, "distance", 0),
+                    ("drive", "ack"),
+                    ("drive", "obey"),
+                    *WAIT * 4,
+                    *ask("status"),
+                    *ask("read"),
+                    *ask("status"),
+                ),
             ),
         ),
         Design(

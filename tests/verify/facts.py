@@ -94,7 +94,10 @@ def _of(world: "World", number: int) -> Facts:
 def note(world: "World", number: int, facts: Facts) -> None:
     """Write down what is known of an axis now."""
     axes = list(world.state.axes)
-    if axes[number].facts != facts:
+    was = axes[number].facts
+    if was is not None and was.is_found is not facts.is_found:
+        facts = facts._replace(read_ns=0)  # it may have been counted from another zero
+    if was != facts:
         axes[number] = axes[number]._replace(facts=facts)
         world.state = world.state._replace(axes=tuple(axes))
 
@@ -123,6 +126,7 @@ def answered(world: "World", wire: "Wire", reply: bytes, *, is_native: bool) -> 
         facts = _read(world, facts, plan, wire, reply)
     else:
         facts = _reference_after(facts, plan, wire, world.now_ns, is_obeyed=is_native)
+    _owe_look(world, number, facts)
     note(world, number, facts)
     if wire.pdu[0] == 16 and wire.owner < 0 and is_native:
         _written_anew(world, number)
@@ -189,6 +193,17 @@ def never_sent(world: "World", port: int, request: "Asked", code: int) -> None:
         _lose(world, number, code, is_run=is_run)
         if world.state.wire is not None:
             note(world, number, _of(world, number)._replace(is_stale=True))
+
+
+def _owe_look(world: "World", number: int, facts: Facts) -> None:
+    """After an alarm that was seen nobody knows where the axis is."""
+    axis, plan = world.state.axes[number], world.design.plans[number]
+    is_old = world.now_ns - facts.read_ns > plan.settings.fresh_ms * MS
+    is_new = facts.is_alarmed and not _of(world, number).is_alarmed
+    if is_new and is_old and plan.referenced is Reference.ABSOLUTE and facts.is_found:
+        axes = list(world.state.axes)
+        axes[number] = axis._replace(is_owed_look=True)
+        world.state = world.state._replace(axes=tuple(axes))
 
 
 RESTAGED_NS: Final = 50 * 1000 * MS

@@ -114,6 +114,10 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     is_alone = is_half and pdu[0] == 6 and world.said(number).compensation not in PASSING
     if is_alone and belief.joins & _others(request.pdu) and belief.ticks - request.ticks < OLD_TICKS - 1:
         raise BrokenRuleError(f"a word goes alone, and the other one came a moment ago: {pdu.hex(' ')} (M1)")
+    if belief.joins and writes_target(pdu):
+        beliefs = [list(own) for own in world.state.beliefs]
+        beliefs[port][number] = belief = belief._replace(joins=0)
+        world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
     is_completed = is_half and pdu[0] == 16 and bool(belief.lost & _others(request.pdu))
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
@@ -552,6 +556,8 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
         lost_ns = world.now_ns if run.is_told and is_distance else 0
         run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=run.is_unsure or is_near)
         run = run._replace(lost_ns=lost_ns, is_done_since=False)
+        if wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is not None:
+            axes[number] = axes[number]._replace(is_lost_distance=True)
         axes[number] = axes[number]._replace(run=run)
         world.state = world.state._replace(axes=tuple(axes))
 
@@ -600,15 +606,17 @@ def note_lost(world: "World", port: int, request: "Asked") -> None:
         return
     is_low = (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address
     word = 0 if request.pdu[0] == 16 else request.pdu[3] << 8 | request.pdu[4]
+    wire = world.state.wire  # what is lost while another write is on its way may be torn by that one
+    is_torn = wire is not None and not (wire.pdu[0] == 3 and wire.owner >= 0)
     beliefs = [list(own) for own in world.state.beliefs]
     i, belief = request.axis, beliefs[port][request.axis]
     if request.pdu[0] == 16:
         beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS, joins=0)
     elif is_low:
-        joins = 0 if request.is_sent else _joined(belief, 1)
+        joins = 0 if request.is_sent or is_torn else _joined(belief, 1)
         beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0, joins=joins)
     else:
-        joins = 0 if request.is_sent else _joined(belief, 2)
+        joins = 0 if request.is_sent or is_torn else _joined(belief, 2)
         beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0, joins=joins)
     world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
 
@@ -685,6 +693,11 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
         axes = list(world.state.axes)
         axes[number] = axis
         world.state = world.state._replace(axes=tuple(axes))
+    if address == STATUS and axis.is_lost_distance and not axis.is_done:
+        axis = axis._replace(is_known_moving=True)
+        axes = list(world.state.axes)
+        axes[number] = axis
+        world.state = world.state._replace(axes=tuple(axes))
     is_done = address == STATUS and axis.is_done and axis.goes_counts is None
     if is_done and run is not None and run.lost_ns:
         dropped = read.sent_ns - run.lost_ns >= world.design.plans[number].done_drop_ms * facts.MS
@@ -748,6 +761,9 @@ def judge_direction(world: "World", number: int) -> None:
     """What is said of the direction is that of the branch on which the axis stands (8). BrokenRuleError."""
     axis, said = world.state.axes[number], world.said(number)
     run = axis.run
+    is_lost = axis.is_lost_distance and axis.is_known_moving and axis.goes_counts is not None
+    if is_lost and said.compensation in ("active", "blocked") and said.direction != "unsure":
+        raise BrokenRuleError(f"a distance was lost and runs, and it is said: {said.direction} (8, M5)")
     if run is None or not run.is_told or run.is_unsure or run.state != "active" or world.design.is_stream:
         return
     if said.compensation != "active" or axis.stands_counts != run.end_counts or axis.goes_counts is not None:

@@ -223,6 +223,10 @@ class Axis(NamedTuple):
     """Since the start, or since it counts from another zero, it was told no target."""
     was_done: bool = False
     """Its drive had said done of its last motion before the bit fell."""
+    is_lost_distance: bool = False
+    """It goes a distance of which nobody knows whether it was obeyed."""
+    is_known_moving: bool = False
+    """Its drive has said so since."""
     is_owed_look: bool = False
     """Somebody was told that it is not done any more, and nobody has read where it is since."""
     is_seen_undone: bool = False
@@ -811,7 +815,7 @@ class World:
             axis._replace(
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
                 is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
-                is_fresh=False,
+                is_fresh=False, is_lost_distance=False, is_known_moving=False,
             ),
         )  # fmt: skip
 
