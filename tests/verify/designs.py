@@ -6,6 +6,7 @@ from typing import Any, Final
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from tests.exchange.line_bench import axis_plan
 from tests.exchange.staged_bench import BITS, COMMANDED, STAGED
+from tests.verify.designs_rules import designs as designs_of_rules
 from tests.verify.screw import WORN
 from tests.verify.world import (
     DONE_DROP_TICKS,
@@ -246,6 +247,7 @@ DESIGNS: Final = (
         targets=(9007, 9019),
         refuses_reads=True,
     ),
+    *designs_of_rules(_plan, _staged),
     Design(
         "changes",
         "another table, half a gain, compensation off and on, at any moment",

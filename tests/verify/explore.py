@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Final
 
-from tests.verify.rules import BrokenRuleError, is_settled
+from tests.verify.errors import BrokenRuleError
+from tests.verify.rules import is_settled
 from tests.verify.snapshot import row_name, watch_table
 from tests.verify.wires import world_of
 from tests.verify.world import START_NS, Design, Happening, Kept, World
 
-LOOK_EVERY: Final = 256
+LOOK_EVERY: Final = 64
 """States between two looks at the clock."""
 KINDLY: Final = frozenset(
     {"ask", "drive", "arrive", "wait", "plug", "homed", "done", "undone", "late", "tail", "reply_tail"}
@@ -21,6 +22,9 @@ KINDLY: Final = frozenset(
 """Events of which a way back may consist: traffic, a drive that does what it is told, time."""
 BY_A_PERSON: Final = frozenset({"declare", "switch"})
 UNKIND: Final = frozenset({"refuse", "obey", "obey-refuse", "garble"})
+SETTLE: Final = ("settle",)
+"""On a way: the drive acknowledges until nothing is on the wire any more."""
+MOST_STEPS: Final = 200
 RANDOM_STEPS: Final = 60
 """Of one random walk, before the next one begins."""
 
@@ -142,9 +146,48 @@ class Walk:
         outcome.states = len(parents)
         outcome.is_closed = not level and not following
         self._check_way_back()
-        outcome.seconds = time.perf_counter() - began
+        outcome.seconds += time.perf_counter() - began
         self._sum_up()
         assert len(events) == len(parents)
+        return outcome
+
+    def along(self) -> Outcome:
+        """Walk the traces that the world declares, with each event in each state on them."""
+        world, outcome = self.world, self.outcome
+        began = time.perf_counter()
+        for way in world.design.ways:
+            world.restore(self._first, is_live_known=False)
+            trace: list[Happening] = []
+            steps = deque(way)
+            while steps:
+                event = steps.popleft()
+                if event == SETTLE:
+                    if world.state.wire is None or len(trace) > MOST_STEPS:
+                        continue
+                    steps.appendleft(SETTLE)
+                    event = ("drive", "ack")
+                kept = world.keep()
+                others = world.happenings()
+                try:
+                    if event not in others:
+                        raise BrokenRuleError(f"{event} cannot happen on a way that has to be possible (10)")
+                    for each in (*(other for other in others if other != event), event):
+                        world.restore(kept, is_live_known=False)
+                        outcome.transitions += 1
+                        trace.append(each)
+                        world.happen(each)
+                        if each != event:
+                            trace.pop()
+                except BrokenRuleError as violation:
+                    if self._is_enough(str(violation), tuple(trace)):
+                        steps.clear()
+                        break
+                    world.restore(kept, is_live_known=False)
+                    break
+            if len(outcome.broken) >= self._most_broken:
+                break
+        world.restore(self._first, is_live_known=False)
+        outcome.seconds += time.perf_counter() - began
         return outcome
 
     def random(self, steps: int, seed: int = 1, seconds: float = 0.0) -> Outcome:

@@ -1,9 +1,12 @@
-"""``python -m tests.verify.mutants FILE...``: breaks the gateway in one place at a time; who notices?
+"""``python -m tests.verify.mutants [FILE...]``: breaks the gateway in one place at a time; who notices?
 
-A mutant drops an assignment, a call, a row or a guard that returns, negates a condition, takes another
-member of an enum, or takes ``<`` for ``<=``. Each is loaded in a process of its own, in place of the file
-that it was made of, and the small worlds are walked until one of them breaks a rule, or for so long. No
+A mutant drops an assignment, a call, a row of a table or a guard that returns, negates a condition, takes
+another member of an enum, or takes ``<`` for ``<=``. Each is loaded in a process of its own, in place of the
+file that it was made of, and the small worlds are walked until one of them breaks a rule, or for so long. No
 other test is asked.
+
+Which mutants are tried is drawn before anything is known of them (``--sample``, ``--seed``), from each file
+as many as its share of all mutants. Left out is only what cannot change anything but the words of a message.
 """
 
 import argparse
@@ -13,33 +16,33 @@ import json
 import multiprocessing
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from copy import deepcopy
 from dataclasses import asdict, dataclass
-from enum import Enum
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Final
+from random import Random
+from typing import Any, Final
 
 ROOT: Final = Path(__file__).parents[2]
-WORLDS: Final = (
-    "direct",
-    "staged",
-    "near",
-    "garbled",
-    "unplugged",
-    "killed",
-    "halves",
-    "relative",
-    "writers",
-    "homing",
+FILES: Final = (
+    ROOT / "gateway" / "exchange" / "axis" / "transitions.py",
+    ROOT / "gateway" / "exchange" / "axis" / "registers.py",
+    ROOT / "gateway" / "exchange" / "transaction.py",
 )
-SECONDS: Final = 6.0
-"""Of each world, half of them breadth first, half at random."""
+"""What decides a move, and whether a frame leaves."""
+SECONDS: Final = 3.0
+"""Of each world in the second round, half of them breadth first, half at random."""
+FIRST_SECONDS: Final = (0.1, 0.5)
+"""The same in rounds before it: most mutants are noticed at once, in one world or another."""
+LOAD_SECONDS: Final = 20.0
+"""Beside what the worlds may take: to load the gateway, and to find the shortest way."""
 ENDLESS: Final = 1_000_000_000
 EXAMPLES: Final = """examples:
-  python -m tests.verify.mutants gateway/exchange/axis/transitions.py
-  python -m tests.verify.mutants gateway/exchange/shadow.py --every 3 --json build/mutants.json
+  python -m tests.verify.mutants --sample 90 --seed 1 --json build/mutants.json
+  python -m tests.verify.mutants gateway/exchange/axis/registers.py
+  python -m tests.verify.mutants gateway/exchange/shadow.py --every 3
   python -m tests.verify.mutants gateway/exchange/axis/transitions.py --list
 """
 OTHER_COMPARISON: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
@@ -75,9 +78,22 @@ class Mutant:
     """One place of a file that is broken."""
 
     file: str
+    number: int
+    """Of the place, in the order in which they stand in the file."""
     line: int
     what: str
-    source: str
+
+    @property
+    def source(self) -> str:
+        """The whole file, broken there."""
+        return ast.unparse(self.tree())
+
+    def tree(self) -> ast.Module:
+        """The same as a tree, which can be compiled."""
+        path = ROOT / self.file
+        broken = _Breaker(self.number, _members(path)).visit(ast.parse(path.read_text()))
+        assert isinstance(broken, ast.Module)
+        return ast.fix_missing_locations(broken)
 
 
 @dataclass
@@ -85,6 +101,7 @@ class Verdict:
     """What became of a mutant."""
 
     file: str
+    number: int
     line: int
     what: str
     is_killed: bool = False
@@ -94,21 +111,20 @@ class Verdict:
 
 
 class _Breaker(ast.NodeTransformer):
-    """Breaks the place with a certain number, and no other."""
+    """Goes through all places that can be broken, and breaks the one with a certain number; -1: none."""
 
     def __init__(self, wanted: int, members: dict[str, list[str]]) -> None:
         self._wanted = wanted
         self._members = members
         self._count = -1
-        self.what = ""
-        self.line = 0
+        self.places: list[tuple[int, str]] = []
+        """Line and meaning of each place; listed only where none is broken."""
 
-    def _is_here(self, node: ast.AST, what: str) -> bool:
+    def _is_here(self, node: ast.AST, what: Callable[[], str]) -> bool:
         self._count += 1
-        if self._count != self._wanted:
-            return False
-        self.what, self.line = what, getattr(node, "lineno", 0)
-        return True
+        if self._wanted < 0:
+            self.places.append((getattr(node, "lineno", 0), what()))
+        return self._count == self._wanted
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         node.body = self._broken_block(node.body)
@@ -121,25 +137,29 @@ class _Breaker(ast.NodeTransformer):
         return found or [ast.Pass()]
 
     def _broken(self, statement: ast.stmt) -> list[ast.stmt]:
-        shown = ast.unparse(statement).split("\n")[0]
+        def shown(kind: str) -> Callable[[], str]:
+            return lambda: f"{kind}: {ast.unparse(statement).splitlines()[0]}"
+
         if isinstance(statement, ast.Assign | ast.AugAssign):
             target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
             if isinstance(target, ast.Attribute | ast.Subscript) and self._is_here(
-                statement, f"dropped: {shown}"
+                statement, shown("dropped")
             ):
                 return []
         is_call = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Call)
-        if is_call and self._is_here(statement, f"dropped: {shown}"):
+        if is_call and self._is_here(statement, shown("dropped")):
             return []
         if isinstance(statement, ast.If):
+            if all(map(_is_wording, statement.body)) and not statement.orelse:
+                return [statement]
             is_guard = (
                 len(statement.body) == 1
                 and isinstance(statement.body[0], ast.Return)
                 and not statement.orelse
             )
-            if is_guard and self._is_here(statement, f"guard dropped: {shown}"):
+            if is_guard and self._is_here(statement, shown("guard dropped")):
                 return []
-            if self._is_here(statement, f"negated: {shown}"):
+            if self._is_here(statement, shown("negated")):
                 statement.test = ast.UnaryOp(ast.Not(), statement.test)
                 return [statement]
         self._broken_inside(statement)
@@ -158,70 +178,117 @@ class _Breaker(ast.NodeTransformer):
 
     def visit_Compare(self, node: ast.Compare) -> ast.AST:
         other = OTHER_COMPARISON.get(type(node.ops[0]))
-        if other is not None and self._is_here(node, f"other comparison: {ast.unparse(node)}"):
+        if other is not None and self._is_here(node, lambda: f"other comparison: {ast.unparse(node)}"):
             node.ops[0] = other()
         self.generic_visit(node)
         return node
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
-        if (
-            isinstance(node.value, ast.Name)
-            and node.value.id in self._members
-            and isinstance(node.ctx, ast.Load)
-        ):
+        if self._is_member(node) and isinstance(node.ctx, ast.Load):
+            assert isinstance(node.value, ast.Name)
             members = self._members[node.value.id]
-            if node.attr in members and self._is_here(node, f"other member: {ast.unparse(node)}"):
-                node.attr = members[(members.index(node.attr) + 1) % len(members)]
-                self.what += f" -> {node.attr}"
+            other = members[(members.index(node.attr) + 1) % len(members)]
+            if self._is_here(node, lambda: f"other member: {ast.unparse(node)} -> {other}"):
+                node.attr = other
         self.generic_visit(node)
         return node
 
+    def _is_member(self, node: ast.AST | None) -> bool:
+        return (
+            isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node.attr in self._members.get(node.value.id, ())
+        )
+
     def visit_Dict(self, node: ast.Dict) -> ast.AST:
         for at, key in enumerate(node.keys):
-            if isinstance(key, ast.Tuple) and self._is_here(key, f"row dropped: {ast.unparse(key)}"):
+            if not (isinstance(key, ast.Tuple) or self._is_member(key)):
+                continue
+            assert key is not None
+            if self._is_here(key, partial("row dropped: {}".format, ast.unparse(key))):
                 del node.keys[at], node.values[at]
                 return node
         self.generic_visit(node)
         return node
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
-        if self._is_here(node, f"and for or: {ast.unparse(node)}"):
+        if self._is_here(node, lambda: f"and for or: {ast.unparse(node)}"):
             node.op = ast.And() if isinstance(node.op, ast.Or) else ast.Or()
         self.generic_visit(node)
         return node
 
+    def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
+        if not (_is_text(node.body) and _is_text(node.orelse)):
+            self.generic_visit(node)
+        return node
 
+
+def _is_text(value: ast.expr) -> bool:
+    return isinstance(value, ast.JoinedStr) or (
+        isinstance(value, ast.Constant) and isinstance(value.value, str)
+    )
+
+
+def _is_wording(statement: ast.stmt) -> bool:
+    """Whether a statement only words a message."""
+    return (
+        isinstance(statement, ast.Assign)
+        and isinstance(statement.targets[0], ast.Name)
+        and _is_text(statement.value)
+    )
+
+
+@lru_cache
 def _members(path: Path) -> dict[str, list[str]]:
-    """Return the members of the enums that a file knows by name."""
-    module = importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
-    found = {}
-    for name in ENUMS:
-        kind = getattr(module, name, None)
-        if isinstance(kind, type) and issubclass(kind, Enum):
-            found[name] = [member.name for member in kind]
+    """Return the members of the enums that a file knows by name, without running any of it."""
+    found: dict[str, list[str]] = {}
+    for each in (path, *_imported_by(path)):
+        for node in ast.parse(each.read_text()).body:
+            if isinstance(node, ast.ClassDef) and node.name in ENUMS:
+                found[node.name] = [
+                    line.targets[0].id
+                    for line in node.body
+                    if isinstance(line, ast.Assign)
+                    and isinstance(line.targets[0], ast.Name)
+                    and not line.targets[0].id.startswith("_")
+                ]
     return found
 
 
-def mutants_of(path: Path) -> Iterator[Mutant]:
-    """Yield every mutant of a file."""
+def _imported_by(path: Path) -> list[Path]:
+    modules = [node.module for node in ast.parse(path.read_text()).body if isinstance(node, ast.ImportFrom)]
+    paths = (ROOT / f"{(module or '').replace('.', '/')}.py" for module in modules)
+    return [each for each in paths if each.is_file()]
+
+
+def mutants_of(path: Path) -> list[Mutant]:
+    """Return every mutant of a file, as they stand in it."""
     path = path.resolve()
-    tree, members = ast.parse(path.read_text()), _members(path)
-    number = 0
-    while True:
-        breaker = _Breaker(number, members)
-        broken = breaker.visit(deepcopy(tree))
-        if not breaker.what:
-            return
-        source = ast.unparse(ast.fix_missing_locations(broken))
-        yield Mutant(str(path.relative_to(ROOT)), breaker.line, breaker.what, source)
-        number += 1
+    breaker = _Breaker(-1, _members(path))
+    breaker.visit(ast.parse(path.read_text()))
+    file = str(path.relative_to(ROOT))
+    return [Mutant(file, number, *place) for number, place in enumerate(breaker.places)]
+
+
+def sample(files: Sequence[Path], count: int, seed: int) -> list[Mutant]:
+    """Draw so many mutants, of each file as many as its share of all mutants."""
+    by_file = [mutants_of(path) for path in files]
+    total = sum(map(len, by_file))
+    found: list[Mutant] = []
+    left, of = count, total
+    for mutants in by_file:
+        here = round(left * len(mutants) / of) if of else 0
+        left, of = left - here, of - len(mutants)
+        drawn = Random(f"{seed} {mutants[0].file}").sample(range(len(mutants)), min(here, len(mutants)))
+        found += [mutants[number] for number in sorted(drawn)]
+    return found
 
 
 class _Finder:
-    """Gives the source of a mutant in place of a file."""
+    """Gives a mutant in place of a file."""
 
-    def __init__(self, module: str, source: str) -> None:
-        self._module, self._source = module, source
+    def __init__(self, module: str, tree: ast.Module) -> None:
+        self._module, self._tree = module, tree
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> object:
         """See importlib."""
@@ -234,37 +301,39 @@ class _Finder:
 
     def exec_module(self, module: object) -> None:
         """See importlib."""
-        exec(compile(self._source, self._module, "exec"), module.__dict__)
+        exec(compile(self._tree, self._module, "exec"), module.__dict__)
 
 
-def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: object) -> None:
+def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> None:
     """Walk the worlds with a mutant; runs in a process that has loaded nothing of the gateway."""
     module = ".".join(Path(mutant.file).with_suffix("").parts)
-    sys.meta_path.insert(0, _Finder(module, mutant.source))  # type: ignore[arg-type]
+    sys.meta_path.insert(0, _Finder(module, mutant.tree()))  # type: ignore[arg-type]
+    world = ""
     try:
         from tests.verify.running import walked
 
-        for world in worlds:
-            outcome = walked(world, 0, seconds / 2, ENDLESS, 1)
-            if outcome.broken:
-                answer.send((world, outcome.broken[0].what))  # type: ignore[attr-defined]
-                return
+        for each in (*FIRST_SECONDS, seconds):
+            for world in worlds:
+                outcome = walked(world, 0, each / 2, ENDLESS, 1)
+                if outcome.broken:
+                    answer.send((world, outcome.broken[0].what))
+                    return
     except Exception as error:  # noqa: BLE001, whatever a broken gateway does is noticed
-        answer.send(("", f"{type(error).__name__}: {error}"))  # type: ignore[attr-defined]
+        answer.send((world, f"{type(error).__name__}: {error}"))
         return
-    answer.send(None)  # type: ignore[attr-defined]
+    answer.send(None)
 
 
 def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
     """Find out whether the worlds notice a mutant."""
     began = time.monotonic()
-    verdict = Verdict(mutant.file, mutant.line, mutant.what)
+    verdict = Verdict(mutant.file, mutant.number, mutant.line, mutant.what)
     ours, theirs = multiprocessing.Pipe()
     context = multiprocessing.get_context("spawn")
     process = context.Process(target=_try, args=(mutant, worlds, seconds, theirs))
     process.start()
     theirs.close()
-    limit = (seconds + 10.0) * len(worlds)
+    limit = (seconds + sum(FIRST_SECONDS) + 3.0) * len(worlds) + LOAD_SECONDS
     try:
         if ours.poll(limit):
             found = ours.recv()
@@ -281,6 +350,28 @@ def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
     return verdict
 
 
+class Judge:
+    """Tries one mutant after the other; the worlds that have killed most go first."""
+
+    def __init__(self, worlds: Sequence[str], seconds: float) -> None:
+        self._worlds, self._seconds = tuple(worlds), seconds
+        self._kills: Counter[str] = Counter()
+
+    def __call__(self, mutant: Mutant) -> Verdict:
+        """Judge one mutant."""
+        worlds = sorted(self._worlds, key=lambda world: -self._kills[world])
+        verdict = judged(mutant, worlds, self._seconds)
+        if verdict.is_killed:
+            self._kills[verdict.world] += 1
+        return verdict
+
+
+def _all_worlds() -> tuple[str, ...]:
+    from tests.verify.designs import DESIGNS
+
+    return tuple(design.name for design in DESIGNS)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Try the mutants of some files; return the exit code."""
     parser = argparse.ArgumentParser(
@@ -289,37 +380,52 @@ def main(arguments: Sequence[str] | None = None) -> int:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
-    parser.add_argument("--worlds", nargs="*", default=WORLDS, metavar="WORLD", help="(%(default)s)")
+    parser.add_argument("files", nargs="*", type=Path, default=FILES, metavar="FILE")
+    parser.add_argument("--worlds", nargs="*", default=(), metavar="WORLD", help="(all)")
     parser.add_argument(
         "--seconds", type=float, default=SECONDS, metavar="S", help="of each world (%(default)s)"
     )
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="mutants at a time (%(default)s)")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only each Nth mutant")
+    parser.add_argument("--sample", type=int, default=0, metavar="N", help="so many, drawn at random")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the drawing (%(default)s)")
+    parser.add_argument(
+        "--only", nargs="*", default=(), metavar="FILE:NUMBER", help="of these the ones named so"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write what was found there too")
     parser.add_argument("--list", action="store_true", help="say what mutants there are")
     asked = parser.parse_args(arguments)
-    mutants = [mutant for path in asked.files for mutant in mutants_of(path)][:: asked.every]
+    if asked.sample:
+        mutants = sample(asked.files, asked.sample, asked.seed)
+    else:
+        mutants = [mutant for path in asked.files for mutant in mutants_of(path)][:: asked.every]
+    if asked.only:
+        mutants = [each for each in mutants if f"{Path(each.file).stem}:{each.number}" in asked.only]
     if asked.list:
         for mutant in mutants:
-            print(f"{mutant.file}:{mutant.line}: {mutant.what}")
+            print(f"{mutant.file}:{mutant.line}: {mutant.what}  ({mutant.number})")
         return 0
-    verdicts = []
+    verdicts: list[Verdict] = []
+    judge = Judge(asked.worlds or _all_worlds(), asked.seconds)
     with ThreadPoolExecutor(asked.jobs) as pool:
-        for verdict in pool.map(lambda mutant: judged(mutant, asked.worlds, asked.seconds), mutants):
+        for verdict in pool.map(judge, mutants):
             verdicts.append(verdict)
             fate = f"killed in {verdict.world or 'no world'}" if verdict.is_killed else "SURVIVED"
-            print(
-                f"{fate:22} {verdict.seconds:5.1f} s  {verdict.file}:{verdict.line}: {verdict.what}",
-                flush=True,
-            )
+            where = f"{Path(verdict.file).stem}:{verdict.number} (line {verdict.line})"
+            print(f"{fate:22} {verdict.seconds:5.1f} s  {where}: {verdict.what}", flush=True)
+            _write(asked.json, verdicts)
     killed = sum(verdict.is_killed for verdict in verdicts)
     print(f"{killed} of {len(verdicts)} killed, {100.0 * killed / max(1, len(verdicts)):.1f} %")
-    if asked.json is not None:
-        asked.json.parent.mkdir(parents=True, exist_ok=True)
-        found = {"killed": killed, "total": len(verdicts), "mutants": [asdict(each) for each in verdicts]}
-        asked.json.write_text(json.dumps(found, indent=1) + "\n")
     return 0
+
+
+def _write(path: Path | None, verdicts: Sequence[Verdict]) -> None:
+    if path is None:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    killed = sum(verdict.is_killed for verdict in verdicts)
+    found = {"killed": killed, "total": len(verdicts), "mutants": [asdict(each) for each in verdicts]}
+    path.write_text(json.dumps(found, indent=1) + "\n")
 
 
 if __name__ == "__main__":

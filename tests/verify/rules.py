@@ -6,9 +6,12 @@ reason that the gateway gives aloud: an axis that is flagged unsure, that is not
 
 from typing import TYPE_CHECKING, Any, Final
 
+from gateway.exchange.transaction import Phase
 from gateway.modbus.pdu import is_exception
-from tests.exchange.line_bench import ACTUAL, COMMAND
-from tests.exchange.staged_bench import COMMANDED, RUN, RUN_RELATIVE, STATUS, STOP, TRIGGER
+from tests.exchange.line_bench import ACTUAL, COMMAND, write
+from tests.exchange.staged_bench import COMMANDED, JOG, MODE, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER
+from tests.verify import facts
+from tests.verify.errors import BrokenRuleError
 
 if TYPE_CHECKING:
     from tests.verify.world import Aim, Asked, Axis, Belief, Run, Side, Tried, Wire, World
@@ -25,6 +28,10 @@ PASSED_STORED: Final = "no-table"
 """What a position that the drive keeps is run as, where its map lets it pass: 1:1."""
 NEVER_WRITTEN: Final = 3
 """Both words, and neither was lost on its way (``Belief.lost``)."""
+NEAR_COUNTS: Final = 100
+"""Beside a target by less than any correction is long (M6)."""
+CORRECTION_COUNTS: Final = 350
+"""No table of the worlds adds more."""
 STOP_TICKS: Final = 12
 OLD_TICKS: Final = 3
 """A word that was lost so long ago belongs to no word that comes now: 200 ms."""
@@ -32,22 +39,25 @@ PATIENCE_TICKS: Final = 1
 """So long a controller waits for an answer."""
 NO_PATH: Final = 0x0A
 READABLE: Final = frozenset(
-    {(ACTUAL.address, 2), (COMMAND.address, 2), (COMMANDED.address, 2), (STATUS, 1), (TRIGGER, 1)}
+    {(ACTUAL.address, 2), (COMMAND.address, 2), (COMMANDED.address, 2), (STATUS, 1), (TRIGGER, 1), (MODE, 1)}
 )
 STOP_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + STOP.to_bytes(2, "big")
 RUN_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN.to_bytes(2, "big")
 RELATIVE_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN_RELATIVE.to_bytes(2, "big")
+ODD_PDUS: Final = frozenset(RUN_PDU[:3] + value.to_bytes(2, "big") for value in (JOG, STORED, 999))
+"""What makes an axis move in another way than to a target."""
 RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU})
 ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
-
-
-class BrokenRuleError(Exception):
-    """A rule that was broken; the message says which one, and how."""
 
 
 def is_stop(pdu: bytes) -> bool:
     """Whether a request stops the axis."""
     return pdu == STOP_PDU
+
+
+def runs_distance(world: "World", number: int, pdu: bytes) -> bool:
+    """Whether a request makes an axis go a distance, as its mode register stands."""
+    return pdu == RELATIVE_PDU or (pdu == RUN_PDU and world.state.axes[number].mode == 2)
 
 
 def writes_target(pdu: bytes) -> bool:
@@ -68,7 +78,9 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     for port, transaction_id in state.order:
         request = find(world, port, transaction_id)
         is_stopping = is_stop(request.pdu)
-        if request.is_sent or not (is_stopping or is_first):
+        rights = world.design.controllers[port].rights  # for who has none nothing leaves (W9)
+        has_none = rights.is_read_only or (bool(rights.unit_ids) and unit_id not in rights.unit_ids)
+        if request.is_sent or has_none or not (is_stopping or is_first):
             continue
         is_first &= is_stopping
         if request.axis == number and _is_frame_of(pdu, request.pdu):
@@ -76,7 +88,7 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     if is_stop(pdu) and state.owed_stops:
         world.state = state._replace(owed_stops=state.owed_stops - 1)
     elif pdu[0] == 3:
-        _judge_own_read(world, pdu)
+        _judge_own_read(world, number, pdu)
     else:
         _judge_restaging(world, number, pdu)
     return Wire(unit_id, pdu, -1, 0, None)
@@ -93,24 +105,126 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
             raise BrokenRuleError(f"a stop had to wait for {request.ticks} ticks (2)")
     elif request.ticks > PATIENCE_TICKS:
         raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
+    moves_or_reads = pdu in RUNS or writes_target(pdu) or (pdu[0] == 3 and (pdu[1] << 8 | pdu[2]) != STATUS)
+    if moves_or_reads and not request.is_bit_asked and facts.has_to_ask(world, number, is_target=pdu[0] != 3):
+        raise BrokenRuleError(
+            f"sent before the bit was read on which the reference hangs: {pdu.hex(' ')} (M9)"
+        )
+    if pdu[0] != 3:
+        _note_run(world, number, is_recalled=False)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
+    is_alone = is_half and pdu[0] == 6 and world.said(number).compensation not in PASSING
+    if is_alone and belief.joins & _others(request.pdu) and belief.ticks - request.ticks < OLD_TICKS - 1:
+        raise BrokenRuleError(f"a word goes alone, and the other one came a moment ago: {pdu.hex(' ')} (M1)")
+    if belief.joins and writes_target(pdu):
+        beliefs = [list(own) for own in world.state.beliefs]
+        beliefs[port][number] = belief = belief._replace(joins=0)
+        world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
     is_completed = is_half and pdu[0] == 16 and bool(belief.lost & _others(request.pdu))
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
     aim = _aim(world, port, number, pdu, request)
+    axis = world.state.axes[number]
+    is_again = aim is not None and axis.run is not None and axis.run.nominal_counts == aim.nominal_counts
+    if is_again and axis.is_owed_look:
+        raise BrokenRuleError(
+            f"its done bit has fallen, and nobody has looked where it is: {pdu.hex(' ')} (M4)"
+        )
     if aim is not None and pdu not in RUNS:
         _note_tried(world, number, pdu, aim)
     return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
 
 
-def _judge_own_read(world: "World", pdu: bytes) -> None:
+def run_pdu(run: "Run | None") -> bytes:
+    """Return the request that makes a drive go to the last target again, where writing it does."""
+    return b"" if run is None else write(COMMAND, run.nominal_counts)
+
+
+def judge_phase(world: "World", wire: "Wire") -> None:
+    """A request is where its frame is, and each moment that it was held up counts. BrokenRuleError."""
+    found = world.on_its_way()
+    if found is None:
+        return
+    if wire.owner >= 0:
+        request = find(world, wire.owner, wire.transaction_id)
+        if found.phase is not Phase.SENT or found.may_follow != {Phase.ENDED}:
+            raise BrokenRuleError(f"a frame has left in phase {found.phase.value} (2)")
+        # Requests that come at one instant are told apart by some ns; parts of one wait for no line.
+        if (
+            not world.design.is_bytes
+            and request.ticks < 20
+            and abs(found.held_up_ns - request.ticks * world.tick_ns) > 1000
+        ):
+            raise BrokenRuleError(
+                f"a request waited for {request.ticks} ticks, and its figures say {found.held_up_ns} ns (11)"
+            )
+    elif found.phase is Phase.PREREQUISITE and found.may_follow != {Phase.WAITING, Phase.ENDED}:
+        raise BrokenRuleError("nothing may follow a frame that was needed first (2)")
+
+
+def _judge_own_read(world: "World", number: int, pdu: bytes) -> None:
     if (pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4]) not in READABLE:
         raise BrokenRuleError(f"a read that nothing names: {pdu.hex(' ')} (W8)")
-    waits = any(not each.is_sent for waiting in world.state.asked for each in waiting)
-    if not (waits or world.state.is_starting):
+    waiting = [find(world, port, transaction_id) for port, transaction_id in world.state.order]
+    unsent = [each for each in waiting if not each.is_sent and each.axis == number]
+    if not (unsent or world.state.is_starting):
         raise BrokenRuleError(f"a read for nothing: {pdu.hex(' ')} (W8)")
+    if not world.state.is_starting:
+        _judge_need(world, number, pdu, unsent)
+    if pdu[1] << 8 | pdu[2] == STATUS and unsent:
+        _note_bit_asked(world, number)
+
+
+def _note_bit_asked(world: "World", number: int) -> None:
+    """The bit is read for the request whose turn it is: the first that has not left."""
+    for port, transaction_id in world.state.order:
+        request = find(world, port, transaction_id)
+        if not request.is_sent and request.axis == number:
+            _replace(world, port, request._replace(is_bit_asked=True))
+            return
+
+
+def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") -> None:
+    """A read of the gateway's own needs a request that cannot go without it (W8)."""
+    address, axis = pdu[1] << 8 | pdu[2], world.state.axes[number]
+    moving = [each for each in unsent if each.pdu in RUNS or writes_target(each.pdu)]
+    is_distance = any(runs_distance(world, number, each.pdu) for each in moving)
+    run = axis.run
+    # Beside its target a reading that is a moment old tells no direction.
+    is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
+    may_look = is_distance or axis.is_owed_look or is_beside or world.design.is_stream
+    is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
+    is_again = is_there and len(moving) == 1 and moving[0].pdu == run_pdu(run)
+    why = ""
+    if address == COMMAND.address:
+        is_needed = any(len(each.pdu) == 5 and writes_target(each.pdu) for each in moving)
+        why = "" if is_needed else "no part of a target waits"
+    elif address == COMMANDED.address:
+        why = "" if is_distance else "no distance waits"
+    elif address == ACTUAL.address:
+        is_seen = run is not None and run.is_told and run.seen == 3 and run.state == "active"
+        if not moving:
+            why = "no target waits"
+        elif is_seen and not is_distance and not facts.is_unseen(world, number):
+            why = "the axis was seen to stand at its target a moment ago"
+        elif facts.is_just_read(world, number) and axis.goes_counts is None and not may_look:
+            why = "it was read at this very moment"
+        elif is_again and not axis.is_owed_look and not facts.is_unseen(world, number):
+            why = "the same target is the same words"
+    elif address == STATUS and not is_distance:
+        why = facts.why_no_bit(world, number, is_target=bool(moving), is_read=len(moving) < len(unsent))
+    if why:
+        raise BrokenRuleError(f"a read for nothing, {why}: {pdu.hex(' ')} (W8)")
+
+
+def _note_run(world: "World", number: int, **changes: Any) -> None:
+    axis = world.state.axes[number]
+    if axis.run is not None:
+        axes = list(world.state.axes)
+        axes[number] = axis._replace(run=axis.run._replace(**changes))
+        world.state = world.state._replace(axes=tuple(axes))
 
 
 def _others(half: bytes) -> int:
@@ -157,7 +271,13 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
     why = f"a write that nobody has asked for: {shown} (2)"
     for port, transaction_id in world.state.order:
         request = find(world, port, transaction_id)
-        if request.is_sent or request.pdu not in RUNS or request.axis != number or not writes_target(pdu):
+        if request.is_sent or request.axis != number or not writes_target(pdu):
+            continue
+        belief = world.state.beliefs[port][number]
+        is_strange = request.pdu[:3] == RUN_PDU[:3] and request.pdu not in RUNS
+        if is_strange and not belief.lost and pdu[6:] == COMMAND.pack(belief.nominal_counts):
+            return  # before something runs of which nobody knows what it means, the words of the controller
+        if request.pdu not in RUNS:
             continue
         if world.state.beliefs[port][number].lost and not is_passing:
             why = f"a target that was lost is written anew: {shown} (4)"
@@ -186,12 +306,12 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     if not is_run:
         belief = _written(belief, request.pdu, pdu)
     is_lost = bool(belief.lost) or any(
-        world.state.beliefs[port][i].lost & 4
+        world.state.beliefs[port][i].lost & 4 and (world.design.is_staged or facts.is_own_blocked(world, i))
         for i in range(len(state.axes))
         if i != number and world.design.groups
     )
     base = None
-    if pdu == RELATIVE_PDU:
+    if runs_distance(world, number, pdu):
         run = axis.run
         if run is not None and run.is_told and not run.is_unsure and axis.commanded_counts == run.end_counts:
             base = (run.nominal_counts, True)
@@ -217,6 +337,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
 
 def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     """Return what a controller believes once a request of it is there, and how it was sent."""
+    belief = belief._replace(joins=0)
     data = request[6:] if request[0] == 16 else request[3:5]
     if len(data) == 4:
         return belief._replace(low=data[0] << 8 | data[1], high=data[2] << 8 | data[3], lost=0)
@@ -255,10 +376,30 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
         raise BrokenRuleError(
             f"an axis that was seen to have arrived at {was.end_counts} is taken for unsure (M6)"
         )
+    if aim.is_unsure and not is_passing and aim.base is None and not world.design.is_stream:
+        _judge_doubt(world, number, aim)
     is_certain = aim.base is None or aim.base[1]
     is_unsure = aim.is_unsure or not is_certain
     made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
     return Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
+
+
+def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
+    """A branch is assumed only where no reading could tell: for want of one, or beside its branches (M6)."""
+    plan, axis = world.design.plans[number], world.state.axes[number]
+    run = axis.run
+    is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
+    is_again |= axis.tried is not None and axis.tried[0] == aim.nominal_counts
+    if world.design.refuses_reads or not plan.actual or is_again:
+        return
+    low, high = sorted(_branches(world, aim.nominal_counts, aim))
+    if not any(
+        low - BESIDE_COUNTS <= each <= high + BESIDE_COUNTS for each in (aim.from_counts, axis.stands_counts)
+    ):
+        raise BrokenRuleError(
+            f"target {aim.nominal_counts} is taken for unsure, and the axis stands at {aim.from_counts}, "
+            f"beyond {low:.1f} to {high:.1f}: a reading tells (M6)"
+        )
 
 
 def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
@@ -276,11 +417,31 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
             raise BrokenRuleError(
                 f"the same target {nominal} again moves the drive from {run.end_counts} to {end} (0, M4)"
             )
+    if world.design.is_stream:
+        _judge_setpoint(world, axis, end, aim)
+        return
     if aim.state in PASSING:
         if end != nominal and not _is_tried(aim, nominal, end) and not aim.is_lost:
             raise BrokenRuleError(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
         return
     _judge_branch(world, axis, end, aim, nominal)
+
+
+def _judge_setpoint(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
+    """A setpoint has an offset up to that of the branches; the first has that of its drive (M6)."""
+    nominal, stands = aim.nominal_counts, axis.stands_counts
+    screw = world.screws[aim.table]
+    offsets = [0.0, *(1000 * each for each in (*screw.forward_mm, *screw.backward_mm))]
+    if not min(offsets) - BESIDE_COUNTS <= end - nominal <= max(offsets) + BESIDE_COUNTS:
+        raise BrokenRuleError(f"setpoint {nominal} becomes {end}, which no table of it says (1)")
+    if axis.run is None and axis.is_fresh:
+        here = [0.0, *(each - stands for each in screw.corrected(stands))]
+        offset = min(max(stands - nominal, min(here)), max(here))
+        if abs(end - nominal - offset) > BESIDE_COUNTS:
+            raise BrokenRuleError(
+                f"a stream begins with setpoint {nominal}, the drive stands at {stands}, and it is sent as "
+                f"{end}: an offset of {offset:.1f} would be right (M6)"
+            )
 
 
 def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
@@ -366,6 +527,24 @@ def _is_native(sent: bytes, reply: bytes) -> bool:
 
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
+    _note_answer(world, wire, reply)
+    if wire.pdu[0] == 3 and reply[0] == 3 and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
+        number = facts.number_of(world, wire.unit_id)
+        axes = list(world.state.axes)
+        axes[number] = axes[number]._replace(is_owed_look=False)
+        world.state = world.state._replace(axes=tuple(axes))
+        axis = world.state.axes[number]
+        run = axis.run
+        if run is not None and run.lost_ns and axis.stands_counts == run.end_counts:
+            plan = world.design.plans[number]
+            if axis.goes_counts is None and wire.sent_ns - run.lost_ns >= plan.done_drop_ms * facts.MS:
+                _note_run(world, number, is_told=True, lost_ns=0, seen=3 if run.is_done_since else 1)
+        if axis.run is not None and axis.run.is_recalled and axis.stands_counts == axis.run.end_counts:
+            _note_run(world, number, is_told=True, is_recalled=False)
+    facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
+
+
+def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     if wire.owner < 0 or wire.pdu[0] == 3:
         return
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == wire.unit_id)
@@ -388,13 +567,15 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         axes = list(world.state.axes)
         run = axes[number].run
         if run is not None:
-            run = run._replace(is_told=not wire.aim.is_lost)
+            run = run._replace(is_told=not wire.aim.is_lost, is_acked=not wire.aim.is_lost)
             axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
 
 
 def _forget(world: "World", number: int, wire: "Wire") -> None:
     """Nobody knows any more whether the last motion is the one that the axis is on.
+
+    Of a distance that went without an answer a look tells whether it has run (M5).
 
     Of two targets nearer to each other than the hysteresis no reading tells which of them was reached.
     """
@@ -403,7 +584,12 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
     run = axes[number].run
     if run is not None:
         is_near = end is not None and 0 < abs(end - run.end_counts) <= BESIDE_COUNTS
-        run = run._replace(is_told=False, seen=0, is_unsure=run.is_unsure or is_near)
+        is_distance = wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is None
+        lost_ns = world.now_ns if run.is_told and is_distance else 0
+        run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=run.is_unsure or is_near)
+        run = run._replace(lost_ns=lost_ns, is_done_since=False)
+        if wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is not None:
+            axes[number] = axes[number]._replace(is_lost_distance=True)
         axes[number] = axes[number]._replace(run=run)
         world.state = world.state._replace(axes=tuple(axes))
 
@@ -411,7 +597,9 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
 def note_silence(world: "World", wire: "Wire") -> None:
     """Take note of a frame that was not answered in time."""
     axes = tuple(
-        axis if axis.run is None else axis._replace(run=axis.run._replace(is_told=False, seen=0))
+        axis
+        if axis.run is None
+        else axis._replace(run=axis.run._replace(is_told=False, is_acked=False, seen=0))
         for axis in world.state.axes
     )
     world.state = world.state._replace(axes=axes)
@@ -427,20 +615,41 @@ def note_silence(world: "World", wire: "Wire") -> None:
         end(world, wire.owner, request)
 
 
+def judge_waiting(world: "World") -> None:
+    """Where nothing is on the wire and the line is at rest nobody waits (2). Raises BrokenRuleError."""
+    state = world.state
+    if state.wire is not None or not state.is_up or world.is_resting():
+        return
+    for port, transaction_id in state.order:
+        request, plan = find(world, port, transaction_id), world.design.controllers[port]
+        if not (plan.serial and (request.is_sent or plan.rights.unit_ids)):
+            raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
+
+
+def _joined(belief: "Belief", word: int) -> int:
+    """Words that came one after the other and were lost: the last one alone where the one before is old."""
+    found = word | (belief.joins if belief.ticks < OLD_TICKS - 1 else 0)
+    return 0 if found == 3 else found
+
+
 def note_lost(world: "World", port: int, request: "Asked") -> None:
     """Take note of a write of a target of which nobody can say that it is in the drive (4)."""
     if not writes_target(request.pdu):
         return
     is_low = (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address
     word = 0 if request.pdu[0] == 16 else request.pdu[3] << 8 | request.pdu[4]
+    wire = world.state.wire  # what is lost while another write is on its way may be torn by that one
+    is_torn = wire is not None and not (wire.pdu[0] == 3 and wire.owner >= 0)
     beliefs = [list(own) for own in world.state.beliefs]
     i, belief = request.axis, beliefs[port][request.axis]
     if request.pdu[0] == 16:
-        beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS)
+        beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS, joins=0)
     elif is_low:
-        beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0)
+        joins = 0 if request.is_sent or is_torn else _joined(belief, 1)
+        beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0, joins=joins)
     else:
-        beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0)
+        joins = 0 if request.is_sent or is_torn else _joined(belief, 2)
+        beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0, joins=joins)
     world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
 
 
@@ -476,12 +685,19 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         raise BrokenRuleError(f"an answer that nobody waits for: {pdu.hex(' ')}")
     end(world, port, request)
     is_own = answered is not None and answered.owner == port and answered.transaction_id == transaction_id
+    plan = world.design.controllers[port]
     if is_exception(pdu):
         world.tally.refusals.add(pdu[1])
+        if plan.serial and not is_own and pdu[1] == NO_PATH:
+            raise BrokenRuleError(f"a serial controller is answered {pdu.hex(' ')}: silence says that (W7)")
+        if plan.rights.is_read_only and request.pdu[0] != 3 and pdu[1] != 1:
+            raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
         if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
             raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
         if not is_own:
             note_lost(world, port, request)
+            if not request.is_sent:
+                facts.never_sent(world, port, request, pdu[1])
         return
     if not is_own:
         raise BrokenRuleError(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")
@@ -498,12 +714,26 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == read.unit_id)
     axis, address = world.state.axes[number], read.pdu[1] << 8 | read.pdu[2]
     run = axis.run
-    if address == STATUS and "creep" in world.design.happenings:
-        is_seen = not axis.is_done and axis.goes_counts is None
-        axis = axis._replace(is_seen_undone=is_seen)
+    if address == ACTUAL.address and axis.is_owed_look:
+        axis = axis._replace(is_owed_look=False)
         axes = list(world.state.axes)
         axes[number] = axis
         world.state = world.state._replace(axes=tuple(axes))
+    if address == STATUS and "creep" in world.design.happenings:
+        is_seen = not axis.is_done and axis.goes_counts is None and axis.was_done
+        axis = axis._replace(is_seen_undone=is_seen, is_owed_look=axis.is_owed_look or is_seen)
+        axes = list(world.state.axes)
+        axes[number] = axis
+        world.state = world.state._replace(axes=tuple(axes))
+    if address == STATUS and axis.is_lost_distance and not axis.is_done:
+        axis = axis._replace(is_known_moving=True)
+        axes = list(world.state.axes)
+        axes[number] = axis
+        world.state = world.state._replace(axes=tuple(axes))
+    is_done = address == STATUS and axis.is_done and axis.goes_counts is None
+    if is_done and run is not None and run.lost_ns:
+        dropped = read.sent_ns - run.lost_ns >= world.design.plans[number].done_drop_ms * facts.MS
+        _note_run(world, number, is_done_since=dropped or run.is_done_since)
     if run is None or not run.is_told or axis.stands_counts != run.end_counts:
         return
     seen = run.seen
@@ -525,6 +755,8 @@ def _judge_reading(world: "World", number: int, read_counts: int) -> None:
     if axis.goes_counts is not None:
         return
     is_told = run is not None and run.is_told and stands == run.end_counts
+    if world.design.is_stream and (said.compensation in PASSING or not is_told):
+        return  # an offset that fades, and a drive that lags
     if said.compensation in PASSING:
         if not world.state.is_wanted or read_counts == stands or run is not None:
             return  # a fade leads to 1:1, and a target that was told holds
@@ -556,6 +788,31 @@ def _band(world: "World", stands: int) -> tuple[float, float]:
         spread = max(spread, abs(forward - backward))
         found += [2 * stands - forward, 2 * stands - backward]
     return min(found) - spread, max(found) + spread
+
+
+def judge_direction(world: "World", number: int) -> None:
+    """What is said of the direction is that of the branch on which the axis stands (8). BrokenRuleError."""
+    axis, said = world.state.axes[number], world.said(number)
+    run = axis.run
+    is_lost = axis.is_lost_distance and axis.is_known_moving and axis.goes_counts is not None
+    if is_lost and said.compensation in ("active", "blocked") and said.direction != "unsure":
+        raise BrokenRuleError(f"a distance was lost and runs, and it is said: {said.direction} (8, M5)")
+    if run is None or not run.is_told or run.is_unsure or run.state != "active" or world.design.is_stream:
+        return
+    if said.compensation != "active" or axis.stands_counts != run.end_counts or axis.goes_counts is not None:
+        return
+    is_same = (run.table, run.is_gain_half) == (world.state.table, world.state.is_gain_half)
+    if not is_same or not world.state.is_wanted:
+        return
+    share = 0.5 if run.is_gain_half else 1.0
+    branches = world.screws[run.table].corrected(run.nominal_counts)
+    names = ("forward", "backward") if world.screws[run.table].counts_per_mm > 0 else ("backward", "forward")
+    for name, corrected in zip(names, branches, strict=True):
+        end = run.nominal_counts + share * (corrected - run.nominal_counts)
+        if abs(run.end_counts - end) <= ONE_COUNT and said.direction != name:
+            raise BrokenRuleError(
+                f"the axis has come to {run.end_counts} {name}, and it is said: {said.direction} (8)"
+            )
 
 
 # --- two ways through ---------------------------------------------------------------------------------

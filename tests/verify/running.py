@@ -10,7 +10,9 @@ def walked(name: str, depth: int, seconds: float, steps: int, most_broken: int) 
     """Walk one world."""
     gc.disable()  # what is kept is kept for good, and to look through it again and again costs half the time
     walk = Walk(BY_NAME[name], most_broken=most_broken)
-    outcome = walk.breadth_first(depth or BY_NAME[name].depth, seconds)
+    outcome = walk.along()
+    if len(outcome.broken) < most_broken:
+        outcome = walk.breadth_first(depth or BY_NAME[name].depth, seconds)
     if steps and not outcome.is_closed and len(outcome.broken) < most_broken:
         walk.random(steps, seconds=seconds)
     return outcome

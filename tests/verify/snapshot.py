@@ -20,10 +20,11 @@ from typing import Any, Final, NamedTuple
 from gateway.compensation.axis import AxisCompensation
 from gateway.exchange.axis import transitions
 from gateway.exchange.axis.registers import Completeness
-from gateway.exchange.axis.state import HOMING
+from gateway.exchange.axis.state import HOMING, Block
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
+from gateway.exchange.transaction import PHASE_AFTER, Phase
 from gateway.times import NS_PER_MS
 
 FIRST_INSTANT: Final = 10**17
@@ -38,23 +39,17 @@ LEFT_OUT: Final = {
     "counters": "figures for the status",
     "meter": "figures for the status",
     "hunting": "decides only whether an event is told",
-    "events": "what is about to be told",
     "_counters": "figures for the status",
     "_units": "what registers mean, and ways prepared from it: a cache",
     "_on_event": "a function of the world",
     "_link": "the world's",
     "_refusals": "how often was told of a refusal",
     "_told": "how often was told of something",
-    "told_restaged_ns": "when was told of it",
-    "told_unknown": "of what was told",
-    "told_unsure": "whether it was told already",
-    "told_referenced": "what was told last",
     "_gaps": "when monitors may read; no world has one",
     "replies": "the world's",
     "began": "what an event tells",
     "stamps": "figures for the status",
     "asked_ns": "figures for the status",
-    "is_alarmed": "no world has an alarm bit",
     "_silent": "drives of whose silence was told",
     "_from_nominal": "of a run of targets, which ends before a state is kept",
     "_from_corrected": "the same",
@@ -72,6 +67,7 @@ NOT_COMPARED: Final = {
     "epoch": "counts only against what was sent before: that is compared with it",
     "blocked_in_epoch": "the same",
     "_at_ns": "of a run of targets, which ends before a state is kept",
+    "told_restaged_ns": "counts a minute, longer than any trace; whether there is one the world knows",
     "at_ns": "moves a blend by time only, which no world has",
     "transaction_id": "only the reply carries it",
     "started_ns": "figures of an exchange",
@@ -622,11 +618,51 @@ class Said(NamedTuple):
 
     compensation: str
     direction: str
+    is_referenced: bool
+    is_reference_told: bool
+    """Whether the drive was ever asked, where it decides."""
+    is_blocked: bool
+    """Whether its triggers are refused, for its own sake or for that of its group."""
+    is_own_blocked: bool
 
 
 def said(line: LineExchange) -> tuple[Said, ...]:
     """Return what a line says of each axis, as its status does."""
-    return tuple(Said(compensation_state(axis), direction_state(axis)) for axis in line.axes)
+    return tuple(
+        Said(
+            compensation_state(axis),
+            direction_state(axis),
+            axis.is_referenced,
+            axis.is_reference_told,
+            axis.blocked_by is not None,
+            axis.block is not Block.NONE,
+        )
+        for axis in line.axes
+    )
+
+
+def is_resting(line: LineExchange) -> bool:
+    """Whether a line falls silent before anything else leaves."""
+    return line.rest.until_ns is not None
+
+
+class OnItsWay(NamedTuple):
+    """What is known of the request whose frame, or whose prerequisite, has left."""
+
+    phase: Phase
+    may_follow: frozenset[Phase]
+    """Phases that its table lets follow where it waits again after a frame that it needed."""
+    held_up_ns: int
+    """How long it had waited for the line and for frames of the gateway's own, by its figures."""
+
+
+def on_its_way(line: LineExchange) -> OnItsWay | None:
+    """Return what is known of the request that is on the wire; None where nothing is."""
+    current = getattr(line, "_current", None)
+    if current is None:
+        return None
+    may_follow = PHASE_AFTER[current.phase]
+    return OnItsWay(current.phase, may_follow, current.queue_ns + current.added_ns)
 
 
 def watch_stores(axis: Axis, may_store: Callable[[], bool]) -> None:

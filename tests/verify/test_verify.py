@@ -8,8 +8,8 @@ import pytest
 from tests.verify import snapshot
 from tests.verify import world as world_module
 from tests.verify.designs import BY_NAME, CLOSING, DESIGNS, PAIRS
+from tests.verify.errors import BrokenRuleError
 from tests.verify.explore import Broken, Walk, as_test, play, replay, shortened
-from tests.verify.rules import BrokenRuleError
 from tests.verify.screw import WORN
 from tests.verify.wires import world_of
 from tests.verify.world import Design, Happening, World
@@ -45,7 +45,8 @@ def test_no_rule_is_broken_at_the_beginning_of_a_world_that_closes(design: Desig
 
 def test_worlds_that_close_have_all_pairs_of_what_the_large_ones_have_at_once() -> None:
     small = {pair for design in (*CLOSING, *PAIRS) for pair in pairs_of(design)}
-    assert [(d.name, pair) for d in DESIGNS for pair in pairs_of(d) if pair not in small] == []
+    large = [design for design in DESIGNS if not design.ways]
+    assert [(d.name, pair) for d in large for pair in pairs_of(d) if pair not in small] == []
 
 
 def pairs_of(design: Design) -> set[tuple[str, ...]]:

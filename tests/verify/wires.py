@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any, Final
 from unittest import mock
 
+from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort as AnyPort
 from gateway.exchange.ports import Stamps
@@ -193,9 +194,9 @@ class BytesSide(Side):
 class BytesWorld(World):
     """A world whose controllers and drive speak in bytes, whole frames or not."""
 
-    def side_of(self, ways: dict[str, int]) -> Side:
+    def side_of(self, ways: dict[str, int], tell: Callable[[Event], None]) -> Side:
         """See ``World``."""
-        return BytesSide(self.design, self._tell)
+        return BytesSide(self.design, tell)
 
     def _call(self, name: str, *args: Any) -> None:
         if name == "link_up":

@@ -20,11 +20,13 @@ from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
 from tests.exchange.record_bench import Records
 from tests.exchange.staged_bench import (
+    ALARM_BIT,
     COMMANDED,
     DONE_BIT,
     HOME,
     HOMED_BIT,
     JOG,
+    MODE,
     MOVING_BIT,
     RUN,
     RUN_RELATIVE,
@@ -34,10 +36,21 @@ from tests.exchange.staged_bench import (
     TRIGGER,
     ZERO,
 )
-from tests.verify import rules
-from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS, BrokenRuleError
+from tests.verify import facts, rules
+from tests.verify.errors import BrokenRuleError
+from tests.verify.facts import Facts
+from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS
 from tests.verify.screw import REGROUND, WORN, Screw
-from tests.verify.snapshot import Lens, Snapshot, is_sending_unsure, said, watch_stores
+from tests.verify.snapshot import (
+    Lens,
+    OnItsWay,
+    Snapshot,
+    is_resting,
+    is_sending_unsure,
+    on_its_way,
+    said,
+    watch_stores,
+)
 
 TICK_MS: Final = 80
 """All times of a world are whole ticks. None of the gateway's own constants is one: 100, 200 and 500 ms."""
@@ -163,6 +176,7 @@ class Wire(NamedTuple):
     is_obeyed: bool = False
     ticks_left: int = 0
     """Of a frame that nobody waits for any more: so long it may still be answered."""
+    sent_ns: int = 0
 
 
 class Asked(NamedTuple):
@@ -173,6 +187,8 @@ class Asked(NamedTuple):
     is_sent: bool = False
     ticks: int = 0
     is_restaged: bool = False
+    is_bit_asked: bool = False
+    """The bit on which its reference hangs was read for it."""
     axis: int = 0
 
 
@@ -185,6 +201,8 @@ class Belief(NamedTuple):
     """Bit 0, 1: the low, the high word was lost, or never written; bit 2: some word was lost, on its way."""
     ticks: int = OLD_TICKS
     """Since then."""
+    joins: int = 0
+    """The words that were lost last, alone and within 200 ms of each other."""
 
     @property
     def nominal_counts(self) -> int:
@@ -219,6 +237,14 @@ class Run(NamedTuple):
     is_gain_half: bool = False
     seen: int = 0
     """Since it was told, while it stood there: bit 0, its place was read; bit 1, its drive said done."""
+    is_recalled: bool = False
+    """The gateway was killed since and has its record: it is told again as soon as the axis is seen there."""
+    is_done_since: bool = False
+    """Its drive has said done since."""
+    lost_ns: int = 0
+    """When a distance from its end went without an answer; 0: none did."""
+    is_acked: bool = False
+    """It is told, whatever its done bit says."""
 
 
 class Axis(NamedTuple):
@@ -234,10 +260,24 @@ class Axis(NamedTuple):
     ticks: int = 0
     """Since it began to move."""
     run: Run | None = None
+    is_alarmed: bool = False
+    mode: int = 1
+    """What stands in its mode register: 1, a target is absolute; 2, it is a distance, once."""
+    is_fresh: bool = True
+    """Since the start, or since it counts from another zero, it was told no target."""
+    was_done: bool = False
+    """Its drive had said done of its last motion before the bit fell."""
+    is_lost_distance: bool = False
+    """It goes a distance of which nobody knows whether it was obeyed."""
+    is_known_moving: bool = False
+    """Its drive has said so since."""
+    is_owed_look: bool = False
+    """Somebody was told that it is not done any more, and nobody has read where it is since."""
     is_seen_undone: bool = False
     """It stood while somebody was told that it is not done."""
     tried: Tried | None = None
     """The last target on its way that was not acknowledged."""
+    facts: Facts | None = None
 
 
 class State(NamedTuple):
@@ -266,6 +306,8 @@ class State(NamedTuple):
     """A request of which a part has come: its words in the menu, and since how many ticks."""
     split: tuple[int, bytes] | tuple[()] = ()
     """The unit id and the rest of a reply of which a part has come."""
+    owed: tuple[tuple[str, str], ...] = ()
+    """Axis and event that is told with the next answer."""
 
 
 @dataclass(frozen=True)
@@ -288,6 +330,10 @@ class Design:
     is_staged: bool = False
     has_record: bool = False
     is_twin: bool = False
+    jog_is_jump: bool = False
+    """Whoever sees an axis jogged, or just arrived, may doubt its reference: it cannot go so fast (M9)."""
+    is_stream: bool = False
+    """Its targets are setpoints of a stream."""
     refuses_reads: bool = False
     is_answered: bool = False
     """The drive answers before a tick has passed: silence is the business of other worlds."""
@@ -303,6 +349,10 @@ class Design:
     depth: int = 0
     """To which it is walked unless it closes before; 0: until it closes."""
     checks_way_back: bool = True
+    judges_blocks: bool = True
+    """It is known at any moment whether a target was lost: nothing passes 1:1, and is refused unjudged."""
+    ways: tuple[tuple[Happening, ...], ...] = ()
+    """Traces that are walked first, with each event in each state on them."""
     options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -345,21 +395,26 @@ class World:
         self.screws: tuple[Screw, ...] = tuple(screw._replace(counts_per_mm=per_mm) for screw in SCREWS)
         self._dies_at = 0
         self.now_ns = START_NS
+        self.told: list[Event] = []
+        """What was told since the last event of the world began."""
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
-        self.sides = [self.side_of(each) for each in ways]
+        self.sides = [
+            self.side_of(each, self._tell if i == 0 else _tell_nobody) for i, each in enumerate(ways)
+        ]
         for side in self.sides[1:]:
             side.lens.share(self.sides[0].lens)
         self._fresh = [side.lens.take(self.now_ns) for side in self.sides]
         self.records = Records()
         ports, axes = len(design.controllers), len(design.plans)
-        self.state = State(tuple(Axis() for _ in range(axes)), ((Belief(),) * axes,) * ports, ((),) * ports)
+        beginning = tuple(Axis(facts=facts.first(plan)) for plan in design.plans)
+        self.state = State(beginning, ((Belief(),) * axes,) * ports, ((),) * ports)
         self._attach()
         self._call("link_up", self.now_ns)
         self._collect()
 
-    def side_of(self, ways: dict[str, int]) -> Side:
+    def side_of(self, ways: dict[str, int], tell: Callable[[Event], None]) -> Side:
         """Return a gateway with its ports and its link."""
-        return Side(self.design, ways, self._tell)
+        return Side(self.design, ways, tell)
 
     # --- keeping, putting back, comparing --------------------------------------------------------------
 
@@ -489,13 +544,21 @@ class World:
             return read(REGISTERS[name])
         if name == "status":
             return b"\x03" + STATUS.to_bytes(2, "big") + b"\0\x01"
+        if name == "remap":
+            return b"\x06" + REMAPPING.to_bytes(2, "big") + b"\0\x01"
+        if name.startswith("mode-"):
+            return b"\x06" + MODE.to_bytes(2, "big") + MODES[name].to_bytes(2, "big")
         return b"\x06" + TRIGGER.to_bytes(2, "big") + TRIGGERS[name].to_bytes(2, "big")
 
     # --- making it happen ------------------------------------------------------------------------------
 
     def happen(self, event: Happening) -> None:
         """Let an event happen. Raises BrokenRuleError."""
+        before = said(self.sides[0].line)
+        self.told.clear()
         getattr(self, "_on_" + event[0])(*event[1:])
+        rules.judge_waiting(self)
+        facts.judge(self, before, self.told, is_restart=event[0].startswith("kill"))
 
     def _call(self, name: str, *args: Any) -> None:
         for side in self.sides:
@@ -554,7 +617,7 @@ class World:
         else:  # garble: the form of a success that says something else
             reply = wire.pdu[:3] + b"\0\0" if wire.pdu[0] == 16 else wire.pdu[:3] + b"\xff\xff"
         self._answer(wire, reply)
-        if wire.aim is not None:
+        if wire.aim is not None or wire.pdu in rules.ODD_PDUS:
             self._on_wait()  # no controller says something else before the axis had the time to begin
 
     def _on_late(self) -> None:
@@ -641,8 +704,16 @@ class World:
     def _on_blink(self, number: int) -> None:
         """Done falls of an axis that stands: it moves a little, or the bit has flickered."""
         axis = self.state.axes[number]
+        was_done = axis.was_done or bool(axis.run is not None and axis.run.is_told and axis.run.seen & 2)
         run = None if axis.run is None else axis.run._replace(seen=0, is_told=False)
-        self._set(number, axis._replace(is_done=False, run=run))
+        self._set(number, axis._replace(is_done=False, run=run, was_done=was_done))
+
+    def _on_tremble(self, number: int) -> None:
+        """An axis whose done bit fell stands beside its target a moment later."""
+        self._on_wait()
+        axis = self.state.axes[number]
+        at = axis.stands_counts + TREMBLES_COUNTS
+        self._set(number, axis._replace(stands_counts=at, commanded_counts=at, is_seen_undone=False))
 
     def _on_creep(self, number: int) -> None:
         """An axis whose done bit fell is elsewhere a moment later; somebody has seen the bit."""
@@ -673,7 +744,21 @@ class World:
         """The drive is switched off and on: it stands where it stood and counts from another zero."""
         for _ in range(REBOOT_TICKS):
             self._on_wait()
-        self._set(number, Axis(target_counts=self.state.axes[number].target_counts, is_homed=False))
+        was = self.state.axes[number]
+        self._set(number, Axis(target_counts=was.target_counts, is_homed=False, facts=was.facts))
+
+    def _on_alarm(self, number: int) -> None:
+        """The drive gives up: it stands where it is."""
+        axis = self.state.axes[number]
+        run = (
+            None
+            if axis.run is None or axis.goes_counts is not None
+            else axis.run._replace(is_told=False, is_acked=False)
+        )
+        self._set(number, axis._replace(is_alarmed=True, goes_counts=None, ticks=0, is_done=True, run=run))
+
+    def _on_calm(self, number: int) -> None:
+        self._set(number, self.state.axes[number]._replace(is_alarmed=False))
 
     def _on_homed(self, number: int) -> None:
         self._set(number, self.state.axes[number]._replace(is_homed=True, is_done=True))
@@ -684,6 +769,8 @@ class World:
         wire = self.state.wire
         if wire is not None:
             self.state = self.state._replace(wire=None)
+            facts.unanswered(self, wire, is_cut=True)
+        facts.link_lost(self, set() if wire is None else {wire.unit_id})
         self._call("link_down", self.now_ns)
         self._collect()
         for port in range(len(self.state.asked)):
@@ -693,6 +780,7 @@ class World:
     def _on_plug(self) -> None:
         self._on_wait()
         self.state = self.state._replace(is_up=True, is_starting=True)
+        facts.link_found(self)
         self._call("link_up", self.now_ns)
         self._collect()
 
@@ -744,35 +832,49 @@ class World:
         wire = self.state.wire
         if is_obeyed and wire is not None and not wire.is_obeyed:
             self._obey(wire)
+        self.told.clear()  # what the dead one had told
         self._restart(is_record_kept=True)
 
     def _restart(self, *, is_record_kept: bool) -> None:
+        wire = self.state.wire
+        is_clean = wire is None or wire.pdu[0] == 3
+        is_clean &= (self.state.table, self.state.is_gain_half, self.state.is_wanted) == (0, False, True)
         for port in range(len(self.state.asked)):
             self._give_up(port)
         for side, fresh in zip(self.sides, self._fresh, strict=True):
             side.lens.restore(fresh, is_live_known=False)
         if not is_record_kept:
-            self.records = Records()
+            for (
+                buffer
+            ) in self.records.buffers.values():  # the same ones: states that are put back write there
+                for at in range(0, len(buffer), PAGE):
+                    buffer[at : at + WRITTEN] = bytes(WRITTEN)
         self._attach()
         self.state = self.state._replace(
-            wire=None, late=None, is_starting=True, is_up=True, owed_stops=0, given_up=()
+            wire=None, late=None, is_starting=True, is_up=True, owed_stops=0, given_up=(), owed=()
         )
         self.state = self.state._replace(table=0, is_wanted=True, is_gain_half=False)
         if self.design.groups:  # nobody remembers of the others what was lost on its way
             beliefs = tuple(tuple(b._replace(lost=b.lost & 3) for b in own) for own in self.state.beliefs)
             self.state = self.state._replace(beliefs=beliefs)
-        self._forget_runs(is_restart=True)
+        self._forget_runs(is_restart=True, is_recalled=is_record_kept and is_clean)
         self.now_ns += TICK_NS
         axes = tuple(_older(axis, self.design) for axis in self.state.axes)
         self.state = self.state._replace(axes=axes)
+        facts.restarted(self, has_record=self.design.has_record and is_record_kept)
         self._call("link_up", self.now_ns)
         self._collect()
 
-    def _forget_runs(self, *, is_restart: bool = False) -> None:
+    def _forget_runs(self, *, is_restart: bool = False, is_recalled: bool = False) -> None:
         for number, axis in enumerate(self.state.axes):
             run = axis.run
             if run is not None:
-                run = run._replace(is_told=False, seen=0, is_restarted=run.is_restarted or is_restart)
+                is_there = (run.is_told or run.is_recalled) and axis.stands_counts == run.end_counts
+                is_known = is_there and axis.goes_counts is None and run.table == 0
+                run = run._replace(
+                    is_told=False, is_acked=False, seen=0, is_restarted=run.is_restarted or is_restart
+                )
+                run = run._replace(is_recalled=is_recalled and is_known)
                 self._set(number, axis._replace(run=run))
 
     def _on_table(self) -> None:
@@ -794,6 +896,7 @@ class World:
         self._control(lambda: Switch(self.design.plans[0].name, self.state.is_wanted))
 
     def _on_declare(self) -> None:
+        facts.declared(self, 0)
         self._control(lambda: Declare(self.design.plans[0].name))
 
     def _control(self, message: Callable[[], Any]) -> None:
@@ -823,6 +926,11 @@ class World:
         if address == TRIGGER:
             self._act(number, pdu[3] << 8 | pdu[4], wire)
             return pdu
+        if address == MODE:
+            self._set(number, axis._replace(mode=pdu[3] << 8 | pdu[4]))
+            return pdu
+        if address == REMAPPING:
+            return pdu
         words = bytearray(COMMAND.pack(axis.target_counts))
         data = pdu[6:] if pdu[0] == 16 else pdu[3:5]
         at = 2 * (address - COMMAND.address)
@@ -835,9 +943,10 @@ class World:
 
     def _act(self, number: int, value: int, wire: Wire) -> None:
         axis = self.state.axes[number]
-        if value == RUN:
+        if value == RUN and axis.mode == 1:
             self._go(number, axis.target_counts, wire)
-        elif value == RUN_RELATIVE:
+        elif value in (RUN, RUN_RELATIVE):
+            self._set(number, axis._replace(mode=1))
             self._go(number, axis.commanded_counts + axis.target_counts, wire)
         elif value == STOP:
             self._set(
@@ -849,14 +958,15 @@ class World:
             )  # fmt: skip
             axis = self.state.axes[number]
             if axis.run is not None:
-                self._set(number, axis._replace(run=axis.run._replace(is_told=False, seen=0)))
-        elif value in (HOME, JOG, STORED):
+                self._set(number, axis._replace(run=axis.run._replace(is_told=False, is_acked=False, seen=0)))
+        elif value in (HOME, JOG, STORED, STRANGE):
             self._set(
                 number,
                 axis._replace(
                     stands_counts=0 if value == HOME else JOGGED_COUNTS, goes_counts=None,
                     commanded_counts=0 if value == HOME else JOGGED_COUNTS,
                     is_done=False, is_homed=axis.is_homed and value != HOME, ticks=0, run=None,
+                    is_fresh=value == HOME and not wire.is_obeyed,
                 ),
             )  # fmt: skip
         elif value == ZERO:
@@ -870,8 +980,8 @@ class World:
             number,
             axis._replace(
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
-                is_done=axis.is_done or is_there,
-                is_seen_undone=False, ticks=0, run=run,
+                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
+                is_fresh=False, is_lost_distance=False, is_known_moving=False,
             ),
         )  # fmt: skip
 
@@ -879,6 +989,7 @@ class World:
 
     def _tell(self, event: Event) -> None:
         self.tally.events.add(event.kind.value)
+        self.told.append(event)
 
     def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:
         """Look at what left, and at what came back."""
@@ -899,9 +1010,11 @@ class World:
         for unit_id, pdu in frames:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
-            wire = rules.judge_frame(self, unit_id, pdu)
+            wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
+            rules.judge_phase(self, wire)
             late = None if self.design.is_serial else self.state.late
             self.state = self.state._replace(wire=wire, late=late)
+            facts.left(self, wire)
         if not frames and answered is not None:
             self.state = self.state._replace(is_starting=False, owed_stops=0, given_up=())
         if len(self.sides) > 1 and self.is_quiet:
@@ -911,6 +1024,7 @@ class World:
         """The gateway does not wait for a reply any longer; it may still come."""
         wire = self.state.wire
         if wire is not None:
+            facts.unanswered(self, wire)
             rules.note_silence(self, wire)
             late = (
                 wire._replace(ticks_left=DRAIN_TICKS)
@@ -937,8 +1051,23 @@ class World:
         """Whether the target on the wire has an assumed branch."""
         return is_sending_unsure(self.sides[0].line)
 
+    @property
+    def tick_ns(self) -> int:
+        """How long a tick is."""
+        return TICK_NS
+
+    def on_its_way(self) -> OnItsWay | None:
+        """What is known of the request that is on the wire."""
+        return on_its_way(self.sides[0].line)
+
+    def is_resting(self) -> bool:
+        """Whether the line is silent for a while, whatever waits."""
+        return is_resting(self.sides[0].line)
+
     def _lose(self, port: int, request: Asked) -> None:
         rules.note_lost(self, port, request)
+        if not request.is_sent:
+            facts.never_sent(self, port, request, 0)
 
     @property
     def is_quiet(self) -> bool:
@@ -946,12 +1075,23 @@ class World:
         return self.state.wire is None and not any(self.state.asked)
 
 
+def _tell_nobody(_event: Event) -> None:
+    """The second of two sides says the same as the first."""
+
+
 ON_THE_WAY_COUNTS: Final = (1501, 9060)
 """Where an axis is seen on its way, the first of them that lies there."""
 JOGGED_COUNTS: Final = 3001
+STRANGE: Final = 999
+"""A value of the trigger that no register map knows."""
+REMAPPING: Final = 0x0900
+"""Where a register stands that moves other registers about."""
+TREMBLES_COUNTS: Final = 7
+"""Beside its window, and nearer than a correction is long."""
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
 REGISTERS: Final[dict[str, PositionField]] = {"read": ACTUAL, "back": COMMAND, "commanded": COMMANDED}
+MODES: Final = {"mode-absolute": 1, "mode-distance": 2}
 TRIGGERS: Final = {
     "run": RUN,
     "distance": RUN_RELATIVE,
@@ -960,6 +1100,7 @@ TRIGGERS: Final = {
     "zero": ZERO,
     "jog-on": JOG,
     "stored": STORED,
+    "strange": STRANGE,
 }
 TAKES_TIME: Final = frozenset({"wait", "arrive", "arrive_undone", "creep", "jog", "reboot", "plug"})
 OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
@@ -969,8 +1110,16 @@ OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "undone": lambda axis: axis.is_done and axis.goes_counts is not None,
     "blink": lambda axis: axis.is_done and axis.goes_counts is None and axis.run is not None,
     "creep": lambda axis: axis.is_seen_undone and axis.goes_counts is None and not axis.is_done,
+    "tremble": lambda axis: (
+        axis.is_seen_undone
+        and axis.goes_counts is None
+        and axis.run is not None
+        and axis.stands_counts == axis.run.end_counts
+    ),
     "jog": lambda axis: axis.goes_counts is None and axis.stands_counts != JOGGED_COUNTS,
     "reboot": lambda axis: axis.is_homed,
+    "alarm": lambda axis: not axis.is_alarmed,
+    "calm": lambda axis: axis.is_alarmed,
     "homed": lambda axis: not axis.is_homed and axis.stands_counts == 0,
 }
 OF_WORLD: Final[dict[str, Callable[[State], bool]]] = {
@@ -1015,6 +1164,12 @@ def _registers(axis: Axis, address: int, quantity: int) -> bytes:
         data = place.pack(counts)
         words[place.address], words[place.address + 1] = data[:2], data[2:]
     is_moving = axis.goes_counts is not None
-    status = axis.is_done << DONE_BIT | axis.is_homed << HOMED_BIT | is_moving << MOVING_BIT
+    words[MODE] = axis.mode.to_bytes(2, "big")
+    status = (
+        axis.is_alarmed << ALARM_BIT
+        | axis.is_done << DONE_BIT
+        | axis.is_homed << HOMED_BIT
+        | is_moving << MOVING_BIT
+    )
     words[STATUS] = status.to_bytes(2, "big")
     return b"".join(words.get(address + i, b"\0\0") for i in range(quantity))
