@@ -111,13 +111,6 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
-    is_alone = is_half and pdu[0] == 6 and world.said(number).compensation not in PASSING
-    if is_alone and belief.joins & _others(request.pdu) and belief.ticks - request.ticks < OLD_TICKS - 1:
-        raise BrokenRuleError(f"a word goes alone, and the other one came a moment ago: {pdu.hex(' ')} (M1)")
-    if belief.joins and writes_target(pdu):
-        beliefs = [list(own) for own in world.state.beliefs]
-        beliefs[port][number] = belief = belief._replace(joins=0)
-        world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
     is_completed = is_half and pdu[0] == 16 and bool(belief.lost & _others(request.pdu))
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
@@ -308,7 +301,6 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
 
 def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     """Return what a controller believes once a request of it is there, and how it was sent."""
-    belief = belief._replace(joins=0)
     data = request[6:] if request[0] == 16 else request[3:5]
     if len(data) == 4:
         return belief._replace(low=data[0] << 8 | data[1], high=data[2] << 8 | data[3], lost=0)
@@ -594,30 +586,20 @@ def judge_waiting(world: "World") -> None:
             raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
 
 
-def _joined(belief: "Belief", word: int) -> int:
-    """Words that came one after the other and were lost: the last one alone where the one before is old."""
-    found = word | (belief.joins if belief.ticks < OLD_TICKS - 1 else 0)
-    return 0 if found == 3 else found
-
-
 def note_lost(world: "World", port: int, request: "Asked") -> None:
     """Take note of a write of a target of which nobody can say that it is in the drive (4)."""
     if not writes_target(request.pdu):
         return
     is_low = (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address
     word = 0 if request.pdu[0] == 16 else request.pdu[3] << 8 | request.pdu[4]
-    wire = world.state.wire  # what is lost while another write is on its way may be torn by that one
-    is_torn = wire is not None and not (wire.pdu[0] == 3 and wire.owner >= 0)
     beliefs = [list(own) for own in world.state.beliefs]
     i, belief = request.axis, beliefs[port][request.axis]
     if request.pdu[0] == 16:
-        beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS, joins=0)
+        beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS)
     elif is_low:
-        joins = 0 if request.is_sent or is_torn else _joined(belief, 1)
-        beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0, joins=joins)
+        beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0)
     else:
-        joins = 0 if request.is_sent or is_torn else _joined(belief, 2)
-        beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0, joins=joins)
+        beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0)
     world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
 
 

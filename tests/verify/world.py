@@ -168,8 +168,6 @@ class Belief(NamedTuple):
     """Bit 0, 1: the low, the high word was lost, or never written; bit 2: some word was lost, on its way."""
     ticks: int = OLD_TICKS
     """Since then."""
-    joins: int = 0
-    """The words that were lost last, alone and within 200 ms of each other."""
 
     @property
     def nominal_counts(self) -> int:
