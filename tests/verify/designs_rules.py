@@ -267,6 +267,15 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
             ),
         ),
         Design(
+            "patient",
+            "a drive that may take two ticks to answer",
+            (direct(),),
+            menu=("to", "read"),
+            targets=(-7003, 9007),
+            response_ticks=2,
+            ways=((("ask", 0, "to", 0, 1), ("wait",), ("drive", "ack"), ("wait",), ("drive", "ack")),),
+        ),
+        Design(
             "slow-distances",
             "distances of a drive that is slow to begin, and of which nobody knows whether it has",
             (staged(travel=(-30.0, 30.0), commanded=()),),

@@ -532,7 +532,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             world.state = world.state._replace(axes=tuple(axes))
 
 
-def _forget(world: "World", number: int, wire: "Wire") -> None:
+def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False) -> None:
     """Nobody knows any more whether the last motion is the one that the axis is on.
 
     Of a distance that went without an answer a look tells whether it has run (M5).
@@ -545,7 +545,7 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
     if run is not None:
         is_near = end is not None and 0 < abs(end - run.end_counts) <= BESIDE_COUNTS
         is_distance = wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is None
-        lost_ns = world.now_ns if run.is_told and is_distance else 0
+        lost_ns = world.now_ns if (run.is_told or was_told) and is_distance else 0
         run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=run.is_unsure or is_near)
         run = run._replace(lost_ns=lost_ns, is_done_since=False)
         if wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is not None:
@@ -556,6 +556,9 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
 
 def note_silence(world: "World", wire: "Wire") -> None:
     """Take note of a frame that was not answered in time."""
+    number = facts.number_of(world, wire.unit_id)
+    before = world.state.axes[number].run
+    was_told = before is not None and before.is_told
     axes = tuple(
         axis
         if axis.run is None
@@ -566,7 +569,7 @@ def note_silence(world: "World", wire: "Wire") -> None:
     if wire.owner < 0:
         return
     if wire.aim is not None:
-        _forget(world, next(i for i, p in enumerate(world.design.plans) if p.unit_id == wire.unit_id), wire)
+        _forget(world, number, wire, was_told=was_told)
     request = _find(world, wire.owner, wire.transaction_id)
     if request is None:
         return
@@ -578,7 +581,8 @@ def note_silence(world: "World", wire: "Wire") -> None:
 def judge_waiting(world: "World") -> None:
     """Where nothing is on the wire and the line is at rest nobody waits (2). Raises BrokenRuleError."""
     state = world.state
-    if state.wire is not None or not state.is_up or world.is_resting():
+    is_slow = world.design.response_ticks > 1  # a request may be given up while another one is answered
+    if state.wire is not None or not state.is_up or world.is_resting() or is_slow:
         return
     for port, transaction_id in state.order:
         request, plan = find(world, port, transaction_id), world.design.controllers[port]
