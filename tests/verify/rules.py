@@ -296,6 +296,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
         is_lost,
         base,
         _arrived(axis),
+        axis.tried,
     )
 
 
@@ -383,7 +384,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         _judge_setpoint(world, axis, end, aim)
         return
     if aim.state in PASSING:
-        if end != nominal and (nominal, end) != axis.tried and not aim.is_lost:
+        if end != nominal and (nominal, end) != aim.tried and not aim.is_lost:
             raise BrokenRuleError(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
         return
     _judge_branch(world, axis, end, aim, nominal)

@@ -128,6 +128,8 @@ class Aim(NamedTuple):
     """Of a distance: where it starts in nominal counts, and whether that is certain."""
     arrived: "Run | None" = None
     """The motion at whose end it stood, as it was told."""
+    tried: tuple[int, int] | None = None
+    """The target before it, if that was not acknowledged, and where it leads."""
 
 
 class Wire(NamedTuple):
