@@ -115,13 +115,6 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
-    is_alone = is_half and pdu[0] == 6 and world.said(number).compensation not in PASSING
-    if is_alone and belief.joins & _others(request.pdu) and belief.ticks - request.ticks < OLD_TICKS - 1:
-        raise BrokenRuleError(f"a word goes alone, and the other one came a moment ago: {pdu.hex(' ')} (M1)")
-    if belief.joins and writes_target(pdu):
-        beliefs = [list(own) for own in world.state.beliefs]
-        beliefs[port][number] = belief = belief._replace(joins=0)
-        world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
     is_completed = is_half and pdu[0] == 16 and bool(belief.lost & _others(request.pdu))
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
@@ -337,7 +330,6 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
 
 def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     """Return what a controller believes once a request of it is there, and how it was sent."""
-    belief = belief._replace(joins=0)
     data = request[6:] if request[0] == 16 else request[3:5]
     if len(data) == 4:
         return belief._replace(low=data[0] << 8 | data[1], high=data[2] << 8 | data[3], lost=0)
@@ -572,7 +564,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             world.state = world.state._replace(axes=tuple(axes))
 
 
-def _forget(world: "World", number: int, wire: "Wire") -> None:
+def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False) -> None:
     """Nobody knows any more whether the last motion is the one that the axis is on.
 
     Of a distance that went without an answer a look tells whether it has run (M5).
@@ -585,7 +577,7 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
     if run is not None:
         is_near = end is not None and 0 < abs(end - run.end_counts) <= BESIDE_COUNTS
         is_distance = wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is None
-        lost_ns = world.now_ns if run.is_told and is_distance else 0
+        lost_ns = world.now_ns if (run.is_told or was_told) and is_distance else 0
         run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=run.is_unsure or is_near)
         run = run._replace(lost_ns=lost_ns, is_done_since=False)
         if wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is not None:
@@ -596,6 +588,9 @@ def _forget(world: "World", number: int, wire: "Wire") -> None:
 
 def note_silence(world: "World", wire: "Wire") -> None:
     """Take note of a frame that was not answered in time."""
+    number = facts.number_of(world, wire.unit_id)
+    before = world.state.axes[number].run
+    was_told = before is not None and before.is_told
     axes = tuple(
         axis
         if axis.run is None
@@ -606,7 +601,7 @@ def note_silence(world: "World", wire: "Wire") -> None:
     if wire.owner < 0:
         return
     if wire.aim is not None:
-        _forget(world, next(i for i, p in enumerate(world.design.plans) if p.unit_id == wire.unit_id), wire)
+        _forget(world, number, wire, was_told=was_told)
     request = _find(world, wire.owner, wire.transaction_id)
     if request is None:
         return
@@ -618,18 +613,13 @@ def note_silence(world: "World", wire: "Wire") -> None:
 def judge_waiting(world: "World") -> None:
     """Where nothing is on the wire and the line is at rest nobody waits (2). Raises BrokenRuleError."""
     state = world.state
-    if state.wire is not None or not state.is_up or world.is_resting():
+    is_slow = world.design.response_ticks > 1  # a request may be given up while another one is answered
+    if state.wire is not None or not state.is_up or world.is_resting() or is_slow:
         return
     for port, transaction_id in state.order:
         request, plan = find(world, port, transaction_id), world.design.controllers[port]
         if not (plan.serial and (request.is_sent or plan.rights.unit_ids)):
             raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
-
-
-def _joined(belief: "Belief", word: int) -> int:
-    """Words that came one after the other and were lost: the last one alone where the one before is old."""
-    found = word | (belief.joins if belief.ticks < OLD_TICKS - 1 else 0)
-    return 0 if found == 3 else found
 
 
 def note_lost(world: "World", port: int, request: "Asked") -> None:
@@ -638,18 +628,14 @@ def note_lost(world: "World", port: int, request: "Asked") -> None:
         return
     is_low = (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address
     word = 0 if request.pdu[0] == 16 else request.pdu[3] << 8 | request.pdu[4]
-    wire = world.state.wire  # what is lost while another write is on its way may be torn by that one
-    is_torn = wire is not None and not (wire.pdu[0] == 3 and wire.owner >= 0)
     beliefs = [list(own) for own in world.state.beliefs]
     i, belief = request.axis, beliefs[port][request.axis]
     if request.pdu[0] == 16:
-        beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS, joins=0)
+        beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS)
     elif is_low:
-        joins = 0 if request.is_sent or is_torn else _joined(belief, 1)
-        beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0, joins=joins)
+        beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0)
     else:
-        joins = 0 if request.is_sent or is_torn else _joined(belief, 2)
-        beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0, joins=joins)
+        beliefs[port][i] = belief._replace(high=word, lost=belief.lost | 6, ticks=0)
     world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
 
 

@@ -6,7 +6,7 @@ to know is a state: the line's (``tests.verify.snapshot``) and the world's own, 
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 from gateway.compensation.settings import Gain
@@ -111,7 +111,8 @@ class Side:
     def __init__(self, design: "Design", ways: dict[str, int], tell: Callable[[Event], None]) -> None:
         self.link = Link(is_serial=design.is_serial)
         self.ports = [Port(plan) for plan in design.controllers]
-        self.line = LineExchange(design.plans, TIMING, self.link, tell, design.groups, **ways)  # type: ignore[arg-type]
+        timing = replace(TIMING, response_timeout_ms=design.response_ticks * TICK_MS)
+        self.line = LineExchange(design.plans, timing, self.link, tell, design.groups, **ways)  # type: ignore[arg-type]
         self.lens = Lens(
             [self.line, *self.ports], TICK_NS, design.horizon_ticks, has_record=design.has_record
         )
@@ -201,8 +202,6 @@ class Belief(NamedTuple):
     """Bit 0, 1: the low, the high word was lost, or never written; bit 2: some word was lost, on its way."""
     ticks: int = OLD_TICKS
     """Since then."""
-    joins: int = 0
-    """The words that were lost last, alone and within 200 ms of each other."""
 
     @property
     def nominal_counts(self) -> int:
@@ -330,6 +329,8 @@ class Design:
     is_staged: bool = False
     has_record: bool = False
     is_twin: bool = False
+    response_ticks: int = RESPONSE_TICKS
+    """So long the gateway waits for an answer."""
     jog_is_jump: bool = False
     """Whoever sees an axis jogged, or just arrived, may doubt its reference: it cannot go so fast (M9)."""
     is_stream: bool = False
@@ -1024,6 +1025,8 @@ class World:
         """The gateway does not wait for a reply any longer; it may still come."""
         wire = self.state.wire
         if wire is not None:
+            if self.now_ns - wire.sent_ns < self.design.response_ticks * TICK_NS:
+                raise BrokenRuleError(f"given up before its time: {wire.pdu.hex(' ')} (W7)")
             facts.unanswered(self, wire)
             rules.note_silence(self, wire)
             late = (
