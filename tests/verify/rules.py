@@ -416,6 +416,8 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         if end != nominal and not _is_tried(aim, nominal, end) and not aim.is_lost:
             raise BrokenRuleError(f"target {nominal} of an axis that is {aim.state} becomes {end} (M9)")
         return
+    if world.design.is_staged and _is_tried(aim, nominal, end):
+        return  # its drive was switched off and on and holds it: given again it is the same words (M4)
     _judge_branch(world, axis, end, aim, nominal)
 
 

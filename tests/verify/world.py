@@ -742,11 +742,18 @@ class World:
         )  # fmt: skip
 
     def _on_reboot(self, number: int) -> None:
-        """The drive is switched off and on: it stands where it stood and counts from another zero."""
+        """The drive is switched off and on: it stands where it stood and counts from another zero.
+
+        It holds its target as before, and whoever gives that again gives the same words (M4, decision 25).
+        """
         for _ in range(REBOOT_TICKS):
             self._on_wait()
-        was = self.state.axes[number]
-        self._set(number, Axis(target_counts=was.target_counts, is_homed=False, facts=was.facts))
+        axis = self.state.axes[number]
+        run, tried = axis.run, axis.tried
+        if run is not None and run.end_counts == axis.target_counts:
+            tried = Tried(run.nominal_counts, run.end_counts, run.table, run.state, run.is_gain_half)
+        held_counts, facts = axis.target_counts, axis.facts
+        self._set(number, Axis(target_counts=held_counts, is_homed=False, tried=tried, facts=facts))
 
     def _on_alarm(self, number: int) -> None:
         """The drive gives up: it stands where it is."""
