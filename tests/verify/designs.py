@@ -857,7 +857,7 @@ PAIRS: Final = (
         "a position that is set, read",
         HOMING_PLAN,
         is_triggered=True,
-        menu=("to", "run", "zero", "read"),
+        menu=("to", "run", "home", "zero", "read"),
         happenings=(*TIME, "homed"),
     ),
     _pair(
