@@ -189,7 +189,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
     may_look = is_distance or axis.is_owed_look or is_beside or world.design.is_stream
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
-    is_again = is_there and len(moving) == 1 and moving[0].pdu == run_pdu(run)
+    is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know
+    is_again &= len(moving) == 1 and moving[0].pdu == run_pdu(run)
     why = ""
     if address == COMMAND.address:
         is_needed = any(len(each.pdu) == 5 and writes_target(each.pdu) for each in moving)
