@@ -8,7 +8,6 @@ from typing import Final, Protocol
 
 from gateway.clock import boot_ns
 from gateway.transport.channel import Receiver
-from gateway.transport.selector import ENDED, RelaySelector
 
 _read: Final = os.read
 _write: Final = os.write
@@ -46,7 +45,7 @@ class Connection(Protocol):
 
 
 class DirectSocket:
-    """A ``Channel`` over the descriptor of a connection, which ``selector`` watches."""
+    """A ``Channel`` over the descriptor of a connection."""
 
     wire_ns_per_byte = 0
 
@@ -54,15 +53,12 @@ class DirectSocket:
         self,
         connection: Connection,
         descriptor: int,
-        selector: RelaySelector,
         receiver: Receiver,
     ) -> None:
         self.peer = connection.peer
         self.descriptor = descriptor
         self.bytes_received = 0
         self._connection = connection
-        self._selector = selector
-        self._is_reading = False
         self._receiver = receiver
         self._may_have_left_over = False
         self._is_over = False
@@ -82,11 +78,7 @@ class DirectSocket:
             self._connection.close()
             return
         self.bytes_received += len(data)
-        self._is_reading = True
-        try:
-            self._receiver.received(data, now_ns)
-        finally:
-            self._is_reading = False
+        self._receiver.received(data, now_ns)
 
     def write(self, data: bytes) -> None:
         """See ``Channel``."""
@@ -109,9 +101,7 @@ class DirectSocket:
         self._connection.leave_over(data)
 
     def has_gone(self) -> bool:
-        """See ``Channel``. While its bytes are worked on, the system has said so together with them."""
-        if self._is_reading:
-            return self._selector.said & ENDED != 0
+        """See ``Channel``. What ``epoll_wait`` said may be older than a standstill, so it is asked."""
         return self._connection.has_gone()
 
     def close(self) -> None:

@@ -18,8 +18,6 @@ from gateway.clock import boot_ns
 from gateway.times import NS_PER_S
 
 READABLE: Final[int] = select.EPOLLIN
-ENDED: Final[int] = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
-"""What the system says of a connection whose other end has closed or broken it off."""
 Watcher = Callable[[], object]
 """Called when its descriptor can be read."""
 MOST_AT_ONCE: Final = 64
@@ -38,8 +36,6 @@ class RelaySelector:
         self._epoll = select.epoll()
         self._epoll.register(self._others_fd, READABLE)
         self._watchers: dict[int, Watcher] = {}
-        self.said = 0
-        """What the system has said of the descriptor that is worked on (epoll_ctl(2))."""
         self.is_wanted = False
         """Whether the loop has something to do that it had not when it began to wait."""
         self.on_error: Callable[[Exception], None] = _raise
@@ -47,7 +43,7 @@ class RelaySelector:
     def watch(self, descriptor: int, watcher: Watcher) -> None:
         """Call ``watcher`` whenever a descriptor can be read, or was hung up; in place of any before it."""
         if descriptor not in self._watchers:
-            self._epoll.register(descriptor, READABLE | select.EPOLLRDHUP)
+            self._epoll.register(descriptor, READABLE)
         self._watchers[descriptor] = watcher
 
     def unwatch(self, descriptor: int) -> bool:
@@ -70,13 +66,12 @@ class RelaySelector:
         while True:
             found = poll(wait_s, MOST_AT_ONCE)
             is_others = False
-            for descriptor, said in found:
+            for descriptor, _ in found:
                 if descriptor == others_fd:
                     is_others = True
                     continue
                 watcher = watchers.get(descriptor)
                 if watcher is not None:  # else somebody before it in this list has closed it
-                    self.said = said
                     try:
                         watcher()
                     except Exception as error:  # noqa: BLE001, as asyncio does with its own callbacks

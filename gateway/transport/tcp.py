@@ -73,7 +73,7 @@ class TcpChannel(asyncio.BufferedProtocol):
             self._receiver.opened(self, boot_ns())
             return
         self._transport.pause_reading()
-        self._direct = DirectSocket(self, self._socket.fileno(), self._loop.selector, self._receiver)
+        self._direct = DirectSocket(self, self._socket.fileno(), self._receiver)
         self._loop.add_reader(self._direct.descriptor, self._direct.readable)
         self._receiver.opened(self._direct, boot_ns())
 

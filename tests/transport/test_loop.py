@@ -9,7 +9,6 @@ import pytest
 
 from gateway.clock import boot_ns
 from gateway.transport.loop import RelayLoop
-from gateway.transport.selector import ENDED
 
 PATIENCE_S = 30.0
 
@@ -132,28 +131,6 @@ def test_who_closes_another_one_s_descriptor_is_the_last_to_read_it() -> None:
     for near, far in pairs:
         near.close()
         far.close()
-
-
-@pytest.mark.parametrize("ends", ["close", "shut down", "stays"])
-def test_an_end_that_came_with_the_bytes_is_told_with_them(ends: str) -> None:
-    loop = RelayLoop()
-    near, far = socket.socketpair()
-    done = loop.create_future()
-
-    def read() -> None:
-        loop.remove_reader(near)
-        done.set_result((near.recv(5), bool(loop.selector.said & ENDED)))
-
-    loop.add_reader(near, read)
-    far.sendall(b"hello")
-    if ends == "close":
-        far.close()
-    elif ends == "shut down":
-        far.shutdown(socket.SHUT_WR)
-    run(loop, done)
-    assert done.result() == (b"hello", ends != "stays")
-    near.close()
-    far.close()
 
 
 def test_a_reader_may_be_another_one_and_a_descriptor_another_file() -> None:
