@@ -111,6 +111,33 @@ class AxisCompensation:
         self._lowest, self._highest = settings.corrected_bounds
 
     @property
+    def base(self) -> State:
+        """What the last target before a run left behind; only the same object is the same base."""
+        return self._state
+
+    @property
+    def steps(self) -> int:
+        """So many targets of a run were accepted since."""
+        return self._steps
+
+    @property
+    def step(self) -> tuple[object, ...]:
+        """The last target but one of a run and the last one; empty where there is no run.
+
+        Nominal and corrected counts of each, position and extreme of the travel, time in ns.
+        """
+        if not self._steps:
+            return ()
+        return (
+            self._from_nominal, self._from_corrected, self._to_nominal, self._to_corrected,
+            self._position, self._extreme, self._at_ns,
+        )  # fmt: skip
+
+    def is_step(self, move: Move) -> bool:
+        """Whether a planned target would go on a run."""
+        return self._goes_on(move)
+
+    @property
     def is_unsure(self) -> bool:
         """Whether the branch of the last accepted target was only assumed; that of a run never is."""
         return not self._steps and self._state.is_unsure
@@ -422,15 +449,15 @@ class AxisCompensation:
 
     def _goes_on(self, move: Move) -> bool:
         """Whether the axis was steady, and a move changes nothing about that."""
-        state = move.state
+        state, before = move.state, self._state  # a run changes nothing of what counts here
         return (
             self.is_steady
             and move.correction_map is self._steady_map
             and state.spec is self._wanted
             and state.previous is None
             and not state.is_unsure
-            and state.travel.direction is self.state.travel.direction
-            and state.progress == self.state.progress
+            and state.travel.direction is before.travel.direction
+            and state.progress == before.progress
         )
 
     def _note_steadiness(self) -> None:
@@ -459,8 +486,13 @@ class AxisCompensation:
         anchor_counts: float,
         fade: Fade | None,
         way: tuple[float, float],
+        *,
+        came_from: Accepted | None = None,
     ) -> None:
-        """Go on where another run of the gateway left off; what is wanted stays."""
+        """Go on where another run of the gateway left off; what is wanted stays.
+
+        ``came_from``: the target before, from which the last one went on; anchor and fade follow from it.
+        """
         self._steps = 0
         self._state = state
         self._accepted = accepted
@@ -468,6 +500,12 @@ class AxisCompensation:
         self._readback = Readback(
             self._counts_per_unit, self._zero_counts, self.map_of(state), anchor_counts, fade
         )
+        if came_from is not None and accepted is not None:
+            correction_map = self.map_of(state)
+            self._readback = after_target(
+                reached(self._readback, correction_map, came_from), correction_map, accepted,
+                came_from.corrected_counts, is_at_target=True,
+            )  # fmt: skip
         self._standing_counts = None
         self._measure_change()
         self._note_steadiness()

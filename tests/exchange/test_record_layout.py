@@ -128,8 +128,8 @@ def test_numbers_come_back_as_they_were() -> None:
         (bytes(RECORD_SIZE), "it is no record of an axis"),
         (header("y").ljust(RECORD_SIZE, b"\0"), "it belongs to axis y"),
         (
-            header("x").replace(b"\x02\x00", b"\x03\x00", 1).ljust(RECORD_SIZE, b"\0"),
-            "it has version 3, and this release reads versions 1 to 2",
+            header("x").replace(b"\x03\x00", b"\x04\x00", 1).ljust(RECORD_SIZE, b"\0"),
+            "it has version 4, and this release reads versions 1 to 3",
         ),
     ],
 )

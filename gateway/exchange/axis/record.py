@@ -11,6 +11,7 @@ counts is :class:`Fate`; the axis is taken up from it in ``transitions``, in one
 
 from collections.abc import Callable
 from enum import Enum
+from operator import is_
 from typing import Final
 
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table, with_line
@@ -98,10 +99,12 @@ class Record:
     """
 
     __slots__ = (
+        "_base",
         "_find_elsewhere",
         "_is_empty",
         "_is_paused",
         "_slots",
+        "_step",
         "_written",
         "fate",
         "finding",
@@ -118,6 +121,10 @@ class Record:
         self._is_paused = False
         self._written: tuple[object, ...] = ()
         """What the newest record says of the axis."""
+        self._base: tuple[object, ...] = ()
+        """What of it does not change while setpoints go on in their direction; empty: no step may follow."""
+        self._step = (0, False)
+        """The last step after it: how many targets of the run were accepted, whether one was on its way."""
         self.fate = Fate.NONE if recalled is None else Fate.OPEN
         self.recalled = recalled
         self.first: Actual | None = None
@@ -160,28 +167,49 @@ class Record:
         if axis.pending is not None:
             return  # the target may have arrived or not, and the record says so
         compensation = axis.compensation
-        image = None if axis.last_number is None else axis.fields[axis.last_number]
+        if self._goes_on(axis):
+            if self._step != (compensation.steps, False):
+                self._slots.write_step(compensation.step, None)
+                self._step = (compensation.steps, False)
+            return
         now = (
             compensation.state,
             compensation.readback,
             compensation.accepted,
             axis.wanted,
             axis.whereabouts,
-            image is not None and not axis.plan.has_rules and _holds_its_words(image),
+            _knows_words(axis),
             axis.whereabouts is Whereabouts.SEEN_THERE and _was_there(axis),
         )
         if now != self._written:
             self._write(axis)
             self._written = now
+            if compensation.is_stream and compensation.accepted is not None and not self._is_empty:
+                self._base, self._step = _base_of(axis), (0, False)
 
     def keep(self, axis: AxisState) -> None:
         """Write down what holds before a frame leaves, and the frame."""
+        pending, compensation = axis.pending, axis.compensation
+        if pending is not None and axis.on_wire is OnWire.TARGET and self._goes_on(axis):
+            move = pending.move
+            if move is not None and compensation.is_step(move) and _is_kept(pending.corrected_counts):
+                state = move.state
+                ends = (move.nominal_counts, pending.corrected_counts)
+                going = (*ends, state.position, state.travel.extreme, state.at_ns)
+                self._slots.write_step(compensation.step, going)
+                self._step = (compensation.steps, True)
+                return
         self._write(axis)
-        self._written = ()
+        self._written = self._base = ()
+
+    def _goes_on(self, axis: AxisState) -> bool:
+        """Whether nothing has changed since the newest record but a run of targets."""
+        base = self._base
+        return bool(base) and all(map(is_, _base_of(axis), base))
 
     def clear(self) -> None:
         """Let the record say nothing."""
-        self._written = ()
+        self._written = self._base = ()
         if not self._is_empty:
             self._slots.clear()
             self._is_empty = True
@@ -213,13 +241,12 @@ class Record:
             ends = (pending.move.nominal_counts, pending.corrected_counts)
             move = (pending.is_distance, pending.number, *ends, *_state_numbers(after))
         has_target = accepted is not None and on_wire is not OnWire.STOP
-        knows_words = number is not None and not axis.plan.has_rules and _holds_its_words(axis.fields[number])
         numbers = (
             has_target,
             has_target and _was_there(axis),
             has_target and axis.whereabouts is Whereabouts.ARRIVED,
             has_target and axis.whereabouts is Whereabouts.MAY_HAVE_LEFT,
-            has_target and knows_words,
+            has_target and _knows_words(axis),
             0 if number is None else number,
             *(accepted or _NO_TARGET),
             low,
@@ -230,6 +257,27 @@ class Record:
         )
         self._is_empty = False
         self._slots.write(numbers, move, specs)
+
+
+def _base_of(axis: AxisState) -> tuple[object, ...]:
+    """Return what stays the same objects while setpoints go on in their direction."""
+    return (
+        id(axis.compensation.base),
+        id(axis.wanted),
+        axis.whereabouts,
+        axis.last_number,
+        _knows_words(axis),
+    )
+
+
+def _is_kept(counts: Counts) -> bool:
+    return -LARGEST_COUNTS <= counts <= LARGEST_COUNTS
+
+
+def _knows_words(axis: AxisState) -> bool:
+    """Whether the drive holds the words of the last target, and a restart may tell a repeat by them."""
+    number = axis.last_number
+    return number is not None and not axis.plan.has_rules and _holds_its_words(axis.fields[number])
 
 
 def _was_there(axis: AxisState) -> bool:

@@ -6,6 +6,10 @@ check sum is the CRC-32 of everything before it. Each slot has a page of its own
 
 Behind the header stands which boot of the machine the newest records are of, from which generation on.
 
+Behind these stands, in the same page, a step of a run: what changes while setpoints go on in their
+direction, with the generation that says all the rest. Steps are written in turn, as slots are, each with a
+check sum of its own; the last good one of the newest good slot counts.
+
 Behind a slot stands its tail: the slopes of its lines and the generation that it belongs to; zeros as long as
 there never was a slope, as in version 1, which had no tail. It is written before its slot, so that a slot
 never holds with the tail of another one.
@@ -19,8 +23,9 @@ from zlib import crc32
 from gateway.compensation.correction_spec import CorrectionSpec
 from gateway.counts import Counts
 
-VERSION: Final = 2
-READABLE: Final = (1, VERSION)
+VERSION: Final = 3
+READABLE: Final = (1, 2, VERSION)
+"""Version 1 has no tails, version 2 no steps."""
 PAGE: Final = 4096
 MAGIC: Final = b"PGAXREC\n"
 NAME_BYTES: Final = 32
@@ -51,12 +56,21 @@ _TILTS: Final = struct.Struct("<Q4d")
 """Generation; slopes of the lines, in the order of the specs."""
 _TAIL_SIZE: Final = _TILTS.size + _CRC.size
 _NO_TAIL: Final = bytes(_TAIL_SIZE)
+_STEP: Final = struct.Struct("<QQ??6dq4dq")
+"""Generation, number of the step; has made one, has a target on its way; nominal and corrected counts of the
+target before and of the last one, position of that, extreme of its travel, time; of the target on its way:
+nominal and corrected counts, position, extreme, time."""
+_STEP_IN_PAGE: Final = 640
+STEPS_AT: Final = tuple(at + _STEP_IN_PAGE for at in SLOTS_AT)
+assert SLOT_SIZE + _TAIL_SIZE <= _STEP_IN_PAGE <= PAGE - _STEP.size - _CRC.size
 _LEVEL: Final[tuple[float, ...]] = (0.0, 0.0, 0.0, 0.0)  # mypyc loses a Final of unboxed floats
 _EMPTY: Final = (
     *(False, False, False, False, False, 0, 0.0, 0.0, 0.0, 0.0),
     *(0, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
     *(0.0, False, 0.0, 0.0, 0.0, 0.0),
 )
+_NO_STEP: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+_NO_MOVE: Final = (0.0, 0.0, 0.0, 0.0, 0)
 _IS_THERE: Final = 1
 _IS_WANTED: Final = 2
 _NO_SPEC: Final = _SPEC.pack(0, b"", 0.0, 0.0, 0.0)
@@ -132,6 +146,9 @@ class Remembered(NamedTuple):
     unproven: RememberedMove | None
     is_of_this_boot: bool
     """The machine has not been started anew since: its clock goes on."""
+    came_from: tuple[Counts, Counts] | None = None
+    """Nominal and corrected counts of the setpoint before the last one, where a run went on from there:
+    anchor and fade are those of an older one, and follow from these."""
 
 
 class RecordSlots:
@@ -151,6 +168,8 @@ class RecordSlots:
         "_may_store",
         "_specs",
         "_specs_bytes",
+        "_step",
+        "_step_views",
         "_tilts",
         "_views",
     )
@@ -168,8 +187,10 @@ class RecordSlots:
         self._is_boot_known = False
         self._digest = scale_digest
         self._views = tuple(buffer[at : at + _CRC_AT] for at in SLOTS_AT)
+        self._step_views = tuple(buffer[at : at + _STEP.size] for at in STEPS_AT)
         found = [_generation(body) for body in self._bodies() if body is not None]
         self._generation: int = max(found, default=0)
+        self._step = 0
         self._specs: Specs | None = None
         self._specs_bytes = b""
         self._tilts: tuple[float, ...] = _LEVEL
@@ -187,7 +208,7 @@ class RecordSlots:
 
     def release(self) -> None:
         """Let go of the buffer; nothing may be written any more."""
-        for view in self._views:
+        for view in (*self._views, *self._step_views):
             view.release()
         self._buffer.release()
 
@@ -198,6 +219,23 @@ class RecordSlots:
             self._specs_bytes = b"".join(_spec_bytes(spec, specs[4]) for spec in specs[:4])
             self._tilts = tuple(0.0 if spec is None else spec.tilt for spec in specs[:4])
         self._store(True, base, move, self._specs_bytes)
+
+    def write_step(self, step: tuple[object, ...], move: tuple[object, ...] | None) -> None:
+        """Write a step of a run that goes on from the record that was written last.
+
+        Args:
+            step: the target before and the last one, in nominal and corrected counts each, position and
+                extreme, time; empty: none was accepted since.
+            move: the target on its way in nominal and corrected counts, its position and extreme, time.
+        """
+        if self._may_store is not None and not self._may_store():
+            return
+        number = self._step = self._step + 1
+        at, buffer = STEPS_AT[number & 1], self._buffer
+        made = step or _NO_STEP
+        going = _NO_MOVE if move is None else move
+        _STEP.pack_into(buffer, at, self._generation, number, bool(step), move is not None, *made, *going)
+        _CRC.pack_into(buffer, at + _STEP.size, crc32(self._step_views[number & 1]))
 
     def clear(self) -> None:
         """Write a record that says nothing."""
@@ -210,9 +248,22 @@ class RecordSlots:
         if newest is None:
             return None
         tail = _tail(self._buffer, _generation(newest) & 1)
-        return _remembered(
+        found = _remembered(
             newest, _TILTS.unpack_from(tail)[1:], is_of_this_boot=self._is_of_this_boot(newest)
         )
+        step = self._newest_step(_generation(newest))
+        return found if found is None or step is None else _after_step(found, step)
+
+    def _newest_step(self, generation: int) -> tuple[Any, ...] | None:
+        """Return the last good step of a generation; None where there is none."""
+        found = [self._step_of(generation, at) for at in STEPS_AT]
+        return max((step for step in found if step is not None), key=lambda step: step[1], default=None)
+
+    def _step_of(self, generation: int, at: int) -> tuple[Any, ...] | None:
+        data = bytes(self._buffer[at : at + _STEP.size])
+        is_good = _CRC.unpack_from(self._buffer, at + _STEP.size)[0] == crc32(data)
+        step = _STEP.unpack(data)
+        return step if is_good and step[0] == generation else None
 
     def begin_anew(self) -> None:
         """The buffer was emptied by somebody else: what stands in it once is to be written again."""
@@ -346,6 +397,28 @@ def _remembered(body: bytes, tilts: Sequence[float], *, is_of_this_boot: bool) -
         unproven,
         is_of_this_boot,
     )
+
+
+def _after_step(found: Remembered, step: tuple[Any, ...]) -> Remembered:
+    """Return a record with what its last step has changed."""
+    _, _, is_made, has_move, *numbers = step
+    *targets, position, extreme, at_ns = numbers[:7]
+    if is_made:
+        from_nominal, from_corrected, nominal, corrected = map(_counts, targets)
+        low, high = sorted((from_corrected, corrected))
+        found = found._replace(
+            nominal_counts=nominal,
+            corrected_counts=corrected,
+            way=(low, high),
+            state=found.state._replace(position=position, extreme=extreme, at_ns=at_ns),
+            came_from=(from_nominal, from_corrected),
+        )
+    move = None
+    if has_move:
+        nominal, corrected, position, extreme, at_ns = numbers[7:]
+        state = found.state._replace(position=position, extreme=extreme, at_ns=at_ns)
+        move = RememberedMove(False, found.number, _counts(nominal), _counts(corrected), state)
+    return found._replace(unproven=move)
 
 
 def _state(numbers: Sequence[Any], spec: RememberedSpec, previous: RememberedSpec | None) -> RememberedState:

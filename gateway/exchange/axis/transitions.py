@@ -1238,7 +1238,11 @@ class Axis(AxisState):
         if is_at_target or (recalled.has_target and not may_have_stopped(self)):
             accepted = Accepted(recalled.nominal_counts, recalled.corrected_counts)
         fade = None if recalled.fade is None else Fade(*recalled.fade)
-        self.compensation.resume(state, accepted, recalled.anchor_counts, fade, recalled.way)
+        came_from = None if recalled.came_from is None else Accepted(*recalled.came_from)
+        self.compensation.resume(
+            state, accepted, recalled.anchor_counts, fade, recalled.way, came_from=came_from
+        )
+        fade = self.compensation.readback.fade
         if accepted is None:
             self.whereabouts = Whereabouts.STOPPED
         elif not is_at_target:
