@@ -20,7 +20,7 @@ from gateway.files import FileRefusedError
 from gateway.ipc.state_folder import PLAN_NAME, StateError, read_state
 
 FORMAT: Final = "pitch-gateway plan"
-VERSION: Final = 5
+VERSION: Final = 6
 UNSEALED: Final = 4
 """The last version without a seal."""
 SEAL_BYTES: Final = 32
@@ -31,7 +31,7 @@ def _as_it_is(plan: Any) -> Any:
     return plan
 
 
-UPGRADES: Final[Mapping[int, Callable[[Any], Any]]] = {2: _as_it_is, 3: _as_it_is, 4: _as_it_is}
+UPGRADES: Final[Mapping[int, Callable[[Any], Any]]] = dict.fromkeys(range(2, VERSION), _as_it_is)
 """By version: the plain data of a plan to what the next version would have written."""
 
 

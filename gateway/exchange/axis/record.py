@@ -262,8 +262,8 @@ class Record:
 def _base_of(axis: AxisState) -> tuple[object, ...]:
     """Return what stays the same objects while setpoints go on in their direction."""
     return (
-        id(axis.compensation.base),
-        id(axis.wanted),
+        axis.compensation.base,
+        axis.wanted,
         axis.whereabouts,
         axis.last_number,
         _knows_words(axis),
