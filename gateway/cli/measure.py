@@ -24,6 +24,7 @@ def measure(
     step: given.Step = None,
     targets: given.Targets = None,
     spread: given.Spread = None,
+    lead: given.Lead = None,
     seed: given.Seed = 1,
     runs: given.Runs = 5,
     overrun: given.Overrun = None,
@@ -72,7 +73,7 @@ def measure(
     from gateway.cli.measuring.setting import Grid, Reader, Scale
     from gateway.cli.measuring.work import Wish
 
-    grid = Grid(low, high, step, targets, spread, seed, runs, overrun)
+    grid = Grid(low, high, step, targets, spread, seed, runs, overrun, lead)
     reader = Reader(csv, column, delimiter, gauge, gauge_kind, gauge_baud, gauge_request, gauge_timeout)
     scale = Scale(dwell, window, move_timeout, largest_deviation, is_reversed, zero_at, reading_units)
     wish = Wish(

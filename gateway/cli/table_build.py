@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from gateway.cli import survey_files as shared
-from gateway.cli.evaluation_output import results_json, results_text
+from gateway.cli.evaluation_output import evidence_json, left_out_json, results_json, results_text
 from gateway.cli.table_options import AsJson, AxisLetter
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
@@ -17,7 +17,11 @@ from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.shapes import Fit
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
+
+if TYPE_CHECKING:
+    from gateway.metrology.fitting import Evidence
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -49,6 +53,9 @@ def build(
         bool, typer.Option("--drop-outliers", help="Leave out the readings that are named as outliers.")
     ] = False,
     one_way: shared.OneWay = False,
+    fit: shared.FitWish = Fit.AUTO,
+    lead: shared.Lead = None,
+    period: shared.Turns = None,
     axis: AxisLetter = None,
     units: shared.ReadingsUnits = None,
     to_units: shared.ToUnits = None,
@@ -63,23 +70,31 @@ def build(
     """Build a correction table from readings that were taken without one.
 
     The correction is target less reading, the mean of all runs in each direction; what cannot be measured
-    where the axis turns round is estimated from its neighbour. What is odd about the readings is named; what
-    the table should leave of the error is predicted from the same readings.
+    where the axis turns round is estimated from its neighbour. What is odd about the readings is named. The
+    table follows what leaves least between the targets: lines, a smooth curve, or one with harmonics of the
+    lead (--lead); what it will leave there is predicted by leaving targets out.
 
     Examples:
       pitch-gateway table build z.csv cnc10z.tab --home switch-negative
 
+      pitch-gateway table build x.csv x-table.csv --to csv --lead 5
+
       pitch-gateway table build run1.rtl run2.rtl cnc10x.tab --to centroid-3 --axis x --home switch-positive
     """
     target = shared.dialect_to_write(to)
-    recipe = Recipe(home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel)
     with shared.problems():
         survey = shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs))
         check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
-        built = build_from(survey, recipe)
-        table = built.table.in_units(to_units or built.table.units)
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)
         options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
+        unit = to_units or survey.units
+        recipe = Recipe(
+            home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel, fit=fit,
+            periods=shared.periods_of_readings(survey, lead, period),
+            accepts=lambda each: shared.can_hold(target, each.in_units(unit), options),
+        )  # fmt: skip
+        built = build_from(survey, recipe)
+        table = built.table.in_units(unit)
         try:
             result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
         except TabFileError:
@@ -91,10 +106,13 @@ def build(
         notes = [*built.notes, *_one_curve(table, again, target.name)]
         shared.write_file(out, result.text, force=force)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
+    left_out = None if built.screw is None else built.screw.leaves(again.table)
     if json:
-        _print_json(out, notes, (result, again, difference), results)
+        _print_json(
+            out, notes, (result, again, difference), results, left_out=left_out, evidence=built.evidence
+        )
     else:
-        _print(out, notes, (result, again, difference), results)
+        _print(out, notes, (result, again, difference), results, left_out=left_out)
 
 
 def _print(
@@ -102,10 +120,12 @@ def _print(
     notes: list[str],
     written: tuple[Written, LoadedTable, float],
     results: tuple[Evaluation, Evaluation],
+    *,
+    left_out: float | None,
 ) -> None:
     print_lines((f"note: {note}" for note in notes), err=True)
     shared.print_written(out, *written)
-    results_text(*results, ("before", "predicted"))
+    results_text(*results, ("before", "predicted"), left_out=left_out)
 
 
 def _print_json(
@@ -113,6 +133,9 @@ def _print_json(
     notes: list[str],
     written: tuple[Written, LoadedTable, float],
     results: tuple[Evaluation, Evaluation],
+    *,
+    left_out: float | None,
+    evidence: "Evidence | None",
 ) -> None:
     result, again, difference = written
     print_json(
@@ -127,7 +150,8 @@ def _print_json(
             "read_with": shared.told_to_reader(result, again),
             "lints": [lint.to_json() for lint in again.lints],
             "before": results_json(results[0]),
-            "predicted": results_json(results[1]),
+            "predicted": {**results_json(results[1]), **left_out_json(results[1], left_out)},
+            "fit": None if evidence is None else evidence_json(evidence),
         }
     )
 

@@ -134,11 +134,20 @@ def sentence(found: Findings) -> str:
         if not known or len(numbers) < len(known):
             continue
         if before is not None and after is not None:
-            return _change(found, words, numbers[0], numbers[1])
+            return _change(found, words, numbers[0], numbers[1]) + between(found)
         if before is not None:
             return f"{found.subject} is {words} {show(numbers[0])} as it was measured."
         return f"{found.subject} is {_is(found)}{words} {show(numbers[0])}, with the correction in force."
     return _about_table(found)
+
+
+def between(found: Findings) -> str:
+    """Say what a table will leave where nobody measured; empty where nothing tells it."""
+    left_out = found.story.left_out
+    if left_out is None or not found.story.is_predicted:
+        return ""
+    left = found.scale.rounded(left_out)
+    return f" Between the targets it is predicted to leave a systematic deviation E of {left}."
 
 
 def _is(found: Findings) -> str:

@@ -37,6 +37,7 @@ class Grid:
     seed: int = 1
     runs: int = 5
     overrun: float | None = None
+    lead: float | None = None
 
     @property
     def is_asked(self) -> bool:
@@ -72,7 +73,7 @@ class Scale:
 
 
 def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
-    """Return what is to be measured.
+    """Return what is to be measured. Random targets are spread over the lead, where that is known.
 
     Raises:
         AxisError: options that are missing or do not fit together.
@@ -92,8 +93,9 @@ def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
         else:
             assert grid.targets is not None
             decimals = DECIMALS[axis.settings.units]
+            spread = _spread(grid) if grid.spread is None else grid.spread
             targets = random_targets(
-                grid.low, grid.high, grid.targets, seed=grid.seed, spread=grid.spread, decimals=decimals
+                grid.low, grid.high, grid.targets, seed=grid.seed, spread=spread, decimals=decimals
             )
     except ReadingsError as error:
         raise AxisError(str(error)) from None
@@ -102,6 +104,16 @@ def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
     if not isfinite(overrun):
         raise AxisError(f"--overrun {overrun}: it must be a finite length")
     return MeasuringPlan(tuple(round(target, 9) for target in targets), grid.runs, overrun)
+
+
+def _spread(grid: Grid) -> float | None:
+    """Return the lead, where the targets leave room for it."""
+    assert grid.low is not None
+    assert grid.high is not None
+    assert grid.targets is not None
+    if grid.lead is None or grid.lead * grid.targets >= grid.high - grid.low:
+        return None
+    return grid.lead
 
 
 def instrument_of(reader: Reader, lines: Lines) -> Instrument:
