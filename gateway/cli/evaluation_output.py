@@ -9,6 +9,7 @@ import typer
 from gateway.cli.table_output import PLAIN_WIDTH
 from gateway.metrology.deviation import small_unit
 from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.standard_asks import missing_line, missing_of, title_of
 from gateway.report.findings import other_stretch
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ def results_json(found: Evaluation) -> dict[str, object]:
     values = _values(found)
     return {
         "units": found.units.value,
+        "is_iso_230_2": not missing_of(found),
+        "missing": list(missing_of(found)),
         "forward": {name: values[name][0] for name in ("A", "R", "E")},
         "backward": {name: values[name][1] for name in ("A", "R", "E")},
         "both": {name: values[name][2] for name, _ in _NAMES},
@@ -110,7 +113,9 @@ def results_text(
     from rich.table import Table
 
     unit = before.units.value
-    table = Table(title=f"ISO 230-2, {unit}", title_justify="left")
+    shown_all = [each for each in (before, after) if each is not None]
+    title = next((title_of(each) for each in shown_all if missing_of(each)), title_of(before))
+    table = Table(title=f"{title}, {unit}", title_justify="left")
     table.add_column("result")
     shown = [(titles[0], _values(before))] + ([(titles[1], _values(after))] if after else [])
     for title, _ in shown:
@@ -126,6 +131,9 @@ def results_text(
         left = _left(numbers, 0.5 * 10**-digits)
         table.add_row(f"{name}  {meaning}", *cells, *(left if comparable else ("–" for _ in left)))
     Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH).print(table)
+    for line in dict.fromkeys(missing_line(each) for each in shown_all):
+        if line:
+            typer.echo(line)
     if left_out is not None:
         typer.echo(left_out_line(before, left_out))
 

@@ -14,6 +14,7 @@ from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase
+from gateway.metrology.drift import at_20_degrees
 from gateway.metrology.errors import MetrologyError, ReadingsError
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs, is_readings, read_survey
 from gateway.metrology.lead import Period, periods_of
@@ -102,6 +103,19 @@ Turns = Annotated[
         "--period", help="Another length after which it may repeat: a turn of motor or gear; again for more."
     ),
 ]
+To20 = Annotated[
+    float | None,
+    typer.Option(
+        "--to-20c",
+        metavar="COEFFICIENT",
+        help="Normalise to 20 °C: the screw grows by so many µm a metre and kelvin, 11.5 for steel. The "
+        "readings carry temperatures.",
+    ),
+]
+KeepScale = Annotated[
+    bool,
+    typer.Option("--keep-scale", help="Make the table though the readings are wrong by more than 0.3 mm/m."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite OUT.")]
 
 
@@ -127,6 +141,15 @@ def read_all(files: Sequence[Path], context: ReadingsContext) -> Survey:
         TabFileError, ReadingsError: see there.
     """
     return merged([read_survey(file, context) for file in files])
+
+
+def prepared(survey: Survey, to_20c: float | None) -> Survey:
+    """Return the readings as they are to be used: at 20 °C, if that was asked.
+
+    Raises:
+        ReadingsError: see :func:`gateway.metrology.drift.at_20_degrees`.
+    """
+    return survey if to_20c is None else at_20_degrees(survey, to_20c)
 
 
 def periods_of_readings(

@@ -2,26 +2,28 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import typer
 
 from gateway.cli import survey_files as shared
 from gateway.cli.evaluation_output import evidence_json, left_out_json, results_json, results_text
-from gateway.cli.table_options import AsJson, AxisLetter
+from gateway.cli.table_options import AsJson, AxisLetter, Counts
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
 from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.doubts import doubts_of
+from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext
+from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.scale import check_scale
 from gateway.metrology.shapes import Fit
+from gateway.metrology.whole import json_of, notes_of
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
-
-if TYPE_CHECKING:
-    from gateway.metrology.fitting import Evidence
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -56,6 +58,9 @@ def build(
     fit: shared.FitWish = Fit.AUTO,
     lead: shared.Lead = None,
     period: shared.Turns = None,
+    to_20c: shared.To20 = None,
+    keep_scale: shared.KeepScale = False,
+    counts_per_unit: Counts = None,
     axis: AxisLetter = None,
     units: shared.ReadingsUnits = None,
     to_units: shared.ToUnits = None,
@@ -83,8 +88,16 @@ def build(
     """
     target = shared.dialect_to_write(to)
     with shared.problems():
-        survey = shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs))
+        survey = shared.prepared(
+            shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs)), to_20c
+        )
         check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
+        if not keep_scale and survey.units is not Units.DEGREE:
+            try:
+                check_scale(survey.source, survey.readings, counts_per_unit)
+            except ReadingsError:
+                _print_doubts(survey)
+                raise
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)
         options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
         unit = to_units or survey.units
@@ -98,21 +111,27 @@ def build(
         try:
             result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
         except TabFileError:
-            doubts = doubts_of(survey.readings, survey.units)  # perhaps they say why
-            print_lines((f"note: {doubt}" for doubt in doubts), err=True)
+            _print_doubts(survey)
             raise
         # in which order both lists stand is known here, for they come from the readings
         again = replace(again, lints=tuple(lint for lint in again.lints if lint.code != "L3"))
-        notes = [*built.notes, *_one_curve(table, again, target.name)]
+        notes = [*built.notes, *notes_of(survey, counts_per_unit), *_one_curve(table, again, target.name)]
         shared.write_file(out, result.text, force=force)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
     left_out = None if built.screw is None else built.screw.leaves(again.table)
     if json:
-        _print_json(
-            out, notes, (result, again, difference), results, left_out=left_out, evidence=built.evidence
-        )
+        extra: dict[str, object] = {
+            "fit": None if built.evidence is None else evidence_json(built.evidence),
+            **json_of(survey),
+        }
+        _print_json(out, notes, (result, again, difference), results, left_out=left_out, extra=extra)
     else:
         _print(out, notes, (result, again, difference), results, left_out=left_out)
+
+
+def _print_doubts(survey: Survey) -> None:
+    """Print what looks wrong about readings that make no table: perhaps it says why."""
+    print_lines((f"note: {doubt}" for doubt in doubts_of(survey.readings, survey.units)), err=True)
 
 
 def _print(
@@ -135,7 +154,7 @@ def _print_json(
     results: tuple[Evaluation, Evaluation],
     *,
     left_out: float | None,
-    evidence: "Evidence | None",
+    extra: dict[str, object],
 ) -> None:
     result, again, difference = written
     print_json(
@@ -151,7 +170,7 @@ def _print_json(
             "lints": [lint.to_json() for lint in again.lints],
             "before": results_json(results[0]),
             "predicted": {**results_json(results[1]), **left_out_json(results[1], left_out)},
-            "fit": None if evidence is None else evidence_json(evidence),
+            **extra,
         }
     )
 

@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli import survey_files as shared
 from gateway.cli.evaluation_output import left_out_json, results_json, results_text
-from gateway.cli.table_options import AsJson, Told, takes_file_options
+from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
 from gateway.metrology.circumstances import check_same_axis, check_uncorrected, was_corrected
@@ -21,6 +21,7 @@ from gateway.metrology.lead import Period
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.whole import json_of, notes_of
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
 from gateway.tabfile import LoadedTable
@@ -47,6 +48,8 @@ def evaluate(
     runs: shared.RunsTold = None,
     lead: shared.Lead = None,
     period: shared.Turns = None,
+    to_20c: shared.To20 = None,
+    counts_per_unit: Counts = None,
     report: Annotated[
         Path | None,
         typer.Option(metavar="OUT", help="Write a report: .html, .png or .svg.", readable=False),
@@ -71,9 +74,11 @@ def evaluate(
         )
     with shared.problems():
         context = ReadingsContext(readings_format, told.units, told.axis, runs)
-        before = shared.read_all(readings, context)
+        before = shared.prepared(shared.read_all(readings, context), to_20c)
         loaded = None
-        second = shared.read_all(after, context).in_units(before.units) if after else None
+        second = None
+        if after:
+            second = shared.prepared(shared.read_all(after, context), to_20c).in_units(before.units)
         if second is not None:
             check_same_axis(before.source, before.axis, second.source, second.axis)
         if table is not None:
@@ -83,6 +88,9 @@ def evaluate(
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
         notes = _all_notes((before, second), results, is_predicted=loaded is not None)
+        notes = (*notes, *notes_of(before, counts_per_unit, with_scale=not was_corrected(before.facts)))
+        if second is not None and loaded is None:
+            notes = (*notes, *(f"after: {note}" for note in notes_of(second, with_scale=False)))
         left_out = None
         if loaded is not None:
             left_out, warnings = _between(before, loaded, shared.periods_of_readings(before, lead, period))
@@ -91,7 +99,7 @@ def evaluate(
             story = replace(_story(before, second, loaded, notes), left_out=left_out)
             _write_report(report, story, force=force)
     if json:
-        _print_json(before.source, results, notes, is_predicted=loaded is not None, left_out=left_out)
+        _print_json(before, results, notes, is_predicted=loaded is not None, left_out=left_out)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
     words = ("measured" if results[1] is None else "before", "after" if loaded is None else "predicted")
@@ -115,7 +123,7 @@ def _between(
 
 
 def _print_json(
-    source: str,
+    survey: Survey,
     results: tuple[Evaluation, Evaluation | None],
     notes: tuple[str, ...],
     *,
@@ -128,7 +136,8 @@ def _print_json(
         shown |= left_out_json(after, left_out)
     print_json(
         {
-            "readings": source,
+            "readings": survey.source,
+            **json_of(survey),
             "before": results_json(before),
             "after": shown,
             "is_predicted": is_predicted,

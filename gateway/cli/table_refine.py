@@ -17,6 +17,7 @@ from gateway.metrology.deviation import small_unit
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.metrology.shapes import Fit
+from gateway.metrology.whole import notes_of
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
 
 OWN_OPTIONS: Final = {
@@ -52,6 +53,7 @@ def refine(
     fit: shared.FitWish = Fit.AUTO,
     lead: shared.Lead = None,
     period: shared.Turns = None,
+    to_20c: shared.To20 = None,
     told: Told,
     to_counts_per_unit: shared.ToCounts = None,
     to_sense: shared.ToSense = None,
@@ -75,7 +77,9 @@ def refine(
     with shared.problems():
         loaded = inspect(file, told.context())
         target = shared.dialect_to_write(to) if to is not None else dialect_named(loaded.format)
-        survey = shared.read_all(readings, ReadingsContext(readings_format, told.units, told.axis, runs))
+        survey = shared.prepared(
+            shared.read_all(readings, ReadingsContext(readings_format, told.units, told.axis, runs)), to_20c
+        )
         check_same_axis(survey.source, survey.axis, file.name, loaded.source.axis)
         check_corrected(survey.source, survey.facts, file.name, loaded.sha256)
         old = loaded.table.in_units(survey.units)
@@ -92,6 +96,7 @@ def refine(
             periods=shared.periods_of_readings(survey, lead, period),
             accepts=lambda each: shared.can_hold(target, each.in_units(loaded.table.units), options),
         )
+        refined = replace(refined, notes=(*refined.notes, *notes_of(survey, with_scale=False)))
         table = refined.table.in_units(loaded.table.units)
         options = replace(options, is_modulo=is_modulo(loaded, table))
         result, again, difference = shared.written(table, target, options, OWN_OPTIONS)

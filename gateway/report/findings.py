@@ -7,12 +7,11 @@ from typing import Final, NamedTuple
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.readings import Survey
+from gateway.metrology.standard_asks import missing_line
 from gateway.report.errors import ReportError
 from gateway.report.story import AxisStory
 from gateway.report.words import NONE, Scale, clean, cut, scale_of, shortest
 
-ISO_RUNS: Final = 5
-"""Runs in each direction that ISO 230-2 asks for."""
 SAME_STRETCH: Final = 0.8
 """Share of a measured length that must be measured again before two results may be compared."""
 LEAST_LEFT: Final = 0.005
@@ -224,6 +223,6 @@ def about_readings(evaluation: Evaluation) -> str:
     words = f"{len(targets)} targets, {runs} run{'s' if most > 1 else ''} {where}"
     if one_sided and len(only) > 1:
         words += "; some targets were approached from one side only"
-    if fewest < ISO_RUNS:
-        words += f"; ISO 230-2 asks for {ISO_RUNS}"
+    if missing := missing_line(evaluation):
+        words += f"; {missing}"
     return words

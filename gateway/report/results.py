@@ -4,6 +4,7 @@ from html import escape
 from typing import Final
 
 from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.standard_asks import missing_of
 from gateway.report.findings import FIGURES, Figure, Findings, about_readings
 from gateway.report.words import GAP, NONE, number, shortest
 
@@ -25,10 +26,16 @@ def results_table(found: Findings) -> str:
     rows += _between_row(found, len(columns))
     return (
         '<div class="wide"><table class="results">\n'
-        f"<caption>Results after ISO 230-2, in {escape(found.scale.deviation)}</caption>\n"
+        f"<caption>Results {escape(_title(found))}, in {escape(found.scale.deviation)}</caption>\n"
         f'<thead><tr><th scope="col">quantity</th>{heads}</tr></thead>\n'
         f"<tbody>\n{rows}</tbody>\n</table></div>\n"
     )
+
+
+def _title(found: Findings) -> str:
+    """Return what the figures may be called: the standard's own name only where nothing is missing."""
+    missing = any(missing_of(each) for each in (found.before, found.after) if each is not None)
+    return "by the formulas of ISO 230-2" if missing else "after ISO 230-2"
 
 
 def _columns(found: Findings) -> list[tuple[str, Evaluation]]:

@@ -54,7 +54,10 @@ def test_build_writes_the_table_of_tb058_and_says_what_it_estimated(manual: Path
     ]
     assert data["read_with"] == {"file_start": -2.5}
     assert any("estimated from its neighbour's reversal" in note for note in data["notes"])
-    assert data["predicted"]["both"]["E"] == pytest.approx(0.0, abs=1e-12)
+    # One approach is missing at 0: what is left is said of each direction, not of both.
+    assert data["predicted"]["both"]["E"] is None
+    assert data["predicted"]["forward"]["E"] == pytest.approx(0.0, abs=1e-12)
+    assert "1 of 6 targets approached from one side only" in data["predicted"]["missing"]
 
 
 def test_build_for_a_person_names_the_notes_on_stderr(manual: Path, tmp_path: Path) -> None:
@@ -238,7 +241,7 @@ def test_a_table_that_cannot_be_used_names_no_line_of_a_file_that_is_not_there(t
     ]
     wide = tmp_path / "um.csv"
     wide.write_text("\n".join(["target_mm,direction,run,deviation_mm", *rows, ""]))
-    result = run("build", wide, tmp_path / "x.csv", "--to", "csv")
+    result = run("build", wide, tmp_path / "x.csv", "--to", "csv", "--keep-scale")
     assert result.exit_code == 1
     first, *others = result.stderr.splitlines()
     assert first == "note: the deviations differ by 50 mm in all: are the numbers in the unit that is said?"

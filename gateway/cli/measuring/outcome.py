@@ -31,7 +31,9 @@ from gateway.metrology.lead import Period
 from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Built, Recipe, build_from
 from gateway.metrology.refine import Refined, refine_table
+from gateway.metrology.scale import scale_of
 from gateway.metrology.shapes import Fit
+from gateway.metrology.whole import notes_of
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 
 FALLBACK_FORMATS: Final = ("csv", "centroid-3")
@@ -84,6 +86,11 @@ def outcome_of(
     if active is not None and axis.settings.backlash is not None:
         active = with_backlash(active, axis.settings.backlash)
         notes.append("the new table holds the backlash too: take the key backlash away when you use it")
+    notes += notes_of(survey, axis.settings.counts_per_unit, with_scale=not is_active)
+    if not is_active and (scale := scale_of(survey.readings)) and scale.is_large:
+        notes.append(
+            "more than 0.3 mm/m is no screw but a wrong scale: put it right first, and measure again"
+        )
     try:
         evaluation = evaluate(survey)
         if is_active:

@@ -23,6 +23,7 @@ class Row(NamedTuple):
     direction: Direction
     run: int
     measured: float
+    temperature_c: float | None = None
 
 
 def to_survey(
@@ -47,7 +48,9 @@ def to_survey(
     _check_order(source, rows)
     _check_distance(source, rows)
     return Survey(
-        readings=tuple(Reading(row.target, row.direction, row.measured, row.run) for row in rows),
+        readings=tuple(
+            Reading(row.target, row.direction, row.measured, row.run, row.temperature_c) for row in rows
+        ),
         units=units,
         axis=axis,
         source=source.name,
