@@ -106,7 +106,7 @@ def lint(
     counts_per_unit: Counts = None,
     max_slope: Annotated[float | None, typer.Option(help="Limit of |slope|; default: 0.01.")] = None,
     max_correction: Annotated[
-        float | None, typer.Option(help="Limit of |correction|; default: 0.5 mm.")
+        float | None, typer.Option(help="Limit of |correction|; default: 0.5 mm, or 0.3 mm/m.")
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Fail on every warning.")] = False,
     json: AsJson = False,

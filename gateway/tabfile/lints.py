@@ -16,6 +16,7 @@ from pathlib import Path
 from statistics import fmean, median
 from typing import Final
 
+from gateway.compensation.settings import default_max_correction
 from gateway.compensation.table import CorrectionTable
 from gateway.tabfile.curves import BRANCHES, corrections, line_of, second_differences, steepest
 from gateway.tabfile.decoded import Decoded, SourceRow
@@ -68,6 +69,10 @@ class _Subject:
     def unit(self) -> str:
         return self.table.units.value
 
+    @property
+    def span(self) -> float:
+        return self.table.last - self.table.first
+
 
 def run_lints(name: str, table: CorrectionTable, source: Decoded) -> tuple[Lint, ...]:
     """Return what the reader remarked and what every check finds, in the order of the checks."""
@@ -92,7 +97,7 @@ def _slope(subject: _Subject) -> Iterator[Lint]:
 
 
 def _size(subject: _Subject) -> Iterator[Lint]:
-    limit = subject.source.context.correction_limit(subject.table.units)
+    limit = subject.source.context.correction_limit(subject.table.units, subject.span)
     branch, row = max(
         ((branch, row) for branch in BRANCHES for row in subject.rows),
         key=lambda pair: abs(pair[1].forward if pair[0] == "forward" else pair[1].backward),
@@ -157,6 +162,9 @@ def _unit_slip(subject: _Subject) -> Iterator[Lint]:
                     line,
                 )
     smallest, largest = subject.source.plausible
+    # What is much on a short axis is usual on a long one.
+    units, length = subject.table.units, subject.source.context.length(subject.span)
+    largest *= default_max_correction(units, length) / default_max_correction(units, 0.0)
     worst, line = max(values, key=lambda pair: abs(pair[0]))
     if worst and not smallest <= abs(worst) <= largest:
         bound = f"at least {smallest:g}" if abs(worst) < smallest else f"at most {largest:g}"

@@ -328,3 +328,22 @@ def test_the_gateway_refuses_a_table_with_an_error(tmp_path: Path) -> None:
 )
 def test_shipped_samples_load_without_an_error(name: str, facts: dict[str, Any]) -> None:
     assert read_table(TABLES / name, FileContext(**facts)).errors == ()
+
+
+@pytest.mark.parametrize(
+    ("length", "correction", "is_refused"), [(300, 0.51, True), (2800, 0.84, False), (2800, 0.85, True)]
+)
+def test_l12_a_long_axis_may_be_off_by_more(length: int, correction: float, is_refused: bool) -> None:
+    # 0.3 mm/m of 2.8 m are 0.84 mm.
+    rows = [f"{length // 4 * i} {correction * i / 4:.4f} {correction * i / 4:.4f}" for i in range(5)]
+    lines = [
+        "CNC10 TAB FILE VERSION 3",
+        "AXIS X",
+        "UNITS MILLIMETER",
+        f"INTERVAL {length // 4}",
+        "ENTRIES 5",
+        *rows,
+    ]
+    found = parse_table("\n".join(lines).encode(), "table.tab", FileContext())
+    assert ("L12" in codes(found)) is is_refused
+    assert ("L4" in codes(found)) is is_refused

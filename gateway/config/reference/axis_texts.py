@@ -109,7 +109,7 @@ AXIS: Final[Texts] = {
     ),
     "max_correction": Said(
         meaning="larger corrections, with backlash, are refused",
-        default="`0.5` mm",
+        default="`0.5` mm, or 0.3 mm/m of `travel` where that is more",
     ),
     "max_slope": Said(
         meaning="steeper tables are refused: change of the correction per unit of travel",
