@@ -21,6 +21,7 @@ from gateway.metrology.lead import Period, periods_of
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES, Survey, merged
 from gateway.metrology.shapes import Fit
+from gateway.metrology.understood import understood
 from gateway.tabfile import (
     DIALECTS,
     ContextError,
@@ -143,12 +144,16 @@ def read_all(files: Sequence[Path], context: ReadingsContext) -> Survey:
     return merged([read_survey(file, context) for file in files])
 
 
-def prepared(survey: Survey, to_20c: float | None) -> Survey:
-    """Return the readings as they are to be used: at 20 °C, if that was asked.
+def prepared(survey: Survey, to_20c: float | None, *, is_quiet: bool) -> Survey:
+    """Say what was understood of readings, unless quiet, and return them as they are to be used.
+
+    They are normalised to 20 °C, if that was asked.
 
     Raises:
         ReadingsError: see :func:`gateway.metrology.drift.at_20_degrees`.
     """
+    if not is_quiet:
+        typer.echo(f"read: {understood(survey)}")
     return survey if to_20c is None else at_20_degrees(survey, to_20c)
 
 

@@ -22,6 +22,7 @@ from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
 from gateway.metrology.scale import check_scale
 from gateway.metrology.shapes import Fit
+from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
 
@@ -89,7 +90,9 @@ def build(
     target = shared.dialect_to_write(to)
     with shared.problems():
         survey = shared.prepared(
-            shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs)), to_20c
+            shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs)),
+            to_20c,
+            is_quiet=json,
         )
         check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
         if not keep_scale and survey.units is not Units.DEGREE:
@@ -122,6 +125,7 @@ def build(
     if json:
         extra: dict[str, object] = {
             "fit": None if built.evidence is None else evidence_json(built.evidence),
+            "understood": understood(survey),
             **json_of(survey),
         }
         _print_json(out, notes, (result, again, difference), results, left_out=left_out, extra=extra)

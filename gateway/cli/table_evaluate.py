@@ -21,6 +21,7 @@ from gateway.metrology.lead import Period
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
@@ -74,11 +75,13 @@ def evaluate(
         )
     with shared.problems():
         context = ReadingsContext(readings_format, told.units, told.axis, runs)
-        before = shared.prepared(shared.read_all(readings, context), to_20c)
+        before = shared.prepared(shared.read_all(readings, context), to_20c, is_quiet=json)
         loaded = None
         second = None
         if after:
-            second = shared.prepared(shared.read_all(after, context), to_20c).in_units(before.units)
+            second = shared.prepared(shared.read_all(after, context), to_20c, is_quiet=json).in_units(
+                before.units
+            )
         if second is not None:
             check_same_axis(before.source, before.axis, second.source, second.axis)
         if table is not None:
@@ -137,6 +140,7 @@ def _print_json(
     print_json(
         {
             "readings": survey.source,
+            "understood": understood(survey),
             **json_of(survey),
             "before": results_json(before),
             "after": shown,

@@ -78,7 +78,9 @@ def refine(
         loaded = inspect(file, told.context())
         target = shared.dialect_to_write(to) if to is not None else dialect_named(loaded.format)
         survey = shared.prepared(
-            shared.read_all(readings, ReadingsContext(readings_format, told.units, told.axis, runs)), to_20c
+            shared.read_all(readings, ReadingsContext(readings_format, told.units, told.axis, runs)),
+            to_20c,
+            is_quiet=json,
         )
         check_same_axis(survey.source, survey.axis, file.name, loaded.source.axis)
         check_corrected(survey.source, survey.facts, file.name, loaded.sha256)

@@ -56,8 +56,10 @@ WARMEST_C: Final = 80.0
 def recognise(source: SourceText) -> bool:
     """Whether the heading has a target and a direction."""
     found = heading_of(source)
-    names = {name.lower() for cell in found[0].text.split(found[1]) for name in words(cell)} if found else ()
-    return "target" in names and ("direction" in names or "run" in names)
+    cells = [words(cell) for cell in found[0].text.split(found[1])] if found else []
+    names = {name for cell in cells for name in cell}
+    # "run 1" is one of several columns.
+    return "target" in names and ("direction" in names or ("run",) in cells)
 
 
 def read(source: SourceText, context: ReadingsContext) -> Survey:
