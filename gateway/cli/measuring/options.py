@@ -65,6 +65,14 @@ Request = Annotated[
         help="What asks the gauge, without its CR; empty: its button sends. Default: ? for sylvac.",
     ),
 ]
+Pattern = Annotated[
+    str | None,
+    Option(
+        "--gauge-pattern",
+        help="With --gauge-kind pattern: a regular expression of a whole line, the number a group value.",
+        metavar="REGEX",
+    ),
+]
 GaugeTimeout = Annotated[float, Option("--gauge-timeout", min=0.1, help="Seconds that an answer may take.")]
 ReadingUnits = Annotated[
     str | None, Option("--reading-units", help="Of the instrument: mm, um or inch; default: the axis's.")

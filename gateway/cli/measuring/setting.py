@@ -13,7 +13,7 @@ from gateway.cli.measuring.running import Manners
 from gateway.compensation.units import Units
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.gauges import DEFAULTS, GaugeKind
+from gateway.metrology.gauges import DEFAULTS, GaugeError, GaugeKind, pattern_of
 from gateway.metrology.program import DECIMALS, even_targets, random_targets
 from gateway.transport.endpoints import SerialEndpoint
 
@@ -57,6 +57,7 @@ class Reader:
     baudrate: int | None = None
     request: str | None = None
     timeout_s: float = 5.0
+    pattern: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +125,12 @@ def instrument_of(reader: Reader, lines: Lines) -> Instrument:
         return GrowingCsv(reader.csv, reader.column, reader.delimiter)
     if reader.gauge is None:
         return Keyboard(lines, _prompt)
+    if (reader.kind is GaugeKind.PATTERN) != (reader.pattern is not None):
+        raise InstrumentError("--gauge-kind pattern and --gauge-pattern belong together: give both or none")
+    try:
+        pattern = None if reader.pattern is None else pattern_of(reader.pattern)
+    except GaugeError as error:
+        raise InstrumentError(str(error)) from None
     usual = DEFAULTS[reader.kind]
     request = usual.request
     if reader.request is not None:
@@ -138,7 +145,7 @@ def instrument_of(reader: Reader, lines: Lines) -> Instrument:
         usual.stop_bits,
         low_latency=False,
     )
-    return SerialGauge(reader.kind, endpoint, request, reader.timeout_s)
+    return SerialGauge(reader.kind, endpoint, request, reader.timeout_s, pattern)
 
 
 def manners_of(scale: Scale, axis: AxisPlan) -> Manners:
