@@ -22,7 +22,7 @@ A value is the error of the measuring system: the control adds it to the actual 
 the other way ("a positive compensation value moves the axis in the negative direction"). It is subtracted,
 in both directions; a table knows nothing of the direction. Outside, the end values stay; with IS_MODULO the
 table begins again, so the ends must be equal. The file states no units. Sag compensation (CEC) tables are
-another thing and refused by name.
+another thing (:mod:`gateway.tabfile.siemens_cec`) and refused beside these.
 """
 
 import re
@@ -51,7 +51,7 @@ GRID_TOLERANCE: Final = 1e-6
 """MAX may miss MIN + k x STEP by this fraction of a step."""
 _SHOWN: Final = 10
 _PLAUSIBLE: Final = {Units.INCH: 0.1, Units.MM: 0.5, Units.DEGREE: 0.5}
-_SIGN: Final = re.compile(r"(?i)_EEC_INI|\$A[A-Z]_(ENC_COMP|CEC_TABLE)|\$A[A-Z]_CEC")
+_SIGN: Final = re.compile(r"(?i)_EEC_INI|\$AA_ENC_COMP")
 _CEC: Final = re.compile(r"(?i)\$AN_CEC|_CEC_INI")
 _HEADER: Final = re.compile(r"(?i)%_N_[A-Z0-9_]*EEC_INI")
 _DATA: Final = re.compile(r"(?i)CHANDATA\s*\(\s*[0-9]{1,2}\s*\)")
@@ -90,7 +90,7 @@ _Tables = dict[tuple[str, str], _Table]
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether it names compensation of an encoder, or sag compensation, which :func:`read` refuses."""
+    """Whether it names compensation of an encoder; beside it sag compensation is refused by :func:`read`."""
     return any(_SIGN.search(line.text) for line in source.lines)
 
 
@@ -106,8 +106,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         if _CEC.search(line.text):
             raise source.error(
                 f"a sag compensation (CEC) table: {shown(line.text)}",
-                "encoder error compensation, $AA_ENC_COMP: a CEC table may hold for one direction or another "
-                "axis, and is not read",
+                "encoder error compensation, $AA_ENC_COMP, or the CEC tables in a file of their own",
                 line=line.number,
             )
     units = told_units(source, context, "a Siemens compensation file")
