@@ -329,7 +329,7 @@ SAMPLES: Final = (
         meanings.siemens_cec,
         header=SIEMENS_CEC_HEAD,
         table_options={"file_units": "mm", "error_sense": "command_minus_actual"},
-        # at 200 forward 5 µm are added and backward 7 taken off; at 100 12 µm are taken off on the way down
-        moves=((2_000_000, 2_000_050), (1_000_000, 999_880), (2_000_000, 2_000_050)),
+        # from above 7 µm are taken off at 200 and 12 at 100; on the way up 5 µm are added at 200
+        moves=((2_000_000, 1_999_930), (1_000_000, 999_880), (2_000_000, 2_000_050)),
     ),
 )
