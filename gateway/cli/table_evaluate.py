@@ -7,6 +7,7 @@ from typing import Annotated, Final
 
 import typer
 
+from gateway.cli import judgement_output as judged
 from gateway.cli import survey_files as shared
 from gateway.cli.evaluation_output import left_out_json, results_json, results_text
 from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
@@ -21,6 +22,7 @@ from gateway.metrology.lead import Period
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.uncertainty import budget_of
 from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
 from gateway.report.findings import find, other_stretch
@@ -51,6 +53,12 @@ def evaluate(
     period: shared.Turns = None,
     to_20c: shared.To20 = None,
     counts_per_unit: Counts = None,
+    vdi: judged.VdiWanted = False,
+    limit: judged.Limit = None,
+    u_instrument: judged.Instrument = 0.0,
+    u_alignment: judged.Misalignment = 0.0,
+    u_temperature: judged.Temperature = 0.0,
+    u_environment: judged.Environment = 0.0,
     report: Annotated[
         Path | None,
         typer.Option(metavar="OUT", help="Write a report: .html, .png or .svg.", readable=False),
@@ -98,15 +106,26 @@ def evaluate(
         if loaded is not None:
             left_out, warnings = _between(before, loaded, shared.periods_of_readings(before, lead, period))
             notes = (*notes, *warnings)
+        last = results[1] if results[1] is not None and loaded is None else results[0]
+        lines, extra = [], dict[str, object]()
+        if vdi:
+            lines.append(judged.vdi_line(last))
+            extra["vdi_3441"] = judged.vdi_json(last)
+        if limit is not None:
+            known = judged.known_of(last, u_instrument, u_alignment, u_temperature, u_environment)
+            budget = budget_of(last, known)
+            lines.append(judged.limit_line(last, budget, limit))
+            extra["conformity"] = judged.limit_json(last, budget, limit)
         if report is not None:
-            story = replace(_story(before, second, loaded, notes), left_out=left_out)
+            story = replace(_story(before, second, loaded, (*notes, *lines)), left_out=left_out)
             _write_report(report, story, force=force)
     if json:
-        _print_json(before, results, notes, is_predicted=loaded is not None, left_out=left_out)
+        _print_json(before, results, notes, is_predicted=loaded is not None, left_out=left_out, extra=extra)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
     words = ("measured" if results[1] is None else "before", "after" if loaded is None else "predicted")
     results_text(*results, words, left_out=left_out)
+    print_lines(lines)
     if report is not None:
         typer.echo(f"report: {report}")
 
@@ -132,6 +151,7 @@ def _print_json(
     *,
     is_predicted: bool,
     left_out: float | None,
+    extra: dict[str, object],
 ) -> None:
     before, after = results
     shown = None if after is None else results_json(after)
@@ -142,6 +162,7 @@ def _print_json(
             "readings": survey.source,
             "understood": understood(survey),
             **json_of(survey),
+            **extra,
             "before": results_json(before),
             "after": shown,
             "is_predicted": is_predicted,
