@@ -2,11 +2,18 @@
 
 import sys
 from collections.abc import Iterator
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+import typer
 
 from gateway.cli.table_output import PLAIN_WIDTH
+from gateway.metrology.deviation import small_unit
 from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.standard_asks import missing_line, missing_of, title_of
 from gateway.report.findings import other_stretch
+
+if TYPE_CHECKING:
+    from gateway.metrology.fitting import Evidence
 
 _NAMES: Final = (
     ("A", "accuracy"),
@@ -35,6 +42,8 @@ def results_json(found: Evaluation) -> dict[str, object]:
     values = _values(found)
     return {
         "units": found.units.value,
+        "is_iso_230_2": not missing_of(found),
+        "missing": list(missing_of(found)),
         "forward": {name: values[name][0] for name in ("A", "R", "E")},
         "backward": {name: values[name][1] for name in ("A", "R", "E")},
         "both": {name: values[name][2] for name, _ in _NAMES},
@@ -51,13 +60,62 @@ def results_json(found: Evaluation) -> dict[str, object]:
     }
 
 
-def results_text(before: Evaluation, after: Evaluation | None, titles: tuple[str, str]) -> None:
-    """Print the results for a person, with the share that is left."""
+def left_out_json(predicted: Evaluation, left_out: float | None) -> dict[str, object]:
+    """Return E as predicted at the targets, and between them by leaving out; null where nothing tells it."""
+    small = small_unit(predicted.units)
+    numbers = {"e": predicted.systematic, "left_out_e": left_out}
+    return {
+        f"{name}_{small.key}": None if number is None else number * small.factor
+        for name, number in numbers.items()
+    }
+
+
+def evidence_json(evidence: "Evidence") -> dict[str, object]:
+    """Return why a table follows what it follows, as plain data."""
+    chosen = evidence.chosen
+    small = small_unit(chosen.table.units)
+    return {
+        "follows": chosen.shape.value,
+        "step": chosen.step,
+        "points_where_the_nut_stood": chosen.at_nut,
+        "candidates": [
+            {
+                "follows": each.shape.value,
+                "points": len(each.table.positions),
+                f"left_out_rms_{small.key}": each.misses * small.factor,
+                f"left_out_e_{small.key}": each.left_out * small.factor,
+            }
+            for each in evidence.candidates
+        ],
+        "harmonics": [
+            {
+                "name": each.period.name,
+                "period": each.period.length,
+                f"amplitude_{small.key}": each.amplitude * small.factor,
+                "phase_deg": each.phase_deg,
+                "p": each.significance,
+            }
+            for each in evidence.harmonics
+        ],
+        "warnings": list(evidence.warnings),
+    }
+
+
+def results_text(
+    before: Evaluation,
+    after: Evaluation | None,
+    titles: tuple[str, str],
+    *,
+    left_out: float | None = None,
+) -> None:
+    """Print the results for a person, with the share that is left; ``left_out`` is E between the points."""
     from rich.console import Console
     from rich.table import Table
 
     unit = before.units.value
-    table = Table(title=f"ISO 230-2, {unit}", title_justify="left")
+    shown_all = [each for each in (before, after) if each is not None]
+    title = next((title_of(each) for each in shown_all if missing_of(each)), title_of(before))
+    table = Table(title=f"{title}, {unit}", title_justify="left")
     table.add_column("result")
     shown = [(titles[0], _values(before))] + ([(titles[1], _values(after))] if after else [])
     for title, _ in shown:
@@ -73,6 +131,20 @@ def results_text(before: Evaluation, after: Evaluation | None, titles: tuple[str
         left = _left(numbers, 0.5 * 10**-digits)
         table.add_row(f"{name}  {meaning}", *cells, *(left if comparable else ("–" for _ in left)))
     Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH).print(table)
+    for line in dict.fromkeys(missing_line(each) for each in shown_all):
+        if line:
+            typer.echo(line)
+    if left_out is not None:
+        typer.echo(left_out_line(before, left_out))
+
+
+def left_out_line(before: Evaluation, left_out: float) -> str:
+    """Say what the table will leave where nobody measured."""
+    small = small_unit(before.units)
+    was = "" if before.systematic is None else f", of {small.text(before.systematic)} at the targets before"
+    return (
+        f"between its points the table will leave E = {small.text(left_out)}{was} (predicted by leaving out)"
+    )
 
 
 def _left(numbers: list[float | None], least: float) -> Iterator[str]:

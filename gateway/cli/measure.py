@@ -24,6 +24,7 @@ def measure(
     step: given.Step = None,
     targets: given.Targets = None,
     spread: given.Spread = None,
+    lead: given.Lead = None,
     seed: given.Seed = 1,
     runs: given.Runs = 5,
     overrun: given.Overrun = None,
@@ -38,6 +39,7 @@ def measure(
     gauge_kind: given.Kind = GaugeKind.SYLVAC,
     gauge_baud: given.Baud = None,
     gauge_request: given.Request = None,
+    gauge_pattern: given.Pattern = None,
     gauge_timeout: given.GaugeTimeout = 5.0,
     reading_units: given.ReadingUnits = None,
     is_reversed: given.Reversed = False,
@@ -72,8 +74,10 @@ def measure(
     from gateway.cli.measuring.setting import Grid, Reader, Scale
     from gateway.cli.measuring.work import Wish
 
-    grid = Grid(low, high, step, targets, spread, seed, runs, overrun)
-    reader = Reader(csv, column, delimiter, gauge, gauge_kind, gauge_baud, gauge_request, gauge_timeout)
+    grid = Grid(low, high, step, targets, spread, seed, runs, overrun, lead)
+    reader = Reader(
+        csv, column, delimiter, gauge, gauge_kind, gauge_baud, gauge_request, gauge_timeout, gauge_pattern
+    )
     scale = Scale(dwell, window, move_timeout, largest_deviation, is_reversed, zero_at, reading_units)
     wish = Wish(
         config, axis, controller, port, grid, reader, scale, speed, readings, resume, out, out_format, report,

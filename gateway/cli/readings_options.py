@@ -3,14 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gateway.cli.table_output import print_lines
+from gateway.compensation.table import CorrectionTable
 from gateway.metrology.errors import MetrologyError
 from gateway.report.story import AxisStory
 from gateway.tabfile import TabFileError
+
+if TYPE_CHECKING:
+    from gateway.metrology.readings import Survey
 
 Readings = Annotated[
     list[Path] | None,
@@ -33,6 +37,17 @@ ReadingsRuns = Annotated[
         help="Directions of the runs of an .rtl file that does not prove them.",
     ),
 ]
+
+
+def _left_out(survey: "Survey", table: CorrectionTable) -> float | None:
+    """Return E that a table will leave between the targets; None where there are too few to tell."""
+    from gateway.cli.survey_files import periods_of_readings
+    from gateway.metrology.screw import LEAST_TARGETS, MOST_TARGETS, screw_of
+
+    periods = periods_of_readings(survey, None, None)
+    if not LEAST_TARGETS <= len({each.target for each in survey.readings}) <= MOST_TARGETS:
+        return None
+    return screw_of(survey.readings, survey.units, periods).leaves(table)
 
 
 def with_readings(
@@ -68,6 +83,7 @@ def with_readings(
         check_same_axis(before.source, before.axis, "the table", story.axis)
         check_uncorrected(before.source, before.facts, "draw the table without them, or give those before it")
         after = predicted_residue(before, table)
+        left_out = _left_out(before, table)
     except TabFileError as error:
         print_lines((f"error: {problem}" for problem in error.problems), err=True)
         raise typer.Exit(1) from None
@@ -79,6 +95,7 @@ def with_readings(
         before=before,
         after=after,
         is_predicted=True,
+        left_out=left_out,
         facts={**before.facts, **story.facts, "readings": before.source},
         notes=(*story.notes, *after.remarks),
     )

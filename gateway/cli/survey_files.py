@@ -14,10 +14,14 @@ from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase
-from gateway.metrology.errors import MetrologyError
+from gateway.metrology.drift import at_20_degrees
+from gateway.metrology.errors import MetrologyError, ReadingsError
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs, is_readings, read_survey
+from gateway.metrology.lead import Period, periods_of
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES, Survey, merged
+from gateway.metrology.shapes import Fit
+from gateway.metrology.understood import understood
 from gateway.tabfile import (
     DIALECTS,
     ContextError,
@@ -82,6 +86,37 @@ Home = Annotated[
 OneWay = Annotated[
     bool, typer.Option("--one-way", help="One curve for both directions, from what was measured.")
 ]
+FitWish = Annotated[
+    Fit,
+    typer.Option("--fit", help="What the table follows between the targets; auto: what leaves least there."),
+]
+Lead = Annotated[
+    float | None,
+    typer.Option(
+        "--lead",
+        help="Lead of the screw, in the units of the readings: once and twice a turn the error may repeat. "
+        "Default: the line '# lead' of the readings.",
+    ),
+]
+Turns = Annotated[
+    list[float] | None,
+    typer.Option(
+        "--period", help="Another length after which it may repeat: a turn of motor or gear; again for more."
+    ),
+]
+To20 = Annotated[
+    float | None,
+    typer.Option(
+        "--to-20c",
+        metavar="COEFFICIENT",
+        help="Normalise to 20 °C: the screw grows by so many µm a metre and kelvin, 11.5 for steel. The "
+        "readings carry temperatures.",
+    ),
+]
+KeepScale = Annotated[
+    bool,
+    typer.Option("--keep-scale", help="Make the table though the readings are wrong by more than 0.3 mm/m."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite OUT.")]
 
 
@@ -107,6 +142,51 @@ def read_all(files: Sequence[Path], context: ReadingsContext) -> Survey:
         TabFileError, ReadingsError: see there.
     """
     return merged([read_survey(file, context) for file in files])
+
+
+def prepared(survey: Survey, to_20c: float | None, *, is_quiet: bool) -> Survey:
+    """Say what was understood of readings, unless quiet, and return them as they are to be used.
+
+    They are normalised to 20 °C, if that was asked.
+
+    Raises:
+        ReadingsError: see :func:`gateway.metrology.drift.at_20_degrees`.
+    """
+    if not is_quiet:
+        typer.echo(f"read: {understood(survey)}")
+    return survey if to_20c is None else at_20_degrees(survey, to_20c)
+
+
+def periods_of_readings(
+    survey: Survey, lead: float | None, turns: Sequence[float] | None
+) -> tuple[Period, ...]:
+    """Return what the error may repeat with: as told, or as the readings say.
+
+    Raises:
+        ReadingsError: a lead or a period that is no length.
+    """
+    if lead is None and (stated := survey.facts.get("lead")) is not None:
+        lead = _length(survey.source, "lead", stated)
+    return periods_of(lead, turns or ())
+
+
+def _length(source: str, name: str, stated: str) -> float:
+    try:
+        return float(stated)
+    except ValueError:
+        raise ReadingsError(
+            f"{source}: # {name}: {stated}: it must be a number, in the units of the targets; correct that "
+            f"line, or take it out and give --{name}"
+        ) from None
+
+
+def can_hold(target: Dialect, table: CorrectionTable, options: WriteOptions) -> bool:
+    """Whether a table can be written, and would not be refused by the gateway."""
+    try:
+        written(table, target, options, {})
+    except (TabFileError, TableError):
+        return False
+    return True
 
 
 def dialect_to_write(name: str) -> Dialect:

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 import typer
 
-from gateway.cli import table_build, table_evaluate, table_program, table_refine
+from gateway.cli import table_build, table_drift, table_evaluate, table_program, table_refine
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.table_convert import convert
@@ -29,6 +29,7 @@ app = typer.Typer(
 app.command("build")(table_build.build)
 app.command("refine")(table_refine.refine)
 app.command("evaluate")(table_evaluate.evaluate)
+app.command("drift")(table_drift.drift)
 app.command("program")(table_program.program)
 app.command("plot")(plot)
 
@@ -106,7 +107,7 @@ def lint(
     counts_per_unit: Counts = None,
     max_slope: Annotated[float | None, typer.Option(help="Limit of |slope|; default: 0.01.")] = None,
     max_correction: Annotated[
-        float | None, typer.Option(help="Limit of |correction|; default: 0.5 mm.")
+        float | None, typer.Option(help="Limit of |correction|; default: 0.5 mm, or 0.3 mm/m.")
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Fail on every warning.")] = False,
     json: AsJson = False,

@@ -7,16 +7,23 @@ from typing import Annotated, Final
 import typer
 
 from gateway.cli import survey_files as shared
-from gateway.cli.evaluation_output import results_json, results_text
-from gateway.cli.table_options import AsJson, AxisLetter
+from gateway.cli.evaluation_output import evidence_json, left_out_json, results_json, results_text
+from gateway.cli.table_options import AsJson, AxisLetter, Counts
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
 from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.doubts import doubts_of
+from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext
+from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.scale import check_scale
+from gateway.metrology.shapes import Fit
+from gateway.metrology.understood import understood
+from gateway.metrology.whole import json_of, notes_of
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
 
 OWN_OPTIONS: Final = {
@@ -49,6 +56,12 @@ def build(
         bool, typer.Option("--drop-outliers", help="Leave out the readings that are named as outliers.")
     ] = False,
     one_way: shared.OneWay = False,
+    fit: shared.FitWish = Fit.AUTO,
+    lead: shared.Lead = None,
+    period: shared.Turns = None,
+    to_20c: shared.To20 = None,
+    keep_scale: shared.KeepScale = False,
+    counts_per_unit: Counts = None,
     axis: AxisLetter = None,
     units: shared.ReadingsUnits = None,
     to_units: shared.ToUnits = None,
@@ -63,38 +76,66 @@ def build(
     """Build a correction table from readings that were taken without one.
 
     The correction is target less reading, the mean of all runs in each direction; what cannot be measured
-    where the axis turns round is estimated from its neighbour. What is odd about the readings is named; what
-    the table should leave of the error is predicted from the same readings.
+    where the axis turns round is estimated from its neighbour. What is odd about the readings is named. The
+    table follows what leaves least between the targets: lines, a smooth curve, or one with harmonics of the
+    lead (--lead); what it will leave there is predicted by leaving targets out.
 
     Examples:
       pitch-gateway table build z.csv cnc10z.tab --home switch-negative
 
+      pitch-gateway table build x.csv x-table.csv --to csv --lead 5
+
       pitch-gateway table build run1.rtl run2.rtl cnc10x.tab --to centroid-3 --axis x --home switch-positive
     """
     target = shared.dialect_to_write(to)
-    recipe = Recipe(home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel)
     with shared.problems():
-        survey = shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs))
+        survey = shared.prepared(
+            shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs)),
+            to_20c,
+            is_quiet=json,
+        )
         check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
-        built = build_from(survey, recipe)
-        table = built.table.in_units(to_units or built.table.units)
+        if not keep_scale and survey.units is not Units.DEGREE:
+            try:
+                check_scale(survey.source, survey.readings, counts_per_unit)
+            except ReadingsError:
+                _print_doubts(survey)
+                raise
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)
         options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
+        unit = to_units or survey.units
+        recipe = Recipe(
+            home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel, fit=fit,
+            periods=shared.periods_of_readings(survey, lead, period),
+            accepts=lambda each: shared.can_hold(target, each.in_units(unit), options),
+        )  # fmt: skip
+        built = build_from(survey, recipe)
+        table = built.table.in_units(unit)
         try:
             result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
         except TabFileError:
-            doubts = doubts_of(survey.readings, survey.units)  # perhaps they say why
-            print_lines((f"note: {doubt}" for doubt in doubts), err=True)
+            _print_doubts(survey)
             raise
         # in which order both lists stand is known here, for they come from the readings
         again = replace(again, lints=tuple(lint for lint in again.lints if lint.code != "L3"))
-        notes = [*built.notes, *_one_curve(table, again, target.name)]
+        notes = [*built.notes, *notes_of(survey, counts_per_unit), *_one_curve(table, again, target.name)]
         shared.write_file(out, result.text, force=force)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
+    left_out = None if built.screw is None else built.screw.leaves(again.table)
     if json:
-        _print_json(out, notes, (result, again, difference), results)
+        extra: dict[str, object] = {
+            "fit": None if built.evidence is None else evidence_json(built.evidence),
+            "understood": understood(survey),
+            **json_of(survey),
+        }
+        _print_json(out, notes, (result, again, difference), results, left_out=left_out, extra=extra)
     else:
-        _print(out, notes, (result, again, difference), results)
+        _print(out, notes, (result, again, difference), results, left_out=left_out)
+
+
+def _print_doubts(survey: Survey) -> None:
+    """Print what looks wrong about readings that make no table: perhaps it says why."""
+    print_lines((f"note: {doubt}" for doubt in doubts_of(survey.readings, survey.units)), err=True)
 
 
 def _print(
@@ -102,10 +143,12 @@ def _print(
     notes: list[str],
     written: tuple[Written, LoadedTable, float],
     results: tuple[Evaluation, Evaluation],
+    *,
+    left_out: float | None,
 ) -> None:
     print_lines((f"note: {note}" for note in notes), err=True)
     shared.print_written(out, *written)
-    results_text(*results, ("before", "predicted"))
+    results_text(*results, ("before", "predicted"), left_out=left_out)
 
 
 def _print_json(
@@ -113,6 +156,9 @@ def _print_json(
     notes: list[str],
     written: tuple[Written, LoadedTable, float],
     results: tuple[Evaluation, Evaluation],
+    *,
+    left_out: float | None,
+    extra: dict[str, object],
 ) -> None:
     result, again, difference = written
     print_json(
@@ -127,7 +173,8 @@ def _print_json(
             "read_with": shared.told_to_reader(result, again),
             "lints": [lint.to_json() for lint in again.lints],
             "before": results_json(results[0]),
-            "predicted": results_json(results[1]),
+            "predicted": {**results_json(results[1]), **left_out_json(results[1], left_out)},
+            **extra,
         }
     )
 

@@ -1,23 +1,30 @@
 """``pitch-gateway table evaluate``: accuracy and repeatability after ISO 230-2, before and after."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 
+from gateway.cli import judgement_output as judged
 from gateway.cli import survey_files as shared
-from gateway.cli.evaluation_output import results_json, results_text
-from gateway.cli.table_options import AsJson, Told, takes_file_options
+from gateway.cli.evaluation_output import left_out_json, results_json, results_text
+from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
 from gateway.metrology.circumstances import check_same_axis, check_uncorrected, was_corrected
+from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.evaluation import evaluate as iso_230_2
 from gateway.metrology.formats import ReadingsContext
+from gateway.metrology.lead import Period
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.uncertainty import budget_of
+from gateway.metrology.understood import understood
+from gateway.metrology.whole import json_of, notes_of
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
 from gateway.tabfile import LoadedTable
@@ -42,6 +49,16 @@ def evaluate(
     told: Told,
     readings_format: shared.ReadingsFormat = None,
     runs: shared.RunsTold = None,
+    lead: shared.Lead = None,
+    period: shared.Turns = None,
+    to_20c: shared.To20 = None,
+    counts_per_unit: Counts = None,
+    vdi: judged.VdiWanted = False,
+    limit: judged.Limit = None,
+    u_instrument: judged.Instrument = 0.0,
+    u_alignment: judged.Misalignment = 0.0,
+    u_temperature: judged.Temperature = 0.0,
+    u_environment: judged.Environment = 0.0,
     report: Annotated[
         Path | None,
         typer.Option(metavar="OUT", help="Write a report: .html, .png or .svg.", readable=False),
@@ -52,8 +69,8 @@ def evaluate(
     """Judge an axis by the formulas of ISO 230-2: A, R, E, M and B, for each direction and both.
 
     With --after it stands beside a second measurement, with --table beside what that table would leave of
-    READINGS, to first order. A result that the readings do not carry is not shown: one run has no scatter,
-    one direction no reversal.
+    READINGS: at the targets, to first order, and between them, by leaving targets out. A result that the
+    readings do not carry is not shown: one run has no scatter, one direction no reversal.
 
     Examples:
       pitch-gateway table evaluate before.csv --after after.csv
@@ -66,9 +83,13 @@ def evaluate(
         )
     with shared.problems():
         context = ReadingsContext(readings_format, told.units, told.axis, runs)
-        before = shared.read_all(readings, context)
+        before = shared.prepared(shared.read_all(readings, context), to_20c, is_quiet=json)
         loaded = None
-        second = shared.read_all(after, context).in_units(before.units) if after else None
+        second = None
+        if after:
+            second = shared.prepared(shared.read_all(after, context), to_20c, is_quiet=json).in_units(
+                before.units
+            )
         if second is not None:
             check_same_axis(before.source, before.axis, second.source, second.axis)
         if table is not None:
@@ -78,27 +99,72 @@ def evaluate(
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
         notes = _all_notes((before, second), results, is_predicted=loaded is not None)
+        notes = (*notes, *notes_of(before, counts_per_unit, with_scale=not was_corrected(before.facts)))
+        if second is not None and loaded is None:
+            notes = (*notes, *(f"after: {note}" for note in notes_of(second, with_scale=False)))
+        left_out = None
+        if loaded is not None:
+            left_out, warnings = _between(before, loaded, shared.periods_of_readings(before, lead, period))
+            notes = (*notes, *warnings)
+        last = results[1] if results[1] is not None and loaded is None else results[0]
+        lines, extra = [], dict[str, object]()
+        if vdi:
+            lines.append(judged.vdi_line(last))
+            extra["vdi_3441"] = judged.vdi_json(last)
+        if limit is not None:
+            known = judged.known_of(last, u_instrument, u_alignment, u_temperature, u_environment)
+            budget = budget_of(last, known)
+            lines.append(judged.limit_line(last, budget, limit))
+            extra["conformity"] = judged.limit_json(last, budget, limit)
         if report is not None:
-            _write_report(report, _story(before, second, loaded, notes), force=force)
+            story = replace(_story(before, second, loaded, (*notes, *lines)), left_out=left_out)
+            _write_report(report, story, force=force)
     if json:
-        _print_json(before.source, results, notes, is_predicted=loaded is not None)
+        _print_json(before, results, notes, is_predicted=loaded is not None, left_out=left_out, extra=extra)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
     words = ("measured" if results[1] is None else "before", "after" if loaded is None else "predicted")
-    results_text(*results, words)
+    results_text(*results, words, left_out=left_out)
+    print_lines(lines)
     if report is not None:
         typer.echo(f"report: {report}")
 
 
+def _between(
+    survey: Survey, loaded: LoadedTable, periods: tuple[Period, ...]
+) -> tuple[float | None, tuple[str, ...]]:
+    """Return E that a table will leave between the targets, and what they do not show."""
+    from gateway.metrology.fitting import warnings_of
+    from gateway.metrology.screw import screw_of
+
+    try:
+        screw = screw_of(survey.readings, survey.units, periods)
+    except ReadingsError as error:
+        return None, (f"{error}: nothing is said about what the table leaves between its points",)
+    return screw.leaves(loaded.table), warnings_of(screw)
+
+
 def _print_json(
-    source: str, results: tuple[Evaluation, Evaluation | None], notes: tuple[str, ...], *, is_predicted: bool
+    survey: Survey,
+    results: tuple[Evaluation, Evaluation | None],
+    notes: tuple[str, ...],
+    *,
+    is_predicted: bool,
+    left_out: float | None,
+    extra: dict[str, object],
 ) -> None:
     before, after = results
+    shown = None if after is None else results_json(after)
+    if shown is not None and is_predicted and after is not None:
+        shown |= left_out_json(after, left_out)
     print_json(
         {
-            "readings": source,
+            "readings": survey.source,
+            "understood": understood(survey),
+            **json_of(survey),
+            **extra,
             "before": results_json(before),
-            "after": results_json(after) if after else None,
+            "after": shown,
             "is_predicted": is_predicted,
             "notes": list(notes),
         }

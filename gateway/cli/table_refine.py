@@ -13,8 +13,11 @@ from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
 from gateway.cli.table_writing import is_modulo, turns_lost
 from gateway.metrology.circumstances import check_corrected, check_same_axis
+from gateway.metrology.deviation import small_unit
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.refine import Points, Refined, refine_table
+from gateway.metrology.shapes import Fit
+from gateway.metrology.whole import notes_of
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
 
 OWN_OPTIONS: Final = {
@@ -47,6 +50,10 @@ def refine(
         bool, typer.Option("--union", help="Points of FILE and of the readings; default: those of FILE.")
     ] = False,
     one_way: shared.OneWay = False,
+    fit: shared.FitWish = Fit.AUTO,
+    lead: shared.Lead = None,
+    period: shared.Turns = None,
+    to_20c: shared.To20 = None,
     told: Told,
     to_counts_per_unit: shared.ToCounts = None,
     to_sense: shared.ToSense = None,
@@ -58,8 +65,9 @@ def refine(
 ) -> None:
     """Add to a table what was left of the error while it was in use: new = old + (nominal - measured).
 
-    Do it again with readings under the new table, as often as it helps. With --home the correction at home
-    stays what it was. A turn-around point without a reading is estimated from its neighbour.
+    Do it again with readings under the new table; it says when that brings nothing more. With --home the
+    correction at home stays what it was. A turn-around point without a reading is estimated from its
+    neighbour.
 
     Examples:
       pitch-gateway table refine cnc10x.tab after.csv better.tab --home switch-positive
@@ -69,21 +77,30 @@ def refine(
     with shared.problems():
         loaded = inspect(file, told.context())
         target = shared.dialect_to_write(to) if to is not None else dialect_named(loaded.format)
-        survey = shared.read_all(readings, ReadingsContext(readings_format, told.units, told.axis, runs))
+        survey = shared.prepared(
+            shared.read_all(readings, ReadingsContext(readings_format, told.units, told.axis, runs)),
+            to_20c,
+            is_quiet=json,
+        )
         check_same_axis(survey.source, survey.axis, file.name, loaded.source.axis)
         check_corrected(survey.source, survey.facts, file.name, loaded.sha256)
         old = loaded.table.in_units(survey.units)
+        letter = told.axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
+        given = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
+        options = _as_old(replace(given, is_modulo=is_modulo(loaded, loaded.table)), loaded, target, told)
         refined = refine_table(
             old,
             survey,
             home=home.reference(old) if home else None,
             points=Points.UNION if union else Points.TABLE,
             one_way=one_way,
+            fit=fit,
+            periods=shared.periods_of_readings(survey, lead, period),
+            accepts=lambda each: shared.can_hold(target, each.in_units(loaded.table.units), options),
         )
+        refined = replace(refined, notes=(*refined.notes, *notes_of(survey, with_scale=False)))
         table = refined.table.in_units(loaded.table.units)
-        letter = told.axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
-        given = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
-        options = _as_old(replace(given, is_modulo=is_modulo(loaded, table)), loaded, target, told)
+        options = replace(options, is_modulo=is_modulo(loaded, table))
         result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
         result = replace(result, losses=(*result.losses, *turns_lost(loaded, again.source.modulo)))
         shared.write_file(out, result.text, force=force)
@@ -113,6 +130,12 @@ def _print(out: Path, refined: Refined, written: tuple[Written, LoadedTable, flo
         f"most, {change.direction.name.lower()} at {change.position:.9g}"
     )
     shared.print_written(out, *written)
+    if refined.left_out is not None and refined.left_out_before is not None:
+        small = small_unit(refined.units)
+        typer.echo(
+            f"between its points the table will leave E = {small.text(refined.left_out)}, the old one leaves "
+            f"{small.text(refined.left_out_before)} (predicted by leaving out)"
+        )
 
 
 def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written, LoadedTable, float]) -> None:
@@ -125,6 +148,7 @@ def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written,
             "units": refined.table.units.value,
             "largest_change": refined.change.largest,
             "rms_change": refined.change.rms,
+            **_left_out(refined),
             "notes": list(refined.notes),
             "losses": list(result.losses),
             "largest_difference": difference,
@@ -132,3 +156,13 @@ def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written,
             "lints": [lint.to_json() for lint in again.lints],
         }
     )
+
+
+def _left_out(refined: Refined) -> dict[str, object]:
+    """Return E between the targets, of the old table and of the new one."""
+    small = small_unit(refined.units)
+    numbers = {"left_out_e_before": refined.left_out_before, "left_out_e": refined.left_out}
+    return {
+        f"{name}_{small.key}": None if number is None else number * small.factor
+        for name, number in numbers.items()
+    }

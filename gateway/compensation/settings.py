@@ -12,6 +12,8 @@ DEFAULT_HYSTERESIS_STEPS: Final = 2
 """Hysteresis is the larger of 2 counts, or steps, and 1 µm (the semantics of Fagor's REVEHYST, P99)."""
 DEFAULT_IN_POSITION_MM: Final = 0.02
 DEFAULT_MAX_CORRECTION_MM: Final = 0.5
+DEFAULT_MAX_CORRECTION_SHARE: Final = 3e-4
+"""Of the length of an axis: 0.3 mm/m, as much as a long screw of a sound machine is off at its end."""
 DEFAULT_MAX_SLOPE: Final = 0.01
 DEFAULT_FRESH_MS: Final = 20.0
 DEFAULT_RELOAD_DISTANCE_MM: Final = 1.0
@@ -189,6 +191,15 @@ class AxisSettings:
         low, high = self.travel
         slack = self.travel_margin + 0.5 * self.step  # rounding
         return low - slack, high + slack
+
+
+def default_max_correction(units: Units, length: float) -> float:
+    """Largest correction of an axis of this length, where nobody says another: 0.5 mm, or 0.3 mm/m.
+
+    >>> default_max_correction(Units.MM, 500.0), round(default_max_correction(Units.MM, 3000.0), 9)
+    (0.5, 0.9)
+    """
+    return max(units.from_mm(DEFAULT_MAX_CORRECTION_MM), DEFAULT_MAX_CORRECTION_SHARE * length)
 
 
 def default_hysteresis(units: Units, step: float) -> float:

@@ -121,6 +121,7 @@ class AxisSection(StrictModel):
     zero_counts: Counts = Field(default=0.0, description="count of the drive at machine position 0")
     machine_offset: Length = Field(default=0.0, description="machine position of the controller's zero")
     travel: Travel | None = Field(default=None, description="[lowest, highest] machine position")
+    lead: PositiveLength | None = Field(default=None, description="travel of one turn of its screw, in units")
     table: str | None = Field(default=None, description="name of its table file")
     table_options: TableOptions = Field(
         default=TableOptions(), description="what the file cannot prove about itself"

@@ -5,12 +5,12 @@ from typing import Final
 
 from gateway.compensation.settings import (
     DEFAULT_IN_POSITION_MM,
-    DEFAULT_MAX_CORRECTION_MM,
     DEFAULT_RELOAD_DISTANCE_MM,
     AxisSettings,
     Backlash,
     ThermalSettings,
     default_hysteresis,
+    default_max_correction,
 )
 from gateway.config.axis_model import AxisSection
 from gateway.config.terms_model import ThermalSpec
@@ -24,7 +24,8 @@ def settings_of(axis: AxisSection) -> AxisSettings:
     units = axis.units
     max_correction = axis.max_correction
     if max_correction is None:
-        max_correction = units.from_mm(DEFAULT_MAX_CORRECTION_MM)
+        length = axis.travel[1] - axis.travel[0] if axis.travel else 0.0
+        max_correction = default_max_correction(units, length)
     settings = AxisSettings(
         units=units,
         counts_per_unit=axis.counts_per_unit,

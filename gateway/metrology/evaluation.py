@@ -57,7 +57,8 @@ class TargetStatistics:
 class Evaluation:
     """Results by the standard's names; None where the readings do not carry one.
 
-    One run each way makes no ``s``, so neither ``R`` nor ``A``; one direction has neither ``B`` nor ``M``.
+    One run each way makes no ``s``, so neither ``R`` nor ``A``; one direction has neither ``B`` nor ``M``,
+    and a target without one of its approaches leaves no ``R``, ``E``, ``M`` or ``A`` of both.
     """
 
     units: Units
@@ -101,6 +102,9 @@ def evaluate(survey: Survey) -> Evaluation:
     forward = [target.forward for target in targets if target.forward]
     backward = [target.backward for target in targets if target.backward]
     reversals = [reversal for target in targets if (reversal := target.reversal) is not None]
+    both = [each for target in targets for each in (target.forward, target.backward)]
+    # Bidirectional is what was approached from both sides everywhere.
+    bidirectional = [each for each in both if each is not None] if None not in both else []
     return Evaluation(
         units=survey.units,
         targets=targets,
@@ -111,13 +115,13 @@ def evaluate(survey: Survey) -> Evaluation:
         repeatability=_bidirectional_repeatability(targets),
         systematic_forward=_spread([(each.mean, each.mean) for each in forward]),
         systematic_backward=_spread([(each.mean, each.mean) for each in backward]),
-        systematic=_spread([(each.mean, each.mean) for each in (*forward, *backward)])
-        if forward and backward
+        systematic=_spread([(each.mean, each.mean) for each in bidirectional]),
+        mean_systematic=_spread([(mean, mean) for target in targets if (mean := target.mean) is not None])
+        if bidirectional
         else None,
-        mean_systematic=_spread([(mean, mean) for target in targets if (mean := target.mean) is not None]),
         accuracy_forward=_accuracy(forward),
         accuracy_backward=_accuracy(backward),
-        accuracy=_accuracy([*forward, *backward]) if forward and backward else None,
+        accuracy=_accuracy(bidirectional),
     )
 
 

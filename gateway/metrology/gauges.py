@@ -9,8 +9,11 @@ no gauge, or one that is switched off.
 is an error. In tolerance mode ``<``, ``=`` or ``>`` follows the number (user manuals of the Power and UniCal
 families: data format, remote commands).
 
-The sign is never left out: without it, a line that lost its first byte would be a reading of the other sign.
-Nothing is guessed: a line that is not exactly one of these is refused, and shown.
+``pattern``: any other instrument that writes a line of ASCII for each reading, a DRO or the counter of a
+glass scale: a regular expression of one's own whose group ``value`` is the number. The whole line must match.
+
+The sign is never left out by the two others: without it, a line that lost its first byte would be a reading
+of the other sign. Nothing is guessed: a line that is not exactly one of these is refused, and shown.
 """
 
 import re
@@ -20,9 +23,11 @@ from enum import Enum
 from typing import Final
 
 from gateway.metrology.errors import MetrologyError
+from gateway.tabfile.fields import to_decimal
 
 LONGEST_LINE: Final = 64
 SHOWN: Final = 40
+VALUE: Final = "value"
 _ENDS: Final = re.compile(rb"\r\n|\r|\n")
 
 
@@ -35,6 +40,8 @@ class GaugeKind(Enum):
 
     MITUTOYO = "mitutoyo"
     SYLVAC = "sylvac"
+    PATTERN = "pattern"
+    """A pattern of one's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +58,7 @@ class GaugeDefaults:
 DEFAULTS: Final[Mapping[GaugeKind, GaugeDefaults]] = {
     GaugeKind.MITUTOYO: GaugeDefaults(9600, 8, "N", 1, ""),
     GaugeKind.SYLVAC: GaugeDefaults(4800, 7, "E", 2, "?\r"),
+    GaugeKind.PATTERN: GaugeDefaults(9600, 8, "N", 1, ""),
 }
 
 _MITUTOYO: Final = re.compile(r"(\d\d)A([+-])(\d{1,8}\.\d{0,6})")
@@ -63,8 +71,31 @@ _REMEDY: Final = (
 _SYLVAC_ERROR: Final = re.compile(r"ERR ?\d+")
 
 
-def reading_of(kind: GaugeKind, line: bytes) -> float:
+def pattern_of(text: str) -> re.Pattern[str]:
+    r"""Return the pattern of one's own.
+
+    Raises:
+        GaugeError: it is no regular expression, or has no group that is called value.
+
+    >>> pattern_of(r"X\s*(?P<value>[+-]?\d+\.\d+)").fullmatch("X  +1.25")["value"]
+    '+1.25'
+    """
+    try:
+        pattern = re.compile(text, re.ASCII)
+    except re.error as error:
+        raise GaugeError(f"--gauge-pattern {text!r}: no regular expression: {error}") from None
+    if VALUE not in pattern.groupindex:
+        raise GaugeError(
+            f"--gauge-pattern {text!r}: the number must be a group that is called value, as in "
+            r"'X(?P<value>[+-]?\d+\.\d+)'"
+        )
+    return pattern
+
+
+def reading_of(kind: GaugeKind, line: bytes, pattern: re.Pattern[str] | None = None) -> float:
     r"""Return the number in a line without its end, in the units that the gauge shows.
+
+    ``pattern`` is that of the kind ``pattern``.
 
     Raises:
         GaugeError: the line is an error of the gauge, or no reading at all.
@@ -80,6 +111,9 @@ def reading_of(kind: GaugeKind, line: bytes) -> float:
         raise _unreadable(kind, line, "bytes that are no ASCII: check baud rate, parity and bits") from None
     if kind is GaugeKind.MITUTOYO:
         return _mitutoyo(text)
+    if kind is GaugeKind.PATTERN:
+        assert pattern is not None, "the kind has one"
+        return _matching(text, pattern)
     return _sylvac(text)
 
 
@@ -99,6 +133,18 @@ def _sylvac(text: str) -> float:
     if _SYLVAC_ERROR.fullmatch(text):
         raise GaugeError(f"the gauge says {text!r}: look at its display")
     raise _unreadable(GaugeKind.SYLVAC, text.encode(), f"it must be as in +12.345, {_REMEDY}")
+
+
+def _matching(text: str, pattern: re.Pattern[str]) -> float:
+    found = pattern.fullmatch(text)
+    if found is None:
+        raise GaugeError(f"the line {text[:SHOWN]!r} is not what --gauge-pattern {pattern.pattern!r} says")
+    number = to_decimal((found[VALUE] or "").replace(" ", "").replace(",", "."))
+    if number is None:
+        raise GaugeError(
+            f"the line {text[:SHOWN]!r}: the value {found[VALUE]!r} of --gauge-pattern is no number"
+        )
+    return number
 
 
 def _unreadable(kind: GaugeKind, line: bytes, why: str) -> GaugeError:

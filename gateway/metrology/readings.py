@@ -28,6 +28,8 @@ class Reading:
     direction: Direction
     measured: float
     run: int = 1
+    temperature_c: float | None = None
+    """Of the screw or the machine when it was taken; None where nobody said."""
 
     @property
     def deviation(self) -> float:

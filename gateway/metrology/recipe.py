@@ -1,6 +1,8 @@
 """The whole way from readings to a table, with everything that a person has to know about it."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
@@ -13,10 +15,16 @@ from gateway.metrology.build import (
 )
 from gateway.metrology.doubts import doubts_of
 from gateway.metrology.errors import ReadingsError
+from gateway.metrology.lead import Period
 from gateway.metrology.outliers import Outlier, find_outliers, without_outliers
-from gateway.metrology.readings import APPROACHES, Survey, mean_corrections
+from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_corrections
 from gateway.metrology.resample import Loss, fewest_points, on_grid, with_point
+from gateway.metrology.shapes import Fit, Shape
 from gateway.metrology.smooth import Change, smoothed
+
+if TYPE_CHECKING:
+    from gateway.metrology.fitting import Evidence
+    from gateway.metrology.screw import Screw
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +33,9 @@ class Recipe:
 
     ``step`` asks for an even grid, over ``travel`` if that is told, ``tolerance`` for as few of the targets
     as it allows; not both. ``smooth`` is the window. ``one_way`` makes one curve for both directions.
+    ``fit`` is the curve that the table follows; without it, it goes straight from target to target, and
+    nothing is said about what lies between. ``periods`` are what the error may repeat with. ``accepts`` says
+    whether the format of the table can hold one; without it every one can be held.
     """
 
     home: HomeCase | HomeReference | None = None
@@ -35,6 +46,9 @@ class Recipe:
     estimate_ends: bool = True
     one_way: bool = False
     travel: tuple[float, float] | None = None
+    fit: Fit | None = None
+    periods: tuple[Period, ...] = ()
+    accepts: Callable[[CorrectionTable], bool] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +63,10 @@ class Built:
     loss: Loss | None
     """By other points."""
     notes: tuple[str, ...]
+    screw: "Screw | None" = None
+    """What the readings say about the places between the targets; None where it was not asked, or too few."""
+    evidence: "Evidence | None" = None
+    """Why the table follows the curve that it follows; None where nothing was to be chosen."""
 
 
 def build_from(survey: Survey, recipe: Recipe) -> Built:
@@ -91,6 +109,17 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     home = recipe.home.reference(table) if isinstance(recipe.home, HomeCase) else recipe.home
     measured = table
     table, loss = _with_points(table, recipe, home)
+    screw = _screw(readings, survey, recipe, notes)
+    evidence = None
+    if screw is not None and recipe.fit is not None:
+        from gateway.metrology.fitting import described
+
+        evidence = _choose(screw, table, recipe)
+        notes.extend(evidence.warnings)
+        notes.extend(described(evidence, survey.units, "table"))
+        if evidence.chosen.table is not table:
+            table, loss = evidence.chosen.table, None
+            notes.extend(_uncovered(measured, table) if recipe.step is not None else ())
     if loss is not None:
         notes.append(
             f"{len(table.positions)} points instead of {len(measured.positions)}: the largest loss is "
@@ -105,7 +134,37 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
         table = referenced(table, home)
         way = home.direction.name.lower()
         notes.append(f"home: the {way} correction at {home.position:.9g} is 0")
-    return Built(table, outliers, home, change, loss, tuple(notes))
+    return Built(table, outliers, home, change, loss, tuple(notes), screw, evidence)
+
+
+def _screw(readings: Sequence[Reading], survey: Survey, recipe: Recipe, notes: list[str]) -> "Screw | None":
+    if recipe.fit is None:
+        return None
+    from gateway.metrology.screw import screw_of
+
+    try:
+        return screw_of(readings, survey.units, recipe.periods)
+    except ReadingsError as error:
+        if recipe.fit in (Fit.SMOOTH, Fit.HARMONICS):
+            raise ReadingsError(f"{survey.source}: {error}" if survey.source else str(error)) from None
+        notes.append(f"{error}: nothing is said about what this table leaves between its points")
+        return None
+
+
+def _choose(screw: "Screw", table: CorrectionTable, recipe: Recipe) -> "Evidence":
+    """Choose the curve.
+
+    Raises:
+        ReadingsError: harmonics without a period that the targets show.
+    """
+    from gateway.metrology.fitting import Points, choose, warnings_of
+
+    if recipe.fit is Fit.HARMONICS and Shape.HARMONICS not in screw.shapes:
+        why = "; ".join(warnings_of(screw)) if screw.aliased else "tell the lead of the screw: --lead"
+        raise ReadingsError(f"harmonics: nothing to fit: {why}")
+    wish = Fit.LINES if recipe.smooth is not None else recipe.fit or Fit.LINES
+    points = Points(recipe.step, recipe.tolerance, recipe.travel, recipe.one_way, recipe.accepts)
+    return choose(screw, table, wish, points, recipe.home)
 
 
 def _check(recipe: Recipe) -> None:

@@ -1,24 +1,35 @@
 """A better table, from readings taken while the old one was in use: new = old + (nominal - measured)."""
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from statistics import pstdev
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
 from gateway.metrology.build import HomeReference, build_table, referenced
 from gateway.metrology.circumstances import was_corrected
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.lead import Period
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import APPROACHES, Survey
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.shapes import Fit
 from gateway.metrology.smooth import Change
+
+if TYPE_CHECKING:
+    from gateway.metrology.screw import Screw
 
 MOSTLY_GONE: Final = 1 / 3
 """Of the scatter of all deviations: a table that would leave less than this was hardly in use."""
+CLEARLY: Final = 1.25
+"""So many times as much must be left before a table gets other points than the old one."""
+DONE: Final = 0.8
+"""Share of what the old table left: a new one that leaves more has nothing to gain from such readings."""
 SAME_PLACE: Final = 1e-9
 """Of the longest position: what two places in different units may differ by and be one."""
 
@@ -39,6 +50,15 @@ class Refined:
     table: CorrectionTable
     change: Change
     notes: tuple[str, ...]
+    left_out_before: float | None = None
+    """E that the old table leaves between the targets, in the units of the readings; None: not known."""
+    left_out: float | None = None
+    """The same of the new one."""
+
+    @property
+    def units(self) -> Units:
+        """Units of all of it."""
+        return self.table.units
 
 
 def refine_table(
@@ -48,11 +68,16 @@ def refine_table(
     home: HomeReference | None = None,
     points: Points = Points.TABLE,
     one_way: bool = False,
+    fit: Fit | None = None,
+    periods: tuple[Period, ...] = (),
+    accepts: Callable[[CorrectionTable], bool] | None = None,
 ) -> Refined:
     """Add what is left of the error to the table that left it (TB058: "Always add the error").
 
     The rest is the mean of ``nominal - measured`` at each target and in each direction, straight between
-    targets and held beyond them; turn-around points are estimated as in a first table. With ``home`` the
+    targets and held beyond them, or along the curve that ``fit`` chooses; turn-around points are estimated
+    as in a first table. Where harmonics leave clearly less than the points of the old table can follow, the
+    new one has points for them. With ``home`` the
     correction there stays what it was, whatever the readings say about it: the old table's reference.
     It may be done again and again, each time with readings under the newest table.
 
@@ -62,6 +87,9 @@ def refine_table(
         home: where the correction must not change, in the units of the readings.
         points: the points of the new table.
         one_way: one curve for both directions, as the old table has.
+        fit: what the rest follows; None: lines, and nothing is said about what lies between the targets.
+        periods: what the rest may repeat with.
+        accepts: whether the format of the new table can hold one; None: every one.
 
     Raises:
         ReadingsError: readings that make no table.
@@ -70,13 +98,23 @@ def refine_table(
     """
     old = table.in_units(survey.units)
     rest = build_table(survey.readings, survey.units, one_way=one_way)
+    said: list[str] = []
+    screw = None
+    if fit is not None:
+        rest, screw, said = _followed(survey, rest, fit, periods, one_way=one_way)
     positions = list(old.positions)
     if points is Points.UNION:
         positions = _union(positions, rest.positions)
-    forward, backward = (
-        [correction_at(old, x, way) + correction_at(rest, x, way) for x in positions] for way in APPROACHES
-    )
-    new = make_table(positions, forward, backward, survey.units)
+    new = _sum(old, rest, positions)
+    if screw is not None and points is Points.TABLE:
+        wider = _sum(old, rest, _union(positions, rest.positions))
+        is_held = accepts is None or accepts(wider)
+        if is_held and screw.leaves(_less(wider, old)) * CLEARLY < screw.leaves(_less(new, old)):
+            said.append(
+                f"{len(wider.positions)} points instead of {len(positions)}: those of the old table lie too "
+                "far apart for what repeats"
+            )
+            new, positions = wider, list(wider.positions)
     if home is not None:
         was = correction_at(old, home.position, home.direction)
         new = referenced(new, home)
@@ -91,9 +129,53 @@ def refine_table(
             "these readings look as if they were taken WITHOUT the table: it would take away most of what "
             "they show. Then the new table corrects twice: make it with table build instead"
         )
+    notes.extend(said)
+    before = after = None
+    if screw is not None:
+        before, after = screw.leaves(_less(old, old)), screw.leaves(_less(new, old))
+        if after > DONE * before:
+            notes.append(
+                "another round of readings at such targets brings nothing: what is left is the scatter of "
+                "the readings, or shorter than the distance of the targets: tell the lead (--lead), or "
+                "measure more finely"
+            )
     if home is None:
         notes.append("no home reference: what was read at home went into the table like any other reading")
-    return Refined(new, _change(old, new), tuple(notes))
+    return Refined(new, _change(old, new), tuple(notes), before, after)
+
+
+def _followed(
+    survey: Survey, rest: CorrectionTable, fit: Fit, periods: tuple[Period, ...], *, one_way: bool
+) -> "tuple[CorrectionTable, Screw | None, list[str]]":
+    """Return the rest along the curve that leaves least, what the readings say, and why."""
+    from gateway.metrology.fitting import Points as Chosen
+    from gateway.metrology.fitting import choose, described
+    from gateway.metrology.screw import screw_of
+
+    try:
+        screw = screw_of(survey.readings, survey.units, periods)
+    except ReadingsError as error:
+        if fit in (Fit.SMOOTH, Fit.HARMONICS):
+            raise
+        return rest, None, [f"{error}: nothing is said about what this table leaves between its points"]
+    evidence = choose(screw, rest, fit, Chosen(one_way=one_way), None)
+    return evidence.chosen.table, screw, [*evidence.warnings, *described(evidence, survey.units, "change")]
+
+
+def _sum(old: CorrectionTable, rest: CorrectionTable, positions: list[float]) -> CorrectionTable:
+    forward, backward = (
+        [correction_at(old, x, way) + correction_at(rest, x, way) for x in positions] for way in APPROACHES
+    )
+    return make_table(positions, forward, backward, old.units)
+
+
+def _less(new: CorrectionTable, old: CorrectionTable) -> CorrectionTable:
+    """Return what the new table adds to the old one."""
+    positions = _union(list(new.positions), old.positions)
+    forward, backward = (
+        [correction_at(new, x, way) - correction_at(old, x, way) for x in positions] for way in APPROACHES
+    )
+    return make_table(positions, forward, backward, new.units)
 
 
 def _looks_uncorrected(old: CorrectionTable, survey: Survey) -> bool:

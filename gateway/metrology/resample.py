@@ -39,6 +39,17 @@ def on_grid(
         ReadingsError: a step that is not positive, so large that less than two multiples fit, or so small
             that a hundred thousand do.
     """
+    return _at(table, grid_positions(table, step, span))
+
+
+def grid_positions(
+    table: CorrectionTable, step: float, span: tuple[float, float] | None = None
+) -> list[float]:
+    """Return the multiples of a step inside ``span``, or without one inside the table.
+
+    Raises:
+        ReadingsError: see :func:`on_grid`.
+    """
     if not step > 0.0:
         raise ReadingsError(f"a step of {step:g}: it must be a length above 0")
     first, last = span or (table.first, table.last)
@@ -49,8 +60,12 @@ def on_grid(
             f"a step of {step:g} {table.units.value}: {max(high - low + 1, 0)} multiples of it lie in "
             f"{first:.9g} to {last:.9g}; from 2 to {MAX_POINTS} must"
         )
-    positions = [round(index * step, DIGITS) + 0.0 for index in range(low, high + 1)]
-    return _at(table, positions)
+    return [round(index * step, DIGITS) + 0.0 for index in range(low, high + 1)]
+
+
+def at_positions(table: CorrectionTable, positions: Sequence[float]) -> CorrectionTable:
+    """Return the table at other points; beyond its own its end values are held."""
+    return _at(table, positions)[0]
 
 
 def fewest_points(

@@ -7,12 +7,11 @@ from typing import Final, NamedTuple
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.readings import Survey
+from gateway.metrology.standard_asks import missing_line
 from gateway.report.errors import ReportError
 from gateway.report.story import AxisStory
 from gateway.report.words import NONE, Scale, clean, cut, scale_of, shortest
 
-ISO_RUNS: Final = 5
-"""Runs in each direction that ISO 230-2 asks for."""
 SAME_STRETCH: Final = 0.8
 """Share of a measured length that must be measured again before two results may be compared."""
 LEAST_LEFT: Final = 0.005
@@ -134,11 +133,20 @@ def sentence(found: Findings) -> str:
         if not known or len(numbers) < len(known):
             continue
         if before is not None and after is not None:
-            return _change(found, words, numbers[0], numbers[1])
+            return _change(found, words, numbers[0], numbers[1]) + between(found)
         if before is not None:
             return f"{found.subject} is {words} {show(numbers[0])} as it was measured."
         return f"{found.subject} is {_is(found)}{words} {show(numbers[0])}, with the correction in force."
     return _about_table(found)
+
+
+def between(found: Findings) -> str:
+    """Say what a table will leave where nobody measured; empty where nothing tells it."""
+    left_out = found.story.left_out
+    if left_out is None or not found.story.is_predicted:
+        return ""
+    left = found.scale.rounded(left_out)
+    return f" Between the targets it is predicted to leave a systematic deviation E of {left}."
 
 
 def _is(found: Findings) -> str:
@@ -215,6 +223,6 @@ def about_readings(evaluation: Evaluation) -> str:
     words = f"{len(targets)} targets, {runs} run{'s' if most > 1 else ''} {where}"
     if one_sided and len(only) > 1:
         words += "; some targets were approached from one side only"
-    if fewest < ISO_RUNS:
-        words += f"; ISO 230-2 asks for {ISO_RUNS}"
+    if missing := missing_line(evaluation):
+        words += f"; {missing}"
     return words

@@ -56,7 +56,9 @@ The readings are the ones that were given; none is left out unless a note says s
 _PREDICTED: Final = (
     " Where a result is marked as predicted nobody measured it: it is computed from the readings before and "
     "the table. The means of readings that the table itself was made of vanish by that alone: what is left "
-    "is their scatter, and only a new measurement shows the rest."
+    "at the targets is their scatter. What is left <b>between the targets</b> is predicted by leaving "
+    "targets out: each is compared with what all others say of it, and the curves that the readings allow "
+    "are taken with the table; only a new measurement at other targets shows it."
 )
 _COLOURS: Final = re.compile("|".join(VARIABLES))
 

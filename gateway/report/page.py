@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from gateway import __version__
 from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.standard_asks import missing_of
 from gateway.report.drawing import saved, svg_of
 from gateway.report.figures import Panel, panels
 from gateway.report.figures.panel import legend_to_the_right
@@ -165,7 +166,9 @@ def _results(axes: "Axes", found: Findings, results: list[tuple[str, Evaluation]
     axes.set_ylim(len(results) + 1, 0)
     for line, colour in ((0.98, ZERO), (len(results) + 0.98, GRID)):
         axes.axhline(line, xmin=LEFT, xmax=RIGHT, color=colour, linewidth=0.8)
-    axes.text(LEFT, 0.5, f"ISO 230-2 / {found.scale.deviation}", color=QUIET, fontsize=7.5, va="center")
+    missing = any(missing_of(each) for _, each in results)
+    title = "as in ISO 230-2" if missing else "ISO 230-2"
+    axes.text(LEFT, 0.5, f"{title} / {found.scale.deviation}", color=QUIET, fontsize=7.5, va="center")
     left = RIGHT - _COLUMN * (_COLUMNS - 1)
     columns = [left + _COLUMN * index for index in range(_COLUMNS)]
     shown = shown_figures([each for _, each in results])

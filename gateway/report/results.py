@@ -4,6 +4,7 @@ from html import escape
 from typing import Final
 
 from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.standard_asks import missing_of
 from gateway.report.findings import FIGURES, Figure, Findings, about_readings
 from gateway.report.words import GAP, NONE, number, shortest
 
@@ -22,12 +23,19 @@ def results_table(found: Findings) -> str:
     if found.before is not None and found.after is not None:
         heads += '<th scope="col">left over</th>'
     rows = "".join(_row(found, figure, [each for _, each in columns]) for figure in FIGURES)
+    rows += _between_row(found, len(columns))
     return (
         '<div class="wide"><table class="results">\n'
-        f"<caption>Results after ISO 230-2, in {escape(found.scale.deviation)}</caption>\n"
+        f"<caption>Results {escape(_title(found))}, in {escape(found.scale.deviation)}</caption>\n"
         f'<thead><tr><th scope="col">quantity</th>{heads}</tr></thead>\n'
         f"<tbody>\n{rows}</tbody>\n</table></div>\n"
     )
+
+
+def _title(found: Findings) -> str:
+    """Return what the figures may be called: the standard's own name only where nothing is missing."""
+    missing = any(missing_of(each) for each in (found.before, found.after) if each is not None)
+    return "by the formulas of ISO 230-2" if missing else "after ISO 230-2"
 
 
 def _columns(found: Findings) -> list[tuple[str, Evaluation]]:
@@ -49,6 +57,18 @@ def _row(found: Findings, figure: Figure, evaluations: list[Evaluation]) -> str:
         name = f"<b>{figure.symbol}</b> {figure.name}"
         return f'<tr class="total"><th scope="row">{name}</th>{cells}</tr>\n'
     return f'<tr class="part"><th scope="row">{figure.symbol} {figure.direction}</th>{cells}</tr>\n'
+
+
+def _between_row(found: Findings, columns: int) -> str:
+    """Return the line of what a table will leave between the targets."""
+    left_out = found.story.left_out
+    if left_out is None or not found.story.is_predicted or columns < 2:
+        return ""
+    value = number(found.scale.of(left_out), ISO_PLACES)
+    return (
+        '<tr class="total"><th scope="row"><b>E</b> between the targets, predicted by leaving out</th>'
+        f"<td>{NONE}</td><td>{value}</td><td>{NONE}</td></tr>\n"
+    )
 
 
 def _share(before: float | None, after: float | None) -> str:

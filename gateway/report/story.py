@@ -23,6 +23,8 @@ class AxisStory:
     after: Survey | None = None
     is_predicted: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)
+    left_out: float | None = None
+    """E that ``after``, where it is predicted, is predicted to have between the targets; None: not known."""
     notes: tuple[str, ...] = ()
     """What a reader has to know: outliers that were named, points that were estimated, losses."""
 

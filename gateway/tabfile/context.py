@@ -7,7 +7,7 @@ from enum import Enum
 from math import inf
 from typing import Final
 
-from gateway.compensation.settings import DEFAULT_MAX_CORRECTION_MM, DEFAULT_MAX_SLOPE
+from gateway.compensation.settings import DEFAULT_MAX_SLOPE, default_max_correction
 from gateway.compensation.units import Units
 from gateway.tabfile.errors import ContextError
 
@@ -131,11 +131,18 @@ class FileContext:
             else length * self.units.convert_factor(self.option_units(self.units))
         )
 
-    def correction_limit(self, units: Units) -> float:
-        """Largest |correction| that is allowed, in ``units`` (those of this context)."""
+    def correction_limit(self, units: Units, span: float) -> float:
+        """Largest |correction| that is allowed, in ``units`` (those of this context).
+
+        ``span`` is the length of the table; the travel, where it is told, counts instead.
+        """
         if self.max_correction is not None:
             return self.max_correction
-        return units.from_mm(DEFAULT_MAX_CORRECTION_MM)
+        return default_max_correction(units, self.length(span))
+
+    def length(self, span: float) -> float:
+        """Length of the axis, as far as it is known."""
+        return span if self.travel is None else self.travel[1] - self.travel[0]
 
 
 def _check(name: str, number: float | None, is_good: Callable[[float], bool], what: str) -> None:

@@ -24,6 +24,7 @@ from gateway.tabfile import (
     mitsubishi,
     renishaw_ren,
     siemens,
+    siemens_cec,
 )
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.curves import steepest
@@ -220,6 +221,12 @@ DIALECTS: Final = (
         suffix=siemens.SUFFIX,
         directions=1,
         writes=frozenset({"file_axis"}),
+    ),
+    _of(siemens_cec)(
+        uses=frozenset({"file_start", "file_axis", "error_sense"}),
+        units=UnitsOf.TOLD,
+        suffix=siemens_cec.SUFFIX,
+        writes=frozenset({"file_axis", "sense"}),
     ),
 )
 

@@ -7,10 +7,10 @@ the transfer files of a machine in use. One line for each point, nothing else::
     P002   X    0.00000   EX-   0.00100   EX   0.00050     ... and in the negative one (newer software)
     P001 X-20 EX 0.001                                 the same line as printed in the manual
 
-``Pnnn`` counts from P001 without holes, up to 1000 points. A minus sign is glued to its letter, blanks lie
-between it and the number; the manual glues it to the number. Positions are coordinates from machine zero and
-begin with the most negative one. The third field is there in all lines or in none. Two different letters are
-a table of cross compensation, refused here.
+``Pnnn`` counts from P001 without holes, up to 1000 points; newer controls write four digits, P0001. A minus
+sign is glued to its letter, blanks lie between it and the number; the manual glues it to the number.
+Positions are coordinates from machine zero and begin with the most negative one. The third field is there
+in all lines or in none. Two different letters are a table of cross compensation, refused here.
 
 Units are those of the machine's parameters; the file has none, so ``file_units`` is required. The manual
 speaks of the "amount of error" and never says which sign it has, so ``fagor_sense`` is required. If all
@@ -112,11 +112,12 @@ def read(source: SourceText, context: FileContext) -> Decoded:
 def _parse(source: SourceText) -> list[_Row]:
     rows: list[_Row] = []
     problems: list[Problem] = []
-    number = 0
+    number = digits = 0
     for line in source.lines:
         # A heading takes no number from the points below it.
         number += number > 0 or _RECOGNISED.match(line.text) is not None
-        row = _parse_row(line, number)
+        digits = digits or _digits(line)
+        row = _parse_row(line, number, digits)
         if isinstance(row, _Row):
             rows.append(row)
         else:
@@ -144,14 +145,20 @@ def _parse(source: SourceText) -> list[_Row]:
     return rows
 
 
-def _parse_row(line: Line, number: int) -> _Row | tuple[str, str]:
+def _digits(line: Line) -> int:
+    """Return how many digits the first point number has, 0 where there is none."""
+    match = _ROW.fullmatch(line.text)
+    return 0 if match is None else len(match[1])
+
+
+def _parse_row(line: Line, number: int, digits: int) -> _Row | tuple[str, str]:
     """Return the row, or what was found and what is allowed."""
     match = _ROW.fullmatch(line.text)
     if match is None:
         return (shown(line.text) if line.text else "a blank line"), _GRAMMAR
     point, axis, sign, position, one_axis, one_sign, one, other_axis, other_sign, other = match.groups()
-    if point != f"{number:03d}":
-        return f"point P{point}", f"P{number:03d}: points are numbered through from P001"
+    if point != f"{number:0{digits}d}":
+        return f"point P{point}", f"P{number:0{digits}d}: points are numbered through from P{1:0{digits}d}"
     numbers = [
         None if text is None else _signed(mark, text)
         for mark, text in ((sign, position), (one_sign, one), (other_sign, other))

@@ -2,19 +2,21 @@
 
 L1 slope, L2 columns swapped, L3 second list reversed, L4 unit slip, L5 home, L6 outlier, L7 below resolution,
 L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size, L13 hole in
-an even grid, L14 points beyond the travel. Readers add R1 separator missing, R2 start inferred, R3 option
-without meaning, R4 another compensation beside it, R7 points that LinuxCNC would not reach, R8 lost
-motion beside it, R9 the sign of Mint's offset, R10 values without a number of them, R11
+an even grid, L14 points beyond the travel, L15 lost motion of one point. Readers add R1 separator missing, R2
+start inferred, R3 option without meaning, R4 another compensation beside it, R7 points that LinuxCNC would
+not reach, R8 lost motion beside it, R9 the sign of Mint's offset, R10 values without a number of them, R11
 compensation left off.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 from statistics import fmean, median
 from typing import Final
 
+from gateway.compensation.settings import default_max_correction
 from gateway.compensation.table import CorrectionTable
 from gateway.tabfile.curves import BRANCHES, corrections, line_of, second_differences, steepest
 from gateway.tabfile.decoded import Decoded, SourceRow
@@ -27,6 +29,17 @@ SLIP_VALUE: Final = 0.001
 SLIP_MEDIAN: Final = 0.1
 """A value below the first among values around the second was probably written in another unit."""
 OUTLIER_FACTOR: Final = 8.0
+SHORT: Final = 12
+"""Tables of so many points are judged by leaving points out: one slip bends half of a short one."""
+SHORT_FACTOR: Final = 4.0
+"""Of the sharpest bend that is left without a point: it stands out beyond that."""
+REGULAR: Final = 0.25
+"""Of the widest distance of two points: the least one, where points lie about evenly."""
+LEAST_LEFT: Final = 4
+"""Fewer points bend too seldom to say what is usual."""
+REVERSAL_FACTOR: Final = 3.0
+"""Of how far the others' lost motion lies from its median."""
+REVERSAL_FLOOR_MM: Final = 0.003
 OUTLIER_FLOOR_MM: Final = 0.001
 """Bends below a micron are the rounding of the file, not outliers."""
 UNCOVERED: Final = 1e-5
@@ -56,6 +69,10 @@ class _Subject:
     def unit(self) -> str:
         return self.table.units.value
 
+    @property
+    def span(self) -> float:
+        return self.table.last - self.table.first
+
 
 def run_lints(name: str, table: CorrectionTable, source: Decoded) -> tuple[Lint, ...]:
     """Return what the reader remarked and what every check finds, in the order of the checks."""
@@ -80,7 +97,7 @@ def _slope(subject: _Subject) -> Iterator[Lint]:
 
 
 def _size(subject: _Subject) -> Iterator[Lint]:
-    limit = subject.source.context.correction_limit(subject.table.units)
+    limit = subject.source.context.correction_limit(subject.table.units, subject.span)
     branch, row = max(
         ((branch, row) for branch in BRANCHES for row in subject.rows),
         key=lambda pair: abs(pair[1].forward if pair[0] == "forward" else pair[1].backward),
@@ -95,8 +112,12 @@ def _size(subject: _Subject) -> Iterator[Lint]:
 
 
 def _swapped(subject: _Subject) -> Iterator[Lint]:
-    mean = fmean(row.forward - row.backward for row in subject.rows)
-    if mean < -NOISE * subject.table.max_correction():
+    differences = [row.forward - row.backward for row in subject.rows]
+    mean, noise = fmean(differences), NOISE * subject.table.max_correction()
+    negative = sum(difference < -noise for difference in differences)
+    positive = sum(difference > noise for difference in differences)
+    # By count: one slip makes the mean negative, and exchanging the columns would ruin all other points.
+    if mean < -noise and negative > positive:
         yield _warning(
             "L2",
             f"forward - backward is {mean:.6g} {subject.unit} on average: lost motion makes it positive, so "
@@ -141,6 +162,9 @@ def _unit_slip(subject: _Subject) -> Iterator[Lint]:
                     line,
                 )
     smallest, largest = subject.source.plausible
+    # What is much on a short axis is usual on a long one.
+    units, length = subject.table.units, subject.source.context.length(subject.span)
+    largest *= default_max_correction(units, length) / default_max_correction(units, 0.0)
     worst, line = max(values, key=lambda pair: abs(pair[0]))
     if worst and not smallest <= abs(worst) <= largest:
         bound = f"at least {smallest:g}" if abs(worst) < smallest else f"at most {largest:g}"
@@ -179,20 +203,123 @@ def _home(subject: _Subject) -> Iterator[Lint]:
 
 def _outliers(subject: _Subject) -> Iterator[Lint]:
     branches = BRANCHES[:1] if subject.table.is_unidirectional else BRANCHES
+    named = set()
     for branch in branches:
-        bends = second_differences(subject.rows, branch)
-        if not bends:
-            continue
-        limit = max(OUTLIER_FACTOR * median(bends), subject.table.units.from_mm(OUTLIER_FLOOR_MM))
-        worst = max(range(len(bends)), key=bends.__getitem__)
-        if bends[worst] > limit:
-            row = subject.rows[worst + 1]
-            count = sum(bend > limit for bend in bends)
-            yield _warning(
+        if len(subject.rows) <= SHORT and _is_regular(subject.rows):
+            found = _short_outliers(subject, branch)
+        else:
+            found = _long_outlier(subject, branch)
+        for row, lint in found:
+            named.add(row.position)
+            yield lint
+    if not subject.table.is_unidirectional:
+        yield from _odd_reversal(subject, named)
+
+
+def _is_regular(rows: Sequence[SourceRow]) -> bool:
+    """Whether points lie about as far apart everywhere: only then do bends compare."""
+    gaps = [after.position - before.position for before, after in pairwise(rows)]
+    return min(gaps) > REGULAR * max(gaps)
+
+
+def _long_outlier(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow, Lint]]:
+    bends = second_differences(subject.rows, branch)
+    if not bends:
+        return
+    limit = max(OUTLIER_FACTOR * median(bends), subject.table.units.from_mm(OUTLIER_FLOOR_MM))
+    worst = max(range(len(bends)), key=bends.__getitem__)
+    if bends[worst] > limit:
+        row = subject.rows[worst + 1]
+        count = sum(bend > limit for bend in bends)
+        yield (
+            row,
+            _warning(
                 "L6",
                 f"{branch} correction at {row.position:g} {subject.unit} stands out (bend "
                 f"{bends[worst]:.4g}, limit {limit:.4g}; {count} point(s) above it): measure there again",
                 line_of(row, branch),
+            ),
+        )
+
+
+def _short_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow, Lint]]:
+    """Name the point, or else the two points, without which the others lie on a smooth curve."""
+    count = len(subject.rows)
+    for many in (1, 2):
+        if count - many < LEAST_LEFT + many - 1:
+            return
+        found = [
+            (min(ratios), left_out)
+            for left_out in combinations(range(count), many)
+            if (ratios := _ratios(subject, branch, left_out)) and min(ratios) > many
+        ]
+        if found:
+            for index in max(found)[1]:
+                row = subject.rows[index]
+                value = corrections([row], branch)[0]
+                yield (
+                    row,
+                    _warning(
+                        "L6",
+                        f"{branch} correction {value:.6g} at {row.position:g} {subject.unit} stands out: the "
+                        f"others lead to {_between(subject, branch, max(found)[1], index):.4g} there. A "
+                        "digit or a decimal point slipped? Look at the sheet, or measure there again",
+                        line_of(row, branch),
+                    ),
+                )
+            return
+
+
+def _ratios(subject: _Subject, branch: str, left_out: tuple[int, ...]) -> list[float]:
+    """Return how far points lie from the line of the others, in what is the most for a point of these."""
+    others = [row for index, row in enumerate(subject.rows) if index not in left_out]
+    usual = max(second_differences(others, branch))
+    limit = max(SHORT_FACTOR * usual, subject.table.units.from_mm(OUTLIER_FLOOR_MM))
+    ends = (0, len(subject.rows) - 1)
+    # Beyond its neighbours a point misses their line by the whole bend, between them by half of it.
+    return [
+        (1 if index in ends else 2)
+        * abs(corrections([subject.rows[index]], branch)[0] - _between(subject, branch, left_out, index))
+        / limit
+        for index in left_out
+    ]
+
+
+def _between(subject: _Subject, branch: str, left_out: tuple[int, ...], index: int) -> float:
+    """Return what the line through the nearest other points has at a point; beyond them it goes on."""
+    others = [row for at, row in enumerate(subject.rows) if at not in left_out]
+    place = subject.rows[index].position
+    above = sum(row.position < place for row in others)
+    low, high = others[min(max(above, 1), len(others) - 1) - 1 :][:2]
+    start, end = corrections([low, high], branch)
+    return start + (end - start) * (place - low.position) / (high.position - low.position)
+
+
+def _odd_reversal(subject: _Subject, named: AbstractSet[float]) -> Iterator[Lint]:
+    """Name the point whose lost motion is not like that of the others."""
+    differences = [row.forward - row.backward for row in subject.rows]
+    floor = subject.table.units.from_mm(REVERSAL_FLOOR_MM)
+    found = []
+    is_long = len(differences) > SHORT
+    middle = median(differences)
+    limit = max(OUTLIER_FACTOR * median(abs(each - middle) for each in differences), floor)
+    for index, difference in enumerate(differences):
+        if not is_long:
+            others = differences[:index] + differences[index + 1 :]
+            middle = median(others)
+            limit = max(REVERSAL_FACTOR * max(abs(other - middle) for other in others), floor)
+        if len(differences) > LEAST_LEFT and abs(difference - middle) > limit:
+            found.append((abs(difference - middle), index, middle))
+    if found:
+        _, index, middle = max(found)
+        row = subject.rows[index]
+        if row.position not in named:
+            yield _warning(
+                "L15",
+                f"forward - backward at {row.position:g} {subject.unit} is {differences[index]:.6g}, at the "
+                f"others {middle:.6g}: one of both corrections there is a slip? Look at the sheet, or "
+                "measure there again",
+                row.forward_line,
             )
 
 

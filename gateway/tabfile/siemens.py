@@ -10,7 +10,10 @@ the measuring system, ``;`` begins a comment, blanks stand anywhere, words are i
     $AA_ENC_COMP_MIN[e,axis] = position of N = 0
     $AA_ENC_COMP_MAX[e,axis] = position of N = k
     $AA_ENC_COMP_IS_MODULO[e,axis] = 0 | 1
-    M17                                             or M02, M30; once, last
+    M17                                             or M02, M30; once, last. A file that is run as a program
+                                                    has M0 or M30 before its M17
+
+Numbers may be hexadecimal, as the control saves them: 'H0', 'H1F'.
 
 MIN + k x STEP must be MAX. The control would fill a gap, and a parameter that is not in the file, with what
 it was loaded with before; here both are errors, and so is a file without its end.
@@ -19,7 +22,7 @@ A value is the error of the measuring system: the control adds it to the actual 
 the other way ("a positive compensation value moves the axis in the negative direction"). It is subtracted,
 in both directions; a table knows nothing of the direction. Outside, the end values stay; with IS_MODULO the
 table begins again, so the ends must be equal. The file states no units. Sag compensation (CEC) tables are
-another thing and refused by name.
+another thing (:mod:`gateway.tabfile.siemens_cec`) and refused beside these.
 """
 
 import re
@@ -48,11 +51,14 @@ GRID_TOLERANCE: Final = 1e-6
 """MAX may miss MIN + k x STEP by this fraction of a step."""
 _SHOWN: Final = 10
 _PLAUSIBLE: Final = {Units.INCH: 0.1, Units.MM: 0.5, Units.DEGREE: 0.5}
-_SIGN: Final = re.compile(r"(?i)_EEC_INI|\$A[A-Z]_(ENC_COMP|CEC_TABLE)|\$A[A-Z]_CEC")
+_SIGN: Final = re.compile(r"(?i)_EEC_INI|\$AA_ENC_COMP")
 _CEC: Final = re.compile(r"(?i)\$AN_CEC|_CEC_INI")
 _HEADER: Final = re.compile(r"(?i)%_N_[A-Z0-9_]*EEC_INI")
 _DATA: Final = re.compile(r"(?i)CHANDATA\s*\(\s*[0-9]{1,2}\s*\)")
 _END: Final = re.compile(r"(?i)M(17|0?2|30)")
+_STOP: Final = re.compile(r"(?i)M(0|00|30)")
+"""What stands before M17 in a file that is run as a program: it stops there."""
+_HEX: Final = re.compile(r"(?i)'H([0-9A-F]{1,8})'")
 _ASSIGNMENT: Final = re.compile(
     r"(?i)\$AA_ENC_COMP(?P<key>_STEP|_MIN|_MAX|_IS_MODULO)?\s*\[\s*(?P<encoder>[0-9])\s*,"
     r"\s*(?:(?P<index>[0-9]{1,6})\s*,\s*)?(?P<axis>[A-Z][A-Z0-9_]*)\s*\]\s*=\s*(?P<value>\S+)"
@@ -84,7 +90,7 @@ _Tables = dict[tuple[str, str], _Table]
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether it names compensation of an encoder, or sag compensation, which :func:`read` refuses."""
+    """Whether it names compensation of an encoder; beside it sag compensation is refused by :func:`read`."""
     return any(_SIGN.search(line.text) for line in source.lines)
 
 
@@ -100,8 +106,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         if _CEC.search(line.text):
             raise source.error(
                 f"a sag compensation (CEC) table: {shown(line.text)}",
-                "encoder error compensation, $AA_ENC_COMP: a CEC table may hold for one direction or another "
-                "axis, and is not read",
+                "encoder error compensation, $AA_ENC_COMP, or the CEC tables in a file of their own",
                 line=line.number,
             )
     units = told_units(source, context, "a Siemens compensation file")
@@ -137,9 +142,17 @@ def _parse(source: SourceText) -> _Tables:
     problems: list[Problem] = []
     lines = [(line, text) for line in source.lines if (text := line.text.split(";")[0].strip())]
     end = next((index for index, (_, text) in enumerate(lines) if _END.fullmatch(text)), None)
+    if (
+        end is not None
+        and end == len(lines) - 2
+        and _STOP.fullmatch(lines[end][1])
+        and _END.fullmatch(lines[-1][1])
+    ):
+        end += 1
     for index, (line, text) in enumerate(lines):
         is_head = (index == 0 and _HEADER.fullmatch(text)) or (not tables and _DATA.fullmatch(text))
-        if is_head or index == end:
+        is_stop = end is not None and index == end - 1 and _STOP.fullmatch(text)
+        if is_head or is_stop or index == end:
             continue
         found = "a line after the end" if end is not None and index > end else _add(tables, line, text)
         if found is not None:
@@ -160,7 +173,8 @@ def _add(tables: _Tables, line: Line, text: str) -> str | None:
     match = _ASSIGNMENT.fullmatch(text)
     if match is None:
         return "something else"
-    value = to_decimal(_EXPONENT.sub("E", match["value"]))
+    hexadecimal = _HEX.fullmatch(match["value"])
+    value = float(int(hexadecimal[1], 16)) if hexadecimal else to_decimal(_EXPONENT.sub("E", match["value"]))
     if value is None:
         return f"{shown(match['value'])}, which is not {DECIMAL_ALLOWED},"
     table = tables.setdefault((match["encoder"], match["axis"].upper()), _Table())

@@ -94,10 +94,11 @@ def test_a_prediction_needs_readings_without_a_table(tmp_path: Path, table: Path
 def test_before_and_after_exchanged_or_one_file_twice_are_named(tmp_path: Path) -> None:
     before = write(tmp_path / "before.csv", ROWS, "compensation: off")
     after = write(tmp_path / "after.csv", REST, "compensation: on")
-    assert good("evaluate", before, "--after", after)["notes"] == []
+    (scale,) = good("evaluate", before, "--after", after)["notes"]
+    assert scale == "linear part +150 µm/m: counts_per_unit times 0.99985002 would remove it"  # 1 / 1.00015
     [note] = good("evaluate", after, "--after", before)["notes"]
     assert "exchange them" in note
-    [note] = good("evaluate", before, "--after", before)["notes"]
+    note, _ = good("evaluate", before, "--after", before)["notes"]
     assert "the same readings" in note
 
 

@@ -54,7 +54,10 @@ def test_build_writes_the_table_of_tb058_and_says_what_it_estimated(manual: Path
     ]
     assert data["read_with"] == {"file_start": -2.5}
     assert any("estimated from its neighbour's reversal" in note for note in data["notes"])
-    assert data["predicted"]["both"]["E"] == pytest.approx(0.0, abs=1e-12)
+    # One approach is missing at 0: what is left is said of each direction, not of both.
+    assert data["predicted"]["both"]["E"] is None
+    assert data["predicted"]["forward"]["E"] == pytest.approx(0.0, abs=1e-12)
+    assert "1 of 6 targets approached from one side only" in data["predicted"]["missing"]
 
 
 def test_build_for_a_person_names_the_notes_on_stderr(manual: Path, tmp_path: Path) -> None:
@@ -238,10 +241,28 @@ def test_a_table_that_cannot_be_used_names_no_line_of_a_file_that_is_not_there(t
     ]
     wide = tmp_path / "um.csv"
     wide.write_text("\n".join(["target_mm,direction,run,deviation_mm", *rows, ""]))
-    result = run("build", wide, tmp_path / "x.csv", "--to", "csv")
+    result = run("build", wide, tmp_path / "x.csv", "--to", "csv", "--keep-scale")
     assert result.exit_code == 1
     first, *others = result.stderr.splitlines()
     assert first == "note: the deviations differ by 50 mm in all: are the numbers in the unit that is said?"
     assert all(line.startswith("error: the new table: L") for line in others)
     assert [line for line in others if "max_correction" in line]
     assert not (tmp_path / "x.csv").exists()
+
+
+def test_evaluate_judges_a_limit_and_shows_vdi_3441(oracle: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    told = ("--vdi-3441", "--limit", 30, "--u-instrument", 1, "--report", page)
+    data = good("evaluate", oracle, *told)
+    assert data["conformity"]["a_um"] == pytest.approx(18.57, abs=0.01)
+    # 1 µm of the instrument, and 2 s / sqrt(5) with 4 s = 7.50 µm, the largest of the published R.
+    assert data["conformity"]["u_um"] == pytest.approx((1 + (3.75 / 5**0.5) ** 2) ** 0.5, abs=0.01)
+    assert data["conformity"]["verdict"] == "kept"
+    assert data["vdi_3441"]["pa_um"] == pytest.approx(14.95, abs=0.01)  # M of the report
+    assert data["vdi_3441"]["u_um"] == pytest.approx(4.56, abs=0.01)  # B of the report
+    said = run("evaluate", oracle, *told, "--force").stdout
+    for line in ("VDI/DGQ 3441: P ", "the limit of 30 µm is kept"):
+        assert line in said
+        assert line in page.read_text()
+    assert "--limit 0: it must be above 0" in refused("evaluate", oracle, "--limit", 0)
+    assert "instrument -0.001" in refused("evaluate", oracle, "--limit", 9, "--u-instrument", -1)

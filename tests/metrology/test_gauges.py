@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.metrology.gauges import GaugeError, GaugeKind, GaugeLines, reading_of
+from gateway.metrology.gauges import GaugeError, GaugeKind, GaugeLines, pattern_of, reading_of
 
 MITUTOYO, SYLVAC = GaugeKind.MITUTOYO, GaugeKind.SYLVAC
 
@@ -53,7 +53,36 @@ def test_what_is_no_reading_is_refused_and_shown(kind: GaugeKind, line: bytes, t
         reading_of(kind, line)
 
 
-@given(value=st.integers(-99_999_999, 99_999_999), kind=st.sampled_from(GaugeKind))
+DRO = pattern_of(r"[XY]\s*(?P<value>[+-]?\s*\d+[.,]\d+)\s*mm")
+
+
+@pytest.mark.parametrize(
+    ("line", "value"), [(b"X  +12.345 mm", 12.345), (b"X - 0.020 mm", -0.02), (b"Y 1,5mm", 1.5)]
+)
+def test_a_pattern_of_ones_own_says_where_the_number_is(line: bytes, value: float) -> None:
+    assert reading_of(GaugeKind.PATTERN, line, DRO) == value
+
+
+@pytest.mark.parametrize("line", [b"X +12.345", b"12.345 mm", b"X 12 mm", b"", b"X 1.0 mmX 2.0 mm"])
+def test_a_line_that_does_not_match_as_a_whole_is_refused_and_shown(line: bytes) -> None:
+    with pytest.raises(GaugeError, match="is not what --gauge-pattern"):
+        reading_of(GaugeKind.PATTERN, line, DRO)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "words"), [("X(", "no regular expression"), (r"X(\d+)", "a group that is called value")]
+)
+def test_a_pattern_that_names_no_number_is_refused(pattern: str, words: str) -> None:
+    with pytest.raises(GaugeError, match=words):
+        pattern_of(pattern)
+
+
+def test_a_value_that_is_no_number_is_refused() -> None:
+    with pytest.raises(GaugeError, match="the value 'on' of --gauge-pattern is no number"):
+        reading_of(GaugeKind.PATTERN, b"on", pattern_of("(?P<value>.*)"))
+
+
+@given(value=st.integers(-99_999_999, 99_999_999), kind=st.sampled_from([MITUTOYO, SYLVAC]))
 def test_every_number_comes_back(value: int, kind: GaugeKind) -> None:
     text = f"{value / 1000:+.3f}"
     line = text if kind is SYLVAC else f"01A{text[0]}{text[1:].zfill(9)}"

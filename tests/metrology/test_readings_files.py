@@ -7,6 +7,7 @@ from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.formats import ReadingsContext, Runs, parse_survey
 from gateway.metrology.readings import Survey, merged
+from gateway.metrology.understood import understood
 from gateway.tabfile import TabFileError
 from tests.metrology.samples import RTL, TB058_MANUAL, TB058_SIMULATED
 
@@ -290,9 +291,111 @@ def test_names_in_the_alphabets_of_old_programs_change_nothing(encoding: str) ->
     assert deviations_um(parse_survey(data, "x.rtl")) == deviations_um(read(RTL))
 
 
-def test_a_column_for_each_run_is_refused_with_the_form_that_is_read() -> None:
-    text = refused("Target (mm),1 up,1 down\n0,0.1,0.2\n50,0.1,0.3\n")
-    assert "a line for each stop (not a column for each run)" in text
+def test_a_column_for_each_run_is_read() -> None:
+    survey = read("Target (mm),1 up,1 down,2 up\n0,0.001,0.002,0.003\n50,0.004,0.005,\n")
+    assert deviations_um(survey) == [
+        *((0, UP, 1, 1.0), (50, UP, 1, 4.0)),
+        *((0, DOWN, 1, 2.0), (50, DOWN, 1, 5.0)),
+        (0, UP, 2, 3.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    "heading",
+    ["position_mm;forward_1_um;backward_1_um", "target_mm;+1 (um);-1 (um)", "Nominal mm\tup 1 µm\tdown 1 µm"],
+)
+def test_columns_of_micrometres_are_deviations(heading: str) -> None:
+    separator = ";" if ";" in heading else "\t"
+    lines = [separator.join(cells) for cells in (("0", "1", "2"), ("50", "4", "5"))]
+    assert deviations_um(read("\n".join([heading, *lines]))) == [
+        *((0, UP, 1, 1.0), (50, UP, 1, 4.0)),
+        *((0, DOWN, 1, 2.0), (50, DOWN, 1, 5.0)),
+    ]
+
+
+def test_columns_of_positions_are_told_from_deviations_by_their_size() -> None:
+    assert deviations_um(read("target_mm,up 1\n0,0.001\n50,50.002\n100,100.003\n")) == [
+        (0, UP, 1, 1.0),
+        (50, UP, 1, 2.0),
+        (100, UP, 1, 3.0),
+    ]
+    # 0.4 at 1: a deviation of 0.4, or a position 0.6 short.
+    assert "positions, or deviations?" in refused("target_mm,up 1\n0,0\n1,0.4\n2,1.1\n")
+
+
+def test_runs_without_a_way_are_told_theirs() -> None:
+    text = "target_mm,run 1,run 2,run 3\n0,0.001,0.002,0.003\n50,0.004,0.005,0.006\n"
+    assert "--runs alternate" in refused(text)
+    told = read(text, runs=Runs.ALTERNATE)
+    assert [(r.direction, r.run) for r in told.readings[::2]] == [(UP, 1), (DOWN, 1), (UP, 2)]
+    assert {r.direction for r in read(text, runs=Runs.BACKWARD).readings} == {DOWN}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("target_mm,up 1,up 1\n0,0,0\n50,0,0\n", "a second 'up 1' in the heading"),
+        ("target_mm,up 1\n0,x\n50,0\n", "laser.csv:2: up 1 'x'"),
+        ("target_mm,up 1\n0,0.001,3\n50,0\n", "laser.csv:2: 3 cells"),
+        ("target_mm,up 1\n50,0.001\n0,0.001\n100,0.001\n", "out of order"),
+    ],
+)
+def test_columns_that_are_damaged_are_refused_with_their_line(text: str, words: str) -> None:
+    assert words in refused(text)
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_are_read_where_commas_separate_nothing(separator: str) -> None:
+    text = ISO.replace(",", separator).replace(".", ",")
+    assert "0,001" in text
+    assert read(text).readings == read(ISO).readings
+
+
+def test_commas_beside_points_are_refused_with_both_lines() -> None:
+    text = ISO.replace(",", ";").replace("50.003", "50,003")
+    said = refused(text)
+    assert "laser.csv:5: '50,003' with a decimal comma, and '0.001' with a point in line 4" in said
+    assert "a decimal comma would explain" in refused(ISO.replace("50.003", "50,003"))
+
+
+BLOCKS = """target_mm,direction,run,measured_mm
+0.0012,up,1,0
+25.0031,up,1,25
+50.0044,up,1,50
+50.0104,down,1,50
+25.0095,down,1,25
+0.0071,down,1,0
+0.0019,up,2,0
+25.0040,up,2,25
+50.0046,up,2,50
+50.0101,down,2,50
+25.0090,down,2,25
+0.0077,down,2,0
+"""
+
+
+def test_readings_over_gauge_blocks_have_the_blocks_as_targets() -> None:
+    """The dial is brought to 0 at each block, and the DRO is written down."""
+    survey = read(BLOCKS)
+    assert sorted({each.target for each in survey.readings}) == [0, 25, 50]
+    # The DRO shows 25.0031 where the nut is at 25: it is 3.1 µm short of where it should be.
+    assert deviations_um(survey)[:3] == [(0, UP, 1, -1.2), (25, UP, 1, -3.1), (50, UP, 1, -4.4)]
+    (remark,) = [each for each in survey.remarks if "gauge blocks" in each]
+    assert "3 gauge blocks from 0 to 50" in remark
+    assert "begin at 0.0012 to 0.0077, which counts as scatter" in remark
+
+
+def test_one_target_in_two_spellings_is_still_refused_where_no_blocks_are() -> None:
+    damaged = BLOCKS.replace("25.0040,up,2,25\n", "25.0040,up,2,25.0007\n")
+    assert "laser.csv:8: target 0.0019, which is 0.0012 in line 2" in refused(damaged)
+
+
+def test_what_was_understood_is_one_line() -> None:
+    said = understood(read(ISO))
+    assert said == (
+        "laser.csv: axis x, mm, 3 targets from 0 to 100, runs 1 forward and 1 backward; deviations -6 to +3 "
+        "µm, positive where the nut went too far"
+    )
 
 
 def test_readings_in_utf_16_are_refused_with_a_remedy() -> None:

@@ -104,12 +104,18 @@ def test_what_cannot_be_told_is_refused(changes: dict[str, object], words: str) 
 def test_fewer_runs_than_the_standard_asks_for_are_named() -> None:
     found = find(story())
     assert found.before is not None
-    words = "2 targets, 2 runs in each direction; ISO 230-2 asks for 5"
+    words = (
+        "2 targets, 2 runs in each direction; no test after ISO 230-2: 2 targets, of 5 on this length; "
+        "2 runs in each direction, of 5"
+    )
     assert about_readings(found.before) == words
     one_sided = tuple(each for each in survey().readings if each.direction is Direction.FORWARD)
     found = find(story(before=Survey(one_sided * 3, Units.MM)))
     assert found.before is not None
-    assert about_readings(found.before) == "2 targets, 6 runs forward only"
+    assert about_readings(found.before) == (
+        "2 targets, 6 runs forward only; no test after ISO 230-2: 2 targets, of 5 on this length; "
+        "one direction only, of both"
+    )
     gap = tuple(each for each in survey().readings if (each.target, each.run) != (0.0, 1))
     gap = tuple(each for each in gap if each.direction is Direction.FORWARD or each.target != 0.0)
     found = find(story(before=Survey(gap, Units.MM)))

@@ -147,6 +147,16 @@ def siemens(text: str) -> Meaning:
     return _both(Units.MM, [(low + index * step, -error) for index, error in enumerate(errors)])
 
 
+def siemens_cec(text: str) -> Meaning:
+    """Table 0 forward, table 1 backward, of axis X1; values are commanded - actual."""
+    text = "\n".join(re.sub(r"\s", "", line.split(";")[0]).upper() for line in _lines(text))
+    facts = dict(re.findall(r"^\$AN_CEC(\w*\[[^]]*\])=([^\n]*)$", text, re.MULTILINE))
+    low, step = (float(facts[f"_{name}[0]"]) for name in ("MIN", "STEP"))
+    size = sum(name.startswith("[0,") for name in facts)
+    values = [[float(facts[f"[{table},{index}]"]) for table in (0, 1)] for index in range(size)]
+    return _two(Units.MM, [(low + index * step, *pair) for index, pair in enumerate(values)])
+
+
 def heidenhain(text: str) -> Meaning:
     """NR, AXISPOS, forward, backward; errors are actual - commanded."""
     lines = [line for line in _lines(text) if line]

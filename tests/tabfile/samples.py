@@ -11,6 +11,35 @@ from tests.tabfile.mutants import Sample
 TABLES: Final = Path(__file__).parents[2] / "tables"
 AMC: Final = ErrorSense.ACTUAL_MINUS_COMMAND
 
+CMA: Final = ErrorSense.COMMAND_MINUS_ACTUAL
+SIEMENS_CEC: Final = b"""%_N_NC_CEC_INI
+CHANDATA(1)
+$AN_CEC[0,0]=0.0        ; forward
+$AN_CEC[0,1]=0.003
+$AN_CEC[0,2]=0.005
+$AN_CEC[0,3]=0.004
+$AN_CEC_INPUT_AXIS[0]=(X1)
+$AN_CEC_OUTPUT_AXIS[0]=(X1)
+$AN_CEC_STEP[0]=100
+$AN_CEC_MIN[0]=0
+$AN_CEC_MAX[0]=300
+$AN_CEC_DIRECTION[0]=1
+$AN_CEC_IS_MODULO[0]='H0'
+$AN_CEC[1,0]=-0.015     ; backward
+$AN_CEC[1,1]=-0.012
+$AN_CEC[1,2]=-0.007
+$AN_CEC[1,3]=-0.009
+$AN_CEC_INPUT_AXIS[1]=(X1)
+$AN_CEC_OUTPUT_AXIS[1]=(X1)
+$AN_CEC_STEP[1]=100
+$AN_CEC_MIN[1]=0
+$AN_CEC_MAX[1]=300
+$AN_CEC_DIRECTION[1]=-1
+$AN_CEC_IS_MODULO[1]='H0'
+M0
+M17
+"""
+SIEMENS_CEC_HEAD: Final = frozenset({7, 8, 9, 10, 11, 12, 13, 18, 19, 20, 21, 22, 23, 24})
 LINUXCNC_1: Final = b"""-10 0.001 -0.001
  -8 0.001 -0.001
  -6 0.002 -0.001
@@ -291,5 +320,16 @@ SAMPLES: Final = (
         counts_per_unit=100_000.0,
         # errors of 6 and 10 µm, the same in both directions
         moves=((-19_700_000, -19_700_600), (-19_900_000, -19_901_000), (-19_700_000, -19_700_600)),
+    ),
+    Sample(
+        "siemens-cec",
+        "_N_NC_CEC_INI.ini",
+        SIEMENS_CEC,
+        _told(0.0, 300.0, error_sense=CMA),
+        meanings.siemens_cec,
+        header=SIEMENS_CEC_HEAD,
+        table_options={"file_units": "mm", "error_sense": "command_minus_actual"},
+        # from above 7 µm are taken off at 200 and 12 at 100; on the way up 5 µm are added at 200
+        moves=((2_000_000, 1_999_930), (1_000_000, 999_880), (2_000_000, 2_000_050)),
     ),
 )

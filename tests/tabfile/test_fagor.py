@@ -277,3 +277,29 @@ def test_what_a_table_cannot_hold() -> None:
     far = make_table([0, 4000], [0, 0], [0, 0], Units.INCH)
     with pytest.raises(TabFileError, match="a number of 4000"):
         write(far, WriteOptions(axis="x", sense=ACTUAL))
+
+
+def test_four_digits_are_read_as_three_are() -> None:
+    four = TWO_WAY.replace("P00", "P000")
+    assert "P0003" in four
+    one, other = parse(four).table, parse(TWO_WAY).table
+    assert (list(one.positions), list(one.forward), list(one.backward)) == (
+        list(other.positions),
+        list(other.forward),
+        list(other.backward),
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ("P0001 X-20 EX 0.001\nP002 X0 EX -0.001\n", 2, "P0002: points are numbered through from P0001"),
+        ("P0001 X-20 EX 0.001\nP0003 X0 EX -0.001\n", 2, "P0002"),
+        ("P0002 X-20 EX 0.001\nP0003 X0 EX -0.001\n", 1, "P0001"),
+    ],
+)
+def test_four_digits_are_four_in_all_lines_without_holes(text: str, line: int, words: str) -> None:
+    with pytest.raises(TabFileError) as caught:
+        parse(text)
+    assert caught.value.problems[0].line == line
+    assert words in str(caught.value)

@@ -250,3 +250,33 @@ def test_what_cannot_be_written() -> None:
         siemens.write(even, WriteOptions())
     with pytest.raises(TabFileError, match="evenly spaced"):
         siemens.write(make_table([0, 5, 11], [0, 0, 0], [0, 0, 0], Units.MM), WriteOptions(axis="X"))
+
+
+@pytest.mark.parametrize("end", ["m0\nM17", "M0\nm17", "m30\nM17", "M30\nM17", "M00 ; stop\nM17"])
+def test_a_file_that_is_run_as_a_program_stops_before_its_end(end: str) -> None:
+    whole = program([0.001, 0.002, 0.003])
+    loaded = parse(f"{whole}\n{end}\n")
+    assert [-c for c in loaded.table.forward] == [0.001, 0.002, 0.003]
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        ("M17\nM30", "a line after the end in 'M30'"),
+        ("m0", "something else in 'm0'"),
+        ("M0\nM0\nM17", "something else in 'M0'"),
+        ("M30\n$AA_ENC_COMP[0,3,C1]=0\nM17", "a line after the end"),
+    ],
+)
+def test_stops_elsewhere_are_no_end(end: str, words: str) -> None:
+    assert words in str(refused(f"{program([0.001, 0.002, 0.003])}\n{end}\n"))
+
+
+def test_hexadecimal_numbers_are_read_as_the_control_saves_them() -> None:
+    whole = program([0.001, 0.002, 0.001]) + "\nM17\n"
+    assert "IS_MODULO[0,C1]=0" in whole
+    hexadecimal = whole.replace("IS_MODULO[0,C1]=0", "IS_MODULO[0,C1]='H0'")
+    assert list(parse(hexadecimal).table.forward) == list(parse(whole).table.forward)
+    turning = parse(whole.replace("IS_MODULO[0,C1]=0", "IS_MODULO[0,C1]='H1'"))
+    assert turning.source.modulo == 180.0
+    assert "'HG'" in str(refused(whole.replace("IS_MODULO[0,C1]=0", "IS_MODULO[0,C1]='HG'")))

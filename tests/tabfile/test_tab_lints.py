@@ -157,6 +157,58 @@ def test_l6_outlier() -> None:
     assert "L6" not in codes(tenths(smooth, smooth))
 
 
+HAND = [0.0, 0.0071, 0.0148, 0.0216, 0.0289, 0.0357, 0.0421]
+"""Seven points typed by hand, in mm; forward lies 12 µm above backward."""
+BACK = [c - 0.012 for c in HAND]
+
+
+@pytest.mark.parametrize("index", range(7))
+@pytest.mark.parametrize("column", ["forward", "backward"])
+def test_l6_a_decimal_point_that_slipped_in_a_short_table(index: int, column: str) -> None:
+    forward, backward = list(HAND), list(BACK)
+    (forward if column == "forward" else backward)[index] += 0.379  # 0.4210 for 0.0421
+    loaded = microns(forward, backward, max_slope=0.5)
+    found = [lint for lint in loaded.lints if lint.code == "L6"]
+    assert [lint.message.split()[0] for lint in found] == [column]
+    assert f"at {10 * index} mm stands out" in found[0].message
+    assert found[0].line == 6 + index
+    # Following the advice to exchange the columns would ruin the other six points.
+    assert "L2" not in codes(loaded)
+
+
+def test_l6_two_rows_with_digits_exchanged() -> None:
+    forward = list(HAND)
+    forward[2], forward[4] = 0.0481, 0.0829  # 0.0148 and 0.0289
+    found = [lint for lint in microns(forward, BACK).lints if lint.code == "L6"]
+    assert [lint.line for lint in found] == [8, 10]
+    assert "the others lead to 0.01435 there" in found[0].message  # half way from 0.0071 to 0.0216
+
+
+@pytest.mark.parametrize("count", [5, 6, 7])
+def test_l6_sees_a_slip_in_five_points_and_none_in_a_bow(count: int) -> None:
+    bow = [0.0005 * index * index for index in range(count)]
+    back = [c - 0.012 for c in bow]
+    assert not {"L6", "L15"} & codes(microns(bow, back))
+    assert "L6" in codes(microns([*bow[:2], bow[2] + 0.09, *bow[3:]], back))
+
+
+def test_l2_goes_by_the_count_of_points() -> None:
+    # Lost motion at four points of seven is negative, three are so large that the mean is positive.
+    forward = [0.02, 0.02, 0.02, 0.0, 0.0, 0.0, 0.0]
+    backward = [0.0, 0.0, 0.0, 0.001, 0.001, 0.001, 0.001]
+    assert "L2" not in codes(microns(forward, backward))
+    assert "L2" in codes(microns(BACK, HAND))
+
+
+def test_l15_a_lost_motion_that_only_one_point_has() -> None:
+    rough = [0.0, 0.011, 0.004, 0.02, 0.013, 0.03, 0.024, 0.041]
+    back = [c - 0.012 for c in rough]
+    assert "L15" not in codes(microns(rough, back))
+    back[3] = rough[3] + 0.012  # the sign of a lost motion
+    (lint,) = (lint for lint in microns(rough, back).lints if lint.code == "L15")
+    assert "forward - backward at 30 mm is -0.012, at the others 0.012" in lint.message
+
+
 def test_l6_rounding_of_a_straight_line_is_no_outlier() -> None:
     straight = [round(i / 3, 4) for i in range(10)]
     assert "L6" not in codes(tenths(straight, straight))
@@ -276,3 +328,22 @@ def test_the_gateway_refuses_a_table_with_an_error(tmp_path: Path) -> None:
 )
 def test_shipped_samples_load_without_an_error(name: str, facts: dict[str, Any]) -> None:
     assert read_table(TABLES / name, FileContext(**facts)).errors == ()
+
+
+@pytest.mark.parametrize(
+    ("length", "correction", "is_refused"), [(300, 0.51, True), (2800, 0.84, False), (2800, 0.85, True)]
+)
+def test_l12_a_long_axis_may_be_off_by_more(length: int, correction: float, is_refused: bool) -> None:
+    # 0.3 mm/m of 2.8 m are 0.84 mm.
+    rows = [f"{length // 4 * i} {correction * i / 4:.4f} {correction * i / 4:.4f}" for i in range(5)]
+    lines = [
+        "CNC10 TAB FILE VERSION 3",
+        "AXIS X",
+        "UNITS MILLIMETER",
+        f"INTERVAL {length // 4}",
+        "ENTRIES 5",
+        *rows,
+    ]
+    found = parse_table("\n".join(lines).encode(), "table.tab", FileContext())
+    assert ("L12" in codes(found)) is is_refused
+    assert ("L4" in codes(found)) is is_refused

@@ -239,8 +239,16 @@ class GrowingCsv:
 class SerialGauge:
     """A gauge on a serial port; with ``request`` it is asked, else its own button or foot switch sends."""
 
-    def __init__(self, kind: GaugeKind, endpoint: SerialEndpoint, request: str, timeout_s: float) -> None:
+    def __init__(
+        self,
+        kind: GaugeKind,
+        endpoint: SerialEndpoint,
+        request: str,
+        timeout_s: float,
+        pattern: re.Pattern[str] | None = None,
+    ) -> None:
         self.title = f"{kind.value} gauge on {endpoint.device}"
+        self._pattern = pattern
         self._kind = kind
         self._endpoint = endpoint
         self._request = request.encode("ascii")
@@ -284,7 +292,7 @@ class SerialGauge:
                 "--gauge-request?"
             ) from None
         try:
-            return reading_of(self._kind, line)
+            return reading_of(self._kind, line, self._pattern)
         except GaugeError as error:
             raise BadReadingError(str(error)) from None
 

@@ -27,9 +27,11 @@ Targets = Annotated[
 ]
 Spread = Annotated[
     float | None,
-    Option(
-        "--spread", help="With --targets: largest offset; the lead of the screw is good.", show_default=False
-    ),
+    Option("--spread", help="With --targets: largest offset; default: the lead.", show_default=False),
+]
+Lead = Annotated[
+    float | None,
+    Option("--lead", help="Lead of the screw; default: the key lead of the axis.", show_default=False),
 ]
 Seed = Annotated[int, Option("--seed", help="With --targets: the same seed gives the same targets.")]
 Runs = Annotated[int, Option("--runs", min=1, max=1000, help="Cycles up and down.")]
@@ -61,6 +63,14 @@ Request = Annotated[
     Option(
         "--gauge-request",
         help="What asks the gauge, without its CR; empty: its button sends. Default: ? for sylvac.",
+    ),
+]
+Pattern = Annotated[
+    str | None,
+    Option(
+        "--gauge-pattern",
+        help="With --gauge-kind pattern: a regular expression of a whole line, the number a group value.",
+        metavar="REGEX",
     ),
 ]
 GaugeTimeout = Annotated[float, Option("--gauge-timeout", min=0.1, help="Seconds that an answer may take.")]

@@ -1,6 +1,6 @@
 """What becomes of the readings of a whole run: results of ISO 230-2, a table, what changes, a report."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import typer
 
-from gateway.cli.evaluation_output import results_json, results_text
+from gateway.cli.evaluation_output import left_out_line, results_json, results_text
 from gateway.cli.measuring.errors import FileError, MeasureError
 from gateway.cli.table_writing import reader_lines, write
 from gateway.compensation.backlash import with_backlash
@@ -22,13 +22,18 @@ from gateway.config.tables import context_of, write_options_of
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.build import HomeReference
 from gateway.metrology.circumstances import check_uncorrected
+from gateway.metrology.deviation import small_unit
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.formats.load import is_readings, read_survey
+from gateway.metrology.lead import Period
 from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Built, Recipe, build_from
 from gateway.metrology.refine import Refined, refine_table
+from gateway.metrology.scale import scale_of
+from gateway.metrology.shapes import Fit
+from gateway.metrology.whole import notes_of
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 
 FALLBACK_FORMATS: Final = ("csv", "centroid-3")
@@ -57,10 +62,21 @@ class Outcome:
     notes: tuple[str, ...] = field(default=())
     active: CorrectionTable | None = None
     """The table in use while it was measured, with the backlash beside it; None where none was."""
+    left_out: float | None = None
+    """E that the new table will leave between the targets, predicted by leaving out; None: not known."""
 
 
-def outcome_of(survey: Survey, axis: AxisPlan, *, is_active: bool) -> Outcome:
-    """Evaluate the readings and make the table of them.
+def outcome_of(
+    survey: Survey,
+    axis: AxisPlan,
+    *,
+    is_active: bool,
+    periods: tuple[Period, ...] = (),
+    accepts: Callable[[CorrectionTable], bool] | None = None,
+) -> Outcome:
+    """Evaluate the readings and make the table of them, along the curve that leaves least between targets.
+
+    ``periods`` are what the error may repeat with, ``accepts`` says whether the format can hold a table.
 
     Raises:
         MeasureError: they make no table.
@@ -70,18 +86,29 @@ def outcome_of(survey: Survey, axis: AxisPlan, *, is_active: bool) -> Outcome:
     if active is not None and axis.settings.backlash is not None:
         active = with_backlash(active, axis.settings.backlash)
         notes.append("the new table holds the backlash too: take the key backlash away when you use it")
+    notes += notes_of(survey, axis.settings.counts_per_unit, with_scale=not is_active)
+    if not is_active and (scale := scale_of(survey.readings)) and scale.is_large:
+        notes.append(
+            "more than 0.3 mm/m is no screw but a wrong scale: put it right first, and measure again"
+        )
     try:
         evaluation = evaluate(survey)
         if is_active:
             assert active is not None
-            done: Refined | Built = refine_table(active, survey, home=_home(axis, survey))
+            refined = refine_table(
+                active, survey, home=_home(axis, survey), fit=Fit.AUTO, periods=periods, accepts=accepts
+            )
+            done: Refined | Built = refined
+            left_out = refined.left_out
         else:
-            done = build_from(survey, Recipe(home=_home(axis, survey)))
+            recipe = Recipe(home=_home(axis, survey), fit=Fit.AUTO, periods=periods, accepts=accepts)
+            built = done = build_from(survey, recipe)
+            left_out = None if built.screw is None else built.screw.leaves(built.table)
     except (ReadingsError, TableError) as error:
         raise MeasureError(str(error)) from None
     change = None if active is None else largest_change(active, done.table, axis)
     used = active if is_active else None
-    return Outcome(survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used)
+    return Outcome(survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used, left_out)
 
 
 def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -> Change:
@@ -117,6 +144,8 @@ def show(outcome: Outcome) -> None:
             f"against the active table: the largest change is {change.amount * factor:+.2f} {unit} at "
             f"{change.position:.9g} {outcome.survey.units.value}, {change.direction.name.lower()}"
         )
+    if outcome.left_out is not None:
+        typer.echo(left_out_line(outcome.evaluation, outcome.left_out))
     for note in outcome.notes:
         typer.echo(note)
 
@@ -124,9 +153,12 @@ def show(outcome: Outcome) -> None:
 def json_of(outcome: Outcome) -> dict[str, Any]:
     """Return the results for a program, in units of the axis."""
     table, change = outcome.table, outcome.change
+    small = small_unit(outcome.survey.units)
+    left_out = None if outcome.left_out is None else outcome.left_out * small.factor
     return {
         "units": outcome.survey.units.value,
         "results": results_json(outcome.evaluation),
+        "predicted": {f"left_out_e_{small.key}": left_out},
         "table": {
             "positions": list(table.positions),
             "forward": list(table.forward),
@@ -202,6 +234,17 @@ def check_writable(
             f"--out: a table at these targets cannot be written as {format_name}: {error}; give another "
             "--out-format, or --step instead of --targets"
         ) from None
+
+
+def can_hold(format_name: str, table: CorrectionTable, axis: AxisPlan, section: AxisSection) -> bool:
+    """Whether a dialect can hold a table, and the axis's limits let it pass."""
+    if table.max_correction() > axis.settings.max_correction or table.max_slope() > axis.settings.max_slope:
+        return False
+    try:
+        dialect_named(format_name).write(table, write_options_of(section, axis.name))
+    except (TabFileError, TableError):
+        return False
+    return True
 
 
 def write_table(

@@ -13,7 +13,7 @@ from gateway.cli.measuring.running import Manners
 from gateway.compensation.units import Units
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.gauges import DEFAULTS, GaugeKind
+from gateway.metrology.gauges import DEFAULTS, GaugeError, GaugeKind, pattern_of
 from gateway.metrology.program import DECIMALS, even_targets, random_targets
 from gateway.transport.endpoints import SerialEndpoint
 
@@ -37,6 +37,7 @@ class Grid:
     seed: int = 1
     runs: int = 5
     overrun: float | None = None
+    lead: float | None = None
 
     @property
     def is_asked(self) -> bool:
@@ -56,6 +57,7 @@ class Reader:
     baudrate: int | None = None
     request: str | None = None
     timeout_s: float = 5.0
+    pattern: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ class Scale:
 
 
 def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
-    """Return what is to be measured.
+    """Return what is to be measured. Random targets are spread over the lead, where that is known.
 
     Raises:
         AxisError: options that are missing or do not fit together.
@@ -92,8 +94,9 @@ def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
         else:
             assert grid.targets is not None
             decimals = DECIMALS[axis.settings.units]
+            spread = _spread(grid) if grid.spread is None else grid.spread
             targets = random_targets(
-                grid.low, grid.high, grid.targets, seed=grid.seed, spread=grid.spread, decimals=decimals
+                grid.low, grid.high, grid.targets, seed=grid.seed, spread=spread, decimals=decimals
             )
     except ReadingsError as error:
         raise AxisError(str(error)) from None
@@ -104,6 +107,16 @@ def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
     return MeasuringPlan(tuple(round(target, 9) for target in targets), grid.runs, overrun)
 
 
+def _spread(grid: Grid) -> float | None:
+    """Return the lead, where the targets leave room for it."""
+    assert grid.low is not None
+    assert grid.high is not None
+    assert grid.targets is not None
+    if grid.lead is None or grid.lead * grid.targets >= grid.high - grid.low:
+        return None
+    return grid.lead
+
+
 def instrument_of(reader: Reader, lines: Lines) -> Instrument:
     """Return the instrument, not yet open. Raises InstrumentError: two of them, or a wrong request."""
     if reader.csv is not None and reader.gauge is not None:
@@ -112,6 +125,12 @@ def instrument_of(reader: Reader, lines: Lines) -> Instrument:
         return GrowingCsv(reader.csv, reader.column, reader.delimiter)
     if reader.gauge is None:
         return Keyboard(lines, _prompt)
+    if (reader.kind is GaugeKind.PATTERN) != (reader.pattern is not None):
+        raise InstrumentError("--gauge-kind pattern and --gauge-pattern belong together: give both or none")
+    try:
+        pattern = None if reader.pattern is None else pattern_of(reader.pattern)
+    except GaugeError as error:
+        raise InstrumentError(str(error)) from None
     usual = DEFAULTS[reader.kind]
     request = usual.request
     if reader.request is not None:
@@ -126,7 +145,7 @@ def instrument_of(reader: Reader, lines: Lines) -> Instrument:
         usual.stop_bits,
         low_latency=False,
     )
-    return SerialGauge(reader.kind, endpoint, request, reader.timeout_s)
+    return SerialGauge(reader.kind, endpoint, request, reader.timeout_s, pattern)
 
 
 def manners_of(scale: Scale, axis: AxisPlan) -> Manners:

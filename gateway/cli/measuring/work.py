@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from signal import SIGINT
 from typing import Any, Final
@@ -37,6 +37,8 @@ from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.messages import GetStatus, Ping, Status
 from gateway.ipc.plan import GatewayPlan
 from gateway.metrology.cycle import bidirectional_cycle, remaining
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.lead import Period, lead_warnings, periods_of
 from gateway.metrology.readings import Reading
 
 STOPPED_BY_SIGNAL: Final = 128
@@ -83,6 +85,14 @@ def work(wish: Wish, plan: GatewayPlan, sections: Mapping[str, AxisSection], sta
     return done.run(instrument, manners, lines)
 
 
+def _periods(lead: float | None) -> tuple[Period, ...]:
+    """Return what the error may repeat with. Raises AxisError: a lead that is no length."""
+    try:
+        return periods_of(lead)
+    except ReadingsError as error:
+        raise AxisError(f"--lead: {error}") from None
+
+
 class _Work:
     """One command, when its options are known to be good."""
 
@@ -97,6 +107,8 @@ class _Work:
         self._out_format = out_format
         self._axis = place.recipe.plan
         self._units = self._axis.settings.units
+        self._lead = section.lead if wish.grid.lead is None else wish.grid.lead
+        self._periods = _periods(self._lead)
         self._earlier: Earlier | None = None
         self._before = None if wish.before is None else outcome.survey_before(wish.before, self._axis)
 
@@ -118,6 +130,8 @@ class _Work:
             self._place, seen, left, instrument.title, Pace(self._wish.scale.dwell_s, self._wish.speed)
         ):
             typer.echo(text, err=True)
+        for warning in lead_warnings(plan.targets, self._periods, self._units.value):
+            typer.echo(f"  lead          {warning}", err=True)
         self._ask()
         showing = self._showing(instrument)
         with self._file(plan, seen, instrument) as file:
@@ -135,7 +149,7 @@ class _Work:
     def _plan(self) -> tuple[MeasuringPlan, tuple[Reading, ...]]:
         wish = self._wish
         if wish.resume is None:
-            return plan_of(wish.grid, self._axis), ()
+            return plan_of(replace(wish.grid, lead=self._lead), self._axis), ()
         if wish.grid.is_asked or wish.readings is not None:
             raise FileError("--resume: the file says what is measured: leave targets and --readings away")
         self._earlier = earlier = read_earlier(wish.resume, self._units)
@@ -197,6 +211,8 @@ class _Work:
             stamp = time.strftime("%Y%m%d-%H%M%S")
             file = ReadingsFile(wish.readings or Path(f"{axis.name}-{stamp}{SUFFIX}"), self._units)
             facts = facts_of(plan, axis.name, seen.compensation.fact, self._units)
+            if self._lead is not None:
+                facts["lead"] = f"{self._lead:.9g}"
             file.create({**facts, "instrument": instrument.title, "measured": now})
         try:
             yield file
@@ -223,7 +239,10 @@ class _Work:
         wish = self._wish
         try:
             survey = outcome.survey_of(path, self._axis)
-            found = outcome.outcome_of(survey, self._axis, is_active=seen.compensation.is_active)
+            found = outcome.outcome_of(
+                survey, self._axis, is_active=seen.compensation.is_active, periods=self._periods,
+                accepts=lambda table: outcome.can_hold(self._out_format, table, self._axis, self._section),
+            )  # fmt: skip
             notes = []
             if wish.out is not None:
                 notes += outcome.write_table(

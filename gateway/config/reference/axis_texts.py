@@ -46,6 +46,13 @@ AXIS: Final[Texts] = {
         meaning="how far a corrected position may lie outside `travel` before it is refused",
         default="`max_correction`",
     ),
+    "lead": Said(
+        meaning=(
+            "travel of one turn of its screw. `measure` takes random targets over it, warns of targets that "
+            "meet the screw always at one angle, and looks for an error that repeats once and twice a turn"
+        ),
+        default="none: not looked for",
+    ),
     "table": Said(
         meaning=(
             "table file in the tables folder, in any case of letters, without a path. A file that was "
@@ -102,7 +109,7 @@ AXIS: Final[Texts] = {
     ),
     "max_correction": Said(
         meaning="larger corrections, with backlash, are refused",
-        default="`0.5` mm",
+        default="`0.5` mm, or 0.3 mm/m of `travel` where that is more",
     ),
     "max_slope": Said(
         meaning="steeper tables are refused: change of the correction per unit of travel",

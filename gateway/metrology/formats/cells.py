@@ -14,6 +14,7 @@ from gateway.tabfile.text import Line, SourceText, shown
 
 SEPARATORS: Final = ("\t", ";", ",")
 _WITH_COMMA: Final = re.compile(r"[+-]?[0-9]*,[0-9]+")
+_WITH_POINT: Final = re.compile(r"[+-]?[0-9]*\.[0-9]+")
 _NOT_A_WORD: Final = re.compile(r"[^a-z0-9.µ]+")
 UNITS: Final = {
     "mm": Units.MM,
@@ -61,8 +62,8 @@ def heading_of(source: SourceText) -> tuple[Line, str] | None:
 def sheet_of(source: SourceText, allowed: str) -> Sheet:
     """Split a text into cells.
 
-    What a spreadsheet adds is taken away: quotation marks around a cell, empty cells behind the last name,
-    rows of empty cells.
+    Decimal commas are taken for points where semicolons or tabs separate. What a spreadsheet adds is taken
+    away: quotation marks around a cell, empty cells behind the last name, rows of empty cells.
 
     Raises:
         TabFileError: no heading, lines of another number of cells; a decimal comma is named as such.
@@ -89,7 +90,33 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
         problems = [*problems[: MAX_PROBLEMS - 1], source.problem(more, "")]
     if problems:
         raise TabFileError(*problems)
-    return Sheet(heading, names, tuple(lines), facts)
+    return Sheet(heading, names, _with_points(source, lines, separator), facts)
+
+
+def _with_points(
+    source: SourceText, lines: list[tuple[int, tuple[str, ...]]], separator: str
+) -> tuple[tuple[int, tuple[str, ...]], ...]:
+    """Take decimal commas for points, where commas separate nothing and no number of the file has a point.
+
+    Raises:
+        TabFileError: numbers with commas beside numbers with points: one of them may separate thousands.
+    """
+    if separator == ",":
+        return tuple(lines)
+    comma = next(((line, c) for line, cells in lines for c in cells if _WITH_COMMA.fullmatch(c)), None)
+    point = next(((line, c) for line, cells in lines for c in cells if _WITH_POINT.fullmatch(c)), None)
+    if comma is None:
+        return tuple(lines)
+    if point is not None:
+        raise source.error(
+            f"{shown(comma[1])} with a decimal comma, and {shown(point[1])} with a point in line {point[0]}",
+            "one of both in a file: the other may separate thousands",
+            line=comma[0],
+        )
+    return tuple(
+        (line, tuple(c.replace(",", ".") if _WITH_COMMA.fullmatch(c) else c for c in cells))
+        for line, cells in lines
+    )
 
 
 def _is_comment(line: Line) -> bool:

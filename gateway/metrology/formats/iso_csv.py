@@ -12,7 +12,8 @@ Grammar (ours; the standard prescribes no file)::
 
 ``measured`` is where the instrument saw the nut, ``deviation`` that less the target. ``direction`` is the way
 in which the target was approached: forward, up, + or backward, down, -. ``run`` counts from 1. A name
-without its unit needs the units told. ``time`` and ``note`` may stand beside them and are not read.
+without its unit needs the units told. ``temperature_c``, that of the screw, may stand beside them; ``time``
+and ``note`` too, which are not read.
 """
 
 from typing import Final
@@ -46,15 +47,19 @@ _DIRECTIONS: Final = {
     "down": Direction.BACKWARD,
     "-": Direction.BACKWARD,
 }
-_NAMES: Final = ("target", "direction", "run", "measured", "deviation", "time", "note")
+_NAMES: Final = ("target", "direction", "run", "measured", "deviation", "temperature", "time", "note")
 _MAX_RUN: Final = 1000
+COLDEST_C: Final = -20.0
+WARMEST_C: Final = 80.0
 
 
 def recognise(source: SourceText) -> bool:
     """Whether the heading has a target and a direction."""
     found = heading_of(source)
-    names = {name.lower() for cell in found[0].text.split(found[1]) for name in words(cell)} if found else ()
-    return "target" in names and ("direction" in names or "run" in names)
+    cells = [words(cell) for cell in found[0].text.split(found[1])] if found else []
+    names = {name for cell in cells for name in cell}
+    # "run 1" is one of several columns.
+    return "target" in names and ("direction" in names or ("run",) in cells)
 
 
 def read(source: SourceText, context: ReadingsContext) -> Survey:
@@ -77,7 +82,8 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
         measured = values[reading] + (values["target"] if reading == "deviation" else 0.0)
         run = _run(source, line, cells[places["run"]])
         direction = _direction(source, line, cells[places["direction"]])
-        rows.append(Row(line, values["target"], direction, run, measured))
+        warm = _temperature(source, line, cells[places["temperature"]]) if "temperature" in places else None
+        rows.append(Row(line, values["target"], direction, run, measured, warm))
     axis = settled_axis(source, context, sheet.facts.get("axis"))
     return to_survey(source, rows, units, axis=axis, facts=sheet.facts)
 
@@ -91,6 +97,13 @@ def _places(source: SourceText, sheet: Sheet) -> dict[str, int]:
         if what not in _NAMES or what in places:
             twice = "a second " if what in places else ""
             raise source.error(f"{twice}{shown(name)} in the heading", HEADING, line=sheet.heading.number)
+        if what == "temperature":
+            if parts[1:] not in {(), ("c",), ("deg", "c")}:
+                raise source.error(
+                    f"{shown(name)} in the heading", "temperature_c: in °C", line=sheet.heading.number
+                )
+            places[what] = index
+            continue
         unit = unit_of(name)
         if len(parts) > 1 and unit is None:
             raise source.error(
@@ -114,6 +127,15 @@ def _places(source: SourceText, sheet: Sheet) -> dict[str, int]:
             line=sheet.heading.number,
         )
     return places
+
+
+def _temperature(source: SourceText, line: int, text: str) -> float:
+    warm = decimal(source, line, text, "temperature")
+    if not COLDEST_C <= warm <= WARMEST_C:
+        raise source.error(
+            f"temperature {warm:g}", f"°C of a machine, {COLDEST_C:g} to {WARMEST_C:g}", line=line
+        )
+    return warm
 
 
 def _run(source: SourceText, line: int, text: str) -> int:

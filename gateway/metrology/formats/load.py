@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.metrology.formats import iso_csv, manual, renishaw_rtl
+from gateway.metrology.formats import iso_csv, manual, renishaw_rtl, wide_csv
 from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.readings import Survey
 from gateway.tabfile.errors import Problem, TabFileError
@@ -26,6 +26,7 @@ class ReadingsFormat:
 FORMATS: Final = (
     ReadingsFormat(renishaw_rtl.NAME, renishaw_rtl.TITLE, renishaw_rtl.recognise, renishaw_rtl.read),
     ReadingsFormat(iso_csv.NAME, iso_csv.TITLE, iso_csv.recognise, iso_csv.read),
+    ReadingsFormat(wide_csv.NAME, wide_csv.TITLE, wide_csv.recognise, wide_csv.read),
     ReadingsFormat(manual.NAME, manual.TITLE, manual.recognise, manual.read),
 )
 
@@ -75,8 +76,8 @@ def _choose(source: SourceText, told: str | None) -> ReadingsFormat:
         return fitting[0]
     raise source.error(
         "a text of no known format of readings" if not fitting else "a text that fits several formats",
-        f"a heading such as {iso_csv.HEADING!r}, with a line for each stop (not a column for each run), or "
-        f"{manual.HEADING!r}, or a Renishaw .rtl; "
+        f"a heading such as {iso_csv.HEADING!r}, with a line for each stop, or {wide_csv.HEADING!r}, with a "
+        f"column for each run, or {manual.HEADING!r}, or a Renishaw .rtl; "
         f"--readings-format {', '.join(named)}",
         line=source.lines[0].number,
     )

@@ -14,6 +14,9 @@ from gateway.tabfile.text import SourceText
 FAR: Final = 0.5
 """A reading further from its target than this share of the way to the next target is another's."""
 
+LEAST_BLOCKS: Final = 3
+"""Fewer sizes may come back by chance."""
+
 
 class Row(NamedTuple):
     """One reading and the line that it stands on."""
@@ -23,6 +26,7 @@ class Row(NamedTuple):
     direction: Direction
     run: int
     measured: float
+    temperature_c: float | None = None
 
 
 def to_survey(
@@ -42,18 +46,50 @@ def to_survey(
     """
     if not rows:
         raise source.error("no reading", "a line for each stop: target, direction, run, reading")
+    rows, grouped = _at_blocks(rows)
+    if grouped:
+        remarks = (*remarks, f"{source.name}: {grouped}")
     _check_spelling(source, rows)
     _check_duplicates(source, rows)
     _check_order(source, rows)
     _check_distance(source, rows)
     return Survey(
-        readings=tuple(Reading(row.target, row.direction, row.measured, row.run) for row in rows),
+        readings=tuple(
+            Reading(row.target, row.direction, row.measured, row.run, row.temperature_c) for row in rows
+        ),
         units=units,
         axis=axis,
         source=source.name,
         facts=dict(facts or {}),
         remarks=(*remarks, *_exchanged(source, rows), *_missing(source, rows)),
     )
+
+
+def _at_blocks(rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
+    """Put readings over gauge blocks at their blocks: the gauge is brought to 0, and the DRO is what varies.
+
+    Then what was measured is the same few sizes in all runs, to the last digit, while nearly every target is
+    another number. The deviation stays what it is; it belongs to the block instead of to a place a few
+    micrometres beside it. Returns what was done, in words; empty where nothing was.
+    """
+    blocks = sorted({row.measured for row in rows})
+    targets = {row.target for row in rows}
+    if len(blocks) < LEAST_BLOCKS or len(targets) <= len(blocks) or len(rows) < 2 * len(blocks):
+        return rows, ""
+    gap = min(high - low for low, high in pairwise(blocks))
+    if any(abs(row.target - row.measured) > FAR * gap for row in rows):
+        return rows, ""
+    if any(sum(row.measured == block for row in rows) < 2 for block in blocks):
+        return rows, ""
+    moved = [row._replace(target=row.measured, measured=2 * row.measured - row.target) for row in rows]
+    starts = sorted({row.target for row in rows if row.measured == blocks[0]})
+    said = (
+        f"readings over {len(blocks)} gauge blocks from {blocks[0]:.9g} to {blocks[-1]:.9g}: the blocks "
+        "are the targets, and the DRO is what varies"
+    )
+    if len(starts) > 1:
+        said += f"; the runs begin at {starts[0]:.9g} to {starts[-1]:.9g}, which counts as scatter"
+    return moved, said
 
 
 def _check_spelling(source: SourceText, rows: Sequence[Row]) -> None:

@@ -1,0 +1,77 @@
+"""``pitch-gateway table drift``: how far one place wanders while the machine warms up or rests."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.cli import survey_files as shared
+from gateway.cli.table_options import AsJson
+from gateway.cli.table_output import print_json
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.metrology.deviation import small_unit
+from gateway.metrology.warm_up import DriftTest, evaluate_drift, read_samples
+from gateway.tabfile import Problem, TabFileError
+from gateway.tabfile.text import MAX_BYTES, decode
+
+
+def drift(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="CSV: time_min, measured_um, temperature_c.",
+            show_default=False,
+            readable=False,
+        ),
+    ],
+    *,
+    json: AsJson = False,
+) -> None:
+    """Evaluate a drift test after the idea of ISO 230-3: one place, read for hours.
+
+    It says the range over the whole test, the largest change within an hour, the rate at the end (whether the
+    machine has settled), and what a kelvin makes where temperatures were read. Measure an axis when an hour
+    changes less than the accuracy that is wanted.
+
+    Examples:
+      pitch-gateway table drift warm-up.csv
+    """
+    with shared.problems():
+        try:
+            data = read_regular_file(file, MAX_BYTES, "a file of a drift test")
+        except FileRefusedError as error:
+            raise TabFileError(Problem(str(file), str(error), "")) from None
+        samples, units = read_samples(decode(data, str(file), "a drift test"))
+        found = evaluate_drift(samples, units)
+    if json:
+        print_json(_json(file, found))
+        return
+    small = small_unit(units)
+    typer.echo(f"{file}: {len(samples)} readings in {found.minutes:g} min")
+    typer.echo(f"range over the test: {small.text(found.span)}")
+    typer.echo(
+        f"largest change within an hour: {small.text(found.largest_hour)}, "
+        f"from minute {found.hour_began:g} on"
+    )
+    typer.echo(f"rate in the last hour: {found.last_rate * small.factor:+.2f} {small.name}/h")
+    if found.per_kelvin is not None and found.explained is not None:
+        typer.echo(
+            f"a kelvin makes {found.per_kelvin * small.factor:+.2f} {small.name}; that explains "
+            f"{found.explained:.0%} of the drift"
+        )
+
+
+def _json(file: Path, found: DriftTest) -> dict[str, object]:
+    small = small_unit(found.units)
+    per_kelvin = None if found.per_kelvin is None else found.per_kelvin * small.factor
+    return {
+        "file": str(file),
+        "minutes": found.minutes,
+        f"range_{small.key}": found.span * small.factor,
+        f"largest_hour_{small.key}": found.largest_hour * small.factor,
+        "largest_hour_from_min": found.hour_began,
+        f"last_hour_{small.key}_per_h": found.last_rate * small.factor,
+        f"{small.key}_per_kelvin": per_kelvin,
+        "explained": found.explained,
+    }

@@ -1,0 +1,207 @@
+"""Readings that grow or move with the number of the run: a machine that warms up while it is measured.
+
+At each target and in each direction the runs are compared with their mean. What they have in common is a
+shift for each run (``offset``) and a stretch for each run that grows with the position (``growth``), both
+fitted by least squares over the number of the run; the way back counts as half a run later than the way
+there.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+from statistics import fmean
+from typing import Final
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.units import Units
+from gateway.metrology.deviation import Small, small_unit
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.evaluation import evaluate
+from gateway.metrology.readings import Reading, Survey
+
+STEEL: Final = 11.5
+"""µm a metre and kelvin: what screws are made of."""
+LEAST_RUNS: Final = 3
+CLEAR: Final = 4.0
+"""Standard deviations from 0 at which a slope is no chance: one sound measurement in ten thousand has it."""
+LEAST_MM: Final = 0.0005
+"""Over all targets and runs: what moves less is no matter."""
+REFERENCE_C: Final = 20.0
+MOST_EXPANSION: Final = 100.0
+_PER_METRE_UM: Final = 1e6
+_NUMBER: Final = re.compile(r"-?[0-9]+(?:\.[0-9]+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """What changed from the first run to the last. Lengths in the units of the readings."""
+
+    growth: float
+    """Change of length by length."""
+    offset: float
+    """Shift at ``fixed_at``."""
+    fixed_at: float
+    """Lowest target."""
+    length: float
+    is_growing: bool
+    is_shifting: bool
+
+    @property
+    def kelvin_of_steel(self) -> float:
+        """How much warmer a steel screw would have to be for the growth."""
+        return self.growth * _PER_METRE_UM / STEEL
+
+    def describe(self, small: Small) -> str:
+        """Say what grows and what moves."""
+        said = []
+        if self.is_growing:
+            said.append(
+                f"{self.growth * _PER_METRE_UM:+.3g} µm/m over the runs, as {self.kelvin_of_steel:+.2g} K of "
+                "steel make"
+            )
+        if self.is_shifting:
+            said.append(
+                f"{self.offset * small.factor:+.3g} {small.name} over the runs at {self.fixed_at:.9g}"
+            )
+        return " and ".join(said)
+
+
+def drift_of(survey: Survey) -> Drift | None:
+    """Return what the runs have in common; None where it is chance, no matter, or not to be told."""
+    rows = _rows(survey.readings)
+    runs = {each.run for each in survey.readings}
+    if len(runs) < LEAST_RUNS or len(rows) < 2 * LEAST_RUNS:
+        return None
+    targets = [each.target for each in survey.readings]
+    low, high = min(targets), max(targets)
+    found = _fit([(time, place - low, rest) for time, place, rest in rows])
+    if found is None:
+        return None
+    (offset, growth), (offset_s, growth_s) = found
+    last = max(runs) - min(runs)
+    least = survey.units.from_mm(LEAST_MM)
+    drift = Drift(
+        growth * last,
+        offset * last,
+        low,
+        high - low,
+        is_growing=abs(growth) > CLEAR * growth_s and abs(growth * last * (high - low)) > least,
+        is_shifting=abs(offset) > CLEAR * offset_s and abs(offset * last) > least,
+    )
+    return drift if drift.is_growing or drift.is_shifting else None
+
+
+def _time(reading: Reading) -> float:
+    return reading.run + (0.5 if reading.direction is Direction.BACKWARD else 0.0)
+
+
+def _rows(readings: Sequence[Reading]) -> list[tuple[float, float, float]]:
+    """Return time, place and rest of each reading, all less their means at the target and direction."""
+    groups: dict[tuple[float, Direction], list[Reading]] = {}
+    for each in readings:
+        groups.setdefault((each.target, each.direction), []).append(each)
+    rows = []
+    for group in groups.values():
+        if len(group) < 2:
+            continue
+        mean, middle = fmean(each.deviation for each in group), fmean(_time(each) for each in group)
+        rows += [(_time(each) - middle, each.target, each.deviation - mean) for each in group]
+    return rows
+
+
+def _fit(
+    rows: Sequence[tuple[float, float, float]],
+) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Fit ``rest = (offset + growth * place) * time``; returns both, and their standard deviations."""
+    a = sum(t * t for t, _, _ in rows)
+    b = sum(t * t * x for t, x, _ in rows)
+    c = sum(t * t * x * x for t, x, _ in rows)
+    p = sum(t * d for t, _, d in rows)
+    q = sum(t * x * d for t, x, d in rows)
+    determinant = a * c - b * b
+    if determinant <= 1e-12 * a * c:
+        return None
+    offset, growth = (p * c - q * b) / determinant, (q * a - p * b) / determinant
+    left = sum((d - (offset + growth * x) * t) ** 2 for t, x, d in rows)
+    variance = left / max(len(rows) - 2, 1)
+    return (offset, growth), (sqrt(variance * c / determinant), sqrt(variance * a / determinant))
+
+
+def without_drift(survey: Survey, drift: Drift) -> Survey:
+    """Return the readings as they would be had nothing changed since the first run."""
+    runs = [each.run for each in survey.readings]
+    first, last = min(runs), max(runs)
+    steady = []
+    for each in survey.readings:
+        share = (_time(each) - first) / (last - first)
+        moved = drift.offset + drift.growth * (each.target - drift.fixed_at)
+        steady.append(replace(each, measured=each.measured - share * moved))
+    return replace(survey, readings=tuple(steady))
+
+
+def drift_line(survey: Survey, drift: Drift) -> str:
+    """Say what drifts, with E as it was read and as it would be had nothing changed since the first run."""
+    small = small_unit(survey.units)
+    was, steady = (_systematic(each) for each in (survey, without_drift(survey, drift)))
+    return (
+        f"the readings drift: {drift.describe(small)}. E {small.text(was)} with it, {small.text(steady)} "
+        "without: warm the axis up and measure again, or measure faster"
+    )
+
+
+def _systematic(survey: Survey) -> float:
+    found = evaluate(survey)
+    every = (found.systematic, found.systematic_forward, found.systematic_backward)
+    return next(each for each in every if each is not None)
+
+
+def at_20_degrees(survey: Survey, expansion_um: float) -> Survey:
+    """Return the readings as they would be at 20 °C, of a screw that grows by so many µm a metre and kelvin.
+
+    The temperature stands beside each reading, or in a line ``# temperature: 23.1`` for all. The length that
+    grows begins at machine position 0.
+
+    Raises:
+        ReadingsError: a reading without a temperature, a coefficient that no material has, or an angle.
+    """
+    if survey.units is Units.DEGREE:
+        raise ReadingsError(f"{survey.source}: an angle does not grow with temperature: leave --to-20c away")
+    if not 0.0 < expansion_um < MOST_EXPANSION:
+        raise ReadingsError(
+            f"--to-20c {expansion_um:g}: µm a metre and kelvin, above 0 and below "
+            f"{MOST_EXPANSION:g}; steel has 11.5"
+        )
+    stated = _stated(survey)
+    cold = []
+    for each in survey.readings:
+        warm = stated if each.temperature_c is None else each.temperature_c
+        if warm is None:
+            raise ReadingsError(
+                f"{survey.source}: no temperature at {each.target:.9g}, run {each.run}: a column "
+                "temperature_c, or a line # temperature: 23.1 for all; or leave --to-20c away"
+            )
+        grown = expansion_um / _PER_METRE_UM * (warm - REFERENCE_C) * each.target
+        cold.append(replace(each, measured=each.measured - grown))
+    return replace(
+        survey,
+        readings=tuple(cold),
+        facts={**survey.facts, "normalised to 20 °C": f"with {expansion_um:g} µm a metre and kelvin"},
+        remarks=(
+            *survey.remarks,
+            f"normalised to 20 °C with {expansion_um:g} µm a metre and kelvin, from machine position 0",
+        ),
+    )
+
+
+def _stated(survey: Survey) -> float | None:
+    """Return the temperature that a file says of all its readings."""
+    for name, fact in survey.facts.items():
+        if name.strip().lower() in {"temperature", "temperature_c", "material temperature"}:
+            found = _NUMBER.search(fact)
+            if found is None or "f" in fact.lower():
+                raise ReadingsError(
+                    f"{survey.source}: # {name}: {fact}: a number in °C, as in # temperature: 23.1"
+                )
+            return float(found[0])
+    return None

@@ -1,0 +1,292 @@
+"""Which curve a table follows, and at which points: what leaves least between the targets, by evidence.
+
+Lines from target to target, a smooth curve, and one with harmonics of the lead are all made into tables and
+judged alike: by what each would leave of the curves that the readings allow (:meth:`Screw.leaves`). Of those
+that leave as little the plainest is taken, with the fewest points. Needs numpy, and is imported where it is
+used.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil, floor, log10
+from typing import Final
+
+import numpy as np
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.errors import TableError
+from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
+from gateway.metrology.build import HomeCase, HomeReference
+from gateway.metrology.deviation import small_unit
+from gateway.metrology.lead import lead_warnings
+from gateway.metrology.resample import DIGITS, at_positions, fewest_points, grid_positions
+from gateway.metrology.screw import Harmonic, Screw
+from gateway.metrology.shapes import Fit, Shape
+
+LEAST_FITTED: Final = 9
+"""Through fewer targets lines are as good as any curve, and what was read stays in the table as it was."""
+AS_GOOD: Final = 1.05
+"""Of the least that any table leaves: a plainer one that leaves no more than this is taken."""
+NOTHING_MM: Final = 0.00005
+"""A difference that no instrument shows."""
+TURN_PARTS: Final = (3, 4, 8, 10, 16, 20)
+"""Points in the shortest turn, from coarse to fine."""
+GAP_PARTS: Final = (1, 2, 4, 8)
+"""Points from one target to the next."""
+CLEARLY: Final = 1.25
+"""So many times as much must be left before another format is worth a word."""
+SIGNIFICANT: Final = 0.01
+MOST_POINTS: Final = 20_000
+
+Accepts = Callable[[CorrectionTable], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """Which points a table is to have; see :class:`gateway.metrology.recipe.Recipe`."""
+
+    step: float | None = None
+    tolerance: float | None = None
+    travel: tuple[float, float] | None = None
+    one_way: bool = False
+    accepts: Accepts | None = None
+    """Whether the format can hold a table; None: it can hold every one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One way of making the table; lengths in the units of the readings."""
+
+    shape: Shape
+    table: CorrectionTable
+    misses: float
+    """How far each target is missed by what the others say of it, root of the mean square."""
+    left_out: float
+    """E that the table is predicted to leave between the targets."""
+    step: float | None = None
+    """Distance of its points where they were chosen for the curve."""
+    at_nut: bool = False
+    """Its points are where the nut stood."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What speaks for the table that was made."""
+
+    chosen: Candidate
+    candidates: tuple[Candidate, ...]
+    """One of each shape, the plainest first."""
+    harmonics: tuple[Harmonic, ...]
+    warnings: tuple[str, ...]
+    unheld: Candidate | None = None
+    """What would leave clearly less, but no file of this format holds it."""
+
+
+def choose(
+    screw: Screw, lines: CorrectionTable, wish: Fit, points: Points, home: HomeCase | HomeReference | None
+) -> Evidence:
+    """Make a table of each shape that is allowed, and choose; ``lines`` is the one that is there already.
+
+    ``home`` takes nothing off here but moves the knots: the error at the place of the drive is meant from
+    home on.
+    """
+    held: list[Candidate] = []
+    unheld: list[Candidate] = []
+    for shape in _shapes(screw, wish):
+        fitting, others = _of(screw, shape, lines, points, home)
+        held.extend([_plainest(fitting, screw.units)] if fitting else [])
+        unheld.extend([_plainest(others, screw.units)] if others else [])
+    if not held:
+        # What cannot be written is refused where it is written, with a remedy.
+        held = [Candidate(Shape.LINES, lines, screw.misses(Shape.LINES), screw.leaves(lines))]
+    chosen = _plainest(held, screw.units)
+    better = min(unheld, key=lambda each: each.left_out, default=None)
+    if better is not None and better.left_out * CLEARLY > chosen.left_out:
+        better = None
+    return Evidence(chosen, tuple(held), screw.harmonics, warnings_of(screw), better)
+
+
+def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
+    """Say what the ``subject`` follows and why, and what repeats."""
+    chosen, small = evidence.chosen, small_unit(units)
+    where = "its points at the targets"
+    if chosen.at_nut:
+        where = "its points where the nut stood, not where it was sent"
+    elif chosen.step is not None:
+        where = f"a point every {chosen.step:.6g} {units.value}"
+    missed = ", ".join(f"{each.shape.words} {small.text(each.misses)}" for each in evidence.candidates)
+    first = (
+        f"the {subject} follows {chosen.shape.words}, {where}; by so much each misses a target that is left "
+        f"out (root mean square): {missed}"
+    )
+    notes = [first]
+    if evidence.unheld is not None:
+        other = evidence.unheld
+        notes.append(
+            f"{other.shape.words} in {len(other.table.positions)} points would leave E = "
+            f"{small.text(other.left_out)} instead of {small.text(chosen.left_out)}, but this format does "
+            "not hold such a table: --to csv does"
+        )
+    for each in evidence.harmonics:
+        verdict = "significant" if each.significance <= SIGNIFICANT else "not significant"
+        notes.append(
+            f"{each.period.name}: amplitude {small.text(each.amplitude)}, phase {each.phase_deg:.0f}°, "
+            f"{verdict} (p = {each.significance:.2g})"
+        )
+    return notes
+
+
+def warnings_of(screw: Screw) -> tuple[str, ...]:
+    """Say what the targets cannot show."""
+    return tuple(lead_warnings(screw.means.targets, screw.periods, screw.units.value))
+
+
+def _shapes(screw: Screw, wish: Fit) -> tuple[Shape, ...]:
+    if wish is Fit.AUTO:
+        return screw.shapes if len(screw.means.targets) >= LEAST_FITTED else (Shape.LINES,)
+    shape = Shape(wish.value)
+    return (shape,) if shape in screw.shapes else ()
+
+
+def _plainest(found: Sequence[Candidate], units: Units) -> Candidate:
+    """Return the first that is as good as the best."""
+    least = min(each.left_out for each in found)
+    limit = max(least * AS_GOOD, least + units.from_mm(NOTHING_MM))
+    return next(each for each in found if each.left_out <= limit)
+
+
+def _of(
+    screw: Screw,
+    shape: Shape,
+    lines: CorrectionTable,
+    points: Points,
+    home: HomeCase | HomeReference | None,
+) -> tuple[list[Candidate], list[Candidate]]:
+    """Return the tables of a shape, from few points to many: those that can be written, and the others."""
+    held: list[Candidate] = []
+    others: list[Candidate] = []
+    for table, step, at_nut in _tables(screw, shape, lines, points, home):
+        found = Candidate(shape, table, screw.misses(shape), screw.leaves(table), step, at_nut=at_nut)
+        is_held = points.accepts is None or points.accepts(table)
+        (held if is_held else others).append(found)
+    return held, others
+
+
+def _tables(
+    screw: Screw,
+    shape: Shape,
+    lines: CorrectionTable,
+    points: Points,
+    home: HomeCase | HomeReference | None,
+) -> Iterator[tuple[CorrectionTable, float | None, bool]]:
+    """Yield tables from few points to many."""
+    if shape is Shape.LINES:
+        is_free = points.step is None and points.tolerance is None
+        nut = _at_nut(screw, lines, points, home) if is_free else None
+        if nut is not None and (points.accepts is None or points.accepts(nut)):
+            yield nut, None, True
+        else:
+            yield lines, None, False
+        return
+    low, high = screw.means.targets[0], screw.means.targets[-1]
+    if points.step is not None:
+        positions = grid_positions(lines, points.step, points.travel)
+        yield _table(screw, shape, positions, points, home, reach=points.step), points.step, False
+        return
+    if shape is Shape.SMOOTH and points.tolerance is None:
+        yield _table(screw, shape, screw.means.targets, points, home), None, False
+    finest = None
+    for step in _steps(screw, shape):
+        first, last = floor(low / step + 1e-9), ceil(high / step - 1e-9)
+        if last - first > MOST_POINTS:
+            break
+        positions = [round(index * step, DIGITS) + 0.0 for index in range(first, last + 1)]
+        finest = _table(screw, shape, positions, points, home, reach=step)
+        if points.tolerance is None:
+            yield finest, step, False
+    if points.tolerance is not None and finest is not None:
+        yield fewest_points(finest, points.tolerance)[0], None, False
+
+
+def _steps(screw: Screw, shape: Shape) -> Iterator[float]:
+    if shape is Shape.HARMONICS:
+        telling = [each.period.length for each in screw.harmonics if each.significance <= SIGNIFICANT]
+        shortest = min(telling or [each.period.length for each in screw.harmonics])
+        yield from (shortest / parts for parts in TURN_PARTS)
+        return
+    span = screw.means.targets[-1] - screw.means.targets[0]
+    gap = span / (len(screw.means.targets) - 1)
+    yield from (_round_down(gap / parts) for parts in GAP_PARTS)
+
+
+def _round_down(length: float) -> float:
+    """Return the largest of 1, 2, 2.5, 5 and their tenfolds that is no longer.
+
+    >>> [_round_down(length) for length in (10.0, 9.7, 3.1, 0.07)]
+    [10.0, 5.0, 2.5, 0.05]
+    """
+    scale = 10.0 ** floor(log10(length) + 1e-9)
+    return float(
+        max(
+            round(part * scale, DIGITS)
+            for part in (1.0, 2.0, 2.5, 5.0)
+            if part * scale <= length * (1 + 1e-9)
+        )
+    )
+
+
+def _at_nut(
+    screw: Screw, lines: CorrectionTable, points: Points, home: HomeCase | HomeReference | None
+) -> CorrectionTable | None:
+    """Return the lines with their points where the nut stood; None where that changes nothing."""
+    if tuple(lines.positions) != screw.means.targets:
+        return None
+    offset = _offset(screw, Shape.LINES, lines, home)
+    places = screw.nut_positions(offset)
+    try:
+        moved = screw.table(
+            Shape.LINES, [round(place, DIGITS) for place in places], offset=offset, one_way=points.one_way
+        )
+    except TableError:
+        return None
+    # What the table at the targets has there, and what it should have.
+    shifts = [
+        abs(float(np.interp(x, moved.positions, curve)) - (value - offset))
+        for curve, values in ((moved.forward, lines.forward), (moved.backward, lines.backward))
+        for x, value in zip(lines.positions, values, strict=True)
+        if moved.first <= x <= moved.last
+    ]
+    return moved if max(shifts, default=0.0) > screw.units.from_mm(NOTHING_MM) else None
+
+
+def _table(
+    screw: Screw,
+    shape: Shape,
+    positions: Sequence[float],
+    points: Points,
+    home: HomeCase | HomeReference | None,
+    *,
+    reach: float = 0.0,
+) -> CorrectionTable:
+    """Return the curve at points; farther than ``reach`` beyond the targets its value there is held."""
+    low, high = screw.means.targets[0] - reach, screw.means.targets[-1] + reach
+    inside = [x for x in positions if low <= x <= high]
+    probe = screw.table(shape, inside, one_way=points.one_way)
+    offset = _offset(screw, shape, probe, home)
+    table = screw.table(shape, inside, offset=offset, one_way=points.one_way)
+    if len(inside) == len(positions):
+        return table
+    return at_positions(table, positions)
+
+
+def _offset(
+    screw: Screw, shape: Shape, table: CorrectionTable, home: HomeCase | HomeReference | None
+) -> float:
+    """Return the correction at home, which is 0 by definition."""
+    reference = home.reference(table) if isinstance(home, HomeCase) else home
+    if reference is None:
+        return 0.0
+    at = np.array([reference.position])
+    way = Direction.BACKWARD if reference.direction is Direction.BACKWARD else Direction.FORWARD
+    return float(screw.correction(shape, way, at)[0])

@@ -1,0 +1,149 @@
+"""Readings with a column for each run: a line for each target.
+
+Grammar::
+
+    file    := comment* heading line*
+    heading := a name with "target" or "position" in it, then a name for each run; separated by a tab, a
+               semicolon or a comma
+    run     := a way (forward, up, +, backward, down, -) and a number, in any order: "forward 1", "1 up",
+               "+1"; or "run 1" without a way, where --runs tells the ways
+    line    := a target and a reading for each run; an empty cell is a reading that is missing
+
+A run may name a unit. Micrometres, tenths and arc seconds are deviations. In the unit of the targets
+readings are either positions or deviations: which of both is found out from their size, and refused where
+both would do.
+"""
+
+import re
+from typing import Final
+
+from gateway.compensation.direction import Direction
+from gateway.metrology.formats.cells import Sheet, decimal, heading_of, sheet_of, unit_of, units_of, words
+from gateway.metrology.formats.context import ReadingsContext, Runs, settled_axis, settled_units
+from gateway.metrology.formats.rows import Row, to_survey
+from gateway.metrology.readings import Survey
+from gateway.tabfile.csv_text import split_cells
+from gateway.tabfile.text import SourceText, shown
+
+NAME: Final = "wide-csv"
+TITLE: Final = "CSV with a column for each run: target, forward 1, backward 1, forward 2, …"
+HEADING: Final = "target_mm;forward 1;backward 1;forward 2;backward 2 (or forward_1_um)"
+_FORWARD: Final = frozenset({"forward", "fwd", "up", "+"})
+_BACKWARD: Final = frozenset({"backward", "bwd", "down", "reverse", "-"})
+_TARGET: Final = frozenset({"target", "position", "nominal"})
+_WAY: Final = re.compile(r"([+-]?)([0-9]{1,3})([+-]?)")
+_UNIT: Final = re.compile(r"\s*\(?(?:mm|um|µm|inch|tenths?|deg|arcsec)\)?\s*$")
+CLEARLY: Final = 100.0
+"""So many times nearer to its target than to 0 a reading must be, or the reverse."""
+
+
+def recognise(source: SourceText) -> bool:
+    """Whether the heading has a target and runs as columns."""
+    found = heading_of(source)
+    if found is None:
+        return False
+    names = split_cells(found[0].text, found[1])
+    others = [name for name in names[1:] if name]
+    return (
+        len(others) > 0
+        and bool(_TARGET & set(words(names[0])))
+        and all(_run(name) is not None for name in others)
+    )
+
+
+def read(source: SourceText, context: ReadingsContext) -> Survey:
+    """Read the file.
+
+    Raises:
+        TabFileError: a heading or a cell that is not grammar, runs without a way that nobody tells, readings
+            that may be positions as well as deviations.
+    """
+    sheet = sheet_of(source, HEADING)
+    units = settled_units(source, context, units_of(source, sheet), sheet.heading.number)
+    runs = _runs(source, sheet, context.runs)
+    table = []
+    for line, cells in sheet.lines:
+        target = decimal(source, line, cells[0], "target")
+        table += [
+            (line, target, at, decimal(source, line, cell, sheet.names[at]))
+            for at, cell in enumerate(cells[1:], start=1)
+            if cell
+        ]
+    small = {
+        at: unit[1]
+        for at, name in enumerate(sheet.names)
+        if at and (unit := unit_of(name)) is not None and unit[1] != 1.0
+    }
+    are_positions = not small and _are_positions(source, [(t, v) for _, t, _, v in table])
+    rows = []
+    for line, target, at, value in sorted(table, key=lambda each: (each[2], each[0])):
+        way, run = runs[at]
+        measured = value if are_positions else target + value * small.get(at, 1.0)
+        rows.append(Row(line, target, way, run, measured))
+    axis = settled_axis(source, context, sheet.facts.get("axis"))
+    return to_survey(source, rows, units, axis=axis, facts=sheet.facts)
+
+
+def _run(name: str) -> tuple[Direction | None, int] | None:
+    """Return the way and the number in the name of a column; None where it is no run.
+
+    >>> [_run(name) for name in ("forward 1", "up_2_um", "Run 3", "-4", "measured_mm")]
+    ... # doctest: +NORMALIZE_WHITESPACE
+    [(<Direction.FORWARD: 1>, 1), (<Direction.FORWARD: 1>, 2), (None, 3), (<Direction.BACKWARD: -1>, 4), None]
+    """
+    if found := _WAY.fullmatch(_UNIT.sub("", name).replace(" ", "")):
+        sign = found[1] or found[3]
+        return {"+": Direction.FORWARD, "-": Direction.BACKWARD}.get(sign), int(found[2])
+    parts = words(name)
+    numbers = [int(part) for part in parts if part.isascii() and part.isdigit()]
+    forward, backward = (bool(ways & set(parts)) for ways in (_FORWARD, _BACKWARD))
+    if len(numbers) != 1 or (forward and backward) or not (forward or backward or "run" in parts):
+        return None
+    return (Direction.FORWARD if forward else Direction.BACKWARD if backward else None), numbers[0]
+
+
+def _runs(source: SourceText, sheet: Sheet, told: Runs | None) -> dict[int, tuple[Direction, int]]:
+    found: dict[int, tuple[Direction, int]] = {}
+    for at, name in enumerate(sheet.names[1:], start=1):
+        run = _run(name)
+        assert run is not None, "the heading was recognised by its runs"
+        way, number = run
+        if way is None:
+            if told is None:
+                raise source.error(
+                    f"{shown(name)} in the heading, without a way",
+                    "--runs alternate (odd runs forward, even runs back), forward or backward; or forward 1, "
+                    "backward 1 in the heading",
+                    line=sheet.heading.number,
+                )
+            way, number = _told_way(told, number)
+        if (way, number) in found.values():
+            raise source.error(f"a second {shown(name)} in the heading", HEADING, line=sheet.heading.number)
+        found[at] = (way, number)
+    return found
+
+
+def _told_way(told: Runs, number: int) -> tuple[Direction, int]:
+    if told is Runs.ALTERNATE:
+        return (Direction.FORWARD if number % 2 else Direction.BACKWARD), (number + 1) // 2
+    return (Direction.FORWARD if told is Runs.FORWARD else Direction.BACKWARD), number
+
+
+def _are_positions(source: SourceText, pairs: list[tuple[float, float]]) -> bool:
+    """Whether readings are positions: near their targets, and not near 0.
+
+    Raises:
+        TabFileError: they may be both.
+    """
+    from_target = max((abs(value - target) for target, value in pairs), default=0.0)
+    from_zero = max((abs(value) for _, value in pairs), default=0.0)
+    if from_target * CLEARLY < from_zero:
+        return True
+    farthest = max((abs(target) for target, _ in pairs), default=0.0)
+    if from_zero * CLEARLY < farthest:
+        return False
+    raise source.error(
+        f"readings up to {from_zero:.6g} at targets up to {farthest:.6g}: positions, or deviations?",
+        "a unit in the names of the runs (forward_1_um is a deviation), or target, direction, run, measured",
+        line=source.lines[0].number,
+    )

@@ -1,0 +1,139 @@
+"""What repeats along a screw: its lead, turns of gear and motor; and whether targets can show it.
+
+An error that repeats with each turn looks the same at targets that lie whole turns apart: it is aliased, and
+no calculation finds it. It shows at targets that meet all angles of the turn: random ones, or a fine run over
+two turns.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import cos, hypot, isfinite, pi, sin
+from typing import Final
+
+from gateway.metrology.errors import ReadingsError
+
+HARMONICS: Final = (1, 2)
+"""Of the lead: once a turn (a bent or drunken screw), twice a turn (thrust bearing, coupling)."""
+NEAR_MULTIPLE: Final = 0.1
+"""Of a turn: distances that are whole turns but for so much meet the same angle again."""
+SAME_ANGLES: Final = 0.8
+"""Share of the distances that are near multiples, from which on a period is aliased."""
+NARROW: Final = 0.9
+"""Mean of the angles as vectors: above it they lie in one place of the turn."""
+FINE_POINTS: Final = 8
+"""Of a turn, in a fine run."""
+FINE_TURNS: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """A length after which an error may repeat, and what turns once in it."""
+
+    length: float
+    name: str
+
+
+def periods_of(lead: float | None, turns: Iterable[float] = ()) -> tuple[Period, ...]:
+    """Return what may repeat: one turn of the screw and half of one, and each further turn that is named.
+
+    Raises:
+        ReadingsError: a lead or another period that is no length.
+
+    >>> [(each.length, each.name) for each in periods_of(5.0, [1.25])]
+    [(5.0, 'lead 5'), (2.5, 'half of lead 5'), (1.25, 'period 1.25')]
+    """
+    found = {}
+    if lead is not None:
+        _check("lead", lead)
+        found[lead] = Period(lead, f"lead {lead:g}")
+        found[lead / 2] = Period(lead / 2, f"half of lead {lead:g}")
+    for turn in turns:
+        _check("period", turn)
+        found.setdefault(turn, Period(turn, f"period {turn:g}"))
+    return tuple(found.values())
+
+
+def _check(what: str, length: float) -> None:
+    if not (isfinite(length) and length > 0.0):
+        raise ReadingsError(f"{what} {length:g}: it must be a length above 0, in the units of the readings")
+
+
+def is_aliased(targets: Sequence[float], period: float) -> bool:
+    """Whether targets meet an error of this period always at the same angle, or so nearly that it looks slow.
+
+    >>> [is_aliased([0, step, 2 * step, 3 * step], 5.0) for step in (10, 10.1, 4)]
+    [True, True, False]
+    """
+    angles = [2 * pi * target / period for target in targets]
+    mean = hypot(sum(map(cos, angles)), sum(map(sin, angles))) / len(angles)
+    turns = [(high - low) / period for low, high in pairwise(targets)]
+    near = sum(turn > 0.5 and abs(turn - round(turn)) < NEAR_MULTIPLE for turn in turns)
+    return mean > NARROW or near >= SAME_ANGLES * len(turns)
+
+
+def shown_by(
+    targets: Sequence[float], periods: Iterable[Period]
+) -> tuple[tuple[Period, ...], tuple[Period, ...]]:
+    """Return which periods the targets can show, and which are aliased."""
+    known = list(periods)
+    aliased = tuple(each for each in known if is_aliased(targets, each.length))
+    return tuple(each for each in known if each not in aliased), aliased
+
+
+def even_step(targets: Sequence[float]) -> float | None:
+    """Return the distance of targets on an even grid; None where they are on none."""
+    gaps = [high - low for low, high in pairwise(targets)]
+    if not gaps or max(gaps) - min(gaps) > 1e-3 * max(gaps):
+        return None
+    return sum(gaps) / len(gaps)
+
+
+def fine_run(targets: Sequence[float], lead: float) -> tuple[float, float, float]:
+    """Return where to measure two turns, and in which steps: in the middle, where nothing else ends.
+
+    >>> fine_run([0, 100, 200, 300, 400], 5.0)
+    (200, 210.0, 0.625)
+    """
+    low, high = targets[0], targets[-1]
+    start = min(targets, key=lambda target: abs(target - (low + high) / 2))
+    if start + FINE_TURNS * lead > high:
+        start = low
+    return start, start + FINE_TURNS * lead, lead / FINE_POINTS
+
+
+def aliased_warning(targets: Sequence[float], aliased: Sequence[Period], unit: str) -> str:
+    """Say that an error was not seen, and what to measure to see it."""
+    longest = max(aliased, key=lambda each: each.length)
+    names = " and ".join(each.name for each in aliased)
+    step = even_step(targets)
+    where = f"the targets lie {step:.6g} {unit} apart" if step else "nearly all distances of the targets are"
+    how = "a multiple, or near one, of" if step else "whole turns of"
+    low, high, fine = fine_run(targets, longest.length)
+    return (
+        f"{where}, {how} {names}: an error that repeats so looks the same at each of them (aliased) and "
+        f"was not seen. Measure two turns finely, --from {low:.9g} --to {high:.9g} --step {fine:.6g}, and "
+        f"give both files; or take random targets with --spread {longest.length:g}"
+    )
+
+
+def lead_warnings(targets: Sequence[float], periods: Iterable[Period], unit: str) -> list[str]:
+    """Say what targets will not show, or, where no lead is told, what they may not."""
+    known = tuple(periods)
+    aliased = shown_by(targets, known)[1]
+    if aliased:
+        return [aliased_warning(targets, aliased, unit)]
+    warning = None if known else unknown_lead(targets, unit)
+    return [warning] if warning else []
+
+
+def unknown_lead(targets: Sequence[float], unit: str) -> str | None:
+    """Say of an even grid, where no lead is told, which screws it does not show; None elsewhere."""
+    step = even_step(targets)
+    if step is None or len(targets) < 3:
+        return None
+    return (
+        f"the targets lie {step:.6g} {unit} apart: an error that repeats every {step:.6g}, {step / 2:.6g}, "
+        f"{step / 3:.6g}… {unit} looks the same at each of them and was not seen. Tell the lead of the "
+        "screw: --lead"
+    )

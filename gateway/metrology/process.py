@@ -1,0 +1,361 @@
+"""A screw's error as a random curve: how smooth it is, what repeats, and what its readings leave open.
+
+Between targets nobody has measured. What may be there is judged by a curve of the kind that explains the
+readings best (universal kriging, a Gaussian process; Rasmussen and Williams, Gaussian Processes for Machine
+Learning, 2006): a straight line, a smooth part (Matérn kernels from a broken line to an analytic curve), what
+repeats with a period, all of it with a size that may change slowly along the screw, what is too short for the
+distance of the targets, and the scatter of the readings. The sizes are those of the largest marginal
+likelihood. ``left_out`` is exact: each value predicted from all others in closed form (ibid., 5.12).
+
+Numbers are in the units of the readings. This module needs numpy and is imported where it is used.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import inf, log, pi
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ROUGH: Final = 0.5
+"""Kernel of a curve that is a broken line between its points."""
+ANALYTIC: Final = inf
+"""Kernel of a curve without any corner."""
+KERNELS: Final = (ROUGH, 1.5, 2.5, ANALYTIC)
+"""Orders of Matérn kernels."""
+TREND: Final = 100.0
+"""Variance of offset and slope, in those of what a straight line leaves: they are free."""
+MOST_TUNED: Final = 120
+"""The sizes are found with so many of the targets; that many show them."""
+FEATURES: Final = 240
+PAIR: Final = (0.9, 0.44)
+"""Two waves make up what is too short to be resolved: their shares, with squares that sum to 1."""
+MODULATED: Final = 60
+LOCAL: Final = 1.6
+"""Three neighbours are rarely missed by more than so many times what is expected, by scatter alone."""
+_FINEST: Final = 0.08
+_FIRST: Final = 1.2
+_ROUNDS: Final = 60
+
+_SMOOTH, _LENGTH, _SHORT, _NOISE, _CHANGE = "smooth", "length", "short", "noise", "change"
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Values at places, ascending, and the variance that the scatter of readings gives each.
+
+    ``noise_spread`` is how well that variance is known, as the standard deviation of its logarithm's half;
+    0 where it is known, infinity where it has to be found too (then ``variance`` says the proportions).
+    """
+
+    places: Array
+    values: Array
+    variance: Array
+    noise_spread: float = 0.0
+
+    @property
+    def span(self) -> float:
+        """From the first place to the last."""
+        return float(self.places[-1] - self.places[0])
+
+    @property
+    def gap(self) -> float:
+        """Mean distance of the places."""
+        return self.span / (len(self.places) - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Which parts a curve has. ``periods`` repeat; ``changes``: their sizes change slowly along the screw."""
+
+    order: float
+    has_short: bool = False
+    periods: tuple[float, ...] = ()
+    changes: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """A curve with its sizes, given the samples."""
+
+    kind: Kind
+    samples: Samples
+    sizes: Mapping[str, float]
+    """Logarithms."""
+    score: float
+    """The smaller, the better it explains the samples."""
+    _line: Array = field(repr=False)
+    _free: float = field(repr=False)
+    _inverse: Array = field(repr=False)
+    _weights: Array = field(repr=False)
+
+    def mean(self, at: Array) -> Array:
+        """Return the curve where the samples say it is most likely."""
+        return self._straight(at) + self._reach(at) @ self._weights
+
+    def left_out(self) -> tuple[Array, Array]:
+        """Return what each sample differs by from what all others predict, and its expected variance."""
+        precision = np.diag(self._inverse)
+        return self._weights / precision, 1.0 / precision
+
+    def draws(self, at: Array, count: int, random: np.random.Generator) -> Array:
+        """Return curves, one a column, that the samples allow, all as likely (Matheron's rule)."""
+        places = self.samples.places
+        all_places = np.concatenate((places, at))
+        curves = self._free_curves(all_places, count, random)
+        noise = np.sqrt(self._noise())[:, None] * random.standard_normal((len(places), count))
+        rest = (self.samples.values - self._straight(places))[:, None] - curves[: len(places)] - noise
+        drawn = self._straight(at)[:, None] + curves[len(places) :] + self._reach(at) @ (self._inverse @ rest)
+        mean = self.mean(at)[:, None]
+        result: Array = mean + self.surprise(at)[:, None] * (drawn - mean)
+        return result
+
+    def surprise(self, at: Array) -> Array:
+        """Return how much larger the misses of left-out samples are than expected, at least 1.
+
+        Sizes that fit the samples too well are found out so, and places at which a screw is not like the
+        rest of it, as at a joint: what left-out neighbours are missed by there counts for the places
+        between them. Few samples that are met by luck prove nothing.
+        """
+        missed, expected = self.left_out()
+        squares = missed**2 / expected
+        around = np.convolve(squares, np.ones(3) / 3, mode="same")
+        here = np.sqrt(np.maximum(squares.mean(), around / LOCAL**2))
+        result: Array = np.maximum(np.interp(at, self.samples.places, here), 1.0)
+        return result
+
+    def without_periods(self) -> Array:
+        """Return the covariance of the samples without what repeats."""
+        bare = Kind(self.kind.order, self.kind.has_short)
+        return _covariance(self.samples, bare, self.sizes, self._free)
+
+    def _straight(self, at: Array) -> Array:
+        middle = self.samples.places.mean()
+        result: Array = self._line[0] + self._line[1] * (at - middle)
+        return result
+
+    def _reach(self, at: Array) -> Array:
+        places = self.samples.places
+        distance = at[:, None] - places[None, :]
+        trend = 1.0 + np.outer(_unit(self.samples, at), _unit(self.samples, places))
+        result: Array = _kernel(self.kind, self.sizes, distance) + self._free * trend
+        return result
+
+    def _noise(self) -> Array:
+        return _noise_variance(self.samples, self.sizes)
+
+    def _free_curves(self, at: Array, count: int, random: np.random.Generator) -> Array:
+        kind, sizes = self.kind, self.sizes
+        order = FEATURES if kind.order == ANALYTIC else 2 * kind.order
+        wide = np.ones(FEATURES) if kind.order == ANALYTIC else random.chisquare(order, FEATURES) / order
+        waves = random.standard_normal(FEATURES) / np.sqrt(wide) / np.exp(sizes[_LENGTH])
+        curves: Array = np.exp(sizes[_SMOOTH]) * _random_waves(at, waves, count, random)
+        for index, period in enumerate(kind.periods):
+            shift = (
+                random.standard_normal(MODULATED) / np.exp(sizes[_CHANGE]) if kind.changes else np.zeros(1)
+            )
+            curves += np.exp(sizes[_period(index)]) * _random_waves(
+                at, 2 * pi / period + shift, count, random
+            )
+        level = np.sqrt(self._free) * random.standard_normal((2, count))
+        curves += level[0] + np.outer(_unit(self.samples, at), level[1])
+        if kind.has_short:
+            curves += np.exp(sizes[_SHORT]) * self._short_waves(at, count, random)
+        return curves
+
+    def _short_waves(self, at: Array, count: int, random: np.random.Generator) -> Array:
+        """Return what the targets lie too far apart for: nearly always it repeats, with one period or two."""
+        total: Array = np.zeros((len(at), count))
+        for share in PAIR:
+            periods = self.samples.gap / random.uniform(2.0, 8.0, count)
+            phases = random.uniform(0.0, 2 * pi, count)
+            total += share * 2**0.5 * np.sin(2 * pi * at[:, None] / periods + phases)
+        return total
+
+
+def fitted(samples: Samples, kind: Kind, start: Mapping[str, float] | None = None) -> Process:
+    """Find the sizes with which a kind of curve explains the samples best; ``start`` is where to begin."""
+    middle = samples.places.mean()
+    design = np.column_stack((np.ones_like(samples.places), samples.places - middle))
+    line, *_ = np.linalg.lstsq(design, samples.values, rcond=None)
+    rest = samples.values - design @ line
+    typical = max(float(rest.std()), float(np.sqrt(samples.variance.mean())), 1e-12 * samples.span)
+    search = _Search(_thinned(samples, rest), kind, typical)
+    starts = [dict(start)] if start else []
+    lengths = (samples.span / 3, samples.span / 8, samples.gap * 1.5)
+    starts += [search.usual(length) for length in (lengths[:1] if start else lengths)]
+    best, sizes = min((search.climb(each) for each in starts), key=lambda found: found[0])
+    free = TREND * typical**2
+    inverse: Array = np.linalg.inv(_covariance(samples, kind, sizes, free)).astype(np.float64)
+    cost = 0.5 * log(len(samples.places)) * len(sizes)  # Schwarz's: what is added must be worth it
+    return Process(kind, samples, sizes, best + cost, line, free, inverse, inverse @ rest)
+
+
+def _thinned(samples: Samples, rest: Array) -> Samples:
+    """Return the samples by which the sizes are found; those of many are drawn, so that no period is met."""
+    count = len(samples.places)
+    chosen = np.arange(count)
+    if count > MOST_TUNED:
+        chosen = np.sort(np.random.default_rng(count).choice(count, MOST_TUNED, replace=False))
+    return Samples(samples.places[chosen], rest[chosen], samples.variance[chosen], samples.noise_spread)
+
+
+class _Search:
+    """The likelihood of sizes, and a walk to where it is largest."""
+
+    def __init__(self, samples: Samples, kind: Kind, typical: float) -> None:
+        self._samples = samples
+        self._kind = kind
+        self._typical = typical
+        self._free = TREND * typical**2
+        low, high = log(typical * 1e-4), log(typical * 30)
+        span, gap = samples.span, samples.gap
+        self._bounds = {
+            _SMOOTH: (low, high),
+            _LENGTH: (log(gap * 0.7), log(span * 2)),
+            _SHORT: (low, log(typical * 2)),
+            _NOISE: (low, log(typical * 2)),
+            _CHANGE: (log(max(4 * gap, span / 10)), log(span * 4)),
+            **{_period(index): (low, log(typical * 5)) for index in range(len(kind.periods))},
+        }
+
+    def usual(self, length: float) -> dict[str, float]:
+        """Return sizes to begin with."""
+        kind, typical = self._kind, self._typical
+        sizes = {_LENGTH: log(length), _SMOOTH: log(typical)}
+        if kind.has_short:
+            sizes[_SHORT] = log(typical * 0.3)
+        if self._samples.noise_spread:
+            sizes[_NOISE] = log(max(self._stated_noise(), typical * 0.1))
+        sizes |= {_period(index): log(typical * 0.3) for index in range(len(kind.periods))}
+        if kind.changes:
+            sizes[_CHANGE] = log(self._samples.span)
+        return sizes
+
+    def climb(self, start: Mapping[str, float]) -> tuple[float, dict[str, float]]:
+        """Walk along one size after the other, with steps that shrink where they do not help."""
+        sizes = {name: self._inside(name, start.get(name, size)) for name, size in self.usual(1.0).items()}
+        best = self._cost(sizes)
+        steps = dict.fromkeys(sizes, _FIRST)
+        for _ in range(_ROUNDS):
+            if max(steps.values()) <= _FINEST:
+                break
+            for name in tuple(sizes):
+                if steps[name] <= _FINEST:
+                    continue
+                for sign in (1, -1):
+                    moved = {**sizes, name: self._inside(name, sizes[name] + sign * steps[name])}
+                    cost = self._cost(moved)
+                    if cost < best - 1e-9:
+                        best, sizes = cost, moved
+                        steps[name] = min(steps[name] * 1.3, 1.5)
+                        break
+                else:
+                    steps[name] /= 2
+        return best, sizes
+
+    def _inside(self, name: str, size: float) -> float:
+        low, high = self._bounds[name]
+        return min(max(size, low), high)
+
+    def _cost(self, sizes: Mapping[str, float]) -> float:
+        """Return the negative logarithm of the likelihood, with weak beliefs about the sizes of screws."""
+        covariance = _covariance(self._samples, self._kind, sizes, self._free)
+        try:
+            root = np.linalg.cholesky(covariance)
+        except np.linalg.LinAlgError:
+            return inf
+        white = np.linalg.solve(root, self._samples.values)
+        cost = float(white @ white) / 2 + float(np.log(np.diag(root)).sum())
+        cost += _belief(sizes[_LENGTH], self._samples.span / 3, 1.5)
+        cost += _belief(sizes[_SMOOTH], self._typical, 2.0)
+        if _SHORT in sizes:
+            cost += _belief(sizes[_SHORT], self._typical * 0.1, 3.0)
+        if _NOISE in sizes:
+            spread = self._samples.noise_spread
+            cost += _belief(sizes[_NOISE], self._typical * 0.1, 3.0)
+            if spread < inf:
+                cost += _belief(sizes[_NOISE], self._stated_noise(), spread)
+        return cost
+
+    def _stated_noise(self) -> float:
+        return float(np.sqrt(self._samples.variance.mean()))
+
+
+def _belief(size: float, around: float, spread: float) -> float:
+    return 0.5 * ((size - log(around)) / spread) ** 2
+
+
+def _covariance(samples: Samples, kind: Kind, sizes: Mapping[str, float], free: float) -> Array:
+    places = samples.places
+    unit = _unit(samples, places)
+    covariance = _kernel(kind, sizes, places[:, None] - places[None, :]) + free * (1.0 + np.outer(unit, unit))
+    short = np.exp(2 * sizes[_SHORT]) if kind.has_short else 0.0
+    # A share that nothing measures keeps the sums solvable where readings have no scatter.
+    covariance[np.diag_indices(len(places))] += _noise_variance(samples, sizes) + short + 3e-12 * free
+    return covariance
+
+
+def _noise_variance(samples: Samples, sizes: Mapping[str, float]) -> Array:
+    if _NOISE not in sizes:
+        return samples.variance
+    mean = samples.variance.mean()
+    share = samples.variance / mean if mean else np.ones_like(samples.variance)
+    result: Array = np.exp(2 * sizes[_NOISE]) * share
+    return result
+
+
+def _kernel(kind: Kind, sizes: Mapping[str, float], distance: Array) -> Array:
+    covariance = np.exp(2 * sizes[_SMOOTH]) * _matern(kind.order, np.abs(distance) / np.exp(sizes[_LENGTH]))
+    if kind.periods:
+        repeating = sum(
+            np.exp(2 * sizes[_period(index)]) * np.cos(2 * pi * distance / period)
+            for index, period in enumerate(kind.periods)
+        )
+        if kind.changes:
+            repeating = repeating * np.exp(-0.5 * (distance / np.exp(sizes[_CHANGE])) ** 2)
+        covariance = covariance + repeating
+    result: Array = covariance
+    return result
+
+
+def _matern(order: float, ratio: Array) -> Array:
+    if order == ROUGH:
+        result: Array = np.exp(-ratio)
+    elif order == 1.5:
+        scaled = ratio * 3**0.5
+        result = (1.0 + scaled) * np.exp(-scaled)
+    elif order == 2.5:
+        scaled = ratio * 5**0.5
+        result = (1.0 + scaled + scaled**2 / 3.0) * np.exp(-scaled)
+    else:
+        result = np.exp(-0.5 * ratio**2)
+    return result
+
+
+def _random_waves(at: Array, waves: Array, count: int, random: np.random.Generator) -> Array:
+    """Return curves of variance 1 whose spectrum is that of the waves (random Fourier features)."""
+    phase = np.outer(at, waves)
+    shape = (len(waves), count)
+    curves: Array = np.cos(phase) @ random.standard_normal(shape)
+    curves += np.sin(phase) @ random.standard_normal(shape)
+    curves /= len(waves) ** 0.5
+    return curves
+
+
+def _unit(samples: Samples, at: Array) -> Array:
+    middle = samples.places.mean()
+    result: Array = (at - middle) / (samples.span / 2)
+    return result
+
+
+def _period(index: int) -> str:
+    return f"period {index}"
+
+
+def best_of(samples: Samples, kinds: Sequence[Kind]) -> list[Process]:
+    """Return a process for each kind of curve, the one that explains the samples best first."""
+    return sorted((fitted(samples, kind) for kind in kinds), key=lambda each: each.score)

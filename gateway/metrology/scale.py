@@ -1,0 +1,84 @@
+"""The linear part of an error: a scale, which belongs into ``counts_per_unit`` and not into a table.
+
+TB058 demands that the turns for a unit are checked before any table is made; a table that holds a wrong scale
+is as long as the error is steep, and a wrong drive ratio looks like a bad screw.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Final
+
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.readings import Reading, mean_corrections
+
+MOST: Final = 3e-4
+"""0.3 mm/m: more is no screw but a wrong scale, and is asked for first."""
+LEAST_TARGETS: Final = 3
+_PER_METRE_UM: Final = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class ScaleError:
+    """``share``: what the nut goes too far, of the way; positive where it goes too far."""
+
+    share: float
+
+    @property
+    def counts_factor(self) -> float:
+        """What ``counts_per_unit`` has to be multiplied by: a nut that goes too far needs fewer counts."""
+        return 1.0 / (1.0 + self.share)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether the scale has to be put right before a table is made."""
+        return abs(self.share) > MOST
+
+    def describe(self, counts_per_unit: float | None = None) -> str:
+        """Say it in a sentence.
+
+        >>> ScaleError(0.00025).describe(1000.0)
+        'linear part +250 µm/m: counts_per_unit 999.750062 instead of 1000 would remove it'
+        """
+        said = f"linear part {self.share * _PER_METRE_UM:+.4g} µm/m: counts_per_unit "
+        if counts_per_unit is None:
+            return f"{said}times {self.counts_factor:.8f} would remove it"
+        right = counts_per_unit * self.counts_factor
+        return f"{said}{right:.9g} instead of {counts_per_unit:.9g} would remove it"
+
+
+def scale_of(readings: Iterable[Reading]) -> ScaleError | None:
+    """Return the slope of the straight line that fits the means best; None with fewer than three targets.
+
+    >>> from gateway.compensation.direction import Direction
+    >>> up = Direction.FORWARD
+    >>> found = scale_of([Reading(0, up, 0.0), Reading(100, up, 100.02), Reading(200, up, 200.04)])
+    >>> found is not None and round(found.share, 9)
+    0.0002
+    """
+    means = mean_corrections(readings)
+    if len(means.targets) < LEAST_TARGETS:
+        return None
+    sums = [0.0, 0.0]
+    for values in (means.forward, means.backward):
+        known = [(x, -c) for x, c in zip(means.targets, values, strict=True) if c is not None]
+        if len(known) < LEAST_TARGETS:
+            continue
+        middle, mean = fmean(x for x, _ in known), fmean(d for _, d in known)
+        sums[0] += sum((x - middle) * (d - mean) for x, d in known)
+        sums[1] += sum((x - middle) ** 2 for x, _ in known)
+    return ScaleError(sums[0] / sums[1]) if sums[1] else None
+
+
+def check_scale(source: str, readings: Iterable[Reading], counts_per_unit: float | None = None) -> None:
+    """Check that readings are of a screw and not of a wrong scale.
+
+    Raises:
+        ReadingsError: the linear part is larger than 0.3 mm/m.
+    """
+    found = scale_of(readings)
+    if found is not None and found.is_large:
+        raise ReadingsError(
+            f"{source}: {found.describe(counts_per_unit)}. More than 0.3 mm/m is no screw but a wrong scale: "
+            "put it right first and measure again, or --keep-scale where the screw is really so long or short"
+        )

@@ -1,0 +1,385 @@
+"""What the readings say about a screw: its error at the targets and, as far as they tell, between them.
+
+The mean of both directions and half their difference (the reversal) are two curves of their own
+(:mod:`gateway.metrology.process`): what repeats with a turn belongs to the screw and is in the first, the
+scatter of readings is in both. Needs numpy, and is imported where it is used.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import atan2, degrees, hypot, inf, pi
+from statistics import fmean
+from typing import Final
+
+import numpy as np
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.lead import Period, shown_by
+from gateway.metrology.process import KERNELS, ROUGH, Array, Kind, Process, Samples, fitted
+from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
+from gateway.metrology.shapes import Shape
+
+LEAST_TARGETS: Final = 5
+"""Fewer targets say nothing about what lies between them."""
+MOST_TARGETS: Final = 2000
+"""More make sums that take minutes; so many lie so near that lines between them lose nothing."""
+DRAWS: Final = 64
+PLACES: Final = 2000
+MOST_PLACES: Final = 8000
+PLACES_A_PERIOD: Final = 16
+SPREAD: Final = 0.3
+"""How well the scatter of the runs tells the scatter of a reversal, as a share."""
+LEAST_SCATTER_MM: Final = 1e-6
+"""Readings without any scatter are computed ones, or those of a file with few digits."""
+WORTH: Final = 4.0
+"""Kinds whose logarithmic likelihood is worse by more have no say in what may be between targets."""
+SEED: Final = 20
+ROUNDS: Final = 4
+"""So often is the place of the drive for one of the nut found anew, each time nearer by the error's slope."""
+
+
+@dataclass(frozen=True, slots=True)
+class Harmonic:
+    """A part of the error that repeats: ``amplitude * sin(360° * position / period + phase)``.
+
+    ``amplitude`` is of the deviation, in the units of the readings. ``significance`` is the probability that
+    scatter alone makes one as large (F test with 2 degrees of freedom); 0.01 and below is hardly chance.
+    """
+
+    period: Period
+    amplitude: float
+    phase_deg: float
+    significance: float
+
+
+@dataclass(frozen=True, slots=True)
+class Screw:
+    """Readings of one axis as curves. Corrections are in ``units``; positions are those of the drive."""
+
+    units: Units
+    means: MeanCorrections
+    smooth: Process
+    """The mean of both directions without anything that repeats."""
+    harmonic: Process | None
+    """The same with it; None where no period is told that the targets show."""
+    reversal: Process | None
+    """Half of forward less backward; None where one direction was measured."""
+    harmonics: tuple[Harmonic, ...]
+    periods: tuple[Period, ...]
+    """What was told that the error may repeat with."""
+    aliased: tuple[Period, ...]
+    """Those of them that the targets do not show."""
+    scatter: float | None
+    """Standard deviation of one reading; None where nothing tells it."""
+    _places: Array
+    _forward: Array
+    _backward: Array
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """What can be made of these readings."""
+        return tuple(Shape) if self.harmonic is not None else (Shape.LINES, Shape.SMOOTH)
+
+    def correction(self, shape: Shape, direction: Direction, at: Array) -> Array:
+        """Return what has to be added where the drive stands at ``at``."""
+        if shape is Shape.LINES:
+            ways = [self.means.forward, self.means.backward]
+            # Where one direction was measured, it stands for both.
+            values = next(
+                each
+                for each in (ways[::-1] if direction is Direction.BACKWARD else ways)
+                if any(value is not None for value in each)
+            )
+            known = [(x, c) for x, c in zip(self.means.targets, values, strict=True) if c is not None]
+            result: Array = np.interp(at, [x for x, _ in known], [c for _, c in known])
+            return result
+        middle = self.harmonic if shape is Shape.HARMONICS else self.smooth
+        assert middle is not None, "harmonics are fitted"
+        result = middle.mean(at)
+        if self.reversal is not None:
+            result = result + direction.value * self.reversal.mean(at)
+        return result
+
+    def table(
+        self, shape: Shape, positions: Sequence[float], *, offset: float = 0.0, one_way: bool = False
+    ) -> CorrectionTable:
+        """Return the table whose corrections take the nut to these positions; ``offset`` is taken off each.
+
+        The error was measured where the drive was sent, and a table is looked up where the nut is to be: for
+        each position the place of the drive is looked for from which the nut gets there.
+        """
+        at = np.asarray(positions, dtype=np.float64)
+        curves = []
+        for way in APPROACHES:
+            drive = at
+            for _ in range(ROUNDS):
+                drive = at + self._curve(shape, way, drive, one_way=one_way) - offset
+            curves.append(drive - at)
+        return make_table(list(positions), curves[0].tolist(), curves[1].tolist(), self.units)
+
+    def _curve(self, shape: Shape, way: Direction, at: Array, *, one_way: bool) -> Array:
+        if not one_way:
+            return self.correction(shape, way, at)
+        forward, backward = (self.correction(shape, each, at) for each in APPROACHES)
+        result: Array = (forward + backward) / 2
+        return result
+
+    def nut_positions(self, offset: float = 0.0) -> list[float]:
+        """Return where the nut stood at each target, the mean of both directions, with ``offset`` at home."""
+        places = np.asarray(self.means.targets)
+        both = [self.correction(Shape.LINES, way, places) for way in APPROACHES]
+        nut: list[float] = (places - (both[0] + both[1]) / 2 + offset).tolist()
+        return nut
+
+    def misses(self, shape: Shape) -> float:
+        """Return how far each inner target is missed by what all others say of it, root of the mean square.
+
+        Both directions of a target are left out together.
+        """
+        errors: list[float] = []
+        if shape is Shape.LINES:
+            for values in (self.means.forward, self.means.backward):
+                known = [(x, c) for x, c in zip(self.means.targets, values, strict=True) if c is not None]
+                for (x0, c0), (x, c), (x1, c1) in zip(known, known[1:], known[2:], strict=False):
+                    errors.append(c - (c0 + (c1 - c0) * (x - x0) / (x1 - x0)))
+        else:
+            middle = self.harmonic if shape is Shape.HARMONICS else self.smooth
+            assert middle is not None, "harmonics are fitted"
+            missed, _ = middle.left_out()
+            turned = np.zeros_like(missed)
+            if self.reversal is not None and len(self.reversal.samples.places) == len(missed):
+                turned, _ = self.reversal.left_out()
+            errors = [*(missed + turned)[1:-1].tolist(), *(missed - turned)[1:-1].tolist()]
+        return float(np.sqrt(np.mean(np.square(errors))))
+
+    def leaves(self, table: CorrectionTable) -> float:
+        """Return E of what a table leaves everywhere between the first and the last target.
+
+        The median of E over curves that the readings allow, each taken whole: with both directions, and
+        with the corrections at the places to which the table sends the drive.
+        """
+        here = table.in_units(self.units)
+        added = [
+            np.interp(self._places, np.asarray(here.positions), np.asarray(curve))
+            for curve in (here.forward, here.backward)
+        ]
+        ways = [0, 1]
+        if self.reversal is None:
+            ways = [0] if any(value is not None for value in self.means.forward) else [1]
+        drawn = (self._forward, self._backward)
+        left = np.vstack([added[way][:, None] - _at(drawn[way], self._places, added[way]) for way in ways])
+        return float(np.median(left.max(axis=0) - left.min(axis=0)))
+
+
+def _at(curves: Array, places: Array, moved: Array) -> Array:
+    """Return the curves where the drive stands: at each place and ``moved`` from it."""
+    step = places[1] - places[0]
+    exact = np.clip((places + moved - places[0]) / step, 0.0, len(places) - 1.0)
+    below = np.minimum(exact.astype(np.intp), len(places) - 2)
+    share = (exact - below)[:, None]
+    result: Array = curves[below] * (1.0 - share) + curves[below + 1] * share
+    return result
+
+
+def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period] = ()) -> Screw:
+    """Fit the curves.
+
+    Raises:
+        ReadingsError: readings without a number or a direction; fewer than five targets, or so many that
+            nothing is gained.
+    """
+    known = tuple(readings)
+    means = mean_corrections(known)
+    count = len(means.targets)
+    if not LEAST_TARGETS <= count <= MOST_TARGETS:
+        raise ReadingsError(
+            f"{count} targets: what lies between targets is judged with {LEAST_TARGETS} to {MOST_TARGETS}"
+        )
+    scatter, counts = _scatter(known), _counts(known)
+    if scatter is not None:
+        scatter = max(scatter, units.from_mm(LEAST_SCATTER_MM))
+    reversal = _reversal(means, counts, scatter)
+    middle, is_guessed = _middle(means, counts, scatter, reversal)
+    told = tuple(periods)
+    shown, aliased = shown_by(means.targets, told)
+    kinds = _fit_all(middle, tuple(period.length for period in shown), has_scatter=scatter is not None)
+    smooth = min((each for each in kinds if not each.kind.periods), key=lambda each: each.score)
+    repeating = [each for each in kinds if each.kind.periods]
+    harmonic = min(repeating, key=lambda each: each.score) if repeating else None
+    places, forward, backward = _draw(kinds, reversal, [period.length for period in shown])
+    if scatter is None and is_guessed and reversal is not None:
+        scatter = float(np.exp(reversal.sizes["noise"])) * 2**0.5
+    return Screw(
+        units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), told, aliased, scatter,
+        places, forward, backward,
+    )  # fmt: skip
+
+
+def _counts(readings: Sequence[Reading]) -> dict[tuple[float, Direction], int]:
+    counts: dict[tuple[float, Direction], int] = {}
+    for each in readings:
+        counts[each.target, each.direction] = counts.get((each.target, each.direction), 0) + 1
+    return counts
+
+
+def _scatter(readings: Sequence[Reading]) -> float | None:
+    """Standard deviation of one reading among its runs, without what a whole run is shifted by."""
+    groups: dict[tuple[float, Direction], list[Reading]] = {}
+    for each in readings:
+        groups.setdefault((each.target, each.direction), []).append(each)
+    runs: dict[tuple[int, Direction], list[float]] = {}
+    rests: list[tuple[tuple[int, Direction], float]] = []
+    for group in groups.values():
+        if len(group) < 2:
+            continue
+        mean = fmean(each.deviation for each in group)
+        for each in group:
+            runs.setdefault((each.run, each.direction), []).append(each.deviation - mean)
+            rests.append(((each.run, each.direction), each.deviation - mean))
+    shifts = {run: fmean(values) for run, values in runs.items() if len(values) >= LEAST_TARGETS}
+    several = sum(len(group) >= 2 for group in groups.values())
+    free = len(rests) - several - max(len(shifts) - 2, 0)
+    if free < LEAST_TARGETS:
+        return None
+    return float((sum((rest - shifts.get(run, 0.0)) ** 2 for run, rest in rests) / free) ** 0.5)
+
+
+def _reversal(
+    means: MeanCorrections, counts: dict[tuple[float, Direction], int], scatter: float | None
+) -> Process | None:
+    """Fit half of forward less backward at the targets that have both."""
+    both = [
+        (x, (f - b) / 2, _variance(counts, x))
+        for x, f, b in zip(means.targets, means.forward, means.backward, strict=True)
+        if f is not None and b is not None
+    ]
+    if len(both) < LEAST_TARGETS - 1:
+        return None
+    places, values, shares = (np.array(column) for column in zip(*both, strict=True))
+    if scatter is None:
+        samples = Samples(places, values, shares * _guess(values), noise_spread=inf)
+        kinds = [Kind(order) for order in KERNELS]
+    else:
+        samples = Samples(places, values, shares * scatter**2, noise_spread=SPREAD)
+        kinds = [Kind(order) for order in KERNELS]
+    return min((fitted(samples, kind) for kind in kinds), key=lambda each: each.score)
+
+
+def _variance(counts: dict[tuple[float, Direction], int], target: float) -> float:
+    """Share of the variance of one reading that the mean of both directions has."""
+    ways = [counts[target, way] for way in APPROACHES if (target, way) in counts]
+    return sum(1.0 / count for count in ways) / len(ways) ** 2
+
+
+def _guess(values: Array) -> float:
+    """Begin somewhere: a tenth of what the values vary by."""
+    return max(float(values.var()) * 0.01, 1e-18)
+
+
+def _middle(
+    means: MeanCorrections,
+    counts: dict[tuple[float, Direction], int],
+    scatter: float | None,
+    reversal: Process | None,
+) -> tuple[Samples, bool]:
+    """Return the mean of both directions at all targets; where one is missing the reversal stands in."""
+    places = np.asarray(means.targets)
+    half = reversal.mean(places) if reversal is not None else np.zeros_like(places)
+    values = np.array(
+        [
+            fmean(
+                side
+                for side in (
+                    None if f is None else (f + b) / 2 if b is not None else f - h,
+                    None if b is None else (f + b) / 2 if f is not None else b + h,
+                )
+                if side is not None
+            )
+            for f, b, h in zip(means.forward, means.backward, half.tolist(), strict=True)
+        ]
+    )
+    shares = np.array([_variance(counts, x) for x in means.targets])
+    if scatter is not None:
+        return Samples(places, values, shares * scatter**2), False
+    if reversal is not None and "noise" in reversal.sizes:
+        # One run: the scatter of the reversal is that of the readings, for no screw has a short wave in it.
+        noise = float(np.exp(2 * reversal.sizes["noise"]))
+        spread = 1.0 / (2.0 * max(len(reversal.samples.places) - 3, 2)) ** 0.5
+        return Samples(places, values, noise * shares / shares.mean(), noise_spread=spread), True
+    return Samples(places, values, shares * _guess(values), noise_spread=inf), True
+
+
+def _fit_all(samples: Samples, periods: tuple[float, ...], *, has_scatter: bool) -> list[Process]:
+    shorts = (False, True) if has_scatter or samples.noise_spread < inf else (False,)
+    smooth = [fitted(samples, Kind(order, short)) for order in KERNELS for short in shorts]
+    if not periods:
+        return smooth
+    orders = [order for order in KERNELS if order != ROUGH]
+    known = {(each.kind.order, each.kind.has_short): each.sizes for each in smooth}
+    several = len(samples.places) >= 3 * (3 + 2 * len(periods))
+    repeating = [
+        fitted(samples, Kind(order, short, periods, changes), _usual(known[order, short], samples))
+        for order in orders
+        for short in shorts
+        for changes in ((False, True) if several else (False,))
+    ]
+    return [*smooth, *repeating]
+
+
+def _usual(sizes: object, samples: Samples) -> dict[str, float] | None:
+    """Begin anew where a smooth curve went through every wave."""
+    known = dict(sizes) if isinstance(sizes, dict) else {}
+    return None if known.get("length", 0.0) < np.log(samples.gap * 3) else known
+
+
+def _draw(
+    kinds: Sequence[Process], reversal: Process | None, periods: Sequence[float]
+) -> tuple[Array, Array, Array]:
+    """Draw curves from every kind that is nearly as good as the best, each as often as it is likely."""
+    samples = kinds[0].samples
+    wanted = max(PLACES, PLACES_A_PERIOD * samples.span / min(periods, default=samples.span))
+    places = np.linspace(samples.places[0], samples.places[-1], int(min(wanted, MOST_PLACES)))
+    best = min(each.score for each in kinds)
+    near = [each for each in kinds if each.score - best < WORTH]
+    weights = np.array([np.exp(best - each.score) for each in near])
+    shares = np.floor(np.cumsum(weights / weights.sum()) * DRAWS + 0.5).astype(int)
+    random = np.random.default_rng(SEED)
+    middle = np.hstack(
+        [
+            each.draws(places, int(count), random)
+            for each, count in zip(near, np.diff(shares, prepend=0), strict=True)
+            if count
+        ]
+    )
+    half = np.zeros_like(middle) if reversal is None else reversal.draws(places, middle.shape[1], random)
+    return places, middle + half, middle - half
+
+
+def _harmonics(process: Process | None, periods: Sequence[Period]) -> tuple[Harmonic, ...]:
+    """Fit each period with one amplitude, beside the smooth part as it is (generalised least squares)."""
+    if process is None:
+        return ()
+    samples = process.samples
+    columns = []
+    for period in periods:
+        angle = 2 * pi * samples.places / period.length
+        columns += [np.sin(angle), np.cos(angle)]
+    design = np.column_stack(columns)
+    inverse = np.linalg.inv(process.without_periods())
+    information = np.linalg.inv(design.T @ inverse @ design)
+    # The deviation is what the correction takes away.
+    parts = -information @ (design.T @ inverse @ samples.values)
+    rest = samples.values + design @ parts
+    free = max(len(samples.places) - 2 - len(columns), 1)
+    scale = max(float(rest @ inverse @ rest) / free, 1.0)
+    found = []
+    for index, period in enumerate(periods):
+        pair = slice(2 * index, 2 * index + 2)
+        sine, cosine = (float(part) for part in parts[pair])
+        ratio = float(parts[pair] @ np.linalg.solve(information[pair, pair], parts[pair])) / (2 * scale)
+        chance = (1.0 + 2.0 * ratio / free) ** (-free / 2)
+        found.append(Harmonic(period, hypot(sine, cosine), degrees(atan2(cosine, sine)) % 360.0, chance))
+    return tuple(found)

@@ -1,0 +1,32 @@
+"""What a table can follow, and what of it is wanted."""
+
+from enum import Enum
+
+
+class Shape(Enum):
+    """What a table follows, the plainest first."""
+
+    LINES = "lines"
+    """Straight from target to target."""
+    SMOOTH = "smooth"
+    """A smooth curve; what scatters about it, noise and short waves alike, is left."""
+    HARMONICS = "harmonics"
+    """A smooth curve and what repeats with the lead and other turns."""
+
+    @property
+    def words(self) -> str:
+        """What it is called in a sentence."""
+        return {
+            Shape.LINES: "lines between the targets",
+            Shape.SMOOTH: "a smooth curve",
+            Shape.HARMONICS: "a smooth curve with harmonics of the lead",
+        }[self]
+
+
+class Fit(Enum):
+    """What is wanted; ``AUTO``: what leaves least between the targets."""
+
+    AUTO = "auto"
+    LINES = "lines"
+    SMOOTH = "smooth"
+    HARMONICS = "harmonics"

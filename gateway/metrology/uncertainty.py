@@ -1,0 +1,93 @@
+"""How sure A is, and whether it keeps a limit: a budget after the idea of ISO/TR 230-9 (ISO 230-2, annex A).
+
+Each contribution is an expanded uncertainty with k = 2. Of what is only known to lie in a range R it is
+``0.6 R`` (twice the standard deviation of a rectangular distribution, R / sqrt(12), which makes 0.577 R)::
+
+    instrument      as its certificate says it, for the length
+    alignment       0.6 h² / (2 L): the beam or scale leaves the axis by h over the length L (cosine)
+    temperature     0.6 a L R(T): the screw or machine is known to within R(T)
+    expansion       0.6 |T - 20| L R(a): the coefficient is known to within R(a)
+    environment     0.6 E: what an hour of a drift test shows (table drift)
+    repeatability   2 s / sqrt(n): of the mean at the target with the largest s
+
+They are added as squares. A limit is kept where A + U lies within it, not kept where A - U exceeds it (the
+rule of ISO 14253-1), and undecided between. Source: the formulas as literature gives them; the standards
+themselves were not at hand.
+"""
+
+from dataclasses import dataclass
+from math import hypot, isfinite, sqrt
+from typing import Final
+
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.evaluation import Evaluation
+
+RANGE: Final = 0.6
+"""Of a range: its expanded uncertainty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known beside the readings; lengths in their units, temperatures in kelvin."""
+
+    instrument: float = 0.0
+    misalignment: float = 0.0
+    temperature_range: float = 0.0
+    expansion: float = 11.5e-6
+    """A kelvin."""
+    expansion_range: float = 0.0
+    off_20: float = 0.0
+    """Distance of the temperature from 20 °C."""
+    environment: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ReadingsError: one below 0, or none at all.
+        """
+        for name in self.__slots__:
+            number = getattr(self, name)
+            if not (isfinite(number) and number >= 0.0):
+                raise ReadingsError(f"uncertainty: {name.replace('_', ' ')} {number:g}: it must be 0 or more")
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """The contributions by name, and all of them together; expanded, k = 2."""
+
+    parts: tuple[tuple[str, float], ...]
+
+    @property
+    def expanded(self) -> float:
+        """U."""
+        return hypot(*(part for _, part in self.parts))
+
+
+def budget_of(found: Evaluation, known: Known) -> Budget:
+    """Return the budget of A for the length that was measured."""
+    length = found.targets[-1].target - found.targets[0].target
+    approaches = [way for each in found.targets for way in (each.forward, each.backward) if way is not None]
+    means = [2 * way.s / sqrt(len(way.deviations)) for way in approaches if way.s is not None]
+    cosine = known.misalignment**2 / (2 * length) if length else 0.0
+    return Budget(
+        (
+            ("instrument", known.instrument),
+            ("alignment", RANGE * cosine),
+            ("temperature", RANGE * known.expansion * length * known.temperature_range),
+            ("expansion", RANGE * known.off_20 * length * known.expansion_range),
+            ("environment", RANGE * known.environment),
+            ("repeatability", max(means, default=0.0)),
+        )
+    )
+
+
+def verdict(value: float, expanded: float, limit: float) -> str:
+    """Say whether a limit is kept.
+
+    >>> verdict(8.0, 1.5, 10.0), verdict(9.0, 1.5, 10.0), verdict(12.0, 1.5, 10.0)
+    ('kept', 'undecided', 'not kept')
+    """
+    if value + expanded <= limit:
+        return "kept"
+    return "not kept" if value - expanded > limit else "undecided"

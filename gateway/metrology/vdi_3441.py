@@ -1,0 +1,53 @@
+"""VDI/DGQ 3441: the same readings as P, Ps, Pa and U, which many acceptance sheets still ask for.
+
+At each position, with the means of both directions and their standard deviations (n - 1)::
+
+    x    = (mean forward + mean backward) / 2             s   = (s forward + s backward) / 2
+    U_j  = |mean forward - mean backward|, reversal       Ps_j = 6 s, positional scatter
+    Pa   = max x - min x, positional deviation
+    P    = max (x + (U_j + Ps_j) / 2) - min (x - (U_j + Ps_j) / 2), positional uncertainty
+
+``U`` and ``Ps`` are said as the largest and as the mean over the positions. Source: the guideline's formulas
+as textbooks and makers of instruments give them; the guideline itself was not at hand.
+"""
+
+from dataclasses import dataclass
+from statistics import fmean
+
+from gateway.metrology.evaluation import Evaluation
+
+
+@dataclass(frozen=True, slots=True)
+class Vdi3441:
+    """The results, in the units of the readings."""
+
+    positional_uncertainty: float
+    """P"""
+    positional_deviation: float
+    """Pa"""
+    scatter: float
+    """Ps, the largest"""
+    mean_scatter: float
+    reversal: float
+    """U, the largest"""
+    mean_reversal: float
+
+
+def vdi_3441(found: Evaluation) -> Vdi3441 | None:
+    """Return the results; None where a target lacks an approach or has one run only."""
+    rows = []
+    for each in found.targets:
+        forward, backward = each.forward, each.backward
+        if forward is None or backward is None or forward.s is None or backward.s is None:
+            return None
+        x, s = (forward.mean + backward.mean) / 2, (forward.s + backward.s) / 2
+        rows.append((x, abs(forward.mean - backward.mean), 6 * s))
+    return Vdi3441(
+        positional_uncertainty=max(x + (u + ps) / 2 for x, u, ps in rows)
+        - min(x - (u + ps) / 2 for x, u, ps in rows),
+        positional_deviation=max(x for x, _, _ in rows) - min(x for x, _, _ in rows),
+        scatter=max(ps for _, _, ps in rows),
+        mean_scatter=fmean(ps for _, _, ps in rows),
+        reversal=max(u for _, u, _ in rows),
+        mean_reversal=fmean(u for _, u, _ in rows),
+    )

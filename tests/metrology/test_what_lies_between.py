@@ -1,0 +1,223 @@
+"""What is said about the places between the targets: curves, harmonics, and what a table leaves there."""
+
+from math import pi, sin
+from random import Random
+
+import numpy as np
+import pytest
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.metrology.build import HomeCase
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.lead import aliased_warning, is_aliased, periods_of, shown_by, unknown_lead
+from gateway.metrology.process import ANALYTIC, Kind, Samples, fitted
+from gateway.metrology.program import random_targets
+from gateway.metrology.readings import Reading, Survey
+from gateway.metrology.recipe import Recipe, build_from
+from gateway.metrology.screw import screw_of
+from gateway.metrology.shapes import Fit, Shape
+from gateway.tabfile import WriteOptions, dialect_named
+from tests.metrology import screws
+
+UP, DOWN = Direction.FORWARD, Direction.BACKWARD
+
+
+def survey(targets: list[float], deviation: screws.Curve, lost: float = 0.01, runs: int = 1) -> Survey:
+    return Survey(
+        tuple(
+            Reading(x, way, x + deviation(x) - way.value * lost / 2, run)
+            for run in range(1, runs + 1)
+            for way in (UP, DOWN)
+            for x in targets
+        ),
+        Units.MM,
+    )
+
+
+RANDOM_TARGETS = [float(x) for x in random_targets(0.0, 300.0, 31, seed=3, spread=5.0)]
+
+
+@pytest.mark.parametrize(
+    ("step", "period", "aliased"),
+    [
+        (10.0, 5.0, True),  # two turns
+        (25.0, 5.0, True),
+        (25.0, 25.0, True),
+        (10.2, 5.0, True),  # 2.04 turns: the angle drifts by 14° a target, a wave of 250 mm
+        (12.0, 5.0, False),  # 2.4 turns
+        (0.625, 5.0, False),  # an eighth of a turn
+        (4.9, 5.0, True),  # 0.98 of a turn
+    ],
+)
+def test_a_period_is_aliased_where_targets_lie_whole_turns_apart(
+    step: float, period: float, aliased: bool
+) -> None:
+    assert is_aliased([step * index for index in range(13)], period) is aliased
+
+
+def test_random_targets_over_a_lead_show_it_and_a_fine_run_of_two_turns_does_beside_a_grid() -> None:
+    assert not is_aliased(RANDOM_TARGETS, 5.0)
+    grid = [10.0 * index for index in range(31)]
+    fine = [150 + 0.625 * index for index in range(17)]
+    assert is_aliased(grid, 5.0)
+    assert not is_aliased(sorted({*grid, *fine}), 5.0)
+
+
+def test_the_warning_names_what_to_measure() -> None:
+    targets = [10.0 * index for index in range(31)]
+    _, aliased = shown_by(targets, periods_of(5.0))
+    assert [each.name for each in aliased] == ["lead 5", "half of lead 5"]
+    said = aliased_warning(targets, aliased, "mm")
+    # Two turns of 5 mm from the middle target, in eighths of a turn.
+    assert "the targets lie 10 mm apart, a multiple, or near one, of lead 5 and half of lead 5" in said
+    assert "--from 150 --to 160 --step 0.625" in said
+    assert "--spread 5" in said
+    told = unknown_lead(targets, "mm")
+    assert told is not None
+    assert "every 10, 5, 3.33333… mm" in told
+    assert unknown_lead(RANDOM_TARGETS, "mm") is None
+
+
+@pytest.mark.parametrize("lead", [0.0, -5.0, float("nan"), float("inf")])
+def test_a_lead_that_is_no_length_is_refused(lead: float) -> None:
+    with pytest.raises(ReadingsError, match=r"lead .*: it must be a length above 0"):
+        periods_of(lead)
+
+
+def test_a_harmonic_has_the_amplitude_and_the_phase_that_the_screw_has() -> None:
+    found = screw_of(
+        survey(RANDOM_TARGETS, lambda x: 0.003 * sin(2 * pi * x / 5 + pi / 3)).readings,
+        Units.MM,
+        periods_of(5.0),
+    )
+    once, twice = found.harmonics
+    assert once.amplitude == pytest.approx(0.003, rel=0.01)
+    assert once.phase_deg == pytest.approx(60.0, abs=1.0)
+    assert once.significance < 1e-6
+    assert twice.amplitude < 0.0001
+
+
+def test_harmonics_of_nothing_but_scatter_are_not_significant() -> None:
+    random = Random(1)
+    scattered = tuple(
+        Reading(x, way, x + random.gauss(0, 0.0005), run)
+        for run in range(1, 6)
+        for way in (UP, DOWN)
+        for x in RANDOM_TARGETS
+    )
+    found = screw_of(scattered, Units.MM, periods_of(5.0))
+    assert all(each.significance > 0.01 for each in found.harmonics)
+
+
+def test_leaving_out_in_closed_form_is_leaving_out() -> None:
+    """Each sample predicted by solving the system of all others, with the same sizes of the curve."""
+    places = np.array([0.0, 11.0, 19.0, 32.0, 40.0, 53.0, 60.0])
+    values = np.array([0.0, 0.004, 0.003, -0.002, -0.001, 0.005, 0.006])
+    process = fitted(Samples(places, values, np.full(7, 1e-7)), Kind(ANALYTIC, has_short=True))
+    missed, expected = process.left_out()
+    covariance = np.linalg.inv(process._inverse)
+    rest = values - process._straight(places)
+    for index in range(7):
+        others = [other for other in range(7) if other != index]
+        weights = np.linalg.solve(covariance[np.ix_(others, others)], covariance[others, index])
+        assert missed[index] == pytest.approx(rest[index] - weights @ rest[others], rel=1e-4, abs=1e-12)
+        variance = covariance[index, index] - weights @ covariance[others, index]
+        assert expected[index] == pytest.approx(variance, rel=1e-4)
+
+
+def test_left_out_targets_are_missed_by_lines_as_by_hand() -> None:
+    # Deviations 0 0 6 0 0 µm, no lost motion: the lines over the inner targets miss by 3, 6 and 3 µm.
+    heights = {0.0: 0.0, 10.0: 0.0, 20.0: 0.006, 30.0: 0.0, 40.0: 0.0}
+    found = screw_of(survey(list(heights), heights.__getitem__, lost=0.0).readings, Units.MM)
+    assert found.misses(Shape.LINES) == pytest.approx(((9 + 36 + 9) / 3) ** 0.5 / 1000)
+
+
+def test_few_targets_stay_in_the_table_as_they_were_read() -> None:
+    six = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0]
+    built = build_from(survey(six, lambda x: 0.003 * sin(x / 7)), Recipe(fit=Fit.AUTO))
+    assert built.evidence is not None
+    assert built.evidence.chosen.shape is Shape.LINES
+    assert list(built.table.positions) == six
+    four = build_from(survey(six[:4], lambda x: 0.003 * sin(x / 7)), Recipe(fit=Fit.AUTO))
+    assert four.screw is None
+    assert any("4 targets" in note and "nothing is said" in note for note in four.notes)
+
+
+def test_points_lie_where_the_nut_stood_where_that_matters() -> None:
+    """A scale that is wrong by 1 mm/m with a turn of 5 mm on it, sent to 0, 10, … 60."""
+    targets = [10.0 * index for index in range(7)]
+    heights = dict(zip(targets, (0.0, 0.012, 0.018, 0.033, 0.038, 0.052, 0.060), strict=True))
+    recipe = Recipe(HomeCase.SWITCH_POSITIVE, fit=Fit.LINES)
+    built = build_from(survey(targets, heights.__getitem__, lost=0.0), recipe)
+    assert built.evidence is not None
+    assert built.evidence.chosen.at_nut
+    # Sent to 30 it stood at 30.033: to get there it has to be sent 0.033 less far.
+    assert built.table.positions[3] == pytest.approx(30.033)
+    assert built.table.forward[3] == pytest.approx(-0.033)
+    flat = build_from(survey(targets, lambda x: heights[x] / 100, lost=0.0), recipe)
+    assert list(flat.table.positions) == targets
+
+
+def test_a_format_of_few_points_says_what_it_costs() -> None:
+    kind = next(each for each in screws.KINDS if "lead 5 told" in each.name)
+    screw, random = screws.screw_of(kind, 0)
+    readings = screw.survey(screws.targets_of(kind, 81, 0), 0.4, random)
+    held = dialect_named("linuxcnc-0")
+
+    def accepts(table: object) -> bool:
+        return len(table.positions) <= 100  # type: ignore[attr-defined]
+
+    built = build_from(readings, Recipe(fit=Fit.AUTO, periods=kind.periods, accepts=accepts))
+    assert built.evidence is not None
+    assert built.evidence.unheld is not None
+    assert len(built.table.positions) <= 100
+    assert held.write(built.table, WriteOptions()).text
+    assert any("this format does not hold such a table: --to csv does" in note for note in built.notes)
+
+
+def test_harmonics_that_were_not_seen_are_not_made_up() -> None:
+    grid = [10.0 * index for index in range(31)]
+    aliased = survey(grid, lambda x: 0.003 * sin(2 * pi * x / 5 + 1))
+    with pytest.raises(ReadingsError, match=r"harmonics: nothing to fit: the targets lie 10 mm apart"):
+        build_from(aliased, Recipe(fit=Fit.HARMONICS, periods=periods_of(5.0)))
+    with pytest.raises(ReadingsError, match="tell the lead"):
+        build_from(aliased, Recipe(fit=Fit.HARMONICS))
+    built = build_from(aliased, Recipe(fit=Fit.AUTO, periods=periods_of(5.0)))
+    assert built.evidence is not None
+    assert built.evidence.chosen.shape is not Shape.HARMONICS
+    assert any("(aliased)" in note for note in built.notes)
+
+
+def test_a_fine_run_beside_an_even_grid_brings_the_turn_out() -> None:
+    grid, fine = [10.0 * index for index in range(31)], [150 + 0.625 * index for index in range(17)]
+    error = screws.total(screws.wave(3, 5, 1.0), screws.wave(10, 400, 0.3))
+    built = build_from(survey(sorted({*grid, *fine}), error), Recipe(fit=Fit.AUTO, periods=periods_of(5.0)))
+    assert built.evidence is not None
+    assert built.evidence.chosen.shape is Shape.HARMONICS
+    kind = screws.Kind("fine", 300, lambda _: (error, screws.constant(10)), 2, 2, 0)
+    left = screws.Screw(kind, error, screws.constant(10)).leaves_um(built.table, 0.0, 300.0)
+    # Of the 6 µm of a turn hardly anything: the grid alone leaves all of it.
+    assert left < 0.6
+
+
+def test_what_any_table_leaves_is_judged_alike() -> None:
+    found = screw_of(survey(RANDOM_TARGETS, lambda x: 20e-6 * x, lost=0.0).readings, Units.MM)
+    low, high = RANDOM_TARGETS[0], RANDOM_TARGETS[-1]
+    nothing = make_table([low, high], [0.0, 0.0], [0.0, 0.0], Units.MM)
+    right = make_table([low, high], [-20e-6 * low, -20e-6 * high], [-20e-6 * low, -20e-6 * high], Units.MM)
+    assert found.leaves(nothing) == pytest.approx(20e-6 * (high - low), rel=0.01)
+    assert found.leaves(right) < 0.0001
+
+
+@pytest.mark.parametrize("kind", screws.KINDS, ids=lambda kind: kind.name)
+def test_a_table_leaves_what_it_says_and_no_more_than_the_best(kind: screws.Kind) -> None:
+    found = [
+        screws.case(kind, count, kind.noise_um, seed) for count in (kind.few, kind.many) for seed in (0, 1)
+    ]
+    sys_out = [screws.row([each]) for each in found]
+    print("\n".join(sys_out))  # noqa: T201
+    assert all(each.is_good for each in found)
+    # A joint between two targets is what only one of them tells of: there it is said less well.
+    assert sum(each.is_near for each in found) >= (1 if kind.name == "jointed" else 3)
