@@ -317,7 +317,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     run, compensation = axis.run, world.said(number).compensation
     if is_run and belief.lost == NEVER_WRITTEN and world.design.plans[number].motion.passes_stored_moves:
         is_lost, compensation = True, PASSED_STORED  # a position that the drive keeps
-    is_kept = base is not None or run is None or run.nominal_counts == belief.nominal_counts
+    is_kept = base is not None or (run is not None and run.nominal_counts == belief.nominal_counts)
     return Aim(
         belief.nominal_counts,
         axis.stands_counts,
@@ -377,6 +377,8 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     is_certain = aim.base is None or aim.base[1]
     is_unsure = aim.is_unsure or not is_certain
     made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
+    if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
+        is_unsure = True
     run = Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
     before = axis.run
     is_again = before is not None and (before.nominal_counts, before.end_counts) == (nominal, end)

@@ -881,7 +881,7 @@ class World:
         self.now_ns += TICK_NS
         axes = tuple(_older(axis, self.design) for axis in self.state.axes)
         self.state = self.state._replace(axes=axes)
-        facts.restarted(self, has_record=self.design.has_record and is_record_kept)
+        facts.restarted(self, wire, has_record=self.design.has_record and is_record_kept)
         self._call("link_up", self.now_ns)
         self._collect()
 
