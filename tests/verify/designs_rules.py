@@ -188,6 +188,7 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
         ControllerPlan("cnc", timeout_ms=float(TICK_MS)),
         ControllerPlan("hmi", timeout_ms=float(TICK_MS), rights=Rights(is_read_only=True)),
         ControllerPlan("log", timeout_ms=float(TICK_MS), serial=True, rights=Rights(unit_ids=frozenset({9}))),
+        ControllerPlan("pad", timeout_ms=float(TICK_MS), serial=True, rights=Rights(is_read_only=True)),
     )
     y = replace(direct(), name="y", unit_id=2)
     homes = MotionPlan(
@@ -288,6 +289,17 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
                 (*go(1)[:-4], ("ask", 0, "jog-on", 0), ("drive", "obey"), ("kill",), SETTLE, *ask("read")),
                 (*ask("to", 1), *ask("jog-on"), ("kill",), SETTLE, *ask("to", 0), *ask("run"), *ask("stop")),
             ),
+        ),
+        Design(
+            "staged-back",
+            "a staged target that is read back before it runs",
+            (staged(),),
+            menu=("to", "run", "back"),
+            answers=("ack", "refuse"),
+            targets=(-7003, 9007),
+            is_staged=True,
+            is_answered=True,
+            ways=((*ask("to", 1), *ask("run"), ("arrive", 0), *ask("to", 0), *ask("back"), *ask("run")),),
         ),
         Design(
             "patient",
@@ -427,6 +439,14 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
             controllers=controllers,
             is_staged=True,
             judges_blocks=False,
-            ways=((*ask("to", 0), *ask("to", 0, port=1), *ask("run"), *ask("to", 0, port=2)),),
+            ways=(
+                (
+                    *ask("to", 0),
+                    *ask("to", 0, port=1),
+                    *ask("run"),
+                    *ask("to", 0, port=2),
+                    *ask("run", port=3),
+                ),
+            ),
         ),
     )

@@ -559,7 +559,9 @@ def _judge_record(world: "World", number: int) -> None:
             f"the axis was killed on its way to {run.end_counts}, is seen at {axis.stands_counts}, and its "
             "record does not count (5)"
         )
-    _note_run(world, number, is_told=True, is_recalled=False)
+    # The same target again is the same words, and needs no read: the record says what the drive holds.
+    is_acked = axis.goes_counts is None and not world.design.plans[number].has_rules and not run.doubt
+    _note_run(world, number, is_told=True, is_recalled=False, is_acked=is_acked)
 
 
 # --- answers ------------------------------------------------------------------------------------------
@@ -745,6 +747,11 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     assert answered is not None
     if pdu[0] == 3:
         _note_seen(world, answered, pdu)
+    if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address:
+        belief, found = world.state.beliefs[port][request.axis], int(COMMAND.unpack(pdu[2:6]))
+        is_known = world.design.is_answered and world.design.is_staged and not belief.lost
+        if is_known and found != belief.nominal_counts:
+            raise BrokenRuleError(f"{belief.nominal_counts} was written, and {found} is read back (3, M1)")
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
         number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])))
