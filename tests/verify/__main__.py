@@ -2,7 +2,7 @@
 
 A world is walked breadth first until nothing is new, to ``--depth``, or for ``--seconds``; ``--random`` steps
 are shared out among those that did not close. Ends with 1 where a rule was broken, and prints the shortest
-trace as a test.
+trace as a test; a run of all worlds also where it did not meet what it should have (``sometimes``).
 """
 
 import argparse
@@ -13,6 +13,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from tests.verify.designs import BROKEN, BY_NAME, CLOSING, PAIRS
 from tests.verify.explore import Outcome, as_test
 from tests.verify.running import walked, wandered
+from tests.verify.sometimes import missing
 
 EXAMPLES = """examples:
   python -m tests.verify                               every world, as make verify does
@@ -102,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             outcome = outcomes[each.result().world]
             outcome.add(each.result())
             _tell(outcome)
-    return _sum_up(list(outcomes.values()))
+    return _sum_up(list(outcomes.values()), is_whole=not (asked.worlds or asked.depth))
 
 
 def _tell(outcome: Outcome) -> None:
@@ -112,7 +113,7 @@ def _tell(outcome: Outcome) -> None:
         print(as_test(BY_NAME[outcome.world], broken), flush=True)
 
 
-def _sum_up(outcomes: Sequence[Outcome]) -> int:
+def _sum_up(outcomes: Sequence[Outcome], *, is_whole: bool) -> int:
     """Print what all walks together have shown; return the exit code."""
     met = sorted({name for outcome in outcomes for name in outcome.met})
     print(f"longest wait of a stop: {max(outcome.stop_ticks for outcome in outcomes)} ticks of 80 ms")
@@ -124,7 +125,10 @@ def _sum_up(outcomes: Sequence[Outcome]) -> int:
         f"{closed} of {len(outcomes)} worlds closed; {states:,} states, {total:,} transitions, "
         f"{steps:,} random steps, {seconds:,.0f} s of one core"
     )
-    return 1 if any(outcome.broken for outcome in outcomes) else 0
+    unmet = missing(met) if is_whole else []
+    if unmet:
+        print(f"not met, and not in the list of what no world meets ({len(unmet)}): {', '.join(unmet)}")
+    return 1 if unmet or any(outcome.broken for outcome in outcomes) else 0
 
 
 if __name__ == "__main__":

@@ -89,13 +89,39 @@ def _references(staged: Plan) -> tuple[Design, ...]:
         *ask("to", 0),
     )  # fmt: skip
     untold = (*WAIT * 3, *ask("home"), *ask("stop"), ("homed", 0), *ask("status"), *ask("read"))
+    # The bit is up and down at each step of a homing that was seen, lost, given twice, or is silent.
+    unseen = (
+        *WAIT * 3,
+        *ask("home"),
+        *ask("status"),
+        *ask("home"),
+        *ask("read"),
+        *ask("status"),
+        *ask("read"),
+    )
+    unheard = (
+        *WAIT * 3,
+        ("ask", 0, "home", 0),
+        ("drive", "obey"),
+        *WAIT * 3,
+        *ask("status"),
+        *ask("read"),
+        *ask("read"),
+    )
+    unmoved = (*WAIT * 3, ("ask", 0, "home", 0), *WAIT * 2, *ask("status"), *ask("read"), *go(0))
+    quiet = (*ask("home"), *ask("status"), ("ask", 0, "read", 0), *WAIT * 3, *ask("read"), *ask("read"))
+    met = (*ask("zero"), *go(0), *ask("stop"), *ask("home"), ("alarm", 0), *ask("status"))
     alarmed = (*go(1), *WAIT * 2, ("alarm", 0), *ask("status"), ("calm", 0), *ask("to", 1), *ask("run"))
     found = []
     for name, way, ways in (
-        ("set-position", Reference.SET_POSITION, (set_and_lost,)),
+        ("set-position", Reference.SET_POSITION, (set_and_lost, met)),
         ("absolute", Reference.ABSOLUTE, (set_and_lost, alarmed)),
         ("homing-all", Reference.HOMING, (homed, set_and_lost, silent)),
-        ("drive-bit", Reference.DRIVE_BIT, (homed, silent, hushed, lost, again, untold)),
+        (
+            "drive-bit",
+            Reference.DRIVE_BIT,
+            (homed, silent, hushed, lost, again, untold, unseen, unheard, unmoved, quiet),
+        ),
     ):
         found.append(
             Design(
@@ -162,6 +188,7 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
         ControllerPlan("cnc", timeout_ms=float(TICK_MS)),
         ControllerPlan("hmi", timeout_ms=float(TICK_MS), rights=Rights(is_read_only=True)),
         ControllerPlan("log", timeout_ms=float(TICK_MS), serial=True, rights=Rights(unit_ids=frozenset({9}))),
+        ControllerPlan("pad", timeout_ms=float(TICK_MS), serial=True, rights=Rights(is_read_only=True)),
     )
     y = replace(direct(), name="y", unit_id=2)
     homes = MotionPlan(
@@ -259,8 +286,20 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
                     *ask("run"),
                     ("kill",),
                 ),
+                (*go(1)[:-4], ("ask", 0, "jog-on", 0), ("drive", "obey"), ("kill",), SETTLE, *ask("read")),
                 (*ask("to", 1), *ask("jog-on"), ("kill",), SETTLE, *ask("to", 0), *ask("run"), *ask("stop")),
             ),
+        ),
+        Design(
+            "staged-back",
+            "a staged target that is read back before it runs",
+            (staged(),),
+            menu=("to", "run", "back"),
+            answers=("ack", "refuse"),
+            targets=(-7003, 9007),
+            is_staged=True,
+            is_answered=True,
+            ways=((*ask("to", 1), *ask("run"), ("arrive", 0), *ask("to", 0), *ask("back"), *ask("run")),),
         ),
         Design(
             "patient",
@@ -400,6 +439,14 @@ def _others(direct: Plan, staged: Plan) -> tuple[Design, ...]:
             controllers=controllers,
             is_staged=True,
             judges_blocks=False,
-            ways=((*ask("to", 0), *ask("to", 0, port=1), *ask("run"), *ask("to", 0, port=2)),),
+            ways=(
+                (
+                    *ask("to", 0),
+                    *ask("to", 0, port=1),
+                    *ask("run"),
+                    *ask("to", 0, port=2),
+                    *ask("run", port=3),
+                ),
+            ),
         ),
     )

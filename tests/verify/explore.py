@@ -10,7 +10,7 @@ from typing import Final
 
 from tests.verify.errors import BrokenRuleError
 from tests.verify.rules import is_settled
-from tests.verify.snapshot import row_name, watch_table
+from tests.verify.snapshot import watch_table
 from tests.verify.wires import world_of
 from tests.verify.world import START_NS, Design, Happening, Kept, World
 
@@ -269,7 +269,7 @@ class Walk:
 
     def _sum_up(self) -> None:
         tally, outcome = self.world.tally, self.outcome
-        tally.rows.update(map(row_name, self.table.taken))
+        tally.rows |= self.table.taken
         outcome.stop_ticks = tally.stop_ticks
         outcome.met = dict.fromkeys((f"event {each}" for each in sorted(tally.events)), 1)
         outcome.met |= dict.fromkeys((f"exception {each:#04x}" for each in sorted(tally.refusals)), 1)
@@ -308,7 +308,7 @@ def shortened(design: Design, broken: Broken, *, passes: int = 6) -> Broken:
             while at < len(best.trace):
                 shorter = best.trace[:at] + best.trace[at + size :]
                 world.restore(first, is_live_known=False)
-                found = _broken_by(world, shorter)
+                found = broken_by(world, shorter)
                 if found is not None and _kind(found.what) == kind:
                     best = found
                 else:
@@ -323,7 +323,7 @@ def _kind(what: str) -> str:
     return "".join(each for each in what if not each.isdigit())
 
 
-def _broken_by(world: World, trace: tuple[Happening, ...]) -> Broken | None:
+def broken_by(world: World, trace: tuple[Happening, ...]) -> Broken | None:
     """Play a trace as far as a rule breaks; None where it cannot happen, or breaks none."""
     for count, event in enumerate(trace, 1):
         if event not in world.happenings():

@@ -11,7 +11,7 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.exchange.rights import UNLIMITED
 from tests.exchange.line_bench import ACTUAL
-from tests.exchange.staged_bench import HOME, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER, ZERO
+from tests.exchange.staged_bench import HOME, JOG, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER, ZERO
 from tests.verify import rules
 from tests.verify.errors import BrokenRuleError
 
@@ -24,6 +24,7 @@ SETTLE_NS: Final = 100 * MS
 """A bit that is still set so soon after a homing command may be that of the homing before (M9)."""
 BIT_COUNTS_NS: Final = 1000 * MS
 """A homed bit that was seen longer ago is read again before a target."""
+OTHER_MOTIONS: Final = frozenset({HOME, JOG, STORED, ZERO})
 NO_REPLY: Final = 0x0B
 LOST: Final = 4
 """Exception code of what was lost without one."""
@@ -223,10 +224,12 @@ def _written_anew(world: "World", number: int) -> None:
         note(world, number, facts._replace(restaged_ns=world.now_ns))
 
 
-def restarted(world: "World", *, has_record: bool) -> None:
-    """The gateway was started again."""
+def restarted(world: "World", wire: "Wire | None", *, has_record: bool) -> None:
+    """The gateway was started again; its record says nothing of what else moves an axis, on the wire (5)."""
     for number, plan in enumerate(world.design.plans):
-        note(world, number, first(plan)._replace(is_recalling=has_record))
+        is_mine = wire is not None and wire.unit_id == plan.unit_id
+        is_unknown = wire is not None and is_mine and _triggered(wire.pdu) in OTHER_MOTIONS
+        note(world, number, first(plan)._replace(is_recalling=has_record and not is_unknown))
 
 
 def _fell_silent(facts: Facts, plan: AxisPlan, now_ns: int) -> Facts:
@@ -434,6 +437,11 @@ def _judge_reference(world: "World", number: int, said: "Said") -> None:
     if said.is_referenced is not is_found:
         what = "is referenced" if said.is_referenced else "is not referenced"
         raise BrokenRuleError(f"it is said that the axis {what}, and nobody has a reason to think so (8, M9)")
+    if said.is_reference_told is not facts.is_told:
+        what = "is" if facts.is_told else "is not"
+        raise BrokenRuleError(
+            f"the bit on which its reference hangs {what} known, and it is said otherwise (8)"
+        )
 
 
 def _judge_block(world: "World", number: int, said: "Said") -> None:

@@ -6,6 +6,7 @@ reason that the gateway gives aloud: an axis that is flagged unsure, that is not
 
 from typing import TYPE_CHECKING, Any, Final
 
+from gateway.exchange.events import EventKind
 from gateway.exchange.transaction import Phase
 from gateway.modbus.pdu import is_exception
 from tests.exchange.line_bench import ACTUAL, COMMAND, write
@@ -191,6 +192,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
     is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know
     is_again &= len(moving) == 1 and moving[0].pdu == run_pdu(run)
+    is_again &= run is None or run.doubt < 2
     why = ""
     if address == COMMAND.address:
         is_needed = any(len(each.pdu) == 5 and writes_target(each.pdu) for each in moving)
@@ -199,6 +201,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
         why = "" if is_distance else "no distance waits"
     elif address == ACTUAL.address:
         is_seen = run is not None and run.is_told and run.seen == 3 and run.state == "active"
+        is_seen &= run is None or run.doubt < 2
         if not moving:
             why = "no target waits"
         elif is_seen and not is_distance and not facts.is_unseen(world, number):
@@ -314,7 +317,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     run, compensation = axis.run, world.said(number).compensation
     if is_run and belief.lost == NEVER_WRITTEN and world.design.plans[number].motion.passes_stored_moves:
         is_lost, compensation = True, PASSED_STORED  # a position that the drive keeps
-    is_kept = base is not None or run is None or run.nominal_counts == belief.nominal_counts
+    is_kept = base is not None or (run is not None and run.nominal_counts == belief.nominal_counts)
     return Aim(
         belief.nominal_counts,
         axis.stands_counts,
@@ -374,7 +377,12 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     is_certain = aim.base is None or aim.base[1]
     is_unsure = aim.is_unsure or not is_certain
     made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
-    return Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
+    if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
+        is_unsure = True
+    run = Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
+    before = axis.run
+    is_again = before is not None and (before.nominal_counts, before.end_counts) == (nominal, end)
+    return run._replace(doubt=before.doubt) if before is not None and is_again else run
 
 
 def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
@@ -511,6 +519,51 @@ def _judge_branch(
     )
 
 
+# --- records ------------------------------------------------------------------------------------------
+
+
+def is_of_record(world: "World", number: int, wire: "Wire | None") -> bool:
+    """Whether the record says where the axis stands or goes, for the gateway that is killed now (5).
+
+    Of a target that was on the wire it does where the axis stood at its last target, and is on no place of
+    both. A drive that takes stops may have been stopped on its way, by whoever took the gateway's place.
+    """
+    axis, plan = world.state.axes[number], world.design.plans[number]
+    run = axis.run
+    if run is None or world.design.is_stream:
+        return False
+    is_there = axis.goes_counts is None and axis.stands_counts == run.end_counts
+    is_going = axis.goes_counts == run.end_counts and not plan.has_rules
+    if wire is None or wire.pdu[0] == 3 or wire.unit_id != plan.unit_id:
+        is_known = run.is_told or run.is_recalled
+        return (
+            is_known and (is_there or is_going) and (wire is None or wire.pdu[0] == 3 or not plan.has_rules)
+        )
+    was = None if wire.aim is None else wire.aim.arrived
+    if wire.aim is None or was is None or not wire.is_obeyed or wire.aim.is_unsure or plan.has_rules:
+        return False
+    is_far = abs(was.end_counts - run.end_counts) > CORRECTION_COUNTS
+    return was.is_told and was.seen == 3 and was.state == "active" and is_far and (is_there or is_going)
+
+
+def _judge_record(world: "World", number: int) -> None:
+    """The axis was seen where its record says: it goes on from it, and says so (5). BrokenRuleError."""
+    axis, name = world.state.axes[number], world.design.plans[number].name
+    run = axis.run
+    assert run is not None
+    if run.end_counts not in (axis.stands_counts, axis.goes_counts):
+        return
+    is_told = any(event.kind is EventKind.RESTORED and event.axis == name for event in world.told)
+    if not is_told and not world.design.groups:
+        raise BrokenRuleError(
+            f"the axis was killed on its way to {run.end_counts}, is seen at {axis.stands_counts}, and its "
+            "record does not count (5)"
+        )
+    # The same target again is the same words, and needs no read: the record says what the drive holds.
+    is_acked = axis.goes_counts is None and not world.design.plans[number].has_rules and not run.doubt
+    _note_run(world, number, is_told=True, is_recalled=False, is_acked=is_acked)
+
+
 # --- answers ------------------------------------------------------------------------------------------
 
 
@@ -526,7 +579,8 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     if wire.pdu[0] == 3 and reply[0] == 3 and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
         number = facts.number_of(world, wire.unit_id)
         axes = list(world.state.axes)
-        axes[number] = axes[number]._replace(is_owed_look=False)
+        if axes[number].is_owed_look:  # that the bit is down is nothing new from now on
+            axes[number] = axes[number]._replace(is_owed_look=False, was_done=False)
         world.state = world.state._replace(axes=tuple(axes))
         axis = world.state.axes[number]
         run = axis.run
@@ -534,8 +588,8 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             plan = world.design.plans[number]
             if axis.goes_counts is None and wire.sent_ns - run.lost_ns >= plan.done_drop_ms * facts.MS:
                 _note_run(world, number, is_told=True, lost_ns=0, seen=3 if run.is_done_since else 1)
-        if axis.run is not None and axis.run.is_recalled and axis.stands_counts == axis.run.end_counts:
-            _note_run(world, number, is_told=True, is_recalled=False)
+        if axis.run is not None and axis.run.is_recalled:
+            _judge_record(world, number)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
 
 
@@ -693,6 +747,11 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     assert answered is not None
     if pdu[0] == 3:
         _note_seen(world, answered, pdu)
+    if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address:
+        belief, found = world.state.beliefs[port][request.axis], int(COMMAND.unpack(pdu[2:6]))
+        is_known = world.design.is_answered and world.design.is_staged and not belief.lost
+        if is_known and found != belief.nominal_counts:
+            raise BrokenRuleError(f"{belief.nominal_counts} was written, and {found} is read back (3, M1)")
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
         number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])))
@@ -704,7 +763,7 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     axis, address = world.state.axes[number], read.pdu[1] << 8 | read.pdu[2]
     run = axis.run
     if address == ACTUAL.address and axis.is_owed_look:
-        axis = axis._replace(is_owed_look=False)
+        axis = axis._replace(is_owed_look=False, was_done=False)  # that the bit is down is nothing new
         axes = list(world.state.axes)
         axes[number] = axis
         world.state = world.state._replace(axes=tuple(axes))
@@ -723,6 +782,11 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     if is_done and run is not None and run.lost_ns:
         dropped = read.sent_ns - run.lost_ns >= world.design.plans[number].done_drop_ms * facts.MS
         _note_run(world, number, is_done_since=dropped or run.is_done_since)
+    if run is not None and address == STATUS and world.design.is_done_doubtful:
+        is_early = axis.is_done and axis.stands_counts != run.end_counts
+        is_late = not axis.is_done and run.doubt > 0
+        run = run._replace(doubt=2 if is_early or is_late else max(run.doubt, int(axis.is_done)))
+        _note_run(world, number, doubt=run.doubt)
     if run is None or not run.is_told or axis.stands_counts != run.end_counts:
         return
     seen = run.seen

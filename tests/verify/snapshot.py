@@ -691,27 +691,48 @@ def _holds_unsure(value: Any, depth: int) -> bool:
 class WatchedTable(dict[Any, Any]):
     """A table of states and signs that keeps which of its rows were looked up."""
 
-    def __init__(self, rows: dict[Any, Any]) -> None:
+    def __init__(self, rows: dict[Any, Any], taken: set[str] | None = None, *prefix: Enum) -> None:
         super().__init__(rows)
-        self.taken: set[Any] = set()
+        self.taken: set[str] = set() if taken is None else taken
+        """The names of these rows."""
+        self._names = {key: row_name((*prefix, *_as_tuple(key))) for key in rows}
 
     def get(self, key: Any, default: Any = None) -> Any:
         """Look a row up, and note it."""
-        if key in self:
-            self.taken.add(key)
+        name = self._names.get(key)
+        if name is not None:
+            self.taken.add(name)
         return super().get(key, default)
 
 
 def watch_table() -> WatchedTable:
-    """Return the table of whereabouts, which from now on keeps what is looked up."""
-    if not isinstance(transitions.WHEREABOUTS_AFTER, WatchedTable):
-        transitions.WHEREABOUTS_AFTER = WatchedTable(transitions.WHEREABOUTS_AFTER)  # type: ignore[misc]
-    return transitions.WHEREABOUTS_AFTER
+    """Return the table of whereabouts; it and those of reference and block keep what is looked up."""
+    table = transitions.WHEREABOUTS_AFTER
+    if not isinstance(table, WatchedTable):
+        table = WatchedTable(table)
+        transitions.WHEREABOUTS_AFTER = table  # type: ignore[misc]
+        transitions.BLOCK_AFTER = WatchedTable(transitions.BLOCK_AFTER, table.taken)  # type: ignore[misc]
+        for way, events in transitions.REFERENCE_AFTER.items():
+            for event, rows in events.items():
+                events[event] = WatchedTable(rows, table.taken, way, event)
+    return table
 
 
-def row_name(row: Any) -> str:
-    """Return how a row of the table is called."""
+def all_rows() -> set[str]:
+    """Return the names of all rows of the three tables."""
+    watch_table()
+    tables = [transitions.WHEREABOUTS_AFTER, transitions.BLOCK_AFTER]
+    tables += [rows for events in transitions.REFERENCE_AFTER.values() for rows in events.values()]
+    return {name for table in tables if isinstance(table, WatchedTable) for name in table._names.values()}
+
+
+def row_name(row: Iterable[Enum]) -> str:
+    """Return how a row of a table is called."""
     return " + ".join(each.value for each in row)
+
+
+def _as_tuple(key: Any) -> tuple[Any, ...]:
+    return key if isinstance(key, tuple) else (key,)
 
 
 def dead_names(met: Iterable[str]) -> list[str]:

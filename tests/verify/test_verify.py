@@ -5,12 +5,14 @@ from itertools import combinations
 
 import pytest
 
+from gateway.exchange.events import EventKind
 from tests.verify import snapshot
 from tests.verify import world as world_module
 from tests.verify.designs import BY_NAME, CLOSING, DESIGNS, PAIRS
 from tests.verify.errors import BrokenRuleError
 from tests.verify.explore import Broken, Walk, as_test, play, replay, shortened
 from tests.verify.screw import WORN
+from tests.verify.sometimes import NOT_MET, missing
 from tests.verify.wires import world_of
 from tests.verify.world import Design, Happening, World
 
@@ -180,7 +182,7 @@ def test_the_table_of_whereabouts_tells_which_of_its_rows_were_taken() -> None:
     table = snapshot.watch_table()
     table.taken.clear()
     play(BY_NAME["direct"], TO_1, ACK, ACK, ("arrive", 0), ("ask", 0, "read", 0), ACK)
-    assert {snapshot.row_name(row) for row in table.taken} == {"unknown + acknowledged", "under-way + there"}
+    assert table.taken == {"unknown + acknowledged", "under-way + there"}
 
 
 def play_in(world: World, *events: Happening) -> None:
@@ -204,3 +206,14 @@ def resolved(found: object, names: dict[int, object]) -> object:
             return resolved(names[found[1]], names)
         return tuple(resolved(each, names) for each in found)
     return found
+
+
+def test_what_no_world_meets_is_there_and_what_was_not_met_is_told() -> None:
+    wanted = set(missing(()))
+    assert "row under-way + there" in wanted
+    assert missing(wanted) == []
+    assert missing(wanted - {"row own + completed"}) == ["row own + completed"]
+    everything = {f"row {name}" for name in snapshot.all_rows()} | {
+        f"event {each.value}" for each in EventKind
+    }
+    assert set(NOT_MET) <= everything

@@ -244,6 +244,9 @@ class Run(NamedTuple):
     """When a distance from its end went without an answer; 0: none did."""
     is_acked: bool = False
     """It is told, whatever its done bit says."""
+    doubt: int = 0
+    """1: its drive has said done; 2: and that where it did not stand, or not any more: a look tells more
+    (M6). Over repeats, too; kept only where a done bit may do so."""
 
 
 class Axis(NamedTuple):
@@ -355,6 +358,13 @@ class Design:
     ways: tuple[tuple[Happening, ...], ...] = ()
     """Traces that are walked first, with each event in each state on them."""
     options: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_done_doubtful(self) -> bool:
+        """Whether a done bit may come before the axis does, or fall where it stands."""
+        return self.is_in_position or not {"done", "undone", "arrive_undone", "blink"}.isdisjoint(
+            self.happenings
+        )
 
 
 @dataclass
@@ -705,8 +715,10 @@ class World:
     def _on_blink(self, number: int) -> None:
         """Done falls of an axis that stands: it moves a little, or the bit has flickered."""
         axis = self.state.axes[number]
-        was_done = axis.was_done or bool(axis.run is not None and axis.run.is_told and axis.run.seen & 2)
-        run = None if axis.run is None else axis.run._replace(seen=0, is_told=False)
+        run = axis.run
+        is_sure = run is not None and run.is_told and bool(run.seen & 2) and run.doubt < 2
+        run = None if run is None else run._replace(seen=0, is_told=False)
+        was_done = axis.was_done or is_sure
         self._set(number, axis._replace(is_done=False, run=run, was_done=was_done))
 
     def _on_tremble(self, number: int) -> None:
@@ -798,27 +810,27 @@ class World:
     def _on_kill_bare(self) -> None:
         self._restart(is_record_kept=False)
 
-    def _on_kill_boot(self) -> None:
+    def _on_kill_boot(self, *, is_whole: bool = True) -> None:
         """The machine is switched off and on: the record is of another boot, every axis has come to rest."""
         for number, axis in enumerate(self.state.axes):
             if axis.goes_counts is not None:
                 self._rest(number, is_done=True)
         for buffer in self.records.buffers.values():
             buffer[HEADER.size : HEADER.size + BOOT.size] = bytes(BOOT.size)
-        self._restart(is_record_kept=True)
+        self._restart(is_record_kept=True, is_whole=is_whole)
 
     def _on_kill_torn(self) -> None:
         """The same, and what was written last is torn in the middle."""
         for buffer in self.records.buffers.values():
             at = max(SLOTS_AT, key=lambda at: int.from_bytes(buffer[at : at + 8], "little"))
             buffer[at + SLOT_SIZE // 2] ^= 0xFF
-        self._on_kill_boot()
+        self._on_kill_boot(is_whole=False)
 
     def _on_kill_half(self) -> None:
         """The record of the last axis is gone, those of the others are there."""
         *_, buffer = self.records.buffers.values()
         buffer[:] = bytes(len(buffer))
-        self._restart(is_record_kept=True)
+        self._restart(is_record_kept=True, is_whole=False)
 
     def _on_kill_at(self, number: int, is_obeyed: bool, *event: Any) -> None:
         """The gateway dies in the middle of an event, right before the store of that number.
@@ -843,10 +855,10 @@ class World:
         self.told.clear()  # what the dead one had told
         self._restart(is_record_kept=True)
 
-    def _restart(self, *, is_record_kept: bool) -> None:
+    def _restart(self, *, is_record_kept: bool, is_whole: bool = True) -> None:
+        """``is_whole``: every axis has the record that was written last (else none of a group counts)."""
         wire = self.state.wire
-        is_clean = wire is None or wire.pdu[0] == 3
-        is_clean &= (self.state.table, self.state.is_gain_half, self.state.is_wanted) == (0, False, True)
+        is_clean = (self.state.table, self.state.is_gain_half, self.state.is_wanted) == (0, False, True)
         for port in range(len(self.state.asked)):
             self._give_up(port)
         for side, fresh in zip(self.sides, self._fresh, strict=True):
@@ -865,25 +877,26 @@ class World:
         if self.design.groups:  # nobody remembers of the others what was lost on its way
             beliefs = tuple(tuple(b._replace(lost=b.lost & 3) for b in own) for own in self.state.beliefs)
             self.state = self.state._replace(beliefs=beliefs)
-        self._forget_runs(is_restart=True, is_recalled=is_record_kept and is_clean)
+        self._forget_runs(is_restart=True, is_recalled=is_record_kept and is_clean and is_whole, wire=wire)
         self.now_ns += TICK_NS
         axes = tuple(_older(axis, self.design) for axis in self.state.axes)
         self.state = self.state._replace(axes=axes)
-        facts.restarted(self, has_record=self.design.has_record and is_record_kept)
+        facts.restarted(self, wire, has_record=self.design.has_record and is_record_kept)
         self._call("link_up", self.now_ns)
         self._collect()
 
-    def _forget_runs(self, *, is_restart: bool = False, is_recalled: bool = False) -> None:
+    def _forget_runs(
+        self, *, is_restart: bool = False, is_recalled: bool = False, wire: Wire | None = None
+    ) -> None:
+        """Nobody knows of the motions any more. ``is_recalled``: but from the records."""
         for number, axis in enumerate(self.state.axes):
             run = axis.run
             if run is not None:
-                is_there = (run.is_told or run.is_recalled) and axis.stands_counts == run.end_counts
-                is_known = is_there and axis.goes_counts is None and run.table == 0
+                is_known = is_recalled and run.table == 0 and rules.is_of_record(self, number, wire)
                 run = run._replace(
                     is_told=False, is_acked=False, seen=0, is_restarted=run.is_restarted or is_restart
                 )
-                run = run._replace(is_recalled=is_recalled and is_known)
-                self._set(number, axis._replace(run=run))
+                self._set(number, axis._replace(run=run._replace(is_recalled=is_known)))
 
     def _on_table(self) -> None:
         number = 1 - self.state.table

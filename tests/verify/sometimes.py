@@ -1,0 +1,71 @@
+"""What has to be met somewhere in a whole run of ``python -m tests.verify``, and what no world can meet.
+
+A rule that was never put to the test proves nothing. So each row of the tables of whereabouts, reference and
+block is either met, or stands below with the reason why no world reaches it; the same holds for the events of
+the exchange and the exceptions that a controller may be answered.
+"""
+
+from collections.abc import Collection
+from typing import Final
+
+from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.events import EventKind
+from tests.verify.snapshot import all_rows
+
+EXCEPTIONS: Final = (1, 4, 6, 0x0A, 0x0B)
+NEVER: Final = "what comes before it in the code leaves that place: the table has the row for completeness"
+NO_WAY: Final = "no world has a way there yet"
+_ALL: Final = {each.value for each in Whereabouts}
+_KNOWN: Final = {"arrived", "stopped", "done-said", "seen-there", "may-have-left"}
+NOT_MET: Final[dict[str, str]] = {
+    "event budget-kept": "the time budget is measured on a machine, not in a world",
+    "event budget-overrun": "the time budget is measured on a machine, not in a world",
+    "event late-reply": "late frames come while the line waits for silence anyway",
+    "event stood-still": "told by the process that stood still",
+    "event late-target": "deadlines are in no world",
+    "event unknown-unit": "other unit ids are in no world",
+    **dict.fromkeys(
+        (f"event term-{each}" for each in ("fades", "follows", "held", "too-large")), "terms are in no world"
+    ),
+    **{f"row {place} + unacknowledged": NEVER for place in _ALL - {"unknown"}},
+    **{f"row {place} + acknowledged-at-rest": NEVER for place in _ALL - _KNOWN},
+    **{f"row {place} + acknowledged": NEVER for place in ("arrived", "stopped", "under-way")},
+    **{
+        f"row {each} + out-of-reach": NEVER for each in ("unknown", "stopped", "unproven", "unproven-at-rest")
+    },
+    "row seen-there + done-alone": "seen there is only who has an actual position; who has one says done",
+    **dict.fromkeys(
+        (
+            "row seen-there + acknowledged",
+            "row may-have-left + acknowledged",
+            "row may-have-left + acknowledged-at-rest",
+            "row may-have-left + displaced",
+            "row may-have-left + out-of-reach",
+            "row may-have-left + reference-changed",
+            "row may-have-left + stopped",
+            "row out-of-reach + reference-changed",
+            "row out-of-reach + stopped",
+            "row retained + acknowledged",
+            "row retained + stopped",
+            "row seen-there + reference-changed",
+            "row set-out + reference-changed",
+            "row drive-bit + bit-set + untold-homing",
+            "row drive-bit + loss + homing",
+            "row drive-bit + loss + lost",
+            "row drive-bit + set-at-rest + homing",
+            "row drive-bit + set-at-rest + lost",
+            "row drive-bit + set-moving + homing",
+            "row drive-bit + set-moving + lost",
+        ),
+        NO_WAY,
+    ),
+}
+"""What no world reaches, each with its reason."""
+
+
+def missing(met: Collection[str]) -> list[str]:
+    """Return what should have been met and was not."""
+    wanted = {f"row {name}" for name in all_rows()}
+    wanted |= {f"event {kind.value}" for kind in EventKind}
+    wanted |= {f"exception {code:#04x}" for code in EXCEPTIONS}
+    return sorted(wanted - set(met) - set(NOT_MET))
