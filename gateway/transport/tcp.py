@@ -90,7 +90,7 @@ class TcpChannel(asyncio.BufferedProtocol):
     def pause_writing(self) -> None:
         """Stop reading from a peer that does not take its replies, or they would fill the memory."""
         if self._direct is not None:
-            self._loop.remove_reader(self._direct.descriptor)
+            self._unwatch(self._direct)
         elif self._transport is not None and not self._transport.is_closing():
             self._transport.pause_reading()
 
@@ -156,7 +156,12 @@ class TcpChannel(asyncio.BufferedProtocol):
         """Leave the descriptor alone, before the transport closes it and it becomes another one's."""
         if self._direct is not None:
             self._direct.over()
-            self._loop.remove_reader(self._direct.descriptor)
+            self._unwatch(self._direct)
+
+    def _unwatch(self, direct: DirectSocket) -> None:
+        """As often as you like: asyncio's own ``remove_reader`` refuses the descriptor of an open transport."""
+        assert isinstance(self._loop, RelayLoop)
+        self._loop.selector.unwatch(direct.descriptor)
 
 
 class _AcceptedChannel(TcpChannel):

@@ -253,3 +253,26 @@ async def test_a_peer_that_restarts_is_found_again(make_recorder: "type[Recorder
     assert connector.opens == 2
     await connector.close()
     await listener.close()
+
+
+@pytest.mark.parametrize("ends", ["close", "abort"])
+async def test_a_connection_whose_peer_takes_nothing_can_be_ended(
+    make_recorder: "type[Recorder]", eventually: "Eventually", ends: str
+) -> None:
+    faults: list[object] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context))
+    far = make_recorder()
+    listener = TcpListener(LOOPBACK, [], lambda: far, nobody)
+    await listener.open()
+    where = listener.addresses[0]
+    peer = socket.create_connection((where.host, where.port))
+    await eventually(lambda: far.channel is not None)
+    channel = next(iter(listener._channels))
+    for _ in range(200):
+        assert far.channel is not None
+        far.channel.write(bytes(65536))
+    getattr(channel, ends)()
+    peer.close()
+    await eventually(lambda: not listener.peers)
+    await listener.close()
+    assert faults == []
