@@ -159,7 +159,7 @@ class TcpChannel(asyncio.BufferedProtocol):
             self._unwatch(self._direct)
 
     def _unwatch(self, direct: DirectSocket) -> None:
-        """Harmless when repeated; ``remove_reader`` of asyncio refuses the descriptor of an open transport."""
+        """Harmless twice; ``remove_reader`` of asyncio refuses the descriptor of an open transport."""
         assert isinstance(self._loop, RelayLoop)
         self._loop.selector.unwatch(direct.descriptor)
 
