@@ -44,7 +44,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [{low}, {high}]
 max_speed = 50.0
-budget_us = 50000
+budget_us = 1000000
 referenced = "absolute"
 table = "cnc10{name}.tab"
 registers.command = [{{ address = 100, type = "int32" }}]

@@ -2,10 +2,12 @@
 
 import contextlib
 import fcntl
+import itertools
 import json
 import os
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from tests.processes.bench import (
     COMMAND,
     ROOT,
     SECONDS,
+    Master,
     Site,
     children,
     is_alive,
@@ -29,9 +32,11 @@ from tests.processes.bench import (
 )
 
 SMALLEST_PIPE = 4096
-MOVES, MANY_MOVES = 1500, 10_000
+MOVES = 1500
 MANY_NOTES = ("--status-every", "0.003")
 """Notes of some 400 bytes: the pipe holds ten of them, the gateway a thousand; the rest is dropped."""
+UNREAD_S = 4.5
+"""Nobody reads for so long: it makes three times the notes that the gateway holds."""
 TOO_FAR = 200_000
 """Twice as far as the axis goes, in counts of 1/1000 mm; behind the end of the table its last 0.1 mm hold."""
 WHY_TOO_FAR = (
@@ -44,7 +49,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     with site_in(tmp_path) as site:
         # However busy the machine is: no events of the budget among those that are counted.
         text = site.config.read_text()
-        site.config.write_text(text.replace("[axis.x]", "[axis.x]\nbudget_us = 100000"))
+        site.config.write_text(text.replace("[axis.x]", "[axis.x]\nbudget_us = 1000000"))
         yield site
 
 
@@ -87,26 +92,38 @@ def is_line_up(site: Site) -> bool:
     return bool(reply.status["lines"]["xyz"]["state"] == "up")
 
 
+def move(master: Master, number: int) -> None:
+    """Command one of two positions in turn; 0.1 % of the position is added: 50 000 becomes 50 050."""
+    assert master.move(50_000 + 1000 * (number % 2)) == 50_050 + 1001 * (number % 2)
+
+
 def all_answered(site: Site, count: int = MOVES) -> None:
     """Command positions that pass, each after one that is refused."""
     passed_before = len(site.drive.told)
     with contextlib.closing(site.master()) as master:
         for number in range(count):
             assert master.is_refused(TOO_FAR)
-            # 0.1 % of the position: 50 000 becomes 50 050.
-            assert master.move(50_000 + 1000 * (number % 2)) == 50_050 + 1001 * (number % 2)
+            move(master, number)
     assert len(site.drive.told) - passed_before == count
+
+
+def turns() -> Iterator[int]:
+    """Numbers, as long as nobody reads the log."""
+    numbers, until = itertools.count(), time.monotonic() + UNREAD_S
+    while time.monotonic() < until:
+        yield next(numbers)
 
 
 def test_nobody_reads_all_frames_pass_and_what_was_dropped_is_counted_in_its_place(site: Site) -> None:
     with unread("relay", site, *MANY_NOTES) as relay:
         relay.until("line-up")
         with contextlib.closing(site.master()) as master:
-            for number in range(MANY_MOVES):
-                assert master.move(50_000 + 1000 * (number % 2)) == 50_050 + 1001 * (number % 2)
+            for number in turns():
+                move(master, number)
+        moves = number + 1
         # Only now somebody reads again.
         relay.until("notes-dropped")
-        relay.until(f'"exchanges": {MANY_MOVES}')
+        relay.until(f'"exchanges": {moves}')
         relay.process.send_signal(signal.SIGTERM)
         relay.lines += relay.log.readlines()
         assert relay.process.wait(SECONDS) == 0
@@ -145,16 +162,20 @@ def test_a_flood_of_refused_targets_is_a_few_notes(site: Site) -> None:
 def test_status_lines_that_nobody_reads_keep_no_frame(site: Site) -> None:
     with unread("relay", site, *MANY_NOTES) as relay:
         relay.until("line-up")
-        all_answered(site, MANY_MOVES)
+        with contextlib.closing(site.master()) as master:
+            for number in turns():
+                assert master.is_refused(TOO_FAR)
+                move(master, number)
+        moves = number + 1
         relay.until("notes-dropped")
-        relay.until(f'"exchanges": {MANY_MOVES}')
+        relay.until(f'"exchanges": {moves}')
         relay.process.send_signal(signal.SIGTERM)
         relay.lines += relay.log.readlines()
         assert relay.process.wait(SECONDS) == 0
     notes = relay.notes()
     assert notes[-1]["event"] == "stopped"
     [*_, line] = [note for note in notes if note["event"] == "status" and "line" in note]
-    assert (line["exchanges"], line["refused"]) == (MANY_MOVES, MANY_MOVES)
+    assert (line["exchanges"], line["refused"]) == (moves, moves)
 
 
 @pytest.mark.parametrize("log_format", ["json", "console"])
