@@ -17,7 +17,7 @@ from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import ON_BRANCH, Actual, Rendering, Whereabouts
+from gateway.exchange.axis.state import ON_BRANCH, Actual, Rendering, Retained, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.request import Known, Standing
@@ -87,7 +87,7 @@ def render(
     is_passing = axis.passes_unchanged
     retained = axis.retained if axis.whereabouts is Whereabouts.RETAINED else None
     if retained is not None and retained.number == number and retained.nominal_words == nominal_words:
-        return Rendering(number, nominal_words, retained.corrected_words, 0.0, None)
+        return _again(axis, retained)
     if not isfinite(raw):
         if is_passing:
             return Rendering(number, nominal_words, nominal_words, 0.0, None)
@@ -217,6 +217,20 @@ def nominal_limit(axis: Axis, number: int, words: bytes) -> bytes:
     position = axis.compensation.machine_position(counts)
     correction = axis.wanted.map_at(0.5).solve(position, position).correction
     return field_.pack(raw - steps_of(field_, correction * axis.plan.settings.counts_per_unit))
+
+
+def _again(axis: Axis, retained: Retained) -> Rendering:
+    """Return the same words as before the reference changed: they move nothing of an axis that stands there.
+
+    One that was switched off and homed meanwhile goes there anew, so that its readings have to be turned back
+    as they were then; and nobody knows from which side it comes. Without a reference they mean nothing.
+    """
+    number, nominal_words, corrected_words, corrected_counts, move = retained
+    if not axis.is_referenced:
+        return Rendering(number, nominal_words, corrected_words, 0.0, None)
+    is_unsure = move.state.spec is not NOTHING
+    again = move._replace(state=move.state._replace(is_unsure=is_unsure))
+    return Rendering(number, nominal_words, corrected_words, corrected_counts, again)
 
 
 def _is_unproven(unproven: Rendering, number: int, nominal_words: bytes) -> bool:

@@ -7,7 +7,7 @@ counts 1000 per mm on the table ``tests.verify.screw.WORN``.
 from dataclasses import replace
 
 from tests.verify.designs import BY_NAME
-from tests.verify.explore import play
+from tests.verify.explore import play, replay
 from tests.verify.world import Happening, World
 
 ACK = ("drive", "ack")
@@ -185,3 +185,62 @@ def test_a_gateway_that_was_killed_takes_no_target_for_reached_where_the_way_bef
     assert on_the_wire(world) == bytes.fromhex("03 0520 0002")  # not 10 ... 23D4: that would be forward
     world.happen(ACK)  # 03 0520 0002 -> 23E0 0000
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 22E8 0000")
+
+
+REBOOT = ("reboot", 0)
+HOMED = ("homed", 0)
+
+
+def test_a_target_written_anew_that_nobody_acknowledged_does_not_run_without_a_reference() -> None:
+    """M2, M9: without a reference runs what the controller wrote; -7003 is -7131 backward."""
+    lost = (
+        REBOOT,
+        ("ask", 0, "home", 0),
+        ACK,  # 06 050E 0064
+        to(0),  # 10 0606 0002 04 E4A5 FFFF: -7003
+        HOMED,
+        ACK,  # 03 005C 0001 -> 0110: homed
+        ACK,  # it goes out as it came: the bit may be that of the homing before
+        WAIT,
+        WAIT,
+        RUN,
+        ACK,  # 03 005C 0001 -> 0110
+        ACK,  # 03 0520 0002 -> 0000 0000
+        OBEY,  # 10 0606 0002 04 E425 FFFF: -7131, never acknowledged
+        REBOOT,
+        RUN,  # 06 050E 0001
+        ACK,  # 03 005C 0001 -> 0010: not homed
+    )
+    world = play(BY_NAME["homed"], *lost)
+    assert world.state.wire is None
+    # Written again, it may run.
+    world = play(BY_NAME["homed"], *lost, to(0), ACK, ACK, RUN, ACK)
+    assert on_the_wire(world) == bytes.fromhex("06 050E 0001")
+
+
+def test_the_repeat_of_a_target_of_before_reads_as_it_was_told_after_a_homing_that_nobody_saw() -> None:
+    """M4, M9: its words are those of before, so its reading is; flagged, for it may come from anywhere."""
+    again = (
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 03 005C 0001 -> 0110: homed
+        ACK,  # 10 0606 0002 04 235E 0000: half-way, for it is only staged
+        RUN,
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23D4 0000: forward to 9172
+        ACK,  # 06 050E 0001
+        REBOOT,
+        to(0),
+        ACK,  # 03 005C 0001 -> 0010: not homed
+        ACK,  # 10 0606 0002 04 232F 0000: as it came
+        RUN,
+        HOMED,
+        ACK,  # 03 005C 0001 -> 0110: homed meanwhile
+        ACK,  # 03 0520 0002 -> 0000 0000
+    )
+    world = play(BY_NAME["p-home-read"], *again)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D4 0000")
+    for happening in (ACK, ACK):
+        world.happen(happening)
+    assert world.said(0).direction == "unsure"
+    *_, last = replay(BY_NAME["p-home-read"], (*again, ACK, ACK, ARRIVE, READ, ACK))
+    assert last.removeprefix("#").split() == ["answered", "1", "03", "04", "23", "2f", "00", "00"]

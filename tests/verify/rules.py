@@ -616,7 +616,10 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         axes = list(world.state.axes)
         run = axes[number].run
         if run is not None:
-            run = run._replace(is_told=not wire.aim.is_lost, is_acked=not wire.aim.is_lost)
+            # Words of before that go out again without a reference mean nothing to the gateway (M9).
+            means_nothing = wire.aim.state == "unreferenced" and run.state not in PASSING
+            is_told = not (wire.aim.is_lost or means_nothing)
+            run = run._replace(is_told=is_told, is_acked=is_told)
             axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
 

@@ -88,6 +88,10 @@ class FieldImage:
         if epoch is None or epoch == self.epoch:
             self.completeness = Completeness.WHOLE
 
+    def leave(self, nominal_words: bytes, corrected_words: bytes | None) -> None:
+        """Note that these words were sent, and that nobody knows whether the drive holds them."""
+        self.may_be_corrected = self.may_be_corrected or corrected_words != nominal_words
+
     def forget(self) -> None:
         """Nobody knows any more what the drive holds."""
         self.nominal_words = self.corrected_words = None

@@ -227,6 +227,9 @@ class Retained(NamedTuple):
     number: int
     nominal_words: bytes
     corrected_words: bytes
+    corrected_counts: Counts
+    move: Move
+    """The correction it was told with."""
 
 
 class AxisState:
@@ -503,7 +506,13 @@ class AxisState:
         field_ = self.plan.command[number]
         if counts_of(field_, field_.unpack(image.nominal_words)) != accepted.nominal_counts:
             return None  # another one is staged there by now, or a distance
-        return Retained(number, image.nominal_words, image.corrected_words)
+        return Retained(
+            number,
+            image.nominal_words,
+            image.corrected_words,
+            accepted.corrected_counts,
+            self.compensation.again(),
+        )
 
     # --- what is read of it ----------------------------------------------------------------------------
 

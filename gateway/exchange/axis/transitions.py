@@ -679,7 +679,9 @@ class Axis(AxisState):
         if is_repeat and (self.compensation.accepted is not None or self.whereabouts is Whereabouts.RETAINED):
             return
         self.leave_run_unproven(rendering, now_ns)
-        self.fields[rendering.number].forget()
+        image = self.fields[rendering.number]
+        image.leave(rendering.nominal_words, rendering.corrected_words)
+        image.forget()
 
     def leave_run_unproven(self, rendering: Rendering, now_ns: int) -> None:
         """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
@@ -780,8 +782,9 @@ class Axis(AxisState):
                 self.leave_run_unproven(rendering, now_ns)
         if not is_broadcast:
             self._lose(request.parts, request.arrived_ns)
-        for staging in request.stagings:
-            staging.image.forget()
+        for image, nominal_words, corrected_words, _ in request.stagings:
+            image.leave(nominal_words, corrected_words)
+            image.forget()
         self._write_blindly(request, now_ns)
         if request.goes_unknown and not is_undone:
             self.displace(now_ns)
@@ -926,7 +929,9 @@ class Axis(AxisState):
 
     def lose_restaged(self, rendering: Rendering, code: int, why: str) -> None:
         """A staged target that was written anew was not acknowledged."""
-        self.fields[rendering.number].tear()
+        image = self.fields[rendering.number]
+        image.leave(rendering.nominal_words, rendering.corrected_words)
+        image.tear()
         self.block_triggers(code, why)
 
     # --- another writer --------------------------------------------------------------------------------
