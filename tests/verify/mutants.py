@@ -21,8 +21,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
+from hashlib import sha256
 from pathlib import Path
-from random import Random
 from typing import Any, Final
 
 ROOT: Final = Path(__file__).parents[2]
@@ -273,7 +273,10 @@ def mutants_of(path: Path) -> list[Mutant]:
 
 
 def sample(files: Sequence[Path], count: int, seed: int) -> list[Mutant]:
-    """Draw so many mutants, of each file as many as its share of all mutants."""
+    """Draw so many mutants, of each file as many as its share of all mutants.
+
+    Each mutant has a lot by what it breaks, so that a change of a file draws few others.
+    """
     by_file = [mutants_of(path) for path in files]
     total = sum(map(len, by_file))
     found: list[Mutant] = []
@@ -281,8 +284,13 @@ def sample(files: Sequence[Path], count: int, seed: int) -> list[Mutant]:
     for mutants in by_file:
         here = round(left * len(mutants) / of) if of else 0
         left, of = left - here, of - len(mutants)
-        drawn = Random(f"{seed} {mutants[0].file}").sample(range(len(mutants)), min(here, len(mutants)))
-        found += [mutants[number] for number in sorted(drawn)]
+        met: Counter[str] = Counter()
+        lots = []
+        for mutant in mutants:
+            met[mutant.what] += 1
+            lot = f"{seed} {mutant.file} {mutant.what} {met[mutant.what]}"
+            lots.append((sha256(lot.encode()).digest(), mutant.number))
+        found += [mutants[number] for number in sorted(number for _, number in sorted(lots)[:here])]
     return found
 
 
@@ -394,9 +402,9 @@ class Judge:
 
 
 def _all_worlds() -> tuple[str, ...]:
-    from tests.verify.designs import DESIGNS
+    from tests.verify.designs import BY_NAME
 
-    return tuple(design.name for design in DESIGNS)
+    return tuple(BY_NAME)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
