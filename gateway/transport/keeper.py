@@ -39,19 +39,22 @@ class Keeper:
     """Runs ``attempt`` over and over.
 
     ``attempt`` opens a channel and returns a future that ends when that channel is lost; it raises a
-    ``TransportError`` where it cannot. ``on_failure`` is told of every failed attempt whose reason differs
+    ``TransportError`` where it cannot. ``was_heard`` is asked once the channel is lost: a peer that had sent
+    something is looked for anew at once. ``on_failure`` is told of every failed attempt whose reason differs
     from the one before.
     """
 
     def __init__(
         self,
         attempt: Callable[[], Awaitable["asyncio.Future[None]"]],
+        was_heard: Callable[[], bool],
         on_failure: Callable[[str], None],
     ) -> None:
         self._attempt = attempt
+        self._was_heard = was_heard
         self._on_failure = on_failure
         self._task: asyncio.Task[None] | None = None
-        self.backoff = Backoff()
+        self._backoff = Backoff()
         self.failure = ""
         """Why the last attempt failed; empty while the channel is open."""
         self.opens = 0
@@ -85,8 +88,10 @@ class Keeper:
                 self.failure = ""
                 self.opens += 1
                 await asyncio.shield(lost)  # it belongs to the channel: stopping must not cancel it
+                if self._was_heard():
+                    self._backoff.reset()
             lost = None
-            await asyncio.sleep(self.backoff.next_s())
+            await asyncio.sleep(self._backoff.next_s())
             try:
                 lost = await self._attempt()
             except TransportError as error:

@@ -154,7 +154,7 @@ class SerialPort:
     ) -> None:
         self._endpoint = endpoint
         self._receiver = receiver
-        self._keeper = Keeper(self._attempt, on_failure)
+        self._keeper = Keeper(self._attempt, self._was_heard, on_failure)
         self._on_slow = on_slow
         self._slow: tuple[str, ...] = ()
         self._settings = LatencySettings()
@@ -214,9 +214,10 @@ class SerialPort:
             await self._channel.drained()
             self._channel.close()
 
+    def _was_heard(self) -> bool:
+        return self._channel is not None and self._channel.bytes_received > 0
+
     async def _attempt(self) -> "asyncio.Future[None]":
-        if self._channel is not None and self._channel.bytes_received:
-            self._keeper.backoff.reset()
         return self._open()
 
     def _open(self) -> "asyncio.Future[None]":

@@ -346,7 +346,7 @@ class TcpConnector:
     def __init__(self, endpoint: TcpEndpoint, receiver: Receiver, on_failure: Callable[[str], None]) -> None:
         self._endpoint = endpoint
         self._receiver = receiver
-        self._keeper = Keeper(self._attempt, on_failure)
+        self._keeper = Keeper(self._attempt, self._was_heard, on_failure)
         self._channel: TcpChannel | None = None
 
     @property
@@ -381,9 +381,10 @@ class TcpConnector:
             await asyncio.wait([self._channel.lost], timeout=1.0)
             self._channel.abort()
 
+    def _was_heard(self) -> bool:
+        return self._channel is not None and self._channel.bytes_received > 0
+
     async def _attempt(self) -> "asyncio.Future[None]":
-        if self._channel is not None and self._channel.bytes_received:
-            self._keeper.backoff.reset()
         self._channel = None
         self._channel = await connect(self._endpoint, self._receiver)
         return self._channel.lost
