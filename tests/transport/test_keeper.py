@@ -1,4 +1,4 @@
-"""A connection is looked for anew at once when its peer had answered, and ever more rarely when it had not."""
+"""A connection is looked for anew at once when its peer had answered, and more rarely when it had not."""
 
 import asyncio
 
