@@ -75,6 +75,12 @@ REFUSALS: Final = (
         "correct the controller's program: the frame is malformed",
     ),
     RefusalEntry(
+        0x03,
+        "a request that is shorter than its function code asks for",
+        "a request lacks bytes that its function code always has",
+        "correct the controller's program: the frame is malformed",
+    ),
+    RefusalEntry(
         0x04,
         "corrected machine position … leaves the travel",
         "the target is beyond `travel` by more than `travel_margin`, with its correction",

@@ -144,6 +144,21 @@ def access_of(pdu: bytes) -> Access | None:
     return None if look is None else look(pdu)
 
 
+_FORMS: Final = {1: 5, 2: 5, 3: 5, 4: 5, 5: 5, 6: 5, 15: 6, 16: 6, 22: 7, 23: 10}
+"""By function code: bytes of a request that are always there; the last of 6 and 10 says how many follow."""
+
+
+def is_cut_short(pdu: bytes) -> bool:
+    """Whether a request lacks bytes that its own function code asks for: no drive can make sense of it.
+
+    >>> is_cut_short(bytes.fromhex("10 01 00")), is_cut_short(bytes.fromhex("10 0100 0001 02 1234"))
+    (True, False)
+    """
+    form = _FORMS.get(pdu[0], 0)
+    size = len(pdu)
+    return size < form or (form in (6, 10) and size < form + pdu[form - 1])
+
+
 MONITOR_FUNCTIONS: Final = frozenset({0x01, 0x02, 0x03, 0x04, 0x07, 0x0B, 0x0C, 0x11, 0x14, 0x18})
 """Function codes that change nothing in a drive: all that a monitor may send, with 0x2B/0x0E."""
 

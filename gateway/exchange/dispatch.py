@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from gateway.drives.motion import Action
-from gateway.exchange.access import HEAD_BYTES, access_of, coils_written
+from gateway.exchange.access import HEAD_BYTES, access_of, coils_written, is_cut_short
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import Aliases, why_not_passed
 from gateway.exchange.axis.transitions import Axis
@@ -132,6 +132,12 @@ class Units:
             RefusedRequestError: it must not reach the drive.
         """
         frames = self.frames_of(transaction)
+        if is_cut_short(transaction.pdu) and not self.stops_of(frames):
+            raise RefusedRequestError(
+                ExceptionCode.ILLEGAL_DATA_VALUE,
+                "",
+                "a request that is shorter than its function code asks for: no drive can make sense of it",
+            )
         if transaction.unit_id not in self._units and not (self.have_rules and self.stops_of(frames)):
             reason = why_not_passed(self.aliases, transaction.unit_id, transaction.pdu)
             if reason:

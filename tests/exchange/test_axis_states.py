@@ -327,13 +327,12 @@ REFERENCE_WALK: Final = {
     declared     f .
     """,
     Reference.SET_POSITION: """
-                 l h f
-    homing       h . h
-    other-motion . l .
-    set-at-rest  f f .
-    set-moving   . l l
-    loss         . l l
-    declared     f f .
+                 l f
+    homing       . l
+    set-at-rest  f .
+    set-moving   . l
+    loss         . l
+    declared     f .
     """,
     Reference.HOMING: """
                  l h f

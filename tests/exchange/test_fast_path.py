@@ -319,7 +319,9 @@ def test_a_request_whose_length_contradicts_its_head_goes_the_long_way() -> None
     bench.ask(write(COMMAND, 0))
     good = bytes.fromhex("10 1000 0002 04 0001 0002")
     assert bench.ask(good) == good[:5]
-    bench.send(good[:-1])  # no word of it is mapped, so it passes as it is, but nobody remembers it as usual
+    bench.send(
+        good + b"\0"
+    )  # no word of it is mapped, so it passes as it is, but nobody remembers it as usual
     assert bench.line._current is not None
     assert bench.line._current.path is None
 

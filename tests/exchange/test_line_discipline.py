@@ -114,6 +114,32 @@ def test_a_reply_whose_serial_controller_went_on_is_not_given_to_its_next_reques
     assert bench.port.take() == bytes.fromhex("03 02 2222")
 
 
+@pytest.mark.parametrize(
+    "pdu",
+    [
+        "01", "02 00", "03", "03 07 00 00", "04 0700", "05 0001 FF", "06 0700 00", "0F 0000 0008 01",
+        "10 01 00", "10 0700 0001 02 00", "10 0700 0002 04 0001", "16 0700 0001 00", "17 0700 0001 0800",
+        "17 0700 0001 0800 0001 02 00",
+    ],
+)  # fmt: skip
+def test_a_request_that_lacks_bytes_never_reaches_the_drives(pdu: str) -> None:
+    """A drive's server that closes or hangs on it would take the answers of everybody else with it."""
+    request = bytes.fromhex(pdu)
+    for bench in (Bench(), Bench(serial=False)):
+        bench.send(request)
+        assert bench.link.sent == []
+        assert [reply for _, _, reply in bench.port.replies] == [bytes((request[0] | 0x80, 3))]
+        bench.port.replies.clear()
+        assert bench.ask(OTHER)[0] == 3
+
+
+@pytest.mark.parametrize("pdu", ["03 0700 0001 00", "06 0700 0001 00", "10 0700 0001 02 0001 00", "41", "2B"])
+def test_a_request_that_is_too_long_or_of_no_known_function_passes_as_it_came(pdu: str) -> None:
+    bench = Bench()
+    bench.send(bytes.fromhex(pdu))
+    assert bench.link.sent == [(1, bytes.fromhex(pdu))]
+
+
 def test_w5_a_closed_connection_withdraws_its_requests() -> None:
     bench = Bench(serial=False)
     gone = Port(ControllerPlan("plc"))

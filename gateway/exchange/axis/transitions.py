@@ -155,13 +155,12 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Ref
         ReferenceEvent.SET_MOVING: {Referenced.FOUND: Referenced.LOST},
         ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND},
     },
-    Reference.SET_POSITION: {
-        ReferenceEvent.HOMING: {Referenced.LOST: Referenced.HOMING, Referenced.FOUND: Referenced.HOMING},
-        ReferenceEvent.OTHER_MOTION: {Referenced.HOMING: Referenced.LOST},
-        ReferenceEvent.SET_AT_REST: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
-        ReferenceEvent.SET_MOVING: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.LOSS: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
+    Reference.SET_POSITION: {  # nothing hangs on homing: what counts is the position that is set after it
+        ReferenceEvent.HOMING: {Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.SET_AT_REST: {Referenced.LOST: Referenced.FOUND},
+        ReferenceEvent.SET_MOVING: {Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.LOSS: {Referenced.FOUND: Referenced.LOST},
+        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND},
     },
     Reference.HOMING: {
         ReferenceEvent.BIT_SET: {Referenced.HOMING: Referenced.FOUND},
