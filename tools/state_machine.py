@@ -61,6 +61,7 @@ WHEREABOUTS_LAYOUT: Final = Layout(
         "seen-there": (804, 310),
         "arrived": (577, 310),
         "may-have-left": (577, 450),
+        "stands-again": (804, 450),
     },
     frames={
         "targeted": Box(258, 95, 634, 425),
@@ -83,7 +84,16 @@ WHEREABOUTS_LAYOUT: Final = Layout(
         ("seen-there", "arrived"): Route(((734, 310), (647, 310)), (691, 288), "middle", is_stacked=True),
         ("done-said", "may-have-left"): Route(((350, 330), (350, 450), (507, 450)), (430, 443), "middle"),
         ("arrived", "may-have-left"): Route(((577, 330), (577, 430)), (583, 385)),
-        ("may-have-left", "seen-there"): Route(((647, 450), (804, 450), (804, 330)), (725, 443), "middle"),
+        ("may-have-left", "stands-again"): Route(
+            ((647, 450), (734, 450)), (691, 428), "middle", is_stacked=True
+        ),
+        ("stands-again", "seen-there"): Route(((804, 430), (804, 330)), (798, 385), "end"),
+        ("stands-again", "may-have-left"): Route(
+            ((760, 470), (760, 490), (600, 490), (600, 470)), (680, 483), "middle"
+        ),
+        ("stands-again", "arrived"): Route(
+            ((740, 430), (740, 395), (625, 395), (625, 330)), (685, 388), "middle"
+        ),
         ("group was there", "unknown"): Route(((270, 400), (242, 400), (242, 592)), (248, 556)),
         ("group targeted", "out-of-reach"): Route(((400, 520), (400, 592)), (406, 560)),
         ("group targeted", "retained"): Route(((600, 520), (600, 692)), (606, 660)),

@@ -14,7 +14,7 @@ from gateway.counts import Counts
 from gateway.exchange.access import ACCESS, Access
 from gateway.exchange.aliases import ANY_TCP_DRIVE
 from gateway.exchange.axis.events import Part
-from gateway.exchange.axis.state import Rendering, Whereabouts
+from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, Rendering, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.meaning import Frame
 from gateway.exchange.rendering import nominal_limit
@@ -27,7 +27,7 @@ from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable, PositionField
 
 ARRIVED: Final = Whereabouts.ARRIVED
-MAY_HAVE_LEFT: Final = Whereabouts.MAY_HAVE_LEFT
+
 NOBODY: Final[frozenset[str]] = frozenset()
 """Names of the axes that a read sends somewhere."""
 
@@ -188,7 +188,7 @@ class WritePath(FastPath):
                 return False
         if not axis.compensation.is_stream and axis.has_branches and axis.is_unseen(now_ns):
             return False
-        if axis.unproven is not None or axis.whereabouts is MAY_HAVE_LEFT or self._image.is_torn:
+        if axis.unproven is not None or axis.whereabouts in MAY_BE_ELSEWHERE or self._image.is_torn:
             return False
         return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
 

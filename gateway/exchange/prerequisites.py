@@ -10,7 +10,7 @@ from gateway.exchange.added_frames import (
     read_word,
     restaging,
 )
-from gateway.exchange.axis.state import Rendering, Whereabouts
+from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
@@ -101,7 +101,7 @@ def _command_read(request: Request) -> AddedFrame | None:
                     return AddedFrame(axis, Purpose.COMMAND, field.address, field.words, hit)
             elif is_run and (
                 not write.is_again
-                or axis.whereabouts is Whereabouts.MAY_HAVE_LEFT
+                or axis.whereabouts in MAY_BE_ELSEWHERE
                 or needs_look(axis, request.now_ns, action)
             ):
                 added = _read_for_run(request, axis, number, words, action)

@@ -17,7 +17,7 @@ from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import ON_BRANCH, Actual, Rendering, Retained, Whereabouts
+from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Rendering, Retained, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.request import Known, Standing
@@ -162,7 +162,7 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
         return False
     accepted = axis.compensation.accepted
     if accepted is not None and accepted.nominal_counts == nominal_counts:
-        return axis.whereabouts is Whereabouts.MAY_HAVE_LEFT  # is it still there? (M4)
+        return axis.whereabouts in MAY_BE_ELSEWHERE  # is it still there? (M4)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return False
     return axis.has_branches and _known_place(axis, nominal_counts, now_ns) is None

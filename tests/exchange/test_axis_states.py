@@ -55,23 +55,24 @@ PLACES: Final = {
     "t": Whereabouts.SEEN_THERE,
     "A": Whereabouts.ARRIVED,
     "L": Whereabouts.MAY_HAVE_LEFT,
+    "a": Whereabouts.STANDS_AGAIN,
 }
 WALK: Final = """
-                    ? S H O u r w s d t A L
-acknowledged        w w w w w w w w w w w w
-acknowledged-at-rest s s s s s s s s s s s s
-unacknowledged      u u u u u u u u u u u u
-ran-not             . . . . w w . . . . . .
-stopped             ? S ? ? ? ? S S S S S S
-displaced           ? ? ? ? ? ? ? ? ? ? ? ?
-out-of-reach        ? ? . . ? ? O O O O O O
-reference-changed   . . H H . . H H H H H H
-done                . . . . r . d d . A . .
-done-alone          . . . . r . A A . A . .
-fell                . . . . . . . . L . L .
-there               . . . . . . t t A . . t
-near                . . . . . . . . . . . t
-away                . . . . . . . . ? ? ? ?
+                    ? S H O u r w s d t A L a
+acknowledged        w w w w w w w w w w w w w
+acknowledged-at-rest s s s s s s s s s s s s s
+unacknowledged      u u u u u u u u u u u u u
+ran-not             . . . . w w . . . . . . .
+stopped             ? S ? ? ? ? S S S S S S S
+displaced           ? ? ? ? ? ? ? ? ? ? ? ? ?
+out-of-reach        ? ? . . ? ? O O O O O O O
+reference-changed   . . H H . . H H H H H H H
+done                . . . . r . d d . A . a .
+done-alone          . . . . r . A A . . . . .
+fell                . . . . . . . . L . L . L
+there               . . . . . . t t A . . . A
+near                . . . . . . . . . . . . t
+away                . . . . . . . . ? ? ? ? ?
 """
 """By hand, from M4 to M6 and M9: a letter is where the axis is then, a dot where nothing changes."""
 
@@ -159,6 +160,12 @@ REACHED: Final[dict[Whereabouts, tuple[Callable[[Axis], None], ...]]] = {
         lambda axis: axis.observe_done(3 * MS, is_done=True),
         lambda axis: axis.observe_done(4 * MS, is_done=False),
     ),
+    Whereabouts.STANDS_AGAIN: (
+        acknowledge,
+        lambda axis: axis.observe_done(3 * MS, is_done=True),
+        lambda axis: axis.observe_done(4 * MS, is_done=False),
+        lambda axis: axis.observe_done(4 * MS, is_done=True),
+    ),
 }
 CAUSED: Final[dict[Happening, Callable[[Axis], None]]] = {
     Happening.UNACKNOWLEDGED: leave_unproven,
@@ -200,9 +207,9 @@ def test_each_happening_is_taken_in_each_place(place: Whereabouts, happening: Ha
 
 
 SETS_OUT: Final = """
-        ? S H O u r w s d t A L
-seen    w s w w w w w w s s s s
-unseen  w s w w w w w w w s s w
+        ? S H O u r w s d t A L a
+seen    w s w w w w w w s s s s s
+unseen  w s w w w w w w w s s w w
 """
 """From M6, by hand: whether it is known where an axis sets out, for a target that is another one. A place in
 which it was seen to be at its target is known in either row."""

@@ -244,3 +244,47 @@ def test_the_repeat_of_a_target_of_before_reads_as_it_was_told_after_a_homing_th
     assert world.said(0).direction == "unsure"
     *_, last = replay(BY_NAME["p-home-read"], (*again, ACK, ACK, ARRIVE, READ, ACK))
     assert last.removeprefix("#").split() == ["answered", "1", "03", "04", "23", "2f", "00", "00"]
+
+
+STATUS = ("ask", 0, "status", 0)
+
+
+def test_an_axis_whose_done_bit_fell_and_rose_is_looked_at_before_any_target() -> None:
+    """M4, M6: it stands, and nobody knows where. 9007 is 9172 forward; 5003 is 5108, or 4888 backward."""
+    crept = (
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23D4 0000
+        ARRIVE,
+        STATUS,
+        ACK,  # 03 005C 0001 -> 0110: done
+        ("blink", 0),
+        STATUS,
+        ACK,  # 03 005C 0001 -> 0100: not done
+        READ,
+        ACK,  # 03 0520 0002 -> 23D4 0000: it is there yet
+        ("creep", 0),  # 80 ms later it stands at 3001
+    )
+    design = BY_NAME["s-crept-past"]
+    for again in (to(0), to(1)):
+        for seen in ((), (STATUS, ACK)):  # 03 005C 0001 -> 0110: done
+            world = play(design, *crept, *seen, again)
+            assert on_the_wire(world) == bytes.fromhex("03 0520 0002")
+    world = play(design, *crept, STATUS, ACK, to(1), ACK)  # 03 0520 0002 -> 0BB9 0000
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 13F4 0000")  # forward, not 1318
+
+
+def test_an_axis_that_is_read_off_its_way_after_a_while_has_been_moved() -> None:
+    """M4, M6: a repeat keeps no branch on which its axis cannot come. 2003 is 2063 or 1855 (backward)."""
+    jogged = (
+        to(0),  # 10 0606 0002 04 07D3 0000: 2003
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 080F 0000
+        ARRIVE,
+        ("jog", 0),  # 240 ms later it stands at 3001
+        READ,
+        ACK,  # 03 0520 0002 -> 0BB9 0000
+        to(0),
+    )
+    world = play(BY_NAME["s-jogged-past"], *jogged)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 073F 0000")

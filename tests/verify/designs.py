@@ -275,6 +275,17 @@ DESIGNS: Final = (
         targets=(-7003, 9007),
         is_staged=True,
         horizon_ticks=14,
+        ways=(
+            (
+                ("ask", 0, "to", 0, 1),
+                ("drive", "ack"),
+                ("drive", "obey"),
+                ("reboot", 0),
+                ("ask", 0, "run", 0),
+                ("settle",),
+                ("wait",),
+            ),
+        ),
     ),
 )
 
@@ -380,6 +391,20 @@ CLOSING: Final = (
         menu=("to", "read", "status"),
         targets=(9007,),
         happenings=(*TIME, "blink", "creep", "done"),
+        checks_way_back=False,
+    ),
+    _small(
+        "s-crept-past",
+        "done falls of an axis that stands, is seen there yet, and goes past the next target unseen",
+        menu=("to", "read", "status"),
+        targets=(9007, 5003),
+        happenings=(*TIME, "blink", "creep"),
+    ),
+    _small(
+        "s-jogged-past",
+        "moved on its own panel, past its target",
+        happenings=(*TIME, "jog"),
+        targets=(2003,),
         checks_way_back=False,
     ),
     _small("s-blind", "done and no position", _plan(actual=()), menu=("to", "status")),

@@ -112,11 +112,12 @@ def _references(staged: Plan) -> tuple[Design, ...]:
     quiet = (*ask("home"), *ask("status"), ("ask", 0, "read", 0), *WAIT * 3, *ask("read"), *ask("read"))
     met = (*ask("zero"), *go(0), *ask("stop"), *ask("home"), ("alarm", 0), *ask("status"))
     alarmed = (*go(1), *WAIT * 2, ("alarm", 0), *ask("status"), ("calm", 0), *ask("to", 1), *ask("run"))
+    away = (("declare",), *go(1), ("ask", 0, "read", 0), *WAIT * 4, *ask("read"), *ask("to", 1), *ask("run"))
     found = []
     for name, way, ways in (
         ("set-position", Reference.SET_POSITION, (set_and_lost, met)),
         ("absolute", Reference.ABSOLUTE, (set_and_lost, alarmed)),
-        ("homing-all", Reference.HOMING, (homed, set_and_lost, silent)),
+        ("homing-all", Reference.HOMING, (homed, set_and_lost, silent, away)),
         (
             "drive-bit",
             Reference.DRIVE_BIT,

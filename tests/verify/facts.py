@@ -60,6 +60,8 @@ class Facts(NamedTuple):
     told_found: bool | None = None
     """What was told of it last."""
     restaged_ns: int = 0
+    hunts_ns: int = 0
+    """When it was told last that its branch changes all the time; 0: never."""
     """When it was told that a target was written anew: once a minute."""
     was_strange: bool = False
     """A value that no register map knows has passed while it was corrected."""
@@ -207,7 +209,7 @@ def _owe_look(world: "World", number: int, facts: Facts) -> None:
         world.state = world.state._replace(axes=tuple(axes))
 
 
-RESTAGED_NS: Final = 50 * 1000 * MS
+WITHIN_MINUTE_NS: Final = 50 * 1000 * MS
 """Well within the minute in which it is not told again."""
 
 
@@ -216,7 +218,7 @@ def _written_anew(world: "World", number: int) -> None:
     facts, name = _of(world, number), world.design.plans[number].name
     is_told = any(event.kind is EventKind.RESTAGED and event.axis == name for event in world.told)
     age_ns = world.now_ns - facts.restaged_ns
-    if is_told and age_ns < RESTAGED_NS:
+    if is_told and age_ns < WITHIN_MINUTE_NS:
         raise BrokenRuleError("restaged is told again within a minute (9)")
     if not is_told and not facts.restaged_ns:
         raise BrokenRuleError("restaged is not told (9)")
@@ -485,6 +487,11 @@ def _judge_told_once(world: "World", number: int, told: list[EventKind]) -> None
     unknown = told.count(EventKind.UNKNOWN_MODE)
     if unknown + facts.has_told_unknown > 1:
         raise BrokenRuleError("unknown-mode is told again for the same contents (9)")
+    if EventKind.BRANCH_HUNTS in told:
+        if facts.hunts_ns and world.now_ns - facts.hunts_ns < WITHIN_MINUTE_NS:
+            raise BrokenRuleError("branch-hunts is told again within a minute (9)")
+        facts = facts._replace(hunts_ns=world.now_ns)
+        note(world, number, facts)
     if decided or unknown:
         is_recalling = facts.is_recalling and not decided
         facts = facts._replace(

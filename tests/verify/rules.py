@@ -579,6 +579,7 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     if wire.pdu[0] == 3 and reply[0] == 3 and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
         number = facts.number_of(world, wire.unit_id)
         axes = list(world.state.axes)
+        axes[number] = axes[number]._replace(has_crept=False)
         if axes[number].is_owed_look:  # that the bit is down is nothing new from now on
             axes[number] = axes[number]._replace(is_owed_look=False, was_done=False)
         world.state = world.state._replace(axes=tuple(axes))

@@ -277,6 +277,8 @@ class Axis(NamedTuple):
     """Somebody was told that it is not done any more, and nobody has read where it is since."""
     is_seen_undone: bool = False
     """It stood while somebody was told that it is not done."""
+    has_crept: bool = False
+    """It went elsewhere while its done bit was down, and nobody has read where it is since."""
     tried: Tried | None = None
     """The last target on its way that was not acknowledged."""
     facts: Facts | None = None
@@ -736,7 +738,13 @@ class World:
         self._set(
             number,
             axis._replace(
-                stands_counts=at, commanded_counts=at, is_done=True, is_seen_undone=False, ticks=0, run=None
+                stands_counts=at,
+                commanded_counts=at,
+                is_done=True,
+                is_seen_undone=False,
+                ticks=0,
+                run=None,
+                has_crept=True,
             ),
         )
 
@@ -997,9 +1005,13 @@ class World:
         axis = self.state.axes[number]
         run = rules.judge_motion(self, number, end, wire)
         is_there = end == axis.stands_counts
+        is_again = axis.run is not None and axis.run.nominal_counts == run.nominal_counts
+        if axis.has_crept:  # its done bit says more than that it goes there
+            run = run._replace(doubt=2)
         self._set(
             number,
             axis._replace(
+                is_owed_look=axis.is_owed_look and is_again,
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
                 is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
                 is_fresh=False, is_lost_distance=False, is_known_moving=False,

@@ -30,6 +30,7 @@ from gateway.exchange.axis.record_layout import (
 )
 from gateway.exchange.axis.registers import FieldImage
 from gateway.exchange.axis.state import (
+    MAY_BE_ELSEWHERE,
     ON_BRANCH,
     WAS_THERE,
     Actual,
@@ -245,7 +246,7 @@ class Record:
             has_target,
             has_target and _was_there(axis),
             has_target and axis.whereabouts is Whereabouts.ARRIVED,
-            has_target and axis.whereabouts is Whereabouts.MAY_HAVE_LEFT,
+            has_target and axis.whereabouts in MAY_BE_ELSEWHERE,
             has_target and _knows_words(axis),
             0 if number is None else number,
             *(accepted or _NO_TARGET),

@@ -89,6 +89,8 @@ class Whereabouts(Enum):
     """Both, or the drive's word alone where no actual position is mapped."""
     MAY_HAVE_LEFT = "may-have-left"
     """Done fell after that: a motion that is not of our making, or the bit has flickered."""
+    STANDS_AGAIN = "stands-again"
+    """Done rose after that: it stands, at its target or elsewhere, and has not been seen since."""
 
 
 TARGETED: Final = frozenset(
@@ -99,6 +101,7 @@ TARGETED: Final = frozenset(
         Whereabouts.SEEN_THERE,
         Whereabouts.ARRIVED,
         Whereabouts.MAY_HAVE_LEFT,
+        Whereabouts.STANDS_AGAIN,
     }
 )
 """Places of which the last accepted target says where the axis is or goes."""
@@ -106,6 +109,8 @@ ON_WAY: Final = frozenset({Whereabouts.UNDER_WAY, Whereabouts.SET_OUT})
 """Places from which nothing has shown the axis at its target yet."""
 WAS_THERE: Final = TARGETED - ON_WAY
 """Places from which an axis that is seen away has been moved by something else."""
+MAY_BE_ELSEWHERE: Final = frozenset({Whereabouts.MAY_HAVE_LEFT, Whereabouts.STANDS_AGAIN})
+"""Places from which an axis is looked at before a repeat of its target (M4)."""
 AT_REST: Final = WAS_THERE | {Whereabouts.UNPROVEN_AT_REST}
 """Places of which anything says that the axis stands."""
 ON_BRANCH: Final = TARGETED | {Whereabouts.STOPPED}

@@ -130,13 +130,15 @@ WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
     (Whereabouts.DONE_SAID, Happening.THERE): Whereabouts.ARRIVED,
     (Whereabouts.DONE_SAID, Happening.AWAY): Whereabouts.UNKNOWN,
     (Whereabouts.SEEN_THERE, Happening.DONE): Whereabouts.ARRIVED,
-    (Whereabouts.SEEN_THERE, Happening.DONE_ALONE): Whereabouts.ARRIVED,
     (Whereabouts.SEEN_THERE, Happening.AWAY): Whereabouts.UNKNOWN,
     (Whereabouts.ARRIVED, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
     (Whereabouts.ARRIVED, Happening.AWAY): Whereabouts.UNKNOWN,
-    (Whereabouts.MAY_HAVE_LEFT, Happening.THERE): Whereabouts.SEEN_THERE,
-    (Whereabouts.MAY_HAVE_LEFT, Happening.NEAR): Whereabouts.SEEN_THERE,
+    (Whereabouts.MAY_HAVE_LEFT, Happening.DONE): Whereabouts.STANDS_AGAIN,
     (Whereabouts.MAY_HAVE_LEFT, Happening.AWAY): Whereabouts.UNKNOWN,
+    (Whereabouts.STANDS_AGAIN, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
+    (Whereabouts.STANDS_AGAIN, Happening.THERE): Whereabouts.ARRIVED,
+    (Whereabouts.STANDS_AGAIN, Happening.NEAR): Whereabouts.SEEN_THERE,
+    (Whereabouts.STANDS_AGAIN, Happening.AWAY): Whereabouts.UNKNOWN,
 }
 """What each happening makes of each place; what is not here changes nothing."""
 
@@ -974,6 +976,7 @@ class Axis(AxisState):
         if not isfinite(raw):
             return None
         before, now = self.actual, Actual(counts_of(field_, raw), asked_ns)
+        was_unseen = self.is_unseen(asked_ns)
         self.actual = now
         self.heard_ns = asked_ns
         if self.record is not None and self.record.recalled is not None:
@@ -984,6 +987,8 @@ class Axis(AxisState):
         is_at_rest = self.whereabouts in AT_REST
         if self.compensation.accepted is not None:
             self._see_place(now)
+        if was_unseen and self.whereabouts in ON_WAY:
+            self._see_way(now)
         if before is not None and is_at_rest:
             self._look_for_jump(before, now)
         return now
@@ -1034,10 +1039,22 @@ class Axis(AxisState):
         """
         if self.is_at_target(actual.counts):
             return
+        is_on_way = self.whereabouts in ON_WAY and self._is_on_way(actual)
+        if is_for_distance or not is_on_way:
+            self.displace()
+
+    def _is_on_way(self, actual: Actual) -> bool:
         low, high = self.compensation.way
         window = self.plan.settings.in_position_counts
-        is_on_way = low - window <= actual.counts <= high + window
-        if is_for_distance or not (self.whereabouts in ON_WAY and is_on_way):
+        return low - window <= actual.counts <= high + window
+
+    def _see_way(self, actual: Actual) -> None:
+        """Notice that an axis that nobody had seen for a while is not on its way any more (M4, M6).
+
+        Of one that set out from nobody knows where every place is on it; a stream leaves none.
+        """
+        low, high = self.compensation.way
+        if low < high and not self.compensation.is_stream and not self._is_on_way(actual):
             self.displace()
 
     def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
