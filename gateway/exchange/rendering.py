@@ -82,9 +82,13 @@ def render(
     """
     field_ = axis.plan.command[number]
     raw = field_.unpack(nominal_words)
+    is_passing = axis.passes_unchanged
+    unproven = axis.unproven if axis.unproven and _is_unproven(axis.unproven, number, nominal_words) else None
+    if unproven is not None and axis.compensation.is_stream and not is_passing:
+        return unproven  # the drive may hold it: the same setpoint is the same words (M4)
     if needs_offset(axis):
         axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
-    is_passing = axis.passes_unchanged
+        is_passing = axis.passes_unchanged
     retained = axis.retained if axis.whereabouts is Whereabouts.RETAINED else None
     if retained is not None and retained.number == number and retained.nominal_words == nominal_words:
         return _again(axis, retained)
@@ -94,8 +98,8 @@ def render(
         raise RefusedPositionError(f"{raw} is not a position")
     try:
         move = _plan_move(axis, counts_of(field_, raw), seen)
-        if move.state.is_unsure and axis.unproven and _is_unproven(axis.unproven, number, nominal_words):
-            return _flagged(axis.unproven)  # nothing tells better: the same target is the same words (M4)
+        if move.state.is_unsure and unproven is not None:
+            return _flagged(unproven)  # nothing tells better: the same target is the same words (M4)
         corrected_words = nominal_words
         if move.correction_counts:
             corrected_words = field_.pack(raw + steps_of(field_, move.correction_counts))

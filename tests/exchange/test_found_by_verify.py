@@ -288,3 +288,21 @@ def test_an_axis_that_is_read_off_its_way_after_a_while_has_been_moved() -> None
     )
     world = play(BY_NAME["s-jogged-past"], *jogged)
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 073F 0000")
+
+
+def test_the_first_setpoint_of_a_stream_given_again_on_its_way_there_is_the_same_words() -> None:
+    """M4: its drive may hold it; 9007 less than both branches say at 0 is 8838, and 8854 at 1501."""
+    again = (
+        to(1),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 03 0520 0002 -> 0000 0000
+        OBEY,  # 10 0606 0002 04 2286 0000: 8838, never acknowledged
+        WAIT,
+        READ,
+        WAIT,
+        ACK,  # 03 0520 0002 -> 05DD 0000
+        to(1),
+    )
+    world = play(BY_NAME["stream"], *again)
+    if on_the_wire(world)[0] == 3:
+        world.happen(ACK)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 2286 0000")

@@ -11,7 +11,18 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.exchange.rights import UNLIMITED
 from tests.exchange.line_bench import ACTUAL
-from tests.exchange.staged_bench import HOME, JOG, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER, ZERO
+from tests.exchange.staged_bench import (
+    HOME,
+    JOG,
+    MODE,
+    RUN,
+    RUN_RELATIVE,
+    STATUS,
+    STOP,
+    STORED,
+    TRIGGER,
+    ZERO,
+)
 from tests.verify import rules
 from tests.verify.errors import BrokenRuleError
 
@@ -60,9 +71,15 @@ class Facts(NamedTuple):
     told_found: bool | None = None
     """What was told of it last."""
     restaged_ns: int = 0
+    """When it was told that a target was written anew: once a minute."""
     hunts_ns: int = 0
     """When it was told last that its branch changes all the time; 0: never."""
-    """When it was told that a target was written anew: once a minute."""
+    has_told_began: bool = False
+    """It was told with what offset its stream has begun: once, until it begins anew."""
+    is_mode_lost: bool = False
+    """The writing of its mode register was not acknowledged."""
+    has_to_decide: bool = False
+    """Its place was read, or something was sent that moves it: that decides a record which is open yet."""
     was_strange: bool = False
     """A value that no register map knows has passed while it was corrected."""
     has_told_unknown: bool = False
@@ -124,7 +141,8 @@ def answered(world: "World", wire: "Wire", reply: bytes, *, is_native: bool) -> 
     if wire.pdu[0] != 3:
         facts = facts._replace(read_ns=0)
     elif is_place and is_native:
-        facts = facts._replace(read_ns=wire.sent_ns)
+        is_decided = facts.is_told and facts.is_found and not world.design.is_stream
+        facts = facts._replace(read_ns=wire.sent_ns, has_to_decide=facts.has_to_decide or is_decided)
     if wire.pdu[0] == 3:
         facts = _read(world, facts, plan, wire, reply)
     else:
@@ -141,6 +159,10 @@ def answered(world: "World", wire: "Wire", reply: bytes, *, is_native: bool) -> 
 def left(world: "World", wire: "Wire") -> None:
     """A frame has left: after all that was lost so far."""
     mine = number_of(world, wire.unit_id)
+    if _is_run(wire.pdu) and _of(world, mine).is_mode_lost and world.said(mine).compensation == "active":
+        raise BrokenRuleError("a trigger leaves whose mode was lost (4, M3)")
+    if wire.aim is not None or _triggered(wire.pdu) in OTHER_MOTIONS:
+        note(world, mine, _of(world, mine)._replace(has_to_decide=True))
     if _triggered(wire.pdu) == 999 and world.said(mine).compensation == "active":
         note(world, mine, _of(world, mine)._replace(was_strange=True))
     for number in range(len(world.state.axes)):
@@ -191,6 +213,8 @@ def never_sent(world: "World", port: int, request: "Asked", code: int) -> None:
     if world.design.controllers[port].rights != UNLIMITED:
         return
     number = request.axis
+    if _is_mode(request.pdu):
+        note(world, number, _of(world, number)._replace(is_mode_lost=True))
     is_run = _is_run(request.pdu) or (_is_target(request.pdu) and not world.design.is_staged)
     if _is_target(request.pdu) or (is_run and world.design.groups and not _blocked_peers(world, number)):
         _lose(world, number, code, is_run=is_run)
@@ -231,7 +255,8 @@ def restarted(world: "World", wire: "Wire | None", *, has_record: bool) -> None:
     for number, plan in enumerate(world.design.plans):
         is_mine = wire is not None and wire.unit_id == plan.unit_id
         is_unknown = wire is not None and is_mine and _triggered(wire.pdu) in OTHER_MOTIONS
-        note(world, number, first(plan)._replace(is_recalling=has_record and not is_unknown))
+        is_written = has_record and world.records.read(plan.name) is not None
+        note(world, number, first(plan)._replace(is_recalling=is_written and not is_unknown))
 
 
 def _fell_silent(facts: Facts, plan: AxisPlan, now_ns: int) -> Facts:
@@ -309,6 +334,10 @@ def _reference_after(facts: Facts, plan: AxisPlan, wire: "Wire", now_ns: int, *,
         return facts
     value = _triggered(wire.pdu)
     way = plan.referenced
+    if _is_mode(wire.pdu):
+        return facts._replace(is_mode_lost=not is_obeyed)
+    if value in (HOME, ZERO):  # counted from another zero, a stream begins anew
+        facts = facts._replace(has_told_began=False)
     if value is None or value in (RUN, RUN_RELATIVE):
         is_other = is_obeyed and wire.aim is not None
         return facts._replace(is_homing=False, homing_ns=0, is_moving=False) if is_other else facts
@@ -328,6 +357,10 @@ def _triggered(pdu: bytes) -> int | None:
     if pdu[0] != 6 or pdu[1] << 8 | pdu[2] != TRIGGER:
         return None
     return pdu[3] << 8 | pdu[4]
+
+
+def _is_mode(pdu: bytes) -> bool:
+    return pdu[0] == 6 and pdu[1] << 8 | pdu[2] == MODE
 
 
 def _is_run(pdu: bytes) -> bool:
@@ -487,6 +520,14 @@ def _judge_told_once(world: "World", number: int, told: list[EventKind]) -> None
     unknown = told.count(EventKind.UNKNOWN_MODE)
     if unknown + facts.has_told_unknown > 1:
         raise BrokenRuleError("unknown-mode is told again for the same contents (9)")
+    is_open = facts.is_recalling and not decided
+    if is_open and facts.has_to_decide and world.state.wire is None and not world.design.groups:
+        raise BrokenRuleError("the record is not decided, and what decides it has come (5)")
+    if EventKind.STREAM_BEGAN in told:
+        if facts.has_told_began:
+            raise BrokenRuleError("stream-began is told again, and nothing has ended it (9)")
+        facts = facts._replace(has_told_began=True)
+        note(world, number, facts)
     if EventKind.BRANCH_HUNTS in told:
         if facts.hunts_ns and world.now_ns - facts.hunts_ns < WITHIN_MINUTE_NS:
             raise BrokenRuleError("branch-hunts is told again within a minute (9)")

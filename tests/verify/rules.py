@@ -414,6 +414,8 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         is_excused = (
             run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away or not run.is_told))
         )
+        # A stream begins anew with the offset that its drive has by then; what is more is motion.
+        is_excused |= world.design.is_stream and not run.is_told
         if not is_excused:
             raise BrokenRuleError(
                 f"the same target {nominal} again moves the drive from {run.end_counts} to {end} (0, M4)"

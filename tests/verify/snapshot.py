@@ -47,7 +47,6 @@ LEFT_OUT: Final = {
     "_told": "how often was told of something",
     "_gaps": "when monitors may read; no world has one",
     "replies": "the world's",
-    "began": "what an event tells",
     "stamps": "figures for the status",
     "asked_ns": "figures for the status",
     "_silent": "drives of whose silence was told",
