@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from tests.verify.world import Aim, Asked, Axis, Belief, Run, Side, Tried, Wire, World
 
 ROUNDING: Final = 0.5 + 1e-6
-ONE_COUNT: Final = 1.0 + 1e-6
-BESIDE_COUNTS: Final = 2.0 + 1e-6
-"""The hysteresis: nearer to a branch nobody can tell a direction by a measured position."""
+ONE: Final = 1.0 + 1e-6
+"""These two are in steps of a register."""
 SLOPE_COUNTS: Final = 3.0
 """What rounding on two scales and an inverse on a steep slope may put a reading beside the branches."""
 PASSING: Final = frozenset({"unreferenced", "off", "no-table"})
@@ -131,9 +130,9 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
 
 
-def run_pdu(run: "Run | None") -> bytes:
+def run_pdu(world: "World", run: "Run | None") -> bytes:
     """Return the request that makes a drive go to the last target again, where writing it does."""
-    return b"" if run is None else write(COMMAND, run.nominal_counts)
+    return b"" if run is None else write(COMMAND, run.nominal_counts // world.design.step_counts)
 
 
 def judge_phase(world: "World", wire: "Wire") -> None:
@@ -191,7 +190,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     may_look = is_distance or axis.is_owed_look or is_beside or world.design.is_stream
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
     is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know
-    is_again &= len(moving) == 1 and moving[0].pdu == run_pdu(run)
+    is_again &= len(moving) == 1 and moving[0].pdu == run_pdu(world, run)
     is_again &= run is None or run.doubt < 2
     why = ""
     if address == COMMAND.address:
@@ -233,7 +232,7 @@ def _note_tried(world: "World", number: int, pdu: bytes, aim: "Aim") -> None:
     from tests.verify.world import Tried
 
     axes = list(world.state.axes)
-    axis, end_counts = axes[number], int(COMMAND.unpack(pdu[6:10]))
+    axis, end_counts = axes[number], world.design.unpacked(pdu[6:10])
     made = _made_with(axis, aim, aim.nominal_counts, end_counts)
     tried = Tried(aim.nominal_counts, end_counts, made.table, made.state, made.is_gain_half)
     axes[number] = axis._replace(tried=tried)
@@ -272,7 +271,7 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
             continue
         belief = world.state.beliefs[port][number]
         is_strange = request.pdu[:3] == RUN_PDU[:3] and request.pdu not in RUNS
-        if is_strange and not belief.lost and pdu[6:] == COMMAND.pack(belief.nominal_counts):
+        if is_strange and not belief.lost and pdu[6:] == COMMAND.pack(belief.steps):
             return  # before something runs of which nobody knows what it means, the words of the controller
         if request.pdu not in RUNS:
             continue
@@ -317,9 +316,10 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     run, compensation = axis.run, world.said(number).compensation
     if is_run and belief.lost == NEVER_WRITTEN and world.design.plans[number].motion.passes_stored_moves:
         is_lost, compensation = True, PASSED_STORED  # a position that the drive keeps
-    is_kept = base is not None or (run is not None and run.nominal_counts == belief.nominal_counts)
+    target = belief.steps * world.design.step_counts
+    is_kept = base is not None or (run is not None and run.nominal_counts == target)
     return Aim(
-        belief.nominal_counts,
+        target,
         axis.stands_counts,
         compensation,
         world.is_sending_unsure() or (is_kept and world.said(number).direction == "unsure"),
@@ -394,9 +394,8 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     if world.design.refuses_reads or not plan.actual or is_again:
         return
     low, high = sorted(_branches(world, aim.nominal_counts, aim))
-    if not any(
-        low - BESIDE_COUNTS <= each <= high + BESIDE_COUNTS for each in (aim.from_counts, axis.stands_counts)
-    ):
+    beside = world.design.beside_counts
+    if not any(low - beside <= each <= high + beside for each in (aim.from_counts, axis.stands_counts)):
         raise BrokenRuleError(
             f"target {aim.nominal_counts} is taken for unsure, and the axis stands at {aim.from_counts}, "
             f"beyond {low:.1f} to {high:.1f}: a reading tells (M6)"
@@ -435,12 +434,13 @@ def _judge_setpoint(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
     nominal, stands = aim.nominal_counts, axis.stands_counts
     screw = world.screws[aim.table]
     offsets = [0.0, *(1000 * each for each in (*screw.forward_mm, *screw.backward_mm))]
-    if not min(offsets) - BESIDE_COUNTS <= end - nominal <= max(offsets) + BESIDE_COUNTS:
+    beside = world.design.beside_counts
+    if not min(offsets) - beside <= end - nominal <= max(offsets) + beside:
         raise BrokenRuleError(f"setpoint {nominal} becomes {end}, which no table of it says (1)")
     if axis.run is None and axis.is_fresh:
         here = [0.0, *(each - stands for each in screw.corrected(stands))]
         offset = min(max(stands - nominal, min(here)), max(here))
-        if abs(end - nominal - offset) > BESIDE_COUNTS:
+        if abs(end - nominal - offset) > beside:
             raise BrokenRuleError(
                 f"a stream begins with setpoint {nominal}, the drive stands at {stands}, and it is sent as "
                 f"{end}: an offset of {offset:.1f} would be right (M6)"
@@ -456,12 +456,12 @@ def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
             raise BrokenRuleError(f"a distance of {distance} becomes {end - axis.commanded_counts} (M9)")
         return end
     if is_certain:
-        _judge_branch(world, axis, end, aim, base + distance, tolerance=ONE_COUNT)
+        _judge_branch(world, axis, end, aim, base + distance, tolerance=ONE)
         return base + distance
     forward, backward = _branches(world, base, aim)
     low, high = sorted((2 * base - forward, 2 * base - backward))
     for nominal in range(int(low - SLOPE_COUNTS) + distance, int(high + SLOPE_COUNTS) + distance + 1):
-        if any(abs(end - each) <= ONE_COUNT for each in _branches(world, nominal, aim)):
+        if any(abs(end - each) <= ONE * world.design.step_counts for each in _branches(world, nominal, aim)):
             return nominal
     raise BrokenRuleError(f"a distance of {distance} from {base} ends at {end}, which is on no branch (1)")
 
@@ -484,6 +484,8 @@ def _judge_branch(
     world: "World", axis: "Axis", end: int, aim: "Aim", nominal: int, *, tolerance: float = ROUNDING
 ) -> None:
     forward, backward = _branches(world, nominal, aim)
+    tolerance, one = tolerance * world.design.step_counts, ONE * world.design.step_counts
+    beside = world.design.beside_counts
     is_forward, is_backward = abs(end - forward) <= tolerance, abs(end - backward) <= tolerance
     if aim.is_unsure:
         if is_forward or is_backward or abs(end - (forward + backward) / 2) <= tolerance:
@@ -493,7 +495,7 @@ def _judge_branch(
         raise BrokenRuleError(
             f"target {nominal} becomes {end}: {forward:.2f} or {backward:.2f} would be right (1)"
         )
-    if (is_forward or is_backward) and abs(end - axis.stands_counts) <= ONE_COUNT:
+    if (is_forward or is_backward) and abs(end - axis.stands_counts) <= one:
         return  # a register's step is no motion: it stands there already (0)
     low, high = sorted((forward, backward))
     may_be_forward = may_be_backward = False
@@ -504,12 +506,10 @@ def _judge_branch(
             may_be_backward |= nominal <= run.nominal_counts
         is_certain = run is not None and run.is_told and not run.is_unsure
         if run is None or not (is_certain and is_same_map and run.state not in PASSING):
-            is_at_forward, is_at_backward = (
-                abs(place - each) <= BESIDE_COUNTS for each in (forward, backward)
-            )
+            is_at_forward, is_at_backward = (abs(place - each) <= beside for each in (forward, backward))
             # Where it stands on one branch already it has come there on that one (M6).
-            may_be_forward |= place <= high + BESIDE_COUNTS and (is_at_forward or not is_at_backward)
-            may_be_backward |= place >= low - BESIDE_COUNTS and (is_at_backward or not is_at_forward)
+            may_be_forward |= place <= high + beside and (is_at_forward or not is_at_backward)
+            may_be_backward |= place >= low - beside and (is_at_backward or not is_at_forward)
     if (is_forward and may_be_forward) or (is_backward and may_be_backward):
         return
     what = "is on the wrong branch" if is_forward or is_backward else "is on no branch"
@@ -631,11 +631,11 @@ def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False
 
     Of two targets nearer to each other than the hysteresis no reading tells which of them was reached.
     """
-    end = int(COMMAND.unpack(wire.pdu[6:10])) if wire.pdu[0] == 16 else None
+    end = world.design.unpacked(wire.pdu[6:10]) if wire.pdu[0] == 16 else None
     axes = list(world.state.axes)
     run = axes[number].run
     if run is not None:
-        is_near = end is not None and 0 < abs(end - run.end_counts) <= BESIDE_COUNTS
+        is_near = end is not None and 0 < abs(end - run.end_counts) <= world.design.beside_counts
         is_distance = wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is None
         lost_ns = world.now_ns if (run.is_told or was_told) and is_distance else 0
         run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=run.is_unsure or is_near)
@@ -753,11 +753,12 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address:
         belief, found = world.state.beliefs[port][request.axis], int(COMMAND.unpack(pdu[2:6]))
         is_known = world.design.is_answered and world.design.is_staged and not belief.lost
-        if is_known and found != belief.nominal_counts:
-            raise BrokenRuleError(f"{belief.nominal_counts} was written, and {found} is read back (3, M1)")
+        if is_known and found != belief.steps:
+            raise BrokenRuleError(f"{belief.steps} was written, and {found} is read back (3, M1)")
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
         number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
-        _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])))
+        step_counts = world.design.plans[number].actual[0].scale
+        _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
 
 
 def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
@@ -805,7 +806,8 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     world.state = world.state._replace(axes=tuple(axes))
 
 
-def _judge_reading(world: "World", number: int, read_counts: int) -> None:
+def _judge_reading(world: "World", number: int, read_counts: float, step_counts: float) -> None:
+    """``step_counts``: what the register read can tell; a target between its steps reads rounded."""
     axis, said = world.state.axes[number], world.said(number)
     run, stands = axis.run, axis.stands_counts
     if axis.goes_counts is not None:
@@ -814,13 +816,14 @@ def _judge_reading(world: "World", number: int, read_counts: int) -> None:
     if world.design.is_stream and (said.compensation in PASSING or not is_told):
         return  # an offset that fades, and a drive that lags
     if said.compensation in PASSING:
-        if not world.state.is_wanted or read_counts == stands or run is not None:
+        is_as_it_is = abs(read_counts - stands) <= ROUNDING * step_counts
+        if not world.state.is_wanted or is_as_it_is or run is not None:
             return  # a fade leads to 1:1, and a target that was told holds
         raise BrokenRuleError(
             f"an axis that is {said.compensation} stands at {stands} and reads {read_counts} (3)"
         )
     if run is not None and is_told and run.state not in PASSING:
-        if read_counts != run.nominal_counts:
+        if abs(read_counts - run.nominal_counts) > ROUNDING * step_counts:
             raise BrokenRuleError(
                 f"the axis stands where target {run.nominal_counts} has sent it, at {stands}, and reads "
                 f"{read_counts} (3)"
@@ -829,7 +832,8 @@ def _judge_reading(world: "World", number: int, read_counts: int) -> None:
     if said.direction == "unsure":
         return
     low, high = _band(world, stands)
-    if not low - SLOPE_COUNTS <= read_counts <= high + SLOPE_COUNTS:
+    slack = SLOPE_COUNTS * max(step_counts, world.design.step_counts)
+    if not low - slack <= read_counts <= high + slack:
         raise BrokenRuleError(
             f"the drive stands at {stands} and reads {read_counts}: {low:.1f} to {high:.1f} (3)"
         )
@@ -865,7 +869,7 @@ def judge_direction(world: "World", number: int) -> None:
     names = ("forward", "backward") if world.screws[run.table].counts_per_mm > 0 else ("backward", "forward")
     for name, corrected in zip(names, branches, strict=True):
         end = run.nominal_counts + share * (corrected - run.nominal_counts)
-        if abs(run.end_counts - end) <= ONE_COUNT and said.direction != name:
+        if abs(run.end_counts - end) <= ONE * world.design.step_counts and said.direction != name:
             raise BrokenRuleError(
                 f"the axis has come to {run.end_counts} {name}, and it is said: {said.direction} (8)"
             )

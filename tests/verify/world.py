@@ -204,8 +204,8 @@ class Belief(NamedTuple):
     """Since then."""
 
     @property
-    def nominal_counts(self) -> int:
-        """The target."""
+    def steps(self) -> int:
+        """The target, in steps of its register."""
         value = self.high << 16 | self.low
         return value - (1 << 32) if value >> 31 else value
 
@@ -358,6 +358,25 @@ class Design:
     ways: tuple[tuple[Happening, ...], ...] = ()
     """Traces that are walked first, with each event in each state on them."""
     options: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def step_counts(self) -> int:
+        """Counts in one step of a target's register."""
+        return int(self.plans[0].command[0].scale)
+
+    @property
+    def beside_counts(self) -> float:
+        """The hysteresis: nearer to a branch nobody can tell a direction by a measured position."""
+        settings = self.plans[0].settings
+        return settings.hysteresis * abs(settings.counts_per_unit) + 1e-6
+
+    def packed(self, counts: int) -> bytes:
+        """Return the words of a target."""
+        return self.plans[0].command[0].pack(counts // self.step_counts)
+
+    def unpacked(self, words: bytes) -> int:
+        """Return the target that stands in words."""
+        return int(COMMAND.unpack(words)) * self.step_counts
 
     @property
     def is_done_doubtful(self) -> bool:
@@ -544,11 +563,11 @@ class World:
     def pdu(self, name: str, number: int = 0) -> bytes:
         """Return the PDU of a request of the menu."""
         if name == "to":
-            return write(COMMAND, self.design.targets[number])
+            return write(COMMAND, self.design.targets[number] // self.design.step_counts)
         if name == "by":
-            return write(COMMAND, self.design.distances[number])
+            return write(COMMAND, self.design.distances[number] // self.design.step_counts)
         if name in ("low", "high"):
-            data = COMMAND.pack(self.design.targets[number])
+            data = self.design.packed(self.design.targets[number])
             address = COMMAND.address + (name == "high")
             return b"\x06" + address.to_bytes(2, "big") + (data[2:] if name == "high" else data[:2])
         if name in REGISTERS:
@@ -933,7 +952,8 @@ class World:
         if pdu[0] != 3:
             return pdu[:5] if pdu[0] == 16 else pdu
         number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
-        data = _registers(self.state.axes[number], pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
+        plan = self.design.plans[number]
+        data = _registers(self.state.axes[number], plan, pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
         return bytes((3, len(data))) + data
 
     def _obey(self, wire: Wire) -> bytes:
@@ -952,11 +972,11 @@ class World:
             return pdu
         if address == REMAPPING:
             return pdu
-        words = bytearray(COMMAND.pack(axis.target_counts))
+        words = bytearray(self.design.packed(axis.target_counts))
         data = pdu[6:] if pdu[0] == 16 else pdu[3:5]
         at = 2 * (address - COMMAND.address)
         words[at : at + len(data)] = data
-        target = int(COMMAND.unpack(bytes(words)))
+        target = self.design.unpacked(bytes(words))
         self._set(number, axis._replace(target_counts=target))
         if not self.design.is_staged:
             self._go(number, target, wire)
@@ -1179,12 +1199,14 @@ def _older(axis: Axis, design: Design) -> Axis:
     return axis._replace(ticks=ticks, stands_counts=stands, commanded_counts=stands, is_done=is_done)
 
 
-def _registers(axis: Axis, address: int, quantity: int) -> bytes:
+def _registers(axis: Axis, plan: AxisPlan, address: int, quantity: int) -> bytes:
     words: dict[int, bytes] = {}
     for place, counts in (
-        (COMMAND, axis.target_counts), (ACTUAL, axis.stands_counts), (COMMANDED, axis.commanded_counts),
-    ):  # fmt: skip
-        data = place.pack(counts)
+        (plan.command[0], axis.target_counts),
+        (plan.actual[0] if plan.actual else ACTUAL, axis.stands_counts),
+        (plan.commanded[0] if plan.commanded else COMMANDED, axis.commanded_counts),
+    ):
+        data = place.pack(round(counts / place.scale))
         words[place.address], words[place.address + 1] = data[:2], data[2:]
     is_moving = axis.goes_counts is not None
     words[MODE] = axis.mode.to_bytes(2, "big")
