@@ -244,3 +244,18 @@ def test_the_repeat_of_a_target_of_before_reads_as_it_was_told_after_a_homing_th
     assert world.said(0).direction == "unsure"
     *_, last = replay(BY_NAME["p-home-read"], (*again, ACK, ACK, ARRIVE, READ, ACK))
     assert last.removeprefix("#").split() == ["answered", "1", "03", "04", "23", "2f", "00", "00"]
+
+
+def test_a_reading_in_coarser_steps_than_the_target_is_the_nearest_one_of_an_axis_that_stands_there() -> None:
+    """8932 is 9095.98 forward, sent as 9096, which a register in steps of 10 counts tells as 910; 893 is
+    nearest to 8932."""
+    stands = (
+        to(1),  # 10 0606 0002 04 22E4 0000: 8932
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 2388 0000: forward to 9096
+        ARRIVE,
+        READ,
+        ACK,  # 03 0520 0002 -> 038E 0000: 910
+    )
+    *_, last = replay(BY_NAME["s-coarse"], stands)
+    assert last.split() == ["answered", "1", "03", "04", "03", "7d", "00", "00"]  # not 037E, 894

@@ -12,6 +12,7 @@ Plan = Callable[..., AxisPlan]
 Make = Callable[..., Design]
 STEP_OF_5: Final = replace(COMMAND, scale=5.0)
 STEP_OF_2: Final = replace(ACTUAL, scale=2.0)
+STEP_OF_10: Final = replace(ACTUAL, scale=10.0)
 STEP_OF_A_TENTH: Final = replace(ACTUAL, scale=0.1)
 
 
@@ -71,6 +72,12 @@ def _registers(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tup
             menu=("low", "high", "run"),
             targets=(5 * 65541,),
             checks_way_back=False,
+        ),
+        small(
+            "s-coarse",
+            "a reading in steps of 10 counts: of a target between them the nearest one is read",
+            plan(actual=(STEP_OF_10,), hysteresis=0.02),
+            targets=(-7003, 8932),
         ),
         small(
             "s-fine",
