@@ -38,6 +38,9 @@ OLD_TICKS: Final = 3
 PATIENCE_TICKS: Final = 1
 """So long a controller waits for an answer."""
 NO_PATH: Final = 0x0A
+MASK: Final = 0x16
+BOTH: Final = 0x17
+"""Writes, and then reads."""
 READABLE: Final = frozenset(
     {(ACTUAL.address, 2), (COMMAND.address, 2), (COMMANDED.address, 2), (STATUS, 1), (TRIGGER, 1), (MODE, 1)}
 )
@@ -62,7 +65,23 @@ def runs_distance(world: "World", number: int, pdu: bytes) -> bool:
 
 def writes_target(pdu: bytes) -> bool:
     """Whether a request writes a word of the target."""
-    return pdu[0] in (6, 16) and (pdu[1] << 8 | pdu[2]) in ENDS
+    return pdu[0] in (6, 16, MASK, BOTH) and written_at(pdu) in ENDS
+
+
+def written_at(pdu: bytes) -> int:
+    """Return the first register that a request writes."""
+    return pdu[5] << 8 | pdu[6] if pdu[0] == BOTH else pdu[1] << 8 | pdu[2]
+
+
+def words_written(pdu: bytes) -> bytes:
+    """Return the words that a request writes which lays no mask."""
+    return pdu[10:] if pdu[0] == BOTH else pdu[6:] if pdu[0] == 16 else pdu[3:5]
+
+
+def masked(word: bytes, pdu: bytes) -> bytes:
+    """Return what a mask makes of a word."""
+    keep, put = pdu[3] << 8 | pdu[4], pdu[5] << 8 | pdu[6]
+    return (((word[0] << 8 | word[1]) & keep) | (put & ~keep)).to_bytes(2, "big")
 
 
 # --- frames that leave --------------------------------------------------------------------------------
@@ -115,7 +134,8 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
-    is_completed = is_half and pdu[0] == 16 and bool(belief.lost & _others(request.pdu))
+    is_old = bool(belief.lost & 4 and belief.lost & _others(request.pdu))
+    is_completed = is_half and pdu[0] == 16 and is_old
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
     aim = _aim(world, port, number, pdu, request)
@@ -232,7 +252,8 @@ def _note_tried(world: "World", number: int, pdu: bytes, aim: "Aim") -> None:
     from tests.verify.world import Tried
 
     axes = list(world.state.axes)
-    axis, end_counts = axes[number], world.design.unpacked(pdu[6:10])
+    axis = axes[number]
+    end_counts = world.design.written(axis.target_counts, pdu)
     made = _made_with(axis, aim, aim.nominal_counts, end_counts)
     tried = Tried(aim.nominal_counts, end_counts, made.table, made.state, made.is_gain_half)
     axes[number] = axis._replace(tried=tried)
@@ -255,6 +276,8 @@ def _is_tried(aim: "Aim", nominal: int, end: int) -> bool:
 def _is_frame_of(frame: bytes, request: bytes) -> bool:
     if frame == request:
         return True
+    if BOTH in (frame[0], request[0]):
+        return frame[:10] == request[:10] and len(frame) == len(request)
     if frame[0] != 16 or not writes_target(request):
         return False
     return frame[:6] == b"\x10" + COMMAND.address.to_bytes(2, "big") + b"\0\x02\x04"
@@ -277,10 +300,12 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
             continue
         if world.state.beliefs[port][number].lost and not is_passing:
             why = f"a target that was lost is written anew: {shown} (4)"
-        elif request.is_restaged:
+        elif request.restaged is not None:
             why = f"the staged target was written anew twice: {shown} (2)"
         else:
-            _replace(world, port, request._replace(is_restaged=True))
+            state = world.state
+            in_force = (world.said(number).compensation, state.table, state.is_gain_half)
+            _replace(world, port, request._replace(restaged=in_force))
             return
     raise BrokenRuleError(why)
 
@@ -313,7 +338,10 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
             base = (run.nominal_counts, True)
         else:
             base = (axis.commanded_counts, False)
-    run, compensation = axis.run, world.said(number).compensation
+    run = axis.run
+    compensation, table, is_gain_half = request.restaged or (
+        world.said(number).compensation, state.table, state.is_gain_half,
+    )  # fmt: skip
     if is_run and belief.lost == NEVER_WRITTEN and world.design.plans[number].motion.passes_stored_moves:
         is_lost, compensation = True, PASSED_STORED  # a position that the drive keeps
     target = belief.steps * world.design.step_counts
@@ -323,8 +351,8 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
         axis.stands_counts,
         compensation,
         world.is_sending_unsure() or (is_kept and world.said(number).direction == "unsure"),
-        state.table,
-        state.is_gain_half,
+        table,
+        is_gain_half,
         is_lost,
         base,
         _arrived(axis),
@@ -334,11 +362,15 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
 
 def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     """Return what a controller believes once a request of it is there, and how it was sent."""
-    data = request[6:] if request[0] == 16 else request[3:5]
+    if request[0] == MASK:
+        low = masked(belief.low.to_bytes(2, "big"), request)
+        is_lost = belief.lost if frame[0] == MASK else 0
+        return belief._replace(low=low[0] << 8 | low[1], lost=is_lost)
+    data = words_written(request)
     if len(data) == 4:
         return belief._replace(low=data[0] << 8 | data[1], high=data[2] << 8 | data[3], lost=0)
     word = data[0] << 8 | data[1]
-    mine = 1 if (request[1] << 8 | request[2]) == COMMAND.address else 2
+    mine = 1 if written_at(request) == COMMAND.address else 2
     lost = belief.lost & ~mine
     if frame[0] == 16 or not lost & 3:  # whole: completed with a word that was lost a moment ago, too (M1)
         lost = 0
@@ -366,6 +398,8 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     else:
         nominal = aim.nominal_counts
         _judge_target(world, axis, end, aim)
+        if aim.is_lost:  # 1:1, and a word of it never came
+            nominal = end
     was = aim.arrived
     is_other = was is not None and was.nominal_counts != nominal
     if was is not None and is_other and was.is_told and was.seen == 3 and aim.is_unsure and not is_passing:
@@ -568,8 +602,8 @@ def _judge_record(world: "World", number: int) -> None:
 
 
 def _is_native(sent: bytes, reply: bytes) -> bool:
-    if sent[0] == 3:
-        return reply[0] == 3
+    if sent[0] in (3, BOTH):
+        return reply[0] == sent[0]
     return reply == (sent[:5] if sent[0] == 16 else sent)
 
 
@@ -618,7 +652,8 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if run is not None:
             # Words of before that go out again without a reference mean nothing to the gateway (M9).
             means_nothing = wire.aim.state == "unreferenced" and run.state not in PASSING
-            is_told = not (wire.aim.is_lost or means_nothing)
+            is_word = wire.pdu[0] == 6 and writes_target(wire.pdu)  # the gateway may not know the rest of it
+            is_told = not (wire.aim.is_lost or means_nothing or is_word)
             run = run._replace(is_told=is_told, is_acked=is_told)
             axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
@@ -631,7 +666,8 @@ def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False
 
     Of two targets nearer to each other than the hysteresis no reading tells which of them was reached.
     """
-    end = world.design.unpacked(wire.pdu[6:10]) if wire.pdu[0] == 16 else None
+    is_whole = wire.pdu[0] in (16, BOTH)
+    end = world.design.unpacked(words_written(wire.pdu)) if is_whole else None
     axes = list(world.state.axes)
     run = axes[number].run
     if run is not None:
@@ -686,11 +722,12 @@ def note_lost(world: "World", port: int, request: "Asked") -> None:
     """Take note of a write of a target of which nobody can say that it is in the drive (4)."""
     if not writes_target(request.pdu):
         return
-    is_low = (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address
-    word = 0 if request.pdu[0] == 16 else request.pdu[3] << 8 | request.pdu[4]
+    is_low = written_at(request.pdu) == COMMAND.address
+    is_whole = request.pdu[0] != 6  # so is what is laid over a word that has to be known
+    word = 0 if is_whole else request.pdu[3] << 8 | request.pdu[4]
     beliefs = [list(own) for own in world.state.beliefs]
     i, belief = request.axis, beliefs[port][request.axis]
-    if request.pdu[0] == 16:
+    if is_whole:
         beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS)
     elif is_low:
         beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0)
@@ -748,6 +785,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     if not is_own:
         raise BrokenRuleError(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")
     assert answered is not None
+    _judge_form(world, request.pdu, pdu)
     if pdu[0] == 3:
         _note_seen(world, answered, pdu)
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address:
@@ -755,10 +793,19 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         is_known = world.design.is_answered and world.design.is_staged and not belief.lost
         if is_known and found != belief.steps:
             raise BrokenRuleError(f"{belief.steps} was written, and {found} is read back (3, M1)")
-    if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
+    if pdu[0] in (3, BOTH) and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
         number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
         step_counts = world.design.plans[number].actual[0].scale
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
+
+
+def _judge_form(world: "World", request: bytes, reply: bytes) -> None:
+    """What is acknowledged is so in the form in which it was asked, with its own words (W4, M1)."""
+    if "garble" in world.design.answers or request[0] in (3, BOTH):
+        return
+    expected = request[:5] if request[0] == 16 else request
+    if reply != expected:
+        raise BrokenRuleError(f"{request.hex(' ')} is acknowledged with {reply.hex(' ')} (2, W4)")
 
 
 def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:

@@ -65,6 +65,8 @@ UNSEEN_TICKS: Final = 2
 LOST_TICKS: Final = 2
 TIMING: Final = LineTiming(response_timeout_ms=RESPONSE_TICKS * TICK_MS, drain_ms=DRAIN_TICKS * TICK_MS)
 EXCEPTION: Final = 4
+MASK: Final = rules.MASK
+BOTH: Final = rules.BOTH
 VENDOR: Final = 0x81
 """The function byte of whatever a certain drive refuses."""
 MOST_STORES: Final = 3
@@ -187,7 +189,9 @@ class Asked(NamedTuple):
     transaction_id: int
     is_sent: bool = False
     ticks: int = 0
-    is_restaged: bool = False
+    restaged: tuple[str, int, bool] | None = None
+    """What was in force when its target was written anew for it: state of the compensation, table, half a
+    gain. With that it runs, whatever is changed before it has left."""
     is_bit_asked: bool = False
     """The bit on which its reference hangs was read for it."""
     axis: int = 0
@@ -326,6 +330,8 @@ class Design:
     happenings: tuple[str, ...] = ("arrive", "wait")
     targets: tuple[int, ...] = (-7003, 9007, 9019)
     distances: tuple[int, ...] = (4003, -4003)
+    masks: tuple[tuple[int, int], ...] = ((0xFF00, 0x003B),)
+    """What is kept of the low word of a target, and what is set of the rest of it."""
     controllers: tuple[ControllerPlan, ...] = (ControllerPlan("cnc", timeout_ms=PATIENCE_TICKS * TICK_MS),)
     groups: tuple[tuple[str, ...], ...] = ()
     is_serial: bool = True
@@ -377,6 +383,14 @@ class Design:
     def unpacked(self, words: bytes) -> int:
         """Return the target that stands in words."""
         return int(COMMAND.unpack(words)) * self.step_counts
+
+    def written(self, counts: int, pdu: bytes) -> int:
+        """Return what stands in the register of a target once a frame is obeyed that writes there."""
+        words = bytearray(self.packed(counts))
+        at = 2 * (rules.written_at(pdu) - COMMAND.address)
+        data = rules.masked(words[at : at + 2], pdu) if pdu[0] == MASK else rules.words_written(pdu)
+        words[at : at + len(data)] = data
+        return self.unpacked(bytes(words))
 
     @property
     def is_done_doubtful(self) -> bool:
@@ -555,6 +569,10 @@ class World:
             for axis in range(len(self.design.plans)):
                 if name in ("to", "low", "high"):
                     yield from ((name, axis, i) for i in range(len(self.design.targets)))
+                elif name == "mask":
+                    yield from ((name, axis, i) for i in range(len(self.design.masks)))
+                elif name == "both":
+                    yield from ((name, axis, i) for i in range(len(self.design.targets)))
                 elif name == "by":
                     yield from ((name, axis, i) for i in range(len(self.design.distances)))
                 else:
@@ -570,6 +588,12 @@ class World:
             data = self.design.packed(self.design.targets[number])
             address = COMMAND.address + (name == "high")
             return b"\x06" + address.to_bytes(2, "big") + (data[2:] if name == "high" else data[:2])
+        if name == "mask":
+            keep, put = self.design.masks[number]
+            address = COMMAND.address.to_bytes(2, "big")
+            return bytes((MASK,)) + address + keep.to_bytes(2, "big") + put.to_bytes(2, "big")
+        if name == "both":
+            return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
             return read(REGISTERS[name])
         if name == "status":
@@ -949,12 +973,12 @@ class World:
     def reply_to(self, wire: Wire) -> bytes:
         """Return what the drive answers to a frame that it has obeyed."""
         pdu = wire.pdu
-        if pdu[0] != 3:
+        if pdu[0] not in (3, BOTH):
             return pdu[:5] if pdu[0] == 16 else pdu
         number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
         plan = self.design.plans[number]
         data = _registers(self.state.axes[number], plan, pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
-        return bytes((3, len(data))) + data
+        return bytes((pdu[0], len(data))) + data
 
     def _obey(self, wire: Wire) -> bytes:
         """Let the drive do what a frame says; return its answer."""
@@ -964,23 +988,20 @@ class World:
         address = pdu[1] << 8 | pdu[2]
         if pdu[0] == 3:
             return self.reply_to(wire)
+        if rules.writes_target(pdu):
+            target = self.design.written(axis.target_counts, pdu)
+            self._set(number, axis._replace(target_counts=target))
+            if not self.design.is_staged:
+                self._go(number, target, wire)
+            return self.reply_to(wire)
         if address == TRIGGER:
             self._act(number, pdu[3] << 8 | pdu[4], wire)
             return pdu
         if address == MODE:
             self._set(number, axis._replace(mode=pdu[3] << 8 | pdu[4]))
             return pdu
-        if address == REMAPPING:
-            return pdu
-        words = bytearray(self.design.packed(axis.target_counts))
-        data = pdu[6:] if pdu[0] == 16 else pdu[3:5]
-        at = 2 * (address - COMMAND.address)
-        words[at : at + len(data)] = data
-        target = self.design.unpacked(bytes(words))
-        self._set(number, axis._replace(target_counts=target))
-        if not self.design.is_staged:
-            self._go(number, target, wire)
-        return pdu[:5] if pdu[0] == 16 else pdu
+        assert address == REMAPPING, pdu.hex(" ")
+        return pdu
 
     def _act(self, number: int, value: int, wire: Wire) -> None:
         axis = self.state.axes[number]
