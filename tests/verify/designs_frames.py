@@ -146,7 +146,7 @@ def _functions(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...
             "single words of a staged target, off and on",
             menu=("low", "high", "run"),
             targets=(9007,),
-            happenings=("wait", "switch"),
+            happenings=("switch",),
         ),
         small(
             "s-both",

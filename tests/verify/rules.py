@@ -364,8 +364,7 @@ def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     """Return what a controller believes once a request of it is there, and how it was sent."""
     if request[0] == MASK:
         low = masked(belief.low.to_bytes(2, "big"), request)
-        is_lost = belief.lost if frame[0] == MASK else 0
-        return belief._replace(low=low[0] << 8 | low[1], lost=is_lost)
+        return belief._replace(low=low[0] << 8 | low[1])  # what was lost a mask does not make up for
     data = words_written(request)
     if len(data) == 4:
         return belief._replace(low=data[0] << 8 | data[1], high=data[2] << 8 | data[3], lost=0)
