@@ -28,6 +28,7 @@ def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[
     return (
         *_registers(small, small_staged, plan, staged),
         *_functions(small, small_staged, plan),
+        *_wires(small, small_staged),
     )
 
 
@@ -168,4 +169,35 @@ def _functions(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...
             targets=(9007, 9019),
         ),
         small_staged("s-both-staged", "the same, staged", menu=("both", "run")),
+    )
+
+
+def _wires(small: Make, small_staged: Make) -> tuple[Design, ...]:
+    """What comes over a serial wire, and does not belong to the request that is out."""
+    return (
+        small(
+            "s-before",
+            "a drive that answers the request before last, of another function or size",
+            menu=("to", "read"),
+            answers=("ack", "before", "before-deaf"),
+            targets=(9007,),
+            checks_way_back=False,
+        ),
+        small(
+            "s-before-status",
+            "the same with reads of two sizes",
+            menu=("to", "read", "status"),
+            answers=("ack", "before", "before-deaf"),
+            happenings=("arrive",),
+            targets=(9007,),
+            checks_way_back=False,
+        ),
+        small_staged(
+            "s-before-staged",
+            "the same, staged",
+            menu=("to", "run"),
+            answers=("ack", "before", "before-deaf"),
+            happenings=("arrive",),
+            checks_way_back=False,
+        ),
     )

@@ -424,7 +424,8 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     run = axis.run
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
     is_again |= axis.tried is not None and axis.tried[0] == aim.nominal_counts
-    if world.design.refuses_reads or not plan.actual or is_again:
+    may_fail = world.design.refuses_reads or world.design.answers_before
+    if may_fail or not plan.actual or is_again:
         return
     low, high = sorted(_branches(world, aim.nominal_counts, aim))
     beside = world.design.beside_counts
@@ -602,14 +603,15 @@ def _judge_record(world: "World", number: int) -> None:
 
 def _is_native(sent: bytes, reply: bytes) -> bool:
     if sent[0] in (3, BOTH):
-        return reply[0] == sent[0]
+        return reply[0] == sent[0] and len(reply) == 2 + 2 * (sent[3] << 8 | sent[4])
     return reply == (sent[:5] if sent[0] == 16 else sent)
 
 
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
     _note_answer(world, wire, reply)
-    if wire.pdu[0] == 3 and reply[0] == 3 and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
+    is_read = wire.pdu[0] == 3 and _is_native(wire.pdu, reply)
+    if is_read and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
         number = facts.number_of(world, wire.unit_id)
         axes = list(world.state.axes)
         if axes[number].is_owed_look:  # that the bit is down is nothing new from now on
@@ -635,6 +637,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if request is not None:
             note_lost(world, wire.owner, request)
         if wire.aim is not None:
+            _judge_untold(world, number, wire.aim, reply)
             _forget(world, number, wire)
         return
     if writes_target(wire.request):
@@ -656,6 +659,13 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             run = run._replace(is_told=is_told, is_acked=is_told)
             axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
+
+
+def _judge_untold(world: "World", number: int, aim: "Aim", reply: bytes) -> None:
+    """Only the full native success makes a target so (M7). Raises BrokenRuleError."""
+    target, before = world.said(number).target_counts, world.before[number].target_counts
+    if aim.base is None and target == aim.nominal_counts != before:
+        raise BrokenRuleError(f"target {target} was answered with {reply.hex(' ')}, and it is told (M7)")
 
 
 def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False) -> None:
@@ -785,6 +795,8 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         raise BrokenRuleError(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")
     assert answered is not None
     _judge_form(world, request.pdu, pdu)
+    if world.design.answers_before and not _is_native(request.pdu, pdu):
+        return  # passed on as it is, and no proof of anything (W4)
     if pdu[0] == 3:
         _note_seen(world, answered, pdu)
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address:
@@ -800,7 +812,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
 
 def _judge_form(world: "World", request: bytes, reply: bytes) -> None:
     """What is acknowledged is so in the form in which it was asked, with its own words (W4, M1)."""
-    if "garble" in world.design.answers or request[0] in (3, BOTH):
+    if "garble" in world.design.answers or world.design.answers_before or request[0] in (3, BOTH):
         return
     expected = request[:5] if request[0] == 16 else request
     if reply != expected:

@@ -44,6 +44,7 @@ from tests.verify.screw import REGROUND, WORN, Screw
 from tests.verify.snapshot import (
     Lens,
     OnItsWay,
+    Said,
     Snapshot,
     is_resting,
     is_sending_unsure,
@@ -314,6 +315,8 @@ class State(NamedTuple):
     """The unit id and the rest of a reply of which a part has come."""
     owed: tuple[tuple[str, str], ...] = ()
     """Axis and event that is told with the next answer."""
+    before: bytes = b""
+    """What the drive has answered last, where it may say that once more."""
 
 
 @dataclass(frozen=True)
@@ -369,6 +372,11 @@ class Design:
     def step_counts(self) -> int:
         """Counts in one step of a target's register."""
         return int(self.plans[0].command[0].scale)
+
+    @property
+    def answers_before(self) -> bool:
+        """Whether the drive may answer the request before last."""
+        return not set(BEFORE).isdisjoint(self.answers)
 
     @property
     def beside_counts(self) -> float:
@@ -441,6 +449,8 @@ class World:
         self.now_ns = START_NS
         self.told: list[Event] = []
         """What was told since the last event of the world began."""
+        self.before: tuple[Said, ...] = ()
+        """What was said of each axis then."""
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
         self.sides = [
             self.side_of(each, self._tell if i == 0 else _tell_nobody) for i, each in enumerate(ways)
@@ -537,7 +547,13 @@ class World:
         if state.wire is not None and not state.wire.is_obeyed:
             is_read = state.wire.pdu[0] == 3
             may_be = ("ack", "refuse", "vendor") if design.refuses_reads else ("ack",)
-            found += [("drive", each) for each in design.answers if not is_read or each in may_be]
+            found += [
+                ("drive", each)
+                for each in design.answers
+                if each not in BEFORE and (not is_read or each in may_be)
+            ]
+            if state.before and self._is_another(state.wire, state.before):
+                found += [("drive", each) for each in BEFORE if each in design.answers]
         if state.late is not None and "late" in design.happenings:
             found.append(("late",))
         waits = design.is_answered and state.wire is not None
@@ -608,7 +624,7 @@ class World:
 
     def happen(self, event: Happening) -> None:
         """Let an event happen. Raises BrokenRuleError."""
-        before = said(self.sides[0].line)
+        before = self.before = said(self.sides[0].line)
         self.told.clear()
         getattr(self, "_on_" + event[0])(*event[1:])
         rules.judge_waiting(self)
@@ -668,6 +684,10 @@ class World:
         elif what == "obey-refuse":
             self._obey(wire)
             reply = bytes((wire.pdu[0] | 0x80, EXCEPTION))
+        elif what in BEFORE:
+            if what == "before":
+                self._obey(wire)
+            reply = self.state.before
         else:  # garble: the form of a success that says something else
             reply = wire.pdu[:3] + b"\0\0" if wire.pdu[0] == 16 else wire.pdu[:3] + b"\xff\xff"
         self._answer(wire, reply)
@@ -683,7 +703,15 @@ class World:
             side.stray(late.unit_id, reply, self.now_ns)
         self._collect()
 
+    @staticmethod
+    def _is_another(wire: Wire, reply: bytes) -> bool:
+        """Whether a reply has another function, or another size, than that to a frame."""
+        size = 2 + 2 * (wire.pdu[3] << 8 | wire.pdu[4]) if wire.pdu[0] == 3 else 5
+        return reply[0] != wire.pdu[0] or len(reply) != size
+
     def _answer(self, wire: Wire, reply: bytes) -> None:
+        if self.design.answers_before:
+            self.state = self.state._replace(before=reply)
         for side in self.sides:
             side.reply(wire.unit_id, reply, self.now_ns)
         self._collect(answered=wire, reply=reply)
@@ -1155,6 +1183,8 @@ TREMBLES_COUNTS: Final = 7
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
 REGISTERS: Final[dict[str, PositionField]] = {"read": ACTUAL, "back": COMMAND, "commanded": COMMANDED}
+BEFORE: Final = ("before", "before-deaf")
+"""Answers of a drive that says once more what it has said before: it has obeyed, or heard nothing."""
 MODES: Final = {"mode-absolute": 1, "mode-distance": 2}
 TRIGGERS: Final = {
     "run": RUN,
