@@ -345,12 +345,15 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
                 continue
             name = axis.plan.name
             raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
+        is_complete = _is_complete(hit, rewriting.access)
         if rendering is None:  # a distance passes as it is, and nobody knows where it leads
             written.stagings.append(Staging(image, words, words, image.epoch))
             written.go_anywhere()
+            if not is_complete:
+                changed.append((hit, words))
             continue
         written.targets.append(rendering)
-        if not axis.passes_unchanged or rendering.corrected_words != words:
+        if not (axis.passes_unchanged and is_complete) or rendering.corrected_words != words:
             changed.append((hit, rendering.corrected_words))
     for hit, words, is_run in write.fields:
         if not is_run:
@@ -402,10 +405,25 @@ def _pass_raw(rewriting: Rewriting, hit: FieldHit, words: bytes | None) -> None:
     if words is None:
         rewriting.of(axis).blind.append(image)
         return
-    first, part = written_part(hit, rewriting.request.frame.pdu, rewriting.access)
-    is_as_written = hit.is_whole or (axis.passes_unchanged and not image.may_be_corrected)
-    in_drive = words if is_as_written else _merged(image.corrected_words, first, part)
+    access, in_drive = rewriting.access, None
+    is_whole = hit.is_whole and not access.is_mask
+    if is_whole or (axis.passes_unchanged and _is_complete(hit, access)):
+        in_drive = words
+    elif not access.is_mask:
+        in_drive = _merged(image.corrected_words, *written_part(hit, rewriting.request.frame.pdu, access))
     rewriting.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch))
+
+
+def _is_complete(hit: FieldHit, access: Access) -> bool:
+    """Whether the drive holds what its controller means once a write of a position went out as it came.
+
+    What a part or a mask leaves as it is has to stand there as the controller wrote it: not corrected, and
+    no word of it lost.
+    """
+    image = hit.place.image
+    assert image is not None
+    is_whole = hit.is_whole and not access.is_mask
+    return is_whole or not (image.may_be_corrected or image.is_torn)
 
 
 def _stage(
@@ -422,9 +440,13 @@ def _stage(
             rewriting.of(axis).buffered_parts.append(part)
         return []
     waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
-    if axis.passes_unchanged or waits_for_other_words:
+    is_complete = _is_complete(hit, rewriting.access) or axis.writes_words_alone
+    if waits_for_other_words or (axis.passes_unchanged and is_complete):
         _pass_raw(rewriting, hit, words)
         return []
+    if axis.passes_unchanged:
+        rewriting.of(axis).stagings.append(Staging(image, words, words, image.epoch))
+        return [(hit, words)]
     corrected_words = _foreseen(rewriting.request, meaning, hit, words)
     in_drive: bytes | None = corrected_words
     if axis.writes_words_alone and not hit.is_whole:

@@ -306,3 +306,74 @@ def test_the_first_setpoint_of_a_stream_given_again_on_its_way_there_is_the_same
     if on_the_wire(world)[0] == 3:
         world.happen(ACK)
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 2286 0000")
+
+
+def test_a_reading_in_coarser_steps_than_the_target_is_the_nearest_one_of_an_axis_that_stands_there() -> None:
+    """8932 is 9095.98 forward, sent as 9096, which a register in steps of 10 counts tells as 910; 893 is
+    nearest to 8932."""
+    stands = (
+        to(1),  # 10 0606 0002 04 22E4 0000: 8932
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 2388 0000: forward to 9096
+        ARRIVE,
+        READ,
+        ACK,  # 03 0520 0002 -> 038E 0000: 910
+    )
+    *_, last = replay(BY_NAME["s-coarse"], stands)
+    assert last.split() == ["answered", "1", "03", "04", "03", "7d", "00", "00"]  # not 037E, 894
+
+
+LOW = ("ask", 0, "low", 0, 0)
+HIGH = ("ask", 0, "high", 0, 0)
+SWITCH = ("switch",)
+
+
+def test_a_mask_is_not_laid_over_a_corrected_word_of_an_axis_that_has_no_reference() -> None:
+    """M1, M9: 9007 was corrected to 9172, 23D4; a mask that sets its high byte to 24 makes 242F, 9263."""
+    homed_anew = (
+        ("ask", 0, "home", 0),
+        ACK,  # 06 050E 0064
+        HOMED,
+        WAIT,
+        WAIT,
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 03 005C 0001 -> 0110: homed
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23D4 0000: forward to 9172
+        ("ask", 0, "home", 0),
+        ACK,  # 06 050E 0064
+        ("ask", 0, "mask", 0, 0),  # 16 0606 00FF 2400
+        ACK,  # 03 005C 0001 -> 0000: not homed yet
+    )
+    world = play(BY_NAME["s-mask-homing"], *homed_anew)
+    # As it came it made 24D4 of 23D4: 9428.
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 242F 0000")
+    *_, last = replay(BY_NAME["s-mask-homing"], (*homed_anew, ACK))
+    assert last.split()[2:] == ["16", "06", "06", "00", "ff", "24", "00"]  # its own echo
+
+
+def test_a_word_that_is_joined_with_a_lost_one_goes_out_whole_though_compensation_was_switched_off() -> None:
+    """M1: the drive never got the low word."""
+    joined = (
+        LOW,  # 06 0606 232F
+        ACK,  # 03 0606 0002 -> 0000 0000: the high word is not certain, so it is answered 86 04
+        HIGH,  # 06 0607 0000: with the word before it is 9007
+        SWITCH,
+        ACK,  # 03 0520 0002 -> 0000 0000
+    )
+    world = play(BY_NAME["s-words-replaced"], *joined)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 232F 0000")  # not 06 0607 0000: that is 0
+
+
+def test_a_lost_word_is_joined_with_none_once_a_newer_one_went_out_as_it_came() -> None:
+    """M1, M9: 0019 has replaced 232F in the drive, and was acknowledged."""
+    replaced = (
+        LOW,  # 06 0606 232F
+        ACK,  # 03 0606 0002 -> 0000 0000: answered 86 04
+        SWITCH,
+        ("ask", 0, "low", 0, 1),
+        ACK,  # 06 0606 0019
+        HIGH,
+    )
+    world = play(BY_NAME["s-words-replaced"], *replaced)
+    assert on_the_wire(world) == bytes.fromhex("06 0607 0000")  # not 10 ... 232F 0000

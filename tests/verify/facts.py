@@ -291,7 +291,8 @@ def _read(world: "World", facts: Facts, plan: AxisPlan, wire: "Wire", reply: byt
     is_own = wire.owner < 0
     if is_own and "distance" in world.design.menu:
         return facts  # whether it stands
-    word = reply[2] << 8 | reply[3] if reply[0] == 3 else None
+    is_answer = reply[0] == 3 and len(reply) == 4
+    word = reply[2] << 8 | reply[3] if is_answer else None
     if word is None and not is_own:
         return facts
     for name, bit in plan.bits.items():

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from tests.verify.world import Aim, Asked, Axis, Belief, Run, Side, Tried, Wire, World
 
 ROUNDING: Final = 0.5 + 1e-6
-ONE_COUNT: Final = 1.0 + 1e-6
-BESIDE_COUNTS: Final = 2.0 + 1e-6
-"""The hysteresis: nearer to a branch nobody can tell a direction by a measured position."""
+ONE: Final = 1.0 + 1e-6
+"""These two are in steps of a register."""
 SLOPE_COUNTS: Final = 3.0
 """What rounding on two scales and an inverse on a steep slope may put a reading beside the branches."""
 PASSING: Final = frozenset({"unreferenced", "off", "no-table"})
@@ -39,6 +38,9 @@ OLD_TICKS: Final = 3
 PATIENCE_TICKS: Final = 1
 """So long a controller waits for an answer."""
 NO_PATH: Final = 0x0A
+MASK: Final = 0x16
+BOTH: Final = 0x17
+"""Writes, and then reads."""
 READABLE: Final = frozenset(
     {(ACTUAL.address, 2), (COMMAND.address, 2), (COMMANDED.address, 2), (STATUS, 1), (TRIGGER, 1), (MODE, 1)}
 )
@@ -63,7 +65,23 @@ def runs_distance(world: "World", number: int, pdu: bytes) -> bool:
 
 def writes_target(pdu: bytes) -> bool:
     """Whether a request writes a word of the target."""
-    return pdu[0] in (6, 16) and (pdu[1] << 8 | pdu[2]) in ENDS
+    return pdu[0] in (6, 16, MASK, BOTH) and written_at(pdu) in ENDS
+
+
+def written_at(pdu: bytes) -> int:
+    """Return the first register that a request writes."""
+    return pdu[5] << 8 | pdu[6] if pdu[0] == BOTH else pdu[1] << 8 | pdu[2]
+
+
+def words_written(pdu: bytes) -> bytes:
+    """Return the words that a request writes which lays no mask."""
+    return pdu[10:] if pdu[0] == BOTH else pdu[6:] if pdu[0] == 16 else pdu[3:5]
+
+
+def masked(word: bytes, pdu: bytes) -> bytes:
+    """Return what a mask makes of a word."""
+    keep, put = pdu[3] << 8 | pdu[4], pdu[5] << 8 | pdu[6]
+    return (((word[0] << 8 | word[1]) & keep) | (put & ~keep)).to_bytes(2, "big")
 
 
 # --- frames that leave --------------------------------------------------------------------------------
@@ -116,7 +134,8 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
-    is_completed = is_half and pdu[0] == 16 and bool(belief.lost & _others(request.pdu))
+    is_old = bool(belief.lost & 4 and belief.lost & _others(request.pdu))
+    is_completed = is_half and pdu[0] == 16 and is_old
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
     aim = _aim(world, port, number, pdu, request)
@@ -131,9 +150,9 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
 
 
-def run_pdu(run: "Run | None") -> bytes:
+def run_pdu(world: "World", run: "Run | None") -> bytes:
     """Return the request that makes a drive go to the last target again, where writing it does."""
-    return b"" if run is None else write(COMMAND, run.nominal_counts)
+    return b"" if run is None else write(COMMAND, run.nominal_counts // world.design.step_counts)
 
 
 def judge_phase(world: "World", wire: "Wire") -> None:
@@ -191,7 +210,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     may_look = is_distance or axis.is_owed_look or is_beside or world.design.is_stream
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
     is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know
-    is_again &= len(moving) == 1 and moving[0].pdu == run_pdu(run)
+    is_again &= len(moving) == 1 and moving[0].pdu == run_pdu(world, run)
     is_again &= run is None or run.doubt < 2
     why = ""
     if address == COMMAND.address:
@@ -233,7 +252,8 @@ def _note_tried(world: "World", number: int, pdu: bytes, aim: "Aim") -> None:
     from tests.verify.world import Tried
 
     axes = list(world.state.axes)
-    axis, end_counts = axes[number], int(COMMAND.unpack(pdu[6:10]))
+    axis = axes[number]
+    end_counts = world.design.written(axis.target_counts, pdu)
     made = _made_with(axis, aim, aim.nominal_counts, end_counts)
     tried = Tried(aim.nominal_counts, end_counts, made.table, made.state, made.is_gain_half)
     axes[number] = axis._replace(tried=tried)
@@ -256,6 +276,8 @@ def _is_tried(aim: "Aim", nominal: int, end: int) -> bool:
 def _is_frame_of(frame: bytes, request: bytes) -> bool:
     if frame == request:
         return True
+    if BOTH in (frame[0], request[0]):
+        return frame[:10] == request[:10] and len(frame) == len(request)
     if frame[0] != 16 or not writes_target(request):
         return False
     return frame[:6] == b"\x10" + COMMAND.address.to_bytes(2, "big") + b"\0\x02\x04"
@@ -272,16 +294,18 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
             continue
         belief = world.state.beliefs[port][number]
         is_strange = request.pdu[:3] == RUN_PDU[:3] and request.pdu not in RUNS
-        if is_strange and not belief.lost and pdu[6:] == COMMAND.pack(belief.nominal_counts):
+        if is_strange and not belief.lost and pdu[6:] == COMMAND.pack(belief.steps):
             return  # before something runs of which nobody knows what it means, the words of the controller
         if request.pdu not in RUNS:
             continue
         if world.state.beliefs[port][number].lost and not is_passing:
             why = f"a target that was lost is written anew: {shown} (4)"
-        elif request.is_restaged:
+        elif request.restaged is not None:
             why = f"the staged target was written anew twice: {shown} (2)"
         else:
-            _replace(world, port, request._replace(is_restaged=True))
+            state = world.state
+            in_force = (world.said(number).compensation, state.table, state.is_gain_half)
+            _replace(world, port, request._replace(restaged=in_force))
             return
     raise BrokenRuleError(why)
 
@@ -314,17 +338,21 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
             base = (run.nominal_counts, True)
         else:
             base = (axis.commanded_counts, False)
-    run, compensation = axis.run, world.said(number).compensation
+    run = axis.run
+    compensation, table, is_gain_half = request.restaged or (
+        world.said(number).compensation, state.table, state.is_gain_half,
+    )  # fmt: skip
     if is_run and belief.lost == NEVER_WRITTEN and world.design.plans[number].motion.passes_stored_moves:
         is_lost, compensation = True, PASSED_STORED  # a position that the drive keeps
-    is_kept = base is not None or (run is not None and run.nominal_counts == belief.nominal_counts)
+    target = belief.steps * world.design.step_counts
+    is_kept = base is not None or (run is not None and run.nominal_counts == target)
     return Aim(
-        belief.nominal_counts,
+        target,
         axis.stands_counts,
         compensation,
         world.is_sending_unsure() or (is_kept and world.said(number).direction == "unsure"),
-        state.table,
-        state.is_gain_half,
+        table,
+        is_gain_half,
         is_lost,
         base,
         _arrived(axis),
@@ -334,11 +362,14 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
 
 def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     """Return what a controller believes once a request of it is there, and how it was sent."""
-    data = request[6:] if request[0] == 16 else request[3:5]
+    if request[0] == MASK:
+        low = masked(belief.low.to_bytes(2, "big"), request)
+        return belief._replace(low=low[0] << 8 | low[1])  # what was lost a mask does not make up for
+    data = words_written(request)
     if len(data) == 4:
         return belief._replace(low=data[0] << 8 | data[1], high=data[2] << 8 | data[3], lost=0)
     word = data[0] << 8 | data[1]
-    mine = 1 if (request[1] << 8 | request[2]) == COMMAND.address else 2
+    mine = 1 if written_at(request) == COMMAND.address else 2
     lost = belief.lost & ~mine
     if frame[0] == 16 or not lost & 3:  # whole: completed with a word that was lost a moment ago, too (M1)
         lost = 0
@@ -366,6 +397,8 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     else:
         nominal = aim.nominal_counts
         _judge_target(world, axis, end, aim)
+        if aim.is_lost:  # 1:1, and a word of it never came
+            nominal = end
     was = aim.arrived
     is_other = was is not None and was.nominal_counts != nominal
     if was is not None and is_other and was.is_told and was.seen == 3 and aim.is_unsure and not is_passing:
@@ -391,12 +424,12 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     run = axis.run
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
     is_again |= axis.tried is not None and axis.tried[0] == aim.nominal_counts
-    if world.design.refuses_reads or not plan.actual or is_again:
+    may_fail = world.design.refuses_reads or world.design.answers_before
+    if may_fail or not plan.actual or is_again:
         return
     low, high = sorted(_branches(world, aim.nominal_counts, aim))
-    if not any(
-        low - BESIDE_COUNTS <= each <= high + BESIDE_COUNTS for each in (aim.from_counts, axis.stands_counts)
-    ):
+    beside = world.design.beside_counts
+    if not any(low - beside <= each <= high + beside for each in (aim.from_counts, axis.stands_counts)):
         raise BrokenRuleError(
             f"target {aim.nominal_counts} is taken for unsure, and the axis stands at {aim.from_counts}, "
             f"beyond {low:.1f} to {high:.1f}: a reading tells (M6)"
@@ -437,12 +470,13 @@ def _judge_setpoint(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
     nominal, stands = aim.nominal_counts, axis.stands_counts
     screw = world.screws[aim.table]
     offsets = [0.0, *(1000 * each for each in (*screw.forward_mm, *screw.backward_mm))]
-    if not min(offsets) - BESIDE_COUNTS <= end - nominal <= max(offsets) + BESIDE_COUNTS:
+    beside = world.design.beside_counts
+    if not min(offsets) - beside <= end - nominal <= max(offsets) + beside:
         raise BrokenRuleError(f"setpoint {nominal} becomes {end}, which no table of it says (1)")
     if axis.run is None and axis.is_fresh:
         here = [0.0, *(each - stands for each in screw.corrected(stands))]
         offset = min(max(stands - nominal, min(here)), max(here))
-        if abs(end - nominal - offset) > BESIDE_COUNTS:
+        if abs(end - nominal - offset) > beside:
             raise BrokenRuleError(
                 f"a stream begins with setpoint {nominal}, the drive stands at {stands}, and it is sent as "
                 f"{end}: an offset of {offset:.1f} would be right (M6)"
@@ -458,12 +492,12 @@ def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
             raise BrokenRuleError(f"a distance of {distance} becomes {end - axis.commanded_counts} (M9)")
         return end
     if is_certain:
-        _judge_branch(world, axis, end, aim, base + distance, tolerance=ONE_COUNT)
+        _judge_branch(world, axis, end, aim, base + distance, tolerance=ONE)
         return base + distance
     forward, backward = _branches(world, base, aim)
     low, high = sorted((2 * base - forward, 2 * base - backward))
     for nominal in range(int(low - SLOPE_COUNTS) + distance, int(high + SLOPE_COUNTS) + distance + 1):
-        if any(abs(end - each) <= ONE_COUNT for each in _branches(world, nominal, aim)):
+        if any(abs(end - each) <= ONE * world.design.step_counts for each in _branches(world, nominal, aim)):
             return nominal
     raise BrokenRuleError(f"a distance of {distance} from {base} ends at {end}, which is on no branch (1)")
 
@@ -486,6 +520,8 @@ def _judge_branch(
     world: "World", axis: "Axis", end: int, aim: "Aim", nominal: int, *, tolerance: float = ROUNDING
 ) -> None:
     forward, backward = _branches(world, nominal, aim)
+    tolerance, one = tolerance * world.design.step_counts, ONE * world.design.step_counts
+    beside = world.design.beside_counts
     is_forward, is_backward = abs(end - forward) <= tolerance, abs(end - backward) <= tolerance
     if aim.is_unsure:
         if is_forward or is_backward or abs(end - (forward + backward) / 2) <= tolerance:
@@ -495,7 +531,7 @@ def _judge_branch(
         raise BrokenRuleError(
             f"target {nominal} becomes {end}: {forward:.2f} or {backward:.2f} would be right (1)"
         )
-    if (is_forward or is_backward) and abs(end - axis.stands_counts) <= ONE_COUNT:
+    if (is_forward or is_backward) and abs(end - axis.stands_counts) <= one:
         return  # a register's step is no motion: it stands there already (0)
     low, high = sorted((forward, backward))
     may_be_forward = may_be_backward = False
@@ -506,12 +542,10 @@ def _judge_branch(
             may_be_backward |= nominal <= run.nominal_counts
         is_certain = run is not None and run.is_told and not run.is_unsure
         if run is None or not (is_certain and is_same_map and run.state not in PASSING):
-            is_at_forward, is_at_backward = (
-                abs(place - each) <= BESIDE_COUNTS for each in (forward, backward)
-            )
+            is_at_forward, is_at_backward = (abs(place - each) <= beside for each in (forward, backward))
             # Where it stands on one branch already it has come there on that one (M6).
-            may_be_forward |= place <= high + BESIDE_COUNTS and (is_at_forward or not is_at_backward)
-            may_be_backward |= place >= low - BESIDE_COUNTS and (is_at_backward or not is_at_forward)
+            may_be_forward |= place <= high + beside and (is_at_forward or not is_at_backward)
+            may_be_backward |= place >= low - beside and (is_at_backward or not is_at_forward)
     if (is_forward and may_be_forward) or (is_backward and may_be_backward):
         return
     what = "is on the wrong branch" if is_forward or is_backward else "is on no branch"
@@ -570,15 +604,16 @@ def _judge_record(world: "World", number: int) -> None:
 
 
 def _is_native(sent: bytes, reply: bytes) -> bool:
-    if sent[0] == 3:
-        return reply[0] == 3
+    if sent[0] in (3, BOTH):
+        return reply[0] == sent[0] and len(reply) == 2 + 2 * (sent[3] << 8 | sent[4])
     return reply == (sent[:5] if sent[0] == 16 else sent)
 
 
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
     _note_answer(world, wire, reply)
-    if wire.pdu[0] == 3 and reply[0] == 3 and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
+    is_read = wire.pdu[0] == 3 and _is_native(wire.pdu, reply)
+    if is_read and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
         number = facts.number_of(world, wire.unit_id)
         axes = list(world.state.axes)
         axes[number] = axes[number]._replace(has_crept=False)
@@ -605,6 +640,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if request is not None:
             note_lost(world, wire.owner, request)
         if wire.aim is not None:
+            _judge_untold(world, number, wire.aim, reply)
             _forget(world, number, wire)
         return
     if writes_target(wire.request):
@@ -621,10 +657,18 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if run is not None:
             # Words of before that go out again without a reference mean nothing to the gateway (M9).
             means_nothing = wire.aim.state == "unreferenced" and run.state not in PASSING
-            is_told = not (wire.aim.is_lost or means_nothing)
+            is_word = wire.pdu[0] == 6 and writes_target(wire.pdu)  # the gateway may not know the rest of it
+            is_told = not (wire.aim.is_lost or means_nothing or is_word)
             run = run._replace(is_told=is_told, is_acked=is_told)
             axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
+
+
+def _judge_untold(world: "World", number: int, aim: "Aim", reply: bytes) -> None:
+    """Only the full native success makes a target so (M7). Raises BrokenRuleError."""
+    target, before = world.said(number).target_counts, world.before[number].target_counts
+    if aim.base is None and target == aim.nominal_counts != before:
+        raise BrokenRuleError(f"target {target} was answered with {reply.hex(' ')}, and it is told (M7)")
 
 
 def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False) -> None:
@@ -634,11 +678,12 @@ def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False
 
     Of two targets nearer to each other than the hysteresis no reading tells which of them was reached.
     """
-    end = int(COMMAND.unpack(wire.pdu[6:10])) if wire.pdu[0] == 16 else None
+    is_whole = wire.pdu[0] in (16, BOTH)
+    end = world.design.unpacked(words_written(wire.pdu)) if is_whole else None
     axes = list(world.state.axes)
     run = axes[number].run
     if run is not None:
-        is_near = end is not None and 0 < abs(end - run.end_counts) <= BESIDE_COUNTS
+        is_near = end is not None and 0 < abs(end - run.end_counts) <= world.design.beside_counts
         is_distance = wire.aim is not None and wire.aim.base is not None and axes[number].goes_counts is None
         lost_ns = world.now_ns if (run.is_told or was_told) and is_distance else 0
         run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=run.is_unsure or is_near)
@@ -689,11 +734,12 @@ def note_lost(world: "World", port: int, request: "Asked") -> None:
     """Take note of a write of a target of which nobody can say that it is in the drive (4)."""
     if not writes_target(request.pdu):
         return
-    is_low = (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address
-    word = 0 if request.pdu[0] == 16 else request.pdu[3] << 8 | request.pdu[4]
+    is_low = written_at(request.pdu) == COMMAND.address
+    is_whole = request.pdu[0] != 6  # so is what is laid over a word that has to be known
+    word = 0 if is_whole else request.pdu[3] << 8 | request.pdu[4]
     beliefs = [list(own) for own in world.state.beliefs]
     i, belief = request.axis, beliefs[port][request.axis]
-    if request.pdu[0] == 16:
+    if is_whole:
         beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS)
     elif is_low:
         beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0)
@@ -751,16 +797,29 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     if not is_own:
         raise BrokenRuleError(f"the gateway answers for the drive: {pdu.hex(' ')} (W4)")
     assert answered is not None
+    _judge_form(world, request.pdu, pdu)
+    if world.design.answers_before and not _is_native(request.pdu, pdu):
+        return  # passed on as it is, and no proof of anything (W4)
     if pdu[0] == 3:
         _note_seen(world, answered, pdu)
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address:
         belief, found = world.state.beliefs[port][request.axis], int(COMMAND.unpack(pdu[2:6]))
         is_known = world.design.is_answered and world.design.is_staged and not belief.lost
-        if is_known and found != belief.nominal_counts:
-            raise BrokenRuleError(f"{belief.nominal_counts} was written, and {found} is read back (3, M1)")
-    if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
+        if is_known and found != belief.steps:
+            raise BrokenRuleError(f"{belief.steps} was written, and {found} is read back (3, M1)")
+    if pdu[0] in (3, BOTH) and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
         number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
-        _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])))
+        step_counts = world.design.plans[number].actual[0].scale
+        _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
+
+
+def _judge_form(world: "World", request: bytes, reply: bytes) -> None:
+    """What is acknowledged is so in the form in which it was asked, with its own words (W4, M1)."""
+    if "garble" in world.design.answers or world.design.answers_before or request[0] in (3, BOTH):
+        return
+    expected = request[:5] if request[0] == 16 else request
+    if reply != expected:
+        raise BrokenRuleError(f"{request.hex(' ')} is acknowledged with {reply.hex(' ')} (2, W4)")
 
 
 def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
@@ -808,7 +867,8 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     world.state = world.state._replace(axes=tuple(axes))
 
 
-def _judge_reading(world: "World", number: int, read_counts: int) -> None:
+def _judge_reading(world: "World", number: int, read_counts: float, step_counts: float) -> None:
+    """``step_counts``: what the register read can tell; a target between its steps reads rounded."""
     axis, said = world.state.axes[number], world.said(number)
     run, stands = axis.run, axis.stands_counts
     if axis.goes_counts is not None:
@@ -817,13 +877,14 @@ def _judge_reading(world: "World", number: int, read_counts: int) -> None:
     if world.design.is_stream and (said.compensation in PASSING or not is_told):
         return  # an offset that fades, and a drive that lags
     if said.compensation in PASSING:
-        if not world.state.is_wanted or read_counts == stands or run is not None:
+        is_as_it_is = abs(read_counts - stands) <= ROUNDING * step_counts
+        if not world.state.is_wanted or is_as_it_is or run is not None:
             return  # a fade leads to 1:1, and a target that was told holds
         raise BrokenRuleError(
             f"an axis that is {said.compensation} stands at {stands} and reads {read_counts} (3)"
         )
     if run is not None and is_told and run.state not in PASSING:
-        if read_counts != run.nominal_counts:
+        if abs(read_counts - run.nominal_counts) > ROUNDING * step_counts:
             raise BrokenRuleError(
                 f"the axis stands where target {run.nominal_counts} has sent it, at {stands}, and reads "
                 f"{read_counts} (3)"
@@ -832,7 +893,8 @@ def _judge_reading(world: "World", number: int, read_counts: int) -> None:
     if said.direction == "unsure":
         return
     low, high = _band(world, stands)
-    if not low - SLOPE_COUNTS <= read_counts <= high + SLOPE_COUNTS:
+    slack = SLOPE_COUNTS * max(step_counts, world.design.step_counts)
+    if not low - slack <= read_counts <= high + slack:
         raise BrokenRuleError(
             f"the drive stands at {stands} and reads {read_counts}: {low:.1f} to {high:.1f} (3)"
         )
@@ -868,7 +930,7 @@ def judge_direction(world: "World", number: int) -> None:
     names = ("forward", "backward") if world.screws[run.table].counts_per_mm > 0 else ("backward", "forward")
     for name, corrected in zip(names, branches, strict=True):
         end = run.nominal_counts + share * (corrected - run.nominal_counts)
-        if abs(run.end_counts - end) <= ONE_COUNT and said.direction != name:
+        if abs(run.end_counts - end) <= ONE * world.design.step_counts and said.direction != name:
             raise BrokenRuleError(
                 f"the axis has come to {run.end_counts} {name}, and it is said: {said.direction} (8)"
             )

@@ -623,6 +623,8 @@ class Said(NamedTuple):
     is_blocked: bool
     """Whether its triggers are refused, for its own sake or for that of its group."""
     is_own_blocked: bool
+    target_counts: float | None
+    """The last target that it is told to have."""
 
 
 def said(line: LineExchange) -> tuple[Said, ...]:
@@ -635,6 +637,7 @@ def said(line: LineExchange) -> tuple[Said, ...]:
             axis.is_reference_told,
             axis.blocked_by is not None,
             axis.block is not Block.NONE,
+            None if axis.compensation.accepted is None else axis.compensation.accepted.nominal_counts,
         )
         for axis in line.axes
     )

@@ -44,6 +44,7 @@ from tests.verify.screw import REGROUND, WORN, Screw
 from tests.verify.snapshot import (
     Lens,
     OnItsWay,
+    Said,
     Snapshot,
     is_resting,
     is_sending_unsure,
@@ -65,6 +66,8 @@ UNSEEN_TICKS: Final = 2
 LOST_TICKS: Final = 2
 TIMING: Final = LineTiming(response_timeout_ms=RESPONSE_TICKS * TICK_MS, drain_ms=DRAIN_TICKS * TICK_MS)
 EXCEPTION: Final = 4
+MASK: Final = rules.MASK
+BOTH: Final = rules.BOTH
 VENDOR: Final = 0x81
 """The function byte of whatever a certain drive refuses."""
 MOST_STORES: Final = 3
@@ -187,7 +190,9 @@ class Asked(NamedTuple):
     transaction_id: int
     is_sent: bool = False
     ticks: int = 0
-    is_restaged: bool = False
+    restaged: tuple[str, int, bool] | None = None
+    """What was in force when its target was written anew for it: state of the compensation, table, half a
+    gain. With that it runs, whatever is changed before it has left."""
     is_bit_asked: bool = False
     """The bit on which its reference hangs was read for it."""
     axis: int = 0
@@ -204,8 +209,8 @@ class Belief(NamedTuple):
     """Since then."""
 
     @property
-    def nominal_counts(self) -> int:
-        """The target."""
+    def steps(self) -> int:
+        """The target, in steps of its register."""
         value = self.high << 16 | self.low
         return value - (1 << 32) if value >> 31 else value
 
@@ -312,6 +317,8 @@ class State(NamedTuple):
     """The unit id and the rest of a reply of which a part has come."""
     owed: tuple[tuple[str, str], ...] = ()
     """Axis and event that is told with the next answer."""
+    before: bytes = b""
+    """What the drive has answered last, where it may say that once more."""
 
 
 @dataclass(frozen=True)
@@ -328,6 +335,8 @@ class Design:
     happenings: tuple[str, ...] = ("arrive", "wait")
     targets: tuple[int, ...] = (-7003, 9007, 9019)
     distances: tuple[int, ...] = (4003, -4003)
+    masks: tuple[tuple[int, int], ...] = ((0xFF00, 0x003B),)
+    """What is kept of the low word of a target, and what is set of the rest of it."""
     controllers: tuple[ControllerPlan, ...] = (ControllerPlan("cnc", timeout_ms=PATIENCE_TICKS * TICK_MS),)
     groups: tuple[tuple[str, ...], ...] = ()
     is_serial: bool = True
@@ -360,6 +369,38 @@ class Design:
     ways: tuple[tuple[Happening, ...], ...] = ()
     """Traces that are walked first, with each event in each state on them."""
     options: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def step_counts(self) -> int:
+        """Counts in one step of a target's register."""
+        return int(self.plans[0].command[0].scale)
+
+    @property
+    def answers_before(self) -> bool:
+        """Whether the drive may answer the request before last."""
+        return not set(BEFORE).isdisjoint(self.answers)
+
+    @property
+    def beside_counts(self) -> float:
+        """The hysteresis: nearer to a branch nobody can tell a direction by a measured position."""
+        settings = self.plans[0].settings
+        return settings.hysteresis * abs(settings.counts_per_unit) + 1e-6
+
+    def packed(self, counts: int) -> bytes:
+        """Return the words of a target."""
+        return self.plans[0].command[0].pack(counts // self.step_counts)
+
+    def unpacked(self, words: bytes) -> int:
+        """Return the target that stands in words."""
+        return int(COMMAND.unpack(words)) * self.step_counts
+
+    def written(self, counts: int, pdu: bytes) -> int:
+        """Return what stands in the register of a target once a frame is obeyed that writes there."""
+        words = bytearray(self.packed(counts))
+        at = 2 * (rules.written_at(pdu) - COMMAND.address)
+        data = rules.masked(words[at : at + 2], pdu) if pdu[0] == MASK else rules.words_written(pdu)
+        words[at : at + len(data)] = data
+        return self.unpacked(bytes(words))
 
     @property
     def is_done_doubtful(self) -> bool:
@@ -410,6 +451,8 @@ class World:
         self.now_ns = START_NS
         self.told: list[Event] = []
         """What was told since the last event of the world began."""
+        self.before: tuple[Said, ...] = ()
+        """What was said of each axis then."""
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
         self.sides = [
             self.side_of(each, self._tell if i == 0 else _tell_nobody) for i, each in enumerate(ways)
@@ -506,7 +549,13 @@ class World:
         if state.wire is not None and not state.wire.is_obeyed:
             is_read = state.wire.pdu[0] == 3
             may_be = ("ack", "refuse", "vendor") if design.refuses_reads else ("ack",)
-            found += [("drive", each) for each in design.answers if not is_read or each in may_be]
+            found += [
+                ("drive", each)
+                for each in design.answers
+                if each not in BEFORE and (not is_read or each in may_be)
+            ]
+            if state.before and self._is_another(state.wire, state.before):
+                found += [("drive", each) for each in BEFORE if each in design.answers]
         if state.late is not None and "late" in design.happenings:
             found.append(("late",))
         waits = design.is_answered and state.wire is not None
@@ -538,6 +587,10 @@ class World:
             for axis in range(len(self.design.plans)):
                 if name in ("to", "low", "high"):
                     yield from ((name, axis, i) for i in range(len(self.design.targets)))
+                elif name == "mask":
+                    yield from ((name, axis, i) for i in range(len(self.design.masks)))
+                elif name == "both":
+                    yield from ((name, axis, i) for i in range(len(self.design.targets)))
                 elif name == "by":
                     yield from ((name, axis, i) for i in range(len(self.design.distances)))
                 else:
@@ -546,13 +599,19 @@ class World:
     def pdu(self, name: str, number: int = 0) -> bytes:
         """Return the PDU of a request of the menu."""
         if name == "to":
-            return write(COMMAND, self.design.targets[number])
+            return write(COMMAND, self.design.targets[number] // self.design.step_counts)
         if name == "by":
-            return write(COMMAND, self.design.distances[number])
+            return write(COMMAND, self.design.distances[number] // self.design.step_counts)
         if name in ("low", "high"):
-            data = COMMAND.pack(self.design.targets[number])
+            data = self.design.packed(self.design.targets[number])
             address = COMMAND.address + (name == "high")
             return b"\x06" + address.to_bytes(2, "big") + (data[2:] if name == "high" else data[:2])
+        if name == "mask":
+            keep, put = self.design.masks[number]
+            address = COMMAND.address.to_bytes(2, "big")
+            return bytes((MASK,)) + address + keep.to_bytes(2, "big") + put.to_bytes(2, "big")
+        if name == "both":
+            return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
             return read(REGISTERS[name])
         if name == "status":
@@ -567,7 +626,7 @@ class World:
 
     def happen(self, event: Happening) -> None:
         """Let an event happen. Raises BrokenRuleError."""
-        before = said(self.sides[0].line)
+        before = self.before = said(self.sides[0].line)
         self.told.clear()
         getattr(self, "_on_" + event[0])(*event[1:])
         rules.judge_waiting(self)
@@ -627,6 +686,10 @@ class World:
         elif what == "obey-refuse":
             self._obey(wire)
             reply = bytes((wire.pdu[0] | 0x80, EXCEPTION))
+        elif what in BEFORE:
+            if what == "before":
+                self._obey(wire)
+            reply = self.state.before
         else:  # garble: the form of a success that says something else
             reply = wire.pdu[:3] + b"\0\0" if wire.pdu[0] == 16 else wire.pdu[:3] + b"\xff\xff"
         self._answer(wire, reply)
@@ -642,7 +705,15 @@ class World:
             side.stray(late.unit_id, reply, self.now_ns)
         self._collect()
 
+    @staticmethod
+    def _is_another(wire: Wire, reply: bytes) -> bool:
+        """Whether a reply has another function, or another size, than that to a frame."""
+        size = 2 + 2 * (wire.pdu[3] << 8 | wire.pdu[4]) if wire.pdu[0] == 3 else 5
+        return reply[0] != wire.pdu[0] or len(reply) != size
+
     def _answer(self, wire: Wire, reply: bytes) -> None:
+        if self.design.answers_before:
+            self.state = self.state._replace(before=reply)
         for side in self.sides:
             side.reply(wire.unit_id, reply, self.now_ns)
         self._collect(answered=wire, reply=reply)
@@ -938,11 +1009,12 @@ class World:
     def reply_to(self, wire: Wire) -> bytes:
         """Return what the drive answers to a frame that it has obeyed."""
         pdu = wire.pdu
-        if pdu[0] != 3:
+        if pdu[0] not in (3, BOTH):
             return pdu[:5] if pdu[0] == 16 else pdu
         number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
-        data = _registers(self.state.axes[number], pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
-        return bytes((3, len(data))) + data
+        plan = self.design.plans[number]
+        data = _registers(self.state.axes[number], plan, pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
+        return bytes((pdu[0], len(data))) + data
 
     def _obey(self, wire: Wire) -> bytes:
         """Let the drive do what a frame says; return its answer."""
@@ -952,23 +1024,20 @@ class World:
         address = pdu[1] << 8 | pdu[2]
         if pdu[0] == 3:
             return self.reply_to(wire)
+        if rules.writes_target(pdu):
+            target = self.design.written(axis.target_counts, pdu)
+            self._set(number, axis._replace(target_counts=target))
+            if not self.design.is_staged:
+                self._go(number, target, wire)
+            return self.reply_to(wire)
         if address == TRIGGER:
             self._act(number, pdu[3] << 8 | pdu[4], wire)
             return pdu
         if address == MODE:
             self._set(number, axis._replace(mode=pdu[3] << 8 | pdu[4]))
             return pdu
-        if address == REMAPPING:
-            return pdu
-        words = bytearray(COMMAND.pack(axis.target_counts))
-        data = pdu[6:] if pdu[0] == 16 else pdu[3:5]
-        at = 2 * (address - COMMAND.address)
-        words[at : at + len(data)] = data
-        target = int(COMMAND.unpack(bytes(words)))
-        self._set(number, axis._replace(target_counts=target))
-        if not self.design.is_staged:
-            self._go(number, target, wire)
-        return pdu[:5] if pdu[0] == 16 else pdu
+        assert address == REMAPPING, pdu.hex(" ")
+        return pdu
 
     def _act(self, number: int, value: int, wire: Wire) -> None:
         axis = self.state.axes[number]
@@ -1126,6 +1195,8 @@ TREMBLES_COUNTS: Final = 7
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
 REGISTERS: Final[dict[str, PositionField]] = {"read": ACTUAL, "back": COMMAND, "commanded": COMMANDED}
+BEFORE: Final = ("before", "before-deaf")
+"""Answers of a drive that says once more what it has said before: it has obeyed, or heard nothing."""
 MODES: Final = {"mode-absolute": 1, "mode-distance": 2}
 TRIGGERS: Final = {
     "run": RUN,
@@ -1191,12 +1262,14 @@ def _older(axis: Axis, design: Design) -> Axis:
     return axis._replace(ticks=ticks, stands_counts=stands, commanded_counts=stands, is_done=is_done)
 
 
-def _registers(axis: Axis, address: int, quantity: int) -> bytes:
+def _registers(axis: Axis, plan: AxisPlan, address: int, quantity: int) -> bytes:
     words: dict[int, bytes] = {}
     for place, counts in (
-        (COMMAND, axis.target_counts), (ACTUAL, axis.stands_counts), (COMMANDED, axis.commanded_counts),
-    ):  # fmt: skip
-        data = place.pack(counts)
+        (plan.command[0], axis.target_counts),
+        (plan.actual[0] if plan.actual else ACTUAL, axis.stands_counts),
+        (plan.commanded[0] if plan.commanded else COMMANDED, axis.commanded_counts),
+    ):
+        data = place.pack(round(counts / place.scale))
         words[place.address], words[place.address + 1] = data[:2], data[2:]
     is_moving = axis.goes_counts is not None
     words[MODE] = axis.mode.to_bytes(2, "big")

@@ -532,8 +532,11 @@ class AxisState:
             return words
         corrected_counts = counts_of(field_, corrected)
         accepted = self.compensation.accepted
-        if accepted is not None and corrected_counts == accepted.corrected_counts:
-            return field_.pack(raw_of(field_, accepted.nominal_counts))
+        if accepted is not None:
+            corrected_target = accepted.corrected_counts
+            # A register in coarser steps than that of the target says the same of the places around it.
+            if corrected_counts == corrected_target or corrected == raw_of(field_, corrected_target):
+                return field_.pack(raw_of(field_, accepted.nominal_counts))
         correction = readback.correction_counts(corrected_counts)
         if not correction:
             return words

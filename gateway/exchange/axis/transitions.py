@@ -807,6 +807,8 @@ class Axis(AxisState):
         for image in request.blind:
             self.displace(now_ns)
             image.forget()
+            if image.is_torn:  # words that were lost before are older than what has gone out by now
+                image.tear(request.arrived_ns)
 
     def lose_request(
         self, parts: Sequence[Part], command: Command | None, code: int, arrived_ns: int

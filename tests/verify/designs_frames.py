@@ -1,0 +1,203 @@
+"""Worlds that close, around what registers can hold and what frames can do to them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from gateway.drives.motion import MotionPlan, TriggerPlan
+from gateway.exchange.plan import AxisPlan, Reference
+from tests.exchange.line_bench import ACTUAL, COMMAND
+from tests.exchange.staged_bench import BITS, DEEDS, RUN, RUN_RELATIVE, TRIGGER
+from tests.verify.world import Design
+
+Plan = Callable[..., AxisPlan]
+Make = Callable[..., Design]
+HOMED_TOO: Final = {"done": BITS["done"], "homed": BITS["homed"]}
+HOMES: Final = MotionPlan(
+    triggers=(TriggerPlan(TRIGGER, deeds={v: d for v, d in DEEDS.items() if v not in (RUN, RUN_RELATIVE)}),)
+)
+"""A drive that goes to each target as it is written, and can be homed."""
+STEP_OF_5: Final = replace(COMMAND, scale=5.0)
+STEP_OF_2: Final = replace(ACTUAL, scale=2.0)
+STEP_OF_10: Final = replace(ACTUAL, scale=10.0)
+STEP_OF_A_TENTH: Final = replace(ACTUAL, scale=0.1)
+
+
+def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
+    """Return the worlds, made of the two axes of ``designs`` and of what makes a world small there."""
+    return (
+        *_registers(small, small_staged, plan, staged),
+        *_functions(small, small_staged, plan),
+        *_wires(small, small_staged),
+    )
+
+
+def _registers(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
+    """Steps of registers, and borders of their words."""
+    return (
+        small(
+            "s-carry-zero",
+            "corrections that carry over zero: every word of the target changes, and its sign",
+            targets=(-5, 12),
+            menu=("to", "read", "back"),
+            checks_way_back=False,
+        ),
+        small_staged(
+            "s-carry-zero-halves",
+            "the same word by word",
+            menu=("low", "high", "run"),
+            happenings=("wait",),
+            targets=(12,),
+            checks_way_back=False,
+        ),
+        small(
+            "s-scaled",
+            "a target's register in steps of 5 counts, a reading in steps of 2: no target is on its grid",
+            plan(command=(STEP_OF_5,), actual=(STEP_OF_2,), hysteresis=0.01),
+            menu=("to", "read", "back"),
+            targets=(-7005, 9005),
+        ),
+        small(
+            "s-scaled-near",
+            "the same, nearer than the branches",
+            plan(command=(STEP_OF_5,), actual=(STEP_OF_2,), hysteresis=0.01),
+            targets=(9005, 9025),
+        ),
+        small(
+            "s-scaled-blind",
+            "the same where only the done bit is told: targets that go on in one direction, too",
+            plan(command=(STEP_OF_5,), actual=(), hysteresis=0.01),
+            menu=("to", "status"),
+            targets=(9005, 9025, 9045),
+        ),
+        small_staged(
+            "s-scaled-halves",
+            "the same, staged, word by word, over the border of a word of its register",
+            staged(
+                command=(STEP_OF_5,),
+                actual=(STEP_OF_2,),
+                hysteresis=0.01,
+                max_speed=10000.0,
+                counts_per_unit=-1000.0,
+            ),
+            menu=("low", "high", "run"),
+            targets=(5 * 65541,),
+            checks_way_back=False,
+        ),
+        small(
+            "s-coarse",
+            "a reading in steps of 10 counts: of a target between them the nearest one is read",
+            plan(actual=(STEP_OF_10,), hysteresis=0.02),
+            targets=(-7003, 8932),
+        ),
+        small(
+            "s-fine",
+            "a reading in steps of a tenth of a count",
+            plan(actual=(STEP_OF_A_TENTH,)),
+            targets=(-7003, 9007),
+        ),
+    )
+
+
+def _functions(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...]:
+    """Other functions than the usual: a mask over a word (FC22), written and read in one frame (FC23)."""
+    return (
+        small(
+            "s-mask",
+            "a mask laid over a word of the target",
+            menu=("to", "mask", "read"),
+            targets=(9007,),
+        ),
+        small(
+            "s-mask-refused",
+            "the same, refused",
+            menu=("to", "mask"),
+            answers=("ack", "refuse"),
+            targets=(9007,),
+        ),
+        small_staged("s-mask-staged", "the same, staged", menu=("to", "mask", "run")),
+        small(
+            "s-mask-homing",
+            "the same, homed: the drive of an axis without a reference may hold corrected words",
+            plan(motion=HOMES, referenced=Reference.HOMING, bits=HOMED_TOO),
+            menu=("to", "mask", "home"),
+            targets=(9007,),
+            masks=((0x00FF, 0x2400),),
+            happenings=("arrive", "wait", "homed"),
+            judges_blocks=False,
+        ),
+        small(
+            "s-words-switch",
+            "single words of a target that is gone to at once, off and on",
+            menu=("low", "high"),
+            targets=(9007,),
+            happenings=("arrive", "wait", "switch"),
+        ),
+        small(
+            "s-words-replaced",
+            "the same, of targets of which one word may belong to each; only random steps reach far",
+            plan(max_speed=10000.0),
+            menu=("to", "low", "high"),
+            targets=(9007, 5 * 65541),
+            happenings=("arrive", "wait", "switch"),
+            checks_way_back=False,
+        ),
+        small_staged(
+            "s-halves-switch",
+            "single words of a staged target, off and on",
+            menu=("low", "high", "run"),
+            targets=(9007,),
+            happenings=("switch",),
+        ),
+        small(
+            "s-both",
+            "a target and a reading in one frame",
+            menu=("both",),
+            targets=(-7003, 9007),
+        ),
+        small(
+            "s-both-refused",
+            "the same, refused",
+            menu=("both",),
+            answers=("ack", "refuse"),
+            targets=(9007,),
+        ),
+        small(
+            "s-both-near",
+            "the same, nearer than the branches",
+            menu=("both", "to"),
+            targets=(9007, 9019),
+        ),
+        small_staged("s-both-staged", "the same, staged", menu=("both", "run")),
+    )
+
+
+def _wires(small: Make, small_staged: Make) -> tuple[Design, ...]:
+    """What comes over a serial wire, and does not belong to the request that is out."""
+    return (
+        small(
+            "s-before",
+            "a drive that answers the request before last, of another function or size",
+            menu=("to", "read"),
+            answers=("ack", "before", "before-deaf"),
+            targets=(9007,),
+            checks_way_back=False,
+        ),
+        small(
+            "s-before-status",
+            "the same with reads of two sizes",
+            menu=("to", "read", "status"),
+            answers=("ack", "before", "before-deaf"),
+            happenings=("arrive",),
+            targets=(9007,),
+            checks_way_back=False,
+        ),
+        small_staged(
+            "s-before-staged",
+            "the same, staged",
+            menu=("to", "run"),
+            answers=("ack", "before", "before-deaf"),
+            happenings=("arrive",),
+            checks_way_back=False,
+        ),
+    )
