@@ -4,6 +4,8 @@ The transport of asyncio keeps the connection: it closes it, and takes what the 
 """
 
 import os
+from collections.abc import Callable
+from socket import IPPROTO_TCP, TCP_INFO, socket
 from typing import Final, Protocol
 
 from gateway.clock import boot_ns
@@ -11,8 +13,21 @@ from gateway.transport.channel import Receiver
 
 _read: Final = os.read
 _write: Final = os.write
+TCP_ESTABLISHED: Final = 1
+"""``tcpi_state``, the first byte of ``struct tcp_info`` (``include/net/tcp_states.h`` of the kernel)."""
 RECEIVE_BYTES: Final = 4096
 """More than fifteen of the largest Modbus/TCP frames (260 bytes)."""
+
+
+def is_past(ask: Callable[[int, int, int], bytes]) -> bool:
+    """Whether a connection is not open any more: a FIN or RST that has come counts, also before it is read.
+
+    ``ask`` is the ``getsockopt`` of its socket.
+    """
+    try:
+        return ask(IPPROTO_TCP, TCP_INFO, 1)[0] != TCP_ESTABLISHED
+    except OSError:
+        return True
 
 
 class Connection(Protocol):
@@ -20,10 +35,6 @@ class Connection(Protocol):
 
     @property
     def peer(self) -> str:
-        """See ``Channel``."""
-        ...
-
-    def has_gone(self) -> bool:
         """See ``Channel``."""
         ...
 
@@ -52,14 +63,15 @@ class DirectSocket:
     def __init__(
         self,
         connection: Connection,
-        descriptor: int,
+        peer_socket: socket,
         receiver: Receiver,
     ) -> None:
         self.peer = connection.peer
-        self.descriptor = descriptor
+        self.descriptor = peer_socket.fileno()
         self.bytes_received = 0
         self._connection = connection
         self._receiver = receiver
+        self._ask = peer_socket.getsockopt
         self._may_have_left_over = False
         self._is_over = False
 
@@ -102,7 +114,7 @@ class DirectSocket:
 
     def has_gone(self) -> bool:
         """See ``Channel``. What ``epoll_wait`` said may be older than a standstill, so it is asked."""
-        return self._connection.has_gone()
+        return self._is_over or is_past(self._ask)
 
     def close(self) -> None:
         """See ``Channel``."""
