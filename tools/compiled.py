@@ -31,6 +31,7 @@ PATTERNS = (
     "exchange/*.py",
     "exchange/axis/*.py",
     "modbus/*.py",
+    "relay/axis_record.py",
     "relay/controller_port.py",
     "relay/drive_link.py",
     "relay/pacing.py",

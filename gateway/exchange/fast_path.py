@@ -167,8 +167,9 @@ class WritePath(FastPath):
             except RegisterRangeError:
                 return None
             corrected_counts = raw if self._scale == 1.0 else raw * self._scale
-        transaction.carry(self, (words, corrected_words, corrected_counts, image.epoch, steady))
-        if axis.record is not None:
+        target = (words, corrected_words, corrected_counts, image.epoch, steady)
+        transaction.carry(self, target)
+        if axis.record is not None and not axis.send_steady(target):
             axis.send_target(transaction.rendering())
         return pdu[:start] + corrected_words + pdu[end:]
 
@@ -213,6 +214,7 @@ class WritePath(FastPath):
         """See ``FastPath``."""
         assert transaction.target is not None
         rendering = transaction.rendering()
+        self._axis.name_pending(rendering)
         pdu, words = transaction.pdu, rendering.corrected_words
         sent_pdu = pdu[: self._start] + words + pdu[self._end :]
         frame = Frame(self._unit, pdu, self._access, {})

@@ -4,8 +4,7 @@ The transport of asyncio keeps the connection: it closes it, and takes what the 
 """
 
 import os
-from collections.abc import Callable
-from socket import IPPROTO_TCP, TCP_INFO, socket
+import select
 from typing import Final, Protocol
 
 from gateway.clock import boot_ns
@@ -13,21 +12,22 @@ from gateway.transport.channel import Receiver
 
 _read: Final = os.read
 _write: Final = os.write
-TCP_ESTABLISHED: Final = 1
-"""``tcpi_state``, the first byte of ``struct tcp_info`` (``include/net/tcp_states.h`` of the kernel)."""
-RECEIVE_BYTES: Final = 4096
-"""More than fifteen of the largest Modbus/TCP frames (260 bytes)."""
+RECEIVE_BYTES: Final = 479
+"""More than the largest Modbus/TCP frame (260 bytes), and what the interpreter's own allocator still has room
+for: a larger buffer would come from malloc, and go back to it, with each read."""
 
 
-def is_past(ask: Callable[[int, int, int], bytes]) -> bool:
-    """Whether a connection is not open any more: a FIN or RST that has come counts, also before it is read.
+class FarEnd:
+    """The other end of a connection, asked by the descriptor of this one."""
 
-    ``ask`` is the ``getsockopt`` of its socket.
-    """
-    try:
-        return ask(IPPROTO_TCP, TCP_INFO, 1)[0] != TCP_ESTABLISHED
-    except OSError:
-        return True
+    def __init__(self, descriptor: int) -> None:
+        asked = select.poll()
+        asked.register(descriptor, select.POLLRDHUP)
+        self._poll = asked.poll
+
+    def has_gone(self) -> bool:
+        """Whether it has closed or broken off the connection: also where that was not read yet."""
+        return bool(self._poll(0))
 
 
 class Connection(Protocol):
@@ -63,15 +63,15 @@ class DirectSocket:
     def __init__(
         self,
         connection: Connection,
-        peer_socket: socket,
+        descriptor: int,
         receiver: Receiver,
     ) -> None:
         self.peer = connection.peer
-        self.descriptor = peer_socket.fileno()
+        self.descriptor = descriptor
         self.bytes_received = 0
         self._connection = connection
         self._receiver = receiver
-        self._ask = peer_socket.getsockopt
+        self._far_end = FarEnd(descriptor)
         self._may_have_left_over = False
         self._is_over = False
 
@@ -114,7 +114,7 @@ class DirectSocket:
 
     def has_gone(self) -> bool:
         """See ``Channel``. What ``epoll_wait`` said may be older than a standstill, so it is asked."""
-        return self._is_over or is_past(self._ask)
+        return self._is_over or self._far_end.has_gone()
 
     def close(self) -> None:
         """See ``Channel``."""
