@@ -66,7 +66,7 @@ class LineExchange:
         other_units: OtherUnits = NO_OTHER_UNITS,
         what_ran: Callable[[int, int], str] = lambda _since_ns, _until_ns: "",
     ) -> None:
-        self.axes = [Axis(plan) for plan in axes]
+        self.axes = tuple([Axis(plan) for plan in axes])
         join(self.axes, groups)
         self.counters = LineCounters()
         self._units = Units(
@@ -485,7 +485,7 @@ class LineExchange:
         self._ends.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
 
-    def _report(self, axes: Iterable[Axis]) -> None:
+    def _report(self, axes: tuple[Axis, ...]) -> None:
         """Tell what is new about these axes; a group is referenced as a whole, or not at all."""
         for axis in axes:
             if axis.peers:

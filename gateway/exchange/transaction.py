@@ -16,6 +16,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.readback import Readback
+from gateway.compiled import mypyc_attr
 from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.axis.events import Outcome, SteadyTarget
@@ -127,6 +128,7 @@ class FastPath:
         raise NotImplementedError
 
 
+@mypyc_attr(free_list_len=1)  # there is one at a time, nearly always
 class Transaction:
     """One request with its reply. ``port`` is None for a read that the gateway added by itself."""
 

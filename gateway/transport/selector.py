@@ -16,6 +16,7 @@ from time import monotonic
 from typing import Any, Final
 
 READABLE: Final[int] = select.EPOLLIN
+_monotonic: Final = monotonic
 Watcher = Callable[[], object]
 """Called when its descriptor can be read."""
 MOST_AT_ONCE: Final = 64
@@ -58,7 +59,7 @@ class RelaySelector:
         end_s = 0.0
         if timeout is not None:
             wait_s = max(0.0, timeout)
-            end_s = monotonic() + wait_s  # the clock by which the loop counts its timers
+            end_s = _monotonic() + wait_s  # the clock by which the loop counts its timers
         others_fd, watchers, poll = self._others_fd, self._watchers, self._epoll.poll
         while True:
             found = poll(wait_s, MOST_AT_ONCE)
@@ -78,7 +79,7 @@ class RelaySelector:
             if self.is_wanted or not found or not wait_s:
                 return []
             if wait_s > 0.0:
-                wait_s = end_s - monotonic()
+                wait_s = end_s - _monotonic()
                 if wait_s <= 0.0:
                     return []
 
