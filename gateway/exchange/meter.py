@@ -135,7 +135,7 @@ class LineMeter:
         if not sent_ns or leg_ns < 0:
             return  # nobody keeps time, or nobody was there to answer
         unit_id = transaction.unit_id
-        measured = self.measured.get((port.plan.name, unit_id)) or self._measured(port.plan.name, unit_id)
+        measured = self.measured.get((port.name, unit_id)) or self._measured(port.name, unit_id)
         request_ns = sent_ns - (started_ns or transaction.arrived_ns) - sent.paced_ns
         gateway_ns = request_ns + leg_ns
         drive_ns = reply_ns - sent_ns

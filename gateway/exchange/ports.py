@@ -42,6 +42,7 @@ class ControllerPort:
         self.plan = plan
         """The controller's configuration; connections share it, where certificates give roles by role."""
         # --- what of the plan is asked for with each request
+        self.name = plan.name
         self.is_serial = plan.serial
         self.is_motion = plan.role is Role.MOTION
         self.patience_ns = int(plan.timeout_ms * NS_PER_MS)

@@ -67,7 +67,7 @@ class _Integer(Codec):
 
     def pack(self, raw: Raw) -> bytes:
         """See ``Codec``."""
-        return self._struct.pack(self._checked(raw))
+        return self._checked(raw).to_bytes(2 * self.words, "big", signed=self._smallest < 0)
 
     def _checked(self, raw: Raw) -> int:
         if type(raw) is int and self._smallest <= raw <= self._largest:
