@@ -1,4 +1,4 @@
-"""Whether this installation runs compiled modules (docs/decisions/0014), and what the compiler is told."""
+"""Whether this installation runs compiled modules (docs/decisions/0028), and what the compiler is told."""
 
 from collections.abc import Callable
 from importlib.machinery import EXTENSION_SUFFIXES

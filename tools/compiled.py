@@ -1,4 +1,4 @@
-"""Compiles the hot path to machine code (mypyc): ``python tools/compiled.py FOLDER`` (docs/decisions/0014).
+"""Compiles the hot path to machine code (mypyc): ``python tools/compiled.py FOLDER`` (docs/decisions/0028).
 
 Copies the package ``gateway`` into FOLDER and compiles it there: a compiled module stands beside its source
 and is imported instead of it. The checkout itself is never touched, so that what is edited is what runs.
