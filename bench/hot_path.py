@@ -26,7 +26,7 @@ from gateway.exchange.plan import (
     LineTiming,
     Reference,
 )
-from gateway.exchange.ports import Stamps, Unmeasured
+from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import Transaction
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import PositionField, RegisterType
@@ -68,20 +68,31 @@ class Candidate:
         return statistics.median(self.ns)
 
 
-class _Wire(Unmeasured):
-    """Port and link in one that frame as the relay does and throw the bytes away."""
-
-    is_serial = True
-    plan = ControllerPlan("cnc", serial=True)
+class _Port(ControllerPort):
+    """Frames as the relay does and throws the bytes away."""
 
     def __init__(self) -> None:
+        super().__init__(ControllerPlan("cnc", serial=True))
         self.arrived_ns = 0
-        self._request_ns = 0
-        self._reply_ns = 0
+        self.reply_ns = 0
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         encode_rtu(unit_id, pdu)
-        self._reply_ns += time.perf_counter_ns() - self.arrived_ns
+        self.reply_ns += time.perf_counter_ns() - self.arrived_ns
+
+
+class _Wire(DriveLink):
+    """The same of the link, with a controller's port beside it."""
+
+    def __init__(self) -> None:
+        super().__init__(is_serial=True)
+        self.port = _Port()
+        self.arrived_ns = 0
+        self._request_ns = 0
+
+    def arrive(self) -> None:
+        """Bytes come now."""
+        self.arrived_ns = self.port.arrived_ns = time.perf_counter_ns()
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         encode_rtu(unit_id, pdu)
@@ -94,7 +105,7 @@ class _Wire(Unmeasured):
 
     def take_gateway_ns(self) -> int:
         """The same both ways, request and reply."""
-        taken, self._reply_ns = self._reply_ns, 0
+        taken, self.port.reply_ns = self.port.reply_ns, 0
         return taken + self.take_request_ns()
 
     def abandon(self) -> None:
@@ -130,11 +141,11 @@ def rewritten_write(wire: _Wire) -> Callable[[int], object]:
     echo = encode_rtu(1, b"\x10\x62\x01\x00\x02")
 
     def call(i: int) -> None:
-        wire.arrived_ns = time.perf_counter_ns()
+        wire.arrive()
         for unit_id, pdu in requests.feed(frames[i], i):
-            line.request(wire, 0, unit_id, pdu, i)
+            line.request(wire.port, 0, unit_id, pdu, i)
             replies.expect(unit_id, pdu)
-        wire.arrived_ns = time.perf_counter_ns()
+        wire.arrive()
         for unit_id, pdu in replies.feed(echo, i):
             line.reply(unit_id, pdu, i)
 
@@ -174,7 +185,7 @@ class Stream:
 
     def _exchange(self, unit_id: int, counts: int, now_ns: int) -> None:
         pdu = b"\x10\x62\x01\x00\x02\x04" + COMMAND.pack(counts)
-        self._line.request(self._wire, 0, unit_id, pdu, now_ns)
+        self._line.request(self._wire.port, 0, unit_id, pdu, now_ns)
         self._line.reply(unit_id, pdu[:5], now_ns)
 
     def take_ns(self) -> int:
@@ -190,7 +201,7 @@ def rewritten_request() -> Callable[[int], object]:
     requests = RtuRequestDecoder()
     head = b"\x10\x62\x01\x00\x02\x04"
     for counts in range(0, 100_000, 100):  # until the change-over at the start is over
-        line.request(wire, 0, 1, head + COMMAND.pack(counts), counts)
+        line.request(wire.port, 0, 1, head + COMMAND.pack(counts), counts)
         line.reply(1, head[:5], counts)
     path = find_path(UnitMap(line.axes), 1, head + COMMAND.pack(0))
     assert path is not None
@@ -198,7 +209,7 @@ def rewritten_request() -> Callable[[int], object]:
 
     def call(i: int) -> None:
         for unit_id, pdu in requests.feed(frames[i], i):
-            corrected = path.sent(Transaction(wire, 0, unit_id, pdu, i), i)
+            corrected = path.sent(Transaction(wire.port, 0, unit_id, pdu, i), i)
             assert corrected is not None
             encode_rtu(unit_id, corrected)
 
@@ -207,9 +218,8 @@ def rewritten_request() -> Callable[[int], object]:
 
 def measured_exchange() -> Callable[[int], object]:
     """What measuring adds to an exchange: two looks at the clock, and the counting."""
-    port, link = _Wire(), _Wire()
+    port, link = _Port(), _Wire()
     now_ns = time.monotonic_ns()
-    port.stamps, link.stamps = Stamps(), Stamps()
     link.stamps.ready_ns, link.stamps.sent_ns = now_ns + 4_000, now_ns + 9_000
     port.stamps.sent_ns = now_ns + 908_000
     line = LineExchange([plan_of_x()], LineTiming(), link, lambda _: None)
@@ -235,7 +245,7 @@ def passed_read() -> Callable[[int], object]:
 
     def call(i: int) -> None:
         for unit_id, pdu in requests.feed(frame, i):
-            line.request(wire, 0, unit_id, pdu, i)
+            line.request(wire.port, 0, unit_id, pdu, i)
             replies.expect(unit_id, pdu)
         for unit_id, pdu in replies.feed(answer, i):
             line.reply(unit_id, pdu, i)

@@ -1,4 +1,4 @@
-"""Puts compiled modules into a wheel where the environment asks for them (docs/decisions/0014).
+"""Puts compiled modules into a wheel where the environment asks for them (docs/decisions/0028).
 
     PITCH_GATEWAY_COMPILED=1 pip install .
 

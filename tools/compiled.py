@@ -1,4 +1,4 @@
-"""Compiles the hot path to machine code (mypyc): ``python tools/compiled.py FOLDER`` (docs/decisions/0014).
+"""Compiles the hot path to machine code (mypyc): ``python tools/compiled.py FOLDER`` (docs/decisions/0028).
 
 Copies the package ``gateway`` into FOLDER and compiles it there: a compiled module stands beside its source
 and is imported instead of it. The checkout itself is never touched, so that what is edited is what runs.
@@ -24,29 +24,32 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).resolve().parent.parent
 COMPILERS = ("mypy", "setuptools")
 """What compiles; their versions are those of the development tools."""
+COME_WITH_THEM = frozenset({"mypy_extensions"})
+"""Packages that are there wherever the compilers are."""
 PATTERNS = (
     "compensation/*.py",
     "exchange/*.py",
     "exchange/axis/*.py",
     "modbus/*.py",
+    "relay/axis_record.py",
     "relay/controller_port.py",
     "relay/drive_link.py",
     "relay/pacing.py",
+    "relay/pulse.py",
     "relay/recorded.py",
     "relay/timed.py",
     "transport/direct.py",
     "transport/selector.py",
+    "transport/timer.py",
 )
 """What runs while a frame passes."""
 PLAIN = (
     "compensation/settings.py",
     "exchange/plan.py",
-    "exchange/ports.py",
     "exchange/rights.py",
     "modbus/registers.py",
 )
-"""Left as they are: plans, which msgspec takes apart and puts together, and interfaces that Python classes of
-the relay and of tests inherit."""
+"""Left as they are: plans, which msgspec takes apart and puts together."""
 
 
 def modules(package: Path) -> list[str]:
@@ -94,7 +97,7 @@ def imported_packages(files: list[str]) -> set[str]:
             first = name.partition(".")[0]
             if first == "gateway":
                 left.extend(files_of(name))
-            elif first not in sys.stdlib_module_names:
+            elif first not in sys.stdlib_module_names and first not in COME_WITH_THEM:
                 found.add(first)
     return found
 

@@ -38,7 +38,7 @@ struct connection {
     enum framing framing;
     uint16_t transaction;
     uint8_t unit;
-    long steps, writes;
+    long steps;
     int32_t written[256]; /* by unit */
     uint8_t pdu[16];
     size_t pdu_length;
@@ -54,6 +54,7 @@ static enum kind kind = WRITE;
 static long count = 20000, warmup = 500, period_us, timeout_ms = 1000;
 static int is_concurrent, is_reconnecting;
 static int64_t (*latencies)[2];
+static long writes; /* of all connections: whoever commands an axis goes on from where it was sent last */
 static long sent, answered, timeouts, wrong, late;
 
 /* Up and down between 0 and 100 000 counts, never the same twice in a row. */
@@ -68,7 +69,7 @@ static void compose(struct connection *c) {
     int phase = kind == CYCLE ? (int)(step % 3) : kind == WRITE ? 0 : 2;
     uint8_t *pdu = c->pdu;
     if (phase == 0) {
-        int32_t position = position_of(++c->writes);
+        int32_t position = position_of(++writes);
         c->written[c->unit] = position;
         static const uint8_t head[] = {16, 0, POSITION, 0, 2, 4};
         memcpy(pdu, head, sizeof head);
@@ -247,7 +248,6 @@ int main(int words_count, char **words) {
     for (int i = 0; i < connection_count; i++) {
         connections[i].spec = words[word + i];
         connections[i].steps = 0;
-        connections[i].writes = i * 37L; /* controllers of one axis do not command the same */
         if (!is_reconnecting) open_connection(&connections[i]);
     }
     take_fifo(fifo);

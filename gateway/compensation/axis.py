@@ -133,10 +133,6 @@ class AxisCompensation:
             self._position, self._extreme, self._at_ns,
         )  # fmt: skip
 
-    def is_step(self, move: Move) -> bool:
-        """Whether a planned target would go on a run."""
-        return self._goes_on(move)
-
     @property
     def is_unsure(self) -> bool:
         """Whether the branch of the last accepted target was only assumed; that of a run never is."""

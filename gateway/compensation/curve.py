@@ -140,16 +140,16 @@ class Curve:
             index = int((position - first) / step)
             if index > last_segment:
                 index = last_segment
-            low = positions[index]
+            low, high = positions[index], positions[index + 1]
             # The division may land one segment off beside a point; the comparisons are exact.
             if position < low:
                 index -= 1
-                low = positions[index]
-            elif position >= positions[index + 1] and index < last_segment:
+                low, high = positions[index], low
+            elif position >= high and index < last_segment:
                 index += 1
-                low = positions[index]
+                low, high = high, positions[index + 1]
             value = values[index]
-            return value + (values[index + 1] - value) / (positions[index + 1] - low) * (position - low)
+            return value + (values[index + 1] - value) / (high - low) * (position - low)
 
         def free(position: float) -> float:
             if not first <= position <= last:

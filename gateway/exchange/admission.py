@@ -64,7 +64,7 @@ class Admission:
             denial = None if is_stop else gate.too_often
         if denial is None:
             return True
-        self._deny(transaction, denial, now_ns, is_lost=port.plan.role is Role.MOTION)
+        self._deny(transaction, denial, now_ns, is_lost=port.is_motion)
         return False
 
     def gone(self, port: ControllerPort, now_ns: int) -> None:

@@ -139,7 +139,7 @@ class Gaps:
         if not self._fits(transaction, self._quiet_ns, next_ns) or next_ns <= now_ns:
             next_ns = max(next_ns, self._forced_from_ns(transaction))
         if transaction.port is not None:  # then it is to be withdrawn
-            given_up_ns = transaction.arrived_ns + int(transaction.port.plan.timeout_ms * NS_PER_MS) + 1
+            given_up_ns = transaction.arrived_ns + transaction.port.patience_ns + 1
             next_ns = min(next_ns, given_up_ns)
         return max(now_ns + 1, min(next_ns, ended_ns + NS_PER_S))
 
@@ -150,7 +150,7 @@ class Gaps:
         """When it goes at the next chance although it does not fit."""
         max_wait_ns = self._max_wait_ns
         if transaction.port is not None:
-            max_wait_ns = min(max_wait_ns, int(transaction.port.plan.timeout_ms * NS_PER_MS) // 2)
+            max_wait_ns = min(max_wait_ns, transaction.port.patience_ns // 2)
         return max(transaction.arrived_ns + max_wait_ns, self._next_forced_ns)
 
     def _fits(self, transaction: Transaction, idle_ns: int, now_ns: int) -> bool:

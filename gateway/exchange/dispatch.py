@@ -72,9 +72,10 @@ class Units:
         """Return the fast path of a request; None: it goes the slow one."""
         head = pdu[: HEAD_BYTES[pdu[0]]]
         paths = self._paths.get(unit_id)
-        if paths is not None and head in paths:
-            return paths[head]
-        return self._find_path(unit_id, pdu, head)
+        path = None if paths is None else paths.get(head)
+        if path is not None:
+            return path
+        return None if paths is not None and head in paths else self._find_path(unit_id, pdu, head)
 
     def _find_path(self, unit_id: int, pdu: bytes, head: bytes) -> FastPath | None:
         self.heard.add(unit_id)

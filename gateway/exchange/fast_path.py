@@ -107,17 +107,16 @@ class WritePath(FastPath):
         "_access",
         "_asks_for_bits",
         "_axis",
+        "_codec",
         "_echo",
         "_end",
         "_hold",
         "_image",
         "_number",
-        "_pack",
         "_scale",
         "_start",
         "_terms",
         "_unit",
-        "_unpack",
     )
 
     def __init__(self, pdu: bytes, unit: UnitMap, access: Access, hit: FieldHit) -> None:
@@ -129,8 +128,7 @@ class WritePath(FastPath):
         self._terms = self._axis.terms
         self._image = hit.place.image
         self._number = hit.place.number
-        codec = hit.place.field.codec
-        self._pack, self._unpack, self._scale = codec.pack, codec.unpack, hit.place.field.scale
+        self._codec, self._scale = hit.place.field.codec, hit.place.field.scale
         self._start = access.data_offset + 2 * hit.word
         self._end = self._start + 2 * hit.place.field.words
         self._echo = pdu[:5]
@@ -158,19 +156,20 @@ class WritePath(FastPath):
         else:
             if self._terms is not None and self._terms.is_due(now_ns):
                 return None
-            raw = self._unpack(words, 0)
+            raw = self._codec.unpack(words, 0)
             nominal_counts = raw if self._scale == 1.0 else raw * self._scale
             steady = compensation.plan_steady(nominal_counts, now_ns, axis.whereabouts is ARRIVED)
             if steady is None:
                 return None
             raw += round(steady[1] / self._scale)
             try:
-                corrected_words = self._pack(raw)
+                corrected_words = self._codec.pack(raw)
             except RegisterRangeError:
                 return None
             corrected_counts = raw if self._scale == 1.0 else raw * self._scale
-        transaction.carry(self, (words, corrected_words, corrected_counts, image.epoch, steady))
-        if axis.record is not None:
+        target = (words, corrected_words, corrected_counts, image.epoch, steady)
+        transaction.carry(self, target)
+        if axis.record is not None and not axis.send_steady(target):
             axis.send_target(transaction.rendering())
         return pdu[:start] + corrected_words + pdu[end:]
 
@@ -215,6 +214,7 @@ class WritePath(FastPath):
         """See ``FastPath``."""
         assert transaction.target is not None
         rendering = transaction.rendering()
+        self._axis.name_pending(rendering)
         pdu, words = transaction.pdu, rendering.corrected_words
         sent_pdu = pdu[: self._start] + words + pdu[self._end :]
         frame = Frame(self._unit, pdu, self._access, {})

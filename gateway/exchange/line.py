@@ -26,7 +26,7 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
 from gateway.exchange.ownership import Ownership
-from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits, Role
+from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.queue import QUEUE_LIMIT, WaitingQueue
 from gateway.exchange.refusal import RefusedRequestError
@@ -66,7 +66,7 @@ class LineExchange:
         other_units: OtherUnits = NO_OTHER_UNITS,
         what_ran: Callable[[int, int], str] = lambda _since_ns, _until_ns: "",
     ) -> None:
-        self.axes = [Axis(plan) for plan in axes]
+        self.axes = tuple([Axis(plan) for plan in axes])
         join(self.axes, groups)
         self.counters = LineCounters()
         self._units = Units(
@@ -136,7 +136,7 @@ class LineExchange:
         if not pdu:
             self.counters.malformed += 1
             return
-        if port.plan.serial and (self._current is not None or self._waiting.total):
+        if port.is_serial and (self._current is not None or self._waiting.total):
             self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
@@ -145,7 +145,7 @@ class LineExchange:
         transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
         if port.gate is not None and not self._admission.lets_in(transaction, arrived_ns):
             return
-        is_motion = port.plan.role is Role.MOTION
+        is_motion = port.is_motion
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
         is_free = self._current is None and self.rest.until_ns is None
@@ -466,10 +466,9 @@ class LineExchange:
     def _put_on_wire(self, transaction: Transaction, pdu: bytes, unit_id: int, now_ns: int) -> None:
         """Send a frame: the request itself, or one of the gateway's own. All frames leave here."""
         patience_ns = self._response_timeout_ns
-        if transaction.port is not None and transaction.added is None:
-            timeout_ns = int(transaction.port.plan.timeout_ms * NS_PER_MS)
-            if timeout_ns > patience_ns:
-                patience_ns = timeout_ns
+        port = transaction.port
+        if port is not None and port.patience_ns > patience_ns and transaction.added is None:
+            patience_ns = port.patience_ns
         transaction.leave(now_ns, unit_id, patience_ns)
         if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
             self._link.send_request(unit_id, pdu)
@@ -486,7 +485,7 @@ class LineExchange:
         self._ends.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
 
-    def _report(self, axes: Iterable[Axis]) -> None:
+    def _report(self, axes: tuple[Axis, ...]) -> None:
         """Tell what is new about these axes; a group is referenced as a whole, or not at all."""
         for axis in axes:
             if axis.peers:

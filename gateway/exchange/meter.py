@@ -129,19 +129,18 @@ class LineMeter:
 
     def note(self, transaction: Transaction, port: ControllerPort, reply: bytes, reply_ns: int) -> None:
         """Measure a transaction whose reply has been passed on."""
-        link = self._link
-        sent, replied = link.stamps, port.stamps
+        sent, replied = self._link.stamps, port.stamps
         sent_ns, started_ns = sent.sent_ns, transaction.started_ns
         leg_ns = replied.sent_ns - reply_ns - replied.paced_ns
         if not sent_ns or leg_ns < 0:
             return  # nobody keeps time, or nobody was there to answer
         unit_id = transaction.unit_id
-        measured = self.measured.get((port.plan.name, unit_id)) or self._measured(port.plan.name, unit_id)
+        measured = self.measured.get((port.name, unit_id)) or self._measured(port.name, unit_id)
         request_ns = sent_ns - (started_ns or transaction.arrived_ns) - sent.paced_ns
         gateway_ns = request_ns + leg_ns
         drive_ns = reply_ns - sent_ns
-        if link.wire_ns_per_byte:
-            wire_ns = (len(transaction.pdu) + len(reply) + 2 * RTU_OVERHEAD) * link.wire_ns_per_byte
+        if sent.wire_ns_per_byte:
+            wire_ns = (len(transaction.pdu) + len(reply) + 2 * RTU_OVERHEAD) * sent.wire_ns_per_byte
             drive_ns = max(0, drive_ns - wire_ns)  # an adapter that keeps less than a character's time
             self.wire_ns += wire_ns
         # bucket_of, four times in place: the calls alone would cost as much as all the rest.

@@ -13,7 +13,6 @@ from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Frame, Meaning, meanings
-from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Request, part_of, written_part
 from gateway.exchange.throttle import Throttle, times
@@ -231,7 +230,7 @@ def _note_beside_stop(stop: Meaning, request: Request, port: ControllerPort) -> 
     """A stop of somebody who does not move the axis changed more: its writer has to write that again (M3)."""
     axis, hold = stop.axis, stop.axis.hold
     is_writer = hold.is_shared or hold.writer in ("", port.writer)
-    if is_writer and port.plan.role is Role.MOTION:
+    if is_writer and port.is_motion:
         if stop.commands:
             hold.overwrite("")
         return

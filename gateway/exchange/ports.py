@@ -1,34 +1,28 @@
-"""What the exchange asks of the world around it: two small interfaces that the relay implements.
+"""What the exchange asks of the world around it: two small classes that whoever frames derives its own from.
 
 The exchange speaks in unit ids and PDUs. Framing (RTU with its CRC, MBAP with its transaction id) is done by
-whoever implements these.
+the relay. These are classes and not protocols, because what is asked for with each frame is then a look into
+an object and a call, also where it is compiled.
 """
 
-from typing import Protocol
-
+from gateway.compiled import mypyc_attr
 from gateway.exchange.gate import UNSEEN, Gate
-from gateway.exchange.plan import ControllerPlan
+from gateway.exchange.plan import ControllerPlan, Role
+from gateway.times import NS_PER_MS
 
 
 class Stamps:
     """When the newest frame left, over a controller's port or a drive link. Monotonic, in ns."""
 
-    ready_ns = 0
-    """When it was ready to be written; only kept of requests."""
-    sent_ns = 0
-    """When the system had taken it, or, while it is held back, when it was ready; 0 where nobody measures."""
-    paced_ns = 0
-    """How long it was held back, for the silence that a wire or a drive wants before it."""
-
-
-class Unmeasured:
-    """What keeps no time: traffic that is only played."""
-
-    stamps = Stamps()
-    wire_ns_per_byte = 0
-    peer = ""
-    writer = ""
-    gate: Gate | None = UNSEEN
+    def __init__(self) -> None:
+        self.ready_ns = 0
+        """When it was ready to be written; only kept of requests."""
+        self.sent_ns = 0
+        """When the system had taken it, or, while it is held back, when it was ready; 0: nobody measures."""
+        self.paced_ns = 0
+        """How long it was held back, for the silence that a wire or a drive wants before it."""
+        self.wire_ns_per_byte = 0
+        """How long a byte takes on its wire; 0 where there is none."""
 
 
 def writer_name(controller: str, peer: str) -> str:
@@ -40,59 +34,49 @@ def writer_name(controller: str, peer: str) -> str:
     return f"{controller} ({peer})" if peer else controller
 
 
-class ControllerPort(Protocol):
+@mypyc_attr(allow_interpreted_subclasses=True)
+class ControllerPort:
     """One connection of one controller: a serial port, or one accepted TCP connection."""
 
-    gate: Gate | None
-    """What it may ask for; None: whatever its role allows. The exchange's own; a new port has ``UNSEEN``."""
-
-    @property
-    def plan(self) -> ControllerPlan:
+    def __init__(self, plan: ControllerPlan, peer: str = "") -> None:
+        self.plan = plan
         """The controller's configuration; connections share it, where certificates give roles by role."""
-        ...
-
-    @property
-    def stamps(self) -> Stamps:
-        """When its newest frame left."""
-        ...
-
-    @property
-    def peer(self) -> str:
+        # --- what of the plan is asked for with each request
+        self.name = plan.name
+        self.is_serial = plan.serial
+        self.is_motion = plan.role is Role.MOTION
+        self.patience_ns = int(plan.timeout_ms * NS_PER_MS)
+        """After so long the controller gives up on a request."""
+        self.peer = peer
         """The host that it connects from; empty on a serial port."""
-        ...
-
-    @property
-    def writer(self) -> str:
+        self.writer = writer_name(plan.name, peer)
         """See :func:`writer_name`."""
-        ...
+        self.stamps = Stamps()
+        """When its newest frame left."""
+        self.gate: Gate | None = UNSEEN
+        """What it may ask for; None: whatever its role allows. The exchange's own."""
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """Frame and send a reply. ``transaction_id`` is the request's own (0 on serial lines)."""
-        ...
+        raise NotImplementedError
 
 
-class DriveLink(Protocol):
-    """The link to the drives of one line."""
+@mypyc_attr(allow_interpreted_subclasses=True)
+class DriveLink:
+    """The link to the drives of one line.
 
-    @property
-    def stamps(self) -> Stamps:
+    ``is_serial``: replies carry no transaction id: RTU, over a wire or over TCP (W6).
+    """
+
+    def __init__(self, *, is_serial: bool) -> None:
+        self.is_serial = is_serial
+        self.stamps = Stamps()
         """When its newest frame left."""
-        ...
-
-    @property
-    def wire_ns_per_byte(self) -> int:
-        """How long a byte takes on the wire; 0 where there is none."""
-        ...
-
-    @property
-    def is_serial(self) -> bool:
-        """Whether replies carry no transaction id: RTU, over a wire or over TCP (W6)."""
-        ...
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """Frame and send a request, and expect the reply that fits it."""
-        ...
+        raise NotImplementedError
 
     def abandon(self) -> None:
         """Expect nothing any more: whatever arrives now is late and is reported as stray bytes."""
-        ...
+        raise NotImplementedError

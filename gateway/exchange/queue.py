@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from gateway.exchange.added_frames import AddedFrame
-from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import Transaction
 
@@ -54,7 +53,7 @@ class WaitingQueue:
         self.total += 1
         if transaction.port is None:
             self._own.append(transaction)
-        elif transaction.port.plan.role is Role.MOTION:
+        elif transaction.port.is_motion:
             self._motion.append(transaction)
         else:
             self._others.append(transaction)
@@ -85,7 +84,7 @@ class WaitingQueue:
 
     def put_back(self, transaction: Transaction) -> None:
         """Queue a transaction before those of its rank: it was its turn already."""
-        is_motion = transaction.port is not None and transaction.port.plan.role is Role.MOTION
+        is_motion = transaction.port is not None and transaction.port.is_motion
         self.total += 1
         (self._motion if is_motion else self._others).appendleft(transaction)
 

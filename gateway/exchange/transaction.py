@@ -16,6 +16,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.compensation.readback import Readback
+from gateway.compiled import mypyc_attr
 from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.axis.events import Outcome, SteadyTarget
@@ -24,13 +25,11 @@ from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Frame
-from gateway.exchange.plan import Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Known, Rewriting
 from gateway.exchange.translate import note_discrete, outcome_of, reply_without_positions, turned_back
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
-from gateway.times import NS_PER_MS
 
 LOST: Final = ExceptionCode.SERVER_DEVICE_FAILURE
 NO_RESPONSE: Final = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
@@ -129,6 +128,7 @@ class FastPath:
         raise NotImplementedError
 
 
+@mypyc_attr(free_list_len=1)  # there is one at a time, nearly always
 class Transaction:
     """One request with its reply. ``port`` is None for a read that the gateway added by itself."""
 
@@ -177,7 +177,7 @@ class Transaction:
     @property
     def is_motion(self) -> bool:
         """Whether a motion controller asked for it."""
-        return self.port is not None and self.port.plan.role is Role.MOTION
+        return self.port is not None and self.port.is_motion
 
     @property
     def rewritings(self) -> tuple[Rewriting, ...]:
@@ -272,7 +272,7 @@ class Transaction:
             return ""
         if self.is_orphan:
             return "its controller gave up on it"
-        if self.port is not None and now_ns - self.arrived_ns > self.port.plan.timeout_ms * NS_PER_MS:
+        if self.port is not None and now_ns - self.arrived_ns > self.port.patience_ns:
             return "it waited longer than its controller's timeout_ms"
         return ""
 
@@ -343,7 +343,7 @@ class Endings:
         port = transaction.port
         if port is None or transaction.is_orphan:
             return
-        if not (port.plan.serial and transaction.unit_id == BROADCAST_UNIT_ID):  # nobody answers a broadcast
+        if not (port.is_serial and transaction.unit_id == BROADCAST_UNIT_ID):  # nobody answers a broadcast
             port.send_reply(transaction.transaction_id, transaction.unit_id, pdu)
 
     def _pass_back(
@@ -381,7 +381,7 @@ class Endings:
         is_absent = answer is Answer.ABSENCE or (
             answer is Answer.DENIAL and code == ExceptionCode.GATEWAY_PATH_UNAVAILABLE
         )
-        if not (is_absent and (port is None or port.plan.serial)):
+        if not (is_absent and (port is None or port.is_serial)):
             self.reply(transaction, exception_pdu(transaction.pdu[0], code))
 
     def _note_withdrawn(self, transaction: Transaction, why: str) -> None:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from struct import Struct
-from struct import error as struct_error
 from typing import Final
 
 from gateway.modbus.errors import FrameError
@@ -21,7 +20,6 @@ registers has 255, a reply of 126 registers too. Up to here it is a frame that i
 FUNCTION_AT: Final = 7
 
 _unpack_header = HEADER.unpack_from
-_pack_header = HEADER.pack
 
 Adu = tuple[int, int, bytes]
 """Transaction id, unit id, PDU."""
@@ -36,12 +34,12 @@ def encode_mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
     size = len(pdu)
     if not 0 < size <= MAX_PDU:
         raise FrameError(f"a PDU of {size} bytes cannot be framed: it has 1 to {MAX_PDU}")
-    try:
-        return _pack_header(transaction_id, 0, size + 1, unit_id) + pdu
-    except struct_error:
+    if not (0 <= transaction_id <= 0xFFFF and 0 <= unit_id <= 0xFF):
         raise FrameError(
             f"transaction id {transaction_id} must be in 0 … 65535, unit id {unit_id} in 0 … 255"
-        ) from None
+        )
+    # One number: compiled it costs a third of what a Struct does.
+    return (transaction_id << 40 | (size + 1) << 8 | unit_id).to_bytes(HEADER_SIZE, "big") + pdu
 
 
 @dataclass(slots=True)
@@ -82,10 +80,10 @@ class MbapDecoder:
             data = self._buffer + data
         size = len(data)
         if size > HEADER_SIZE and not self.broken_by:
-            transaction_id, protocol_id, length, unit_id = _unpack_header(data)
-            if length == size - COUNTED_FROM and protocol_id == 0 and length <= self._longest:
+            length = data[4] << 8 | data[5]
+            if length == size - COUNTED_FROM and not (data[2] or data[3]) and length <= self._longest:
                 self._buffer = b""
-                return [(transaction_id, unit_id, data[HEADER_SIZE:])]
+                return [(data[0] << 8 | data[1], data[6], data[HEADER_SIZE:])]
         return self._split(data)
 
     @property

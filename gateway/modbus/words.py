@@ -5,7 +5,7 @@ One ``Struct`` reads or writes a whole field, so that a position on the hot path
 
 import struct
 from collections.abc import Callable
-from typing import Final, NoReturn, Protocol
+from typing import Final, NoReturn
 
 from gateway.counts import Raw
 from gateway.modbus.errors import RegisterDataError, RegisterRangeError
@@ -16,25 +16,8 @@ WORD_BITS: Final = 16
 WORD_MASK: Final = 0xFFFF
 
 
-class Codec(Protocol):
-    """One register type in one word order."""
-
-    @property
-    def words(self) -> int:
-        """How many registers the type fills."""
-        ...
-
-    def unpack(self, data: bytes, offset: int) -> Raw:
-        """Read the value that starts at byte ``offset``, or raise RegisterDataError."""
-        ...
-
-    def pack(self, raw: Raw) -> bytes:
-        """Write a value, or raise RegisterRangeError."""
-        ...
-
-
-class _Base:
-    """What all codecs share: their name, their size, and being copied by name."""
+class Codec:
+    """One register type in one word order; copied by its name."""
 
     __slots__ = ("_low_first", "_name", "_struct", "words")
 
@@ -43,8 +26,17 @@ class _Base:
         self._low_first = low_first
         self._struct = struct.Struct(layout)
         self.words = self._struct.size // 2
+        """How many registers the type fills."""
 
-    def __reduce__(self) -> tuple[Callable[[str, bool], Codec], tuple[str, bool]]:
+    def unpack(self, data: bytes, offset: int) -> Raw:
+        """Read the value that starts at byte ``offset``, or raise RegisterDataError."""
+        raise NotImplementedError
+
+    def pack(self, raw: Raw) -> bytes:
+        """Write a value, or raise RegisterRangeError."""
+        raise NotImplementedError
+
+    def __reduce__(self) -> "tuple[Callable[[str, bool], Codec], tuple[str, bool]]":
         return _codec_by_key, (self._name, self._low_first)
 
     def _too_short(self, data: bytes, offset: int) -> NoReturn:
@@ -53,7 +45,7 @@ class _Base:
         )
 
 
-class _Integer(_Base):
+class _Integer(Codec):
     """Integers that are one C type in wire order: every type of one word, and the high-first ones."""
 
     __slots__ = ("_largest", "_smallest")
@@ -75,7 +67,7 @@ class _Integer(_Base):
 
     def pack(self, raw: Raw) -> bytes:
         """See ``Codec``."""
-        return self._struct.pack(self._checked(raw))
+        return self._checked(raw).to_bytes(2 * self.words, "big", signed=self._smallest < 0)
 
     def _checked(self, raw: Raw) -> int:
         if type(raw) is int and self._smallest <= raw <= self._largest:
@@ -128,7 +120,7 @@ class _Words(_Integer):
         return self._struct.pack(*(low_first if self._low_first else reversed(low_first)))
 
 
-class _Float32(_Base):
+class _Float32(Codec):
     """Single precision. Packing rounds to the nearest, and refuses what would become infinite."""
 
     __slots__ = ()

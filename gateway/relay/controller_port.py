@@ -5,18 +5,17 @@ of the loop between the last byte of a request and the write towards the drive.
 """
 
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
 from gateway.clock import boot_ns
-from gateway.exchange.gate import UNSEEN, Gate
+from gateway.compiled import mypyc_attr
 from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import ControllerPort, Stamps, writer_name
+from gateway.exchange.ports import ControllerPort, writer_name
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap, too_long
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
 from gateway.relay.pulse import Beats
-from gateway.times import NS_PER_MS
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import host_of
 from gateway.transport.timer import Timer
@@ -27,13 +26,15 @@ HAS_GONE: Final = "its controller closed the connection"
 SENT_ANOTHER: Final = "its controller sent another request"
 
 
-class Requests(Protocol):
-    """Where whole requests go: the exchange of a line."""
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Requests:
+    """Where whole requests go: the exchange of a line.
 
-    @property
-    def pulse(self) -> Beats:
-        """What tells whether the process stood still."""
-        ...
+    ``beats`` tell whether the process stood still.
+    """
+
+    def __init__(self, beats: Beats) -> None:
+        self.beats = beats
 
     def request(
         self,
@@ -46,14 +47,14 @@ class Requests(Protocol):
         why_given_up: str = "",
     ) -> None:
         """Take a whole request; see ``LineExchange``."""
-        ...
+        raise NotImplementedError
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Note that a controller's connection or port was lost."""
-        ...
+        raise NotImplementedError
 
 
-class MbapControllerPort:
+class MbapControllerPort(ControllerPort):
     """One Modbus/TCP connection of a controller."""
 
     def __init__(
@@ -63,17 +64,11 @@ class MbapControllerPort:
         counters: MbapCounters,
         on_malformed: Callable[[str], None],
     ) -> None:
-        self.plan = plan
+        super().__init__(plan)
         self._exchange = exchange
         self._on_malformed = on_malformed
         self._decoder = MbapDecoder(counters)
         self._channel: Channel | None = None
-        self._patience_ns = int(plan.timeout_ms * NS_PER_MS)
-        self._received_ns = 0
-        self.stamps = Stamps()
-        self.peer = ""
-        self.writer = plan.name
-        self.gate: Gate | None = UNSEEN
         self.asked_ns = 0
         """When its last whole request came; 0: never."""
         self.unfinished_ns = 0
@@ -96,8 +91,8 @@ class MbapControllerPort:
             return
         began_ns = self.unfinished_ns or now_ns
         requests = self._decoder.feed(data)
-        why_given_up = TOO_SLOW if requests and now_ns - began_ns > self._patience_ns else ""
-        if self._exchange.pulse.stood_still(now_ns, self._patience_ns):
+        why_given_up = TOO_SLOW if requests and now_ns - began_ns > self.patience_ns else ""
+        if self._exchange.beats.stood_still(now_ns, self.patience_ns):
             why_given_up = STOOD_STILL
         if requests and not why_given_up and channel.has_gone():
             why_given_up = HAS_GONE
@@ -132,7 +127,7 @@ class MbapControllerPort:
             self.stamps.sent_ns = boot_ns()
 
 
-class RtuControllerPort:
+class RtuControllerPort(ControllerPort):
     """A controller that speaks RTU, over a serial port or through a serial device server.
 
     On a wire a reply begins no sooner than ``gap_ns`` after the request's last byte; nothing is waited for
@@ -142,18 +137,13 @@ class RtuControllerPort:
     def __init__(
         self, plan: ControllerPlan, exchange: Requests, decoder: RtuRequestDecoder, gap_ns: int
     ) -> None:
-        self.plan = plan
+        super().__init__(plan)
         self._exchange = exchange
         self._decoder = decoder
         self._gap_ns = gap_ns
-        self._patience_ns = int(plan.timeout_ms * NS_PER_MS)
         self._channel: Channel | None = None
         self._timer: Timer | None = None
         self._sender: PacedSender | None = None
-        self.stamps = Stamps()
-        self.peer = ""
-        self.writer = plan.name
-        self.gate: Gate | None = UNSEEN
         self.asked_ns = 0
         """When its last whole request came; 0: never."""
         self.unfinished_ns = 0
@@ -180,7 +170,7 @@ class RtuControllerPort:
         if self._sender is not None:
             self._sender.heard(now_ns)
         requests = self._decoder.feed(data, now_ns)
-        if self._exchange.pulse.stood_still(now_ns, self._patience_ns):
+        if self._exchange.beats.stood_still(now_ns, self.patience_ns):
             self._pass_on(requests, now_ns, STOOD_STILL)
             self._decoder.reset()
             requests = []

@@ -7,8 +7,9 @@ bytes. Modbus/TCP: the gateway numbers its own requests; a reply with another nu
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
+from gateway.compiled import mypyc_attr
 from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
@@ -24,57 +25,52 @@ UNANSWERED_LIMIT: Final = 1024
 that comes more than a thousand time-outs late comes from no drive."""
 
 
-class Link(DriveLink, Protocol):
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Link(DriveLink):
     """What a line needs of its drive link beyond what the exchange needs."""
 
     def attach(self, exchange: TimedExchange) -> None:
         """Name the exchange that gets the replies; before the first byte."""
-        ...
+        raise NotImplementedError
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
-        ...
+        raise NotImplementedError
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
-        ...
+        raise NotImplementedError
 
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
-        ...
+        raise NotImplementedError
 
     def counters(self) -> dict[str, int]:
         """Return what framing has counted, for the status."""
-        ...
+        raise NotImplementedError
 
     async def drained(self) -> None:
         """Wait until no request waits for its silence any more."""
-        ...
+        raise NotImplementedError
 
     def close(self) -> None:
         """Give timers back."""
-        ...
+        raise NotImplementedError
 
 
-class RtuDriveLink:
+class RtuDriveLink(Link):
     """RTU frames to the drives, over a wire or over TCP.
 
     ``gap_ns``: silence that the drives want before each request; ``wire_gap_ns``: what a wire wants.
     """
 
-    is_serial = True
-
     def __init__(self, gap_ns: int, decoder: RtuReplyDecoder, wire_gap_ns: int = 0) -> None:
+        super().__init__(is_serial=True)
         self._decoder = decoder
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
         self._exchange: TimedExchange | None = None
         self.stamps = self._sender.stamps
-
-    @property
-    def wire_ns_per_byte(self) -> int:
-        """See ``DriveLink``."""
-        return self._sender.wire_ns_per_byte
 
     def attach(self, exchange: TimedExchange) -> None:
         """See ``Link``."""
@@ -166,14 +162,12 @@ class UnitIds:
     """What the one drive is known to answer with."""
 
 
-class MbapDriveLink:
+class MbapDriveLink(Link):
     """Modbus/TCP to the drives, with transaction ids of its own.
 
     ``gap_ns``: silence before each request. ``on_wrong_unit`` gets the unit id that was asked and the one
     that answered, once for each two.
     """
-
-    is_serial = False
 
     def __init__(
         self,
@@ -181,6 +175,7 @@ class MbapDriveLink:
         unit_ids: UnitIds = UnitIds(),
         on_wrong_unit: Callable[[int, int], None] = lambda _asked, _answered: None,
     ) -> None:
+        super().__init__(is_serial=False)
         self._gap_ns = gap_ns
         self._unit_ids = unit_ids
         self._on_wrong_unit = on_wrong_unit
@@ -197,11 +192,6 @@ class MbapDriveLink:
         self._late = 0
         self._malformed = 0
         self.stamps = self._sender.stamps
-
-    @property
-    def wire_ns_per_byte(self) -> int:
-        """See ``DriveLink``."""
-        return self._sender.wire_ns_per_byte
 
     def attach(self, exchange: TimedExchange) -> None:
         """See ``Link``."""

@@ -25,8 +25,6 @@ class PacedSender:
         self._wire_gap_ns = wire_gap_ns
         self._gap_ns = gap_ns
         self._channel: Channel | None = None
-        self.wire_ns_per_byte = 0
-        """How long a byte takes on the wire; 0 where there is none."""
         self._quiet_from_ns = 0
         self._held: deque[bytes] = deque()
         self._timer = Timer(self._send_held)
@@ -36,8 +34,8 @@ class PacedSender:
     def opened(self, channel: Channel, now_ns: int) -> None:
         """Write to ``channel`` from now on. What went before on its wire is unknown: begin with a silence."""
         self._channel = channel
-        self.wire_ns_per_byte = channel.wire_ns_per_byte
-        self._gap_ns = max(self._wanted_gap_ns, self._wire_gap_ns if self.wire_ns_per_byte else 0)
+        wire_ns_per_byte = self.stamps.wire_ns_per_byte = channel.wire_ns_per_byte
+        self._gap_ns = max(self._wanted_gap_ns, self._wire_gap_ns if wire_ns_per_byte else 0)
         self._quiet_from_ns = now_ns
 
     def closed(self) -> None:
@@ -81,7 +79,7 @@ class PacedSender:
         if self._channel is not None:
             self._channel.write(frame)
             self.stamps.sent_ns = boot_ns()
-            self._quiet_from_ns = now_ns + len(frame) * self.wire_ns_per_byte
+            self._quiet_from_ns = now_ns + len(frame) * self.stamps.wire_ns_per_byte
 
     def _send_held(self, now_ns: int) -> None:
         if self._held and now_ns >= self._quiet_from_ns + self._gap_ns:

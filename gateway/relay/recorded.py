@@ -15,38 +15,23 @@ from gateway.exchange.control import (
     Switch,
     TableChange,
 )
-from gateway.exchange.gate import UNSEEN, Gate
 from gateway.exchange.line import LineExchange
-from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import ControllerPort, DriveLink, Stamps
+from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import checked, compiled
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
 
 
-class RecordedLink:
+class RecordedLink(DriveLink):
     """The way to the drives, listened to."""
 
     def __init__(self, link: DriveLink, line: str, recorder: Recorder) -> None:
+        super().__init__(is_serial=link.is_serial)
+        self.stamps = link.stamps
         self._link = link
         self._line = line
         self._recorder = recorder
-
-    @property
-    def is_serial(self) -> bool:
-        """See ``DriveLink``."""
-        return self._link.is_serial
-
-    @property
-    def stamps(self) -> Stamps:
-        """See ``DriveLink``."""
-        return self._link.stamps
-
-    @property
-    def wire_ns_per_byte(self) -> int:
-        """See ``DriveLink``."""
-        return self._link.wire_ns_per_byte
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``."""
@@ -59,23 +44,16 @@ class RecordedLink:
         self._link.abandon()
 
 
-class _RecordedPort:
+class _RecordedPort(ControllerPort):
     """A controller's port, listened to."""
 
     def __init__(self, port: ControllerPort, number: int, line: str, recorder: Recorder) -> None:
-        self.plan: ControllerPlan = port.plan
-        self.peer = port.peer
-        self.writer = port.writer
-        self.gate: Gate | None = UNSEEN
+        super().__init__(port.plan, port.peer)
+        self.stamps = port.stamps
         self.number = number
         self._port = port
         self._line = line
         self._recorder = recorder
-
-    @property
-    def stamps(self) -> Stamps:
-        """See ``ControllerPort``."""
-        return self._port.stamps
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""

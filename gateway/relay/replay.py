@@ -12,7 +12,7 @@ from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import Unmeasured, writer_name
+from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import WrongTableError
 from gateway.ipc.plan import GatewayPlan, LinePlan
@@ -55,13 +55,11 @@ class ReplayResult:
     is_cut_off: bool = False
 
 
-class _Port(Unmeasured):
+class _Port(ControllerPort):
     """A controller's connection; its replies are outputs."""
 
     def __init__(self, plan: ControllerPlan, peer: str, number: int, line: "_Line") -> None:
-        self.plan = plan
-        self.peer = peer
-        self.writer = writer_name(plan.name, peer)
+        super().__init__(plan, peer)
         self._number = number
         self._line = line
 
@@ -71,12 +69,12 @@ class _Port(Unmeasured):
         self._line.outputs.append(traffic.Answered(name, self._number, transaction_id, unit_id, pdu.hex()))
 
 
-class _Line(Unmeasured):
+class _Line(DriveLink):
     """One line's exchange; it is the link to the drives too, and what goes there is output."""
 
     def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None]) -> None:
+        super().__init__(is_serial=not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu)
         self.plan = plan
-        self.is_serial = not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu
         self.outputs: deque[traffic.Output] = deque()
         self._controllers = {link.plan.name: link for link in plan.controllers}
         self._ports: dict[int, _Port] = {}

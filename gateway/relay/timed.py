@@ -10,6 +10,7 @@ from gateway.clock import boot_ns
 from gateway.exchange.control import Control
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
+from gateway.relay.controller_port import Requests
 from gateway.relay.pulse import Pulse
 from gateway.times import NS_PER_MS
 from gateway.transport.timer import Timer
@@ -18,13 +19,14 @@ LATE_NS: Final = 20 * NS_PER_MS
 """A time-out that is judged so late was not waited for: the process stood still."""
 
 
-class TimedExchange:
+class TimedExchange(Requests):
     """Passes calls on to a :class:`LineExchange` and calls its ``tick`` at its deadline."""
 
     def __init__(self, exchange: LineExchange) -> None:
+        self._pulse = Pulse(exchange.note_standstill)
+        super().__init__(self._pulse)
         self._exchange = exchange
         self._timer = Timer(self._tick)
-        self.pulse = Pulse(exchange.note_standstill)
         self._idle: asyncio.Future[None] | None = None
 
     @property
@@ -101,7 +103,7 @@ class TimedExchange:
     def close(self) -> None:
         """Give the timers back."""
         self._timer.close()
-        self.pulse.close()
+        self._pulse.close()
 
     def _settle(self) -> None:
         self._timer.arm(self._exchange.deadline_ns)

@@ -16,6 +16,8 @@ EVERY_S: Final = 1.0
 """Between two looks when nothing tells; what a network file system or a dead watcher needs."""
 SOON_S: Final = 0.1
 """Between two looks while something changes."""
+STEP_MS: Final = 100
+"""Between two looks of the watcher at what the system has told; each wakes a thread, whether anything has."""
 SLOW_S: Final = 10.0
 """A look that takes longer is worth a word: a file system that does not answer."""
 
@@ -120,7 +122,7 @@ async def wake_on_change(folder: Path, wake: Callable[[], None], complain: Calla
     while True:
         try:
             await aside(folder.stat)  # awatch looks on the loop: a folder that does not answer would stop all
-            async for _ in awatch(folder, watch_filter=None, debounce=50, step=20, recursive=False):
+            async for _ in awatch(folder, watch_filter=None, debounce=STEP_MS, step=STEP_MS, recursive=False):
                 said = ""
                 wake()
         except (OSError, RuntimeError) as error:

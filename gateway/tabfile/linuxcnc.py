@@ -75,8 +75,10 @@ def recognise(source: SourceText) -> bool:
         return False
     if _is_triplet(points[0]):
         return True
+    if _WORD.search(points[0]):
+        return False
     others = [_is_triplet(point) for point in points[1:]]
-    return len(others) >= 2 and sum(others) >= len(others) - 1 and not _WORD.search(points[0])
+    return len(others) >= 2 and sum(others) >= len(others) - 1
 
 
 def read_type_0(source: SourceText, context: FileContext) -> Decoded:

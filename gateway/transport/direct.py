@@ -4,6 +4,7 @@ The transport of asyncio keeps the connection: it closes it, and takes what the 
 """
 
 import os
+import select
 from typing import Final, Protocol
 
 from gateway.clock import boot_ns
@@ -11,8 +12,22 @@ from gateway.transport.channel import Receiver
 
 _read: Final = os.read
 _write: Final = os.write
-RECEIVE_BYTES: Final = 4096
-"""More than fifteen of the largest Modbus/TCP frames (260 bytes)."""
+RECEIVE_BYTES: Final = 479
+"""More than the largest Modbus/TCP frame (260 bytes), and what the interpreter's own allocator still has room
+for: a larger buffer would come from malloc, and go back to it, with each read."""
+
+
+class FarEnd:
+    """The other end of a connection, asked by the descriptor of this one."""
+
+    def __init__(self, descriptor: int) -> None:
+        asked = select.poll()
+        asked.register(descriptor, select.POLLRDHUP)
+        self._poll = asked.poll
+
+    def has_gone(self) -> bool:
+        """Whether it has closed or broken off the connection: also where that was not read yet."""
+        return bool(self._poll(0))
 
 
 class Connection(Protocol):
@@ -20,10 +35,6 @@ class Connection(Protocol):
 
     @property
     def peer(self) -> str:
-        """See ``Channel``."""
-        ...
-
-    def has_gone(self) -> bool:
         """See ``Channel``."""
         ...
 
@@ -60,6 +71,7 @@ class DirectSocket:
         self.bytes_received = 0
         self._connection = connection
         self._receiver = receiver
+        self._far_end = FarEnd(descriptor)
         self._may_have_left_over = False
         self._is_over = False
 
@@ -102,7 +114,7 @@ class DirectSocket:
 
     def has_gone(self) -> bool:
         """See ``Channel``. What ``epoll_wait`` said may be older than a standstill, so it is asked."""
-        return self._connection.has_gone()
+        return self._is_over or self._far_end.has_gone()
 
     def close(self) -> None:
         """See ``Channel``."""

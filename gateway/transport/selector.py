@@ -12,12 +12,11 @@ Public interfaces of the standard library only: asyncio takes any selector (``Se
 import select
 import selectors
 from collections.abc import Callable, Mapping
+from time import monotonic
 from typing import Any, Final
 
-from gateway.clock import boot_ns
-from gateway.times import NS_PER_S
-
 READABLE: Final[int] = select.EPOLLIN
+_monotonic: Final = monotonic
 Watcher = Callable[[], object]
 """Called when its descriptor can be read."""
 MOST_AT_ONCE: Final = 64
@@ -57,11 +56,10 @@ class RelaySelector:
         """See ``selectors``: wait until there is work for the loop, or for ``timeout`` seconds."""
         self.is_wanted = False
         wait_s = -1.0
-        end_ns = 0
+        end_s = 0.0
         if timeout is not None:
             wait_s = max(0.0, timeout)
-            if wait_s:
-                end_ns = boot_ns() + int(wait_s * NS_PER_S)
+            end_s = _monotonic() + wait_s  # the clock by which the loop counts its timers
         others_fd, watchers, poll = self._others_fd, self._watchers, self._epoll.poll
         while True:
             found = poll(wait_s, MOST_AT_ONCE)
@@ -81,7 +79,7 @@ class RelaySelector:
             if self.is_wanted or not found or not wait_s:
                 return []
             if wait_s > 0.0:
-                wait_s = (end_ns - boot_ns()) / NS_PER_S
+                wait_s = end_s - _monotonic()
                 if wait_s <= 0.0:
                     return []
 

@@ -16,7 +16,7 @@ from typing import Final, cast
 
 from gateway.clock import boot_ns
 from gateway.transport.channel import Receiver
-from gateway.transport.direct import RECEIVE_BYTES, DirectSocket
+from gateway.transport.direct import RECEIVE_BYTES, DirectSocket, FarEnd
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.keeper import Keeper
@@ -27,8 +27,6 @@ from gateway.transport.places import SWEEP_S, Asking, Closing, Places
 from gateway.transport.stopping import stop_serving
 
 CONNECT_TIMEOUT_S: Final = 3.0
-TCP_ESTABLISHED: Final = 1
-"""``tcpi_state``, the first byte of ``struct tcp_info`` (``include/net/tcp_states.h`` of the kernel)."""
 KEEPALIVE_IDLE_S: Final = 10
 KEEPALIVE_INTERVAL_S: Final = 3
 KEEPALIVE_COUNT: Final = 3
@@ -50,8 +48,8 @@ class TcpChannel(asyncio.BufferedProtocol):
         self._loop = asyncio.get_running_loop()
         self._buffer = memoryview(b"")
         self._transport: asyncio.Transport | None = None
-        self._socket: socket.socket | None = None
         self._direct: DirectSocket | None = None
+        self._far_end: FarEnd | None = None
         self._why_broken_off = ""
         self._bytes_received = 0
         self.peer = "?"
@@ -66,14 +64,15 @@ class TcpChannel(asyncio.BufferedProtocol):
         """See ``asyncio.BaseProtocol``."""
         self._transport = cast("asyncio.Transport", transport)
         self.peer = _name(transport.get_extra_info("peername"))
-        self._socket = transport.get_extra_info("socket")
-        _tune(self._socket)
+        connection: socket.socket = transport.get_extra_info("socket")
+        _tune(connection)
         if not isinstance(self._loop, RelayLoop):
+            self._far_end = FarEnd(connection.fileno())
             self._buffer = memoryview(bytearray(RECEIVE_BYTES))
             self._receiver.opened(self, boot_ns())
             return
         self._transport.pause_reading()
-        self._direct = DirectSocket(self, self._socket.fileno(), self._receiver)
+        self._direct = DirectSocket(self, connection.fileno(), self._receiver)
         self._loop.add_reader(self._direct.descriptor, self._direct.readable)
         self._receiver.opened(self._direct, boot_ns())
 
@@ -126,14 +125,8 @@ class TcpChannel(asyncio.BufferedProtocol):
         return self._transport is not None and self._transport.get_write_buffer_size() > 0
 
     def has_gone(self) -> bool:
-        """See ``Channel``: a FIN or RST that has come counts, though it was not read yet."""
-        if self._transport is None or self._socket is None:
-            return True
-        try:
-            state = self._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)
-        except OSError:
-            return True
-        return state[0] != TCP_ESTABLISHED
+        """See ``Channel``."""
+        return self._transport is None or self._far_end is None or self._far_end.has_gone()
 
     def close(self) -> None:
         """See ``Channel``."""

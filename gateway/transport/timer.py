@@ -5,53 +5,11 @@ that becomes readable at the very instant, so it serves for 3.5-character silenc
 """
 
 import asyncio
-import ctypes
 import os
-import sys
 from collections.abc import Callable
-from typing import Final
 
-from gateway.clock import CLOCK, boot_ns
-from gateway.times import NS_PER_S
-
-_TFD_FLAGS: Final = os.O_NONBLOCK | os.O_CLOEXEC
-"""TFD_NONBLOCK and TFD_CLOEXEC are defined as these (timerfd_create(2))."""
-_TFD_TIMER_ABSTIME: Final = 1
-
-if sys.version_info >= (3, 13):
-
-    def _create() -> int:
-        return os.timerfd_create(CLOCK, flags=_TFD_FLAGS)
-
-    def _set(timer_fd: int, deadline_ns: int) -> None:
-        os.timerfd_settime_ns(timer_fd, flags=_TFD_TIMER_ABSTIME, initial=deadline_ns)
-
-else:
-
-    class _Itimerspec(ctypes.Structure):
-        """Struct itimerspec; ``time_t`` of the symbols used here is a long on every Linux."""
-
-        _fields_ = (
-            ("interval_s", ctypes.c_long),
-            ("interval_ns", ctypes.c_long),
-            ("value_s", ctypes.c_long),
-            ("value_ns", ctypes.c_long),
-        )
-
-    _libc = ctypes.CDLL(None, use_errno=True)
-
-    def _checked(result: int) -> int:
-        if result < 0:
-            code = ctypes.get_errno()
-            raise OSError(code, os.strerror(code))
-        return result
-
-    def _create() -> int:
-        return _checked(_libc.timerfd_create(CLOCK, _TFD_FLAGS))
-
-    def _set(timer_fd: int, deadline_ns: int) -> None:
-        spec = _Itimerspec(0, 0, deadline_ns // NS_PER_S, deadline_ns % NS_PER_S)
-        _checked(_libc.timerfd_settime(timer_fd, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None))
+from gateway.clock import boot_ns
+from gateway.transport.timerfd import create, set_at
 
 
 class Timer:
@@ -66,7 +24,7 @@ class Timer:
         self._callback = callback
         self._deadline_ns: int | None = None
         self._set_ns = 0
-        self._fd = _create()
+        self._fd = create()
         self._loop.add_reader(self._fd, self._woke)
 
     @property
@@ -91,7 +49,7 @@ class Timer:
     def _program(self, deadline_ns: int) -> None:
         if self._fd >= 0:
             self._set_ns = max(1, deadline_ns)  # 0 would disarm it
-            _set(self._fd, self._set_ns)
+            set_at(self._fd, self._set_ns)
 
     def _woke(self) -> None:
         try:

@@ -1,4 +1,4 @@
-"""The sources can be compiled, and an installation says whether they were (docs/decisions/0014)."""
+"""The sources can be compiled, and an installation says whether they were (docs/decisions/0028)."""
 
 import os
 import re

@@ -1,7 +1,7 @@
 """A line on the bench: a controller's port, a link that records, and a drive that is plain memory."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 from gateway.compensation.settings import AxisSettings, Setpoints
@@ -10,7 +10,7 @@ from gateway.compensation.units import Units
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
-from gateway.exchange.ports import Unmeasured
+from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 
 MS = 1_000_000
@@ -45,12 +45,12 @@ def stream_plan(**changes: Any) -> AxisPlan:
     return axis_plan(setpoints=Setpoints.STREAM, **changes)
 
 
-@dataclass
-class Port(Unmeasured):
+class Port(ControllerPort):
     """A controller that records what it is answered."""
 
-    plan: ControllerPlan = CNC
-    replies: list[tuple[int, int, bytes]] = field(default_factory=list)
+    def __init__(self, plan: ControllerPlan = CNC) -> None:
+        super().__init__(plan)
+        self.replies: list[tuple[int, int, bytes]] = []
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         self.replies.append((transaction_id, unit_id, pdu))
@@ -61,13 +61,13 @@ class Port(Unmeasured):
         return self.replies.pop()[2]
 
 
-@dataclass
-class Link(Unmeasured):
+class Link(DriveLink):
     """The way to the drives: records what is sent."""
 
-    is_serial: bool = True
-    sent: list[tuple[int, bytes]] = field(default_factory=list)
-    abandoned: int = 0
+    def __init__(self, *, is_serial: bool = True) -> None:
+        super().__init__(is_serial=is_serial)
+        self.sent: list[tuple[int, bytes]] = []
+        self.abandoned = 0
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         self.sent.append((unit_id, pdu))

@@ -145,7 +145,7 @@ def test_one_that_does_not_fit_waits_for_its_patience_and_then_goes_at_the_next_
 
 def test_half_of_its_controllers_patience_is_the_most_that_a_monitor_waits() -> None:
     plant = busy_with_a_long_one()
-    plant.hmi.plan = replace(plant.hmi.plan, timeout_ms=100.0)
+    plant.hmi.patience_ns = 100 * MS
     assert when_sent(plant) == 458  # 405 + 50 = 455; motion ends at 458
 
 
@@ -186,7 +186,7 @@ def test_what_is_too_long_for_the_rest_of_a_pause_waits() -> None:
 
 def test_a_second_without_motion_ends_every_wait() -> None:
     plant = watching(4.0, 400.0, replace(TIMING, monitor_max_wait_ms=5000.0))
-    plant.hmi.plan = replace(plant.hmi.plan, timeout_ms=20_000.0)
+    plant.hmi.patience_ns = 20_000 * MS
     plant.at(398)  # a pause begins
     plant.send(WATCH_MORE, plant.hmi)
     plant.at(403)

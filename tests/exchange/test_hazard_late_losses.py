@@ -72,7 +72,7 @@ def test_m1_a_half_that_was_lost_and_given_again_may_wait_for_the_other() -> Non
 
 def test_m3_halves_that_came_at_one_instant_are_lost_in_their_order() -> None:
     bench = StagedBench(tcp_drive=True, timing=LineTiming(response_timeout_ms=100))
-    port = Port(ControllerPlan("plc", timeout_ms=100))
+    port = Port(ControllerPlan("cnc", timeout_ms=100))
     bench.go_to(50_000)
     bench.send(bytes.fromhex("06 0606 1111"), port, transaction_id=1)  # on the wire: 0x0000_1111
     bench.send(bytes.fromhex("10 0605 0002 04 0000 2222"), port, transaction_id=2)

@@ -335,7 +335,6 @@ def test_coils_a_stop_coil_passes_when_the_axis_is_blocked_and_a_trigger_does_no
 def test_coils_a_trigger_that_is_longer_than_it_should_be_is_one(pdu: str) -> None:
     bench = Bench(axis_plan(**COILS), memory=CoilDrive())
     cnc, panel = Port(ControllerPlan("cnc")), Port(ControllerPlan("panel"))
-    cnc.writer, panel.writer = "cnc", "panel"
     bench.send(write(COMMAND, 5_000), cnc)
     bench.serve()
     bench.send(bytes.fromhex(pdu), panel)

@@ -1,12 +1,9 @@
 """What an exchange costs: legs, waiting, the drive; and the budget of its axes (DESIGN 8)."""
 
-from dataclasses import dataclass, field
-
 from gateway.exchange.latency import middle_ns
 from gateway.exchange.latency_status import AT_FIRST, PARTS, LatencyStatus
 from gateway.exchange.meter import Measured
 from gateway.exchange.plan import ControllerPlan, Role
-from gateway.exchange.ports import Stamps
 from tests.exchange.line_bench import MS, Bench, Link, Port, axis_plan, stream_plan
 
 US = 1000
@@ -14,15 +11,12 @@ OTHER = bytes.fromhex("03 1000 0001")
 ANSWER = bytes.fromhex("03 02 0000")
 
 
-@dataclass
 class TimedPort(Port):
     """A port that takes its time: ``turn_ns`` until a reply is ready, ``write_ns`` to write it."""
 
-    turn_ns: int = 0
-    write_ns: int = 0
-    clock_ns: int = 0
-
-    stamps: Stamps = field(default_factory=Stamps)
+    def __init__(self, plan: ControllerPlan) -> None:
+        super().__init__(plan)
+        self.turn_ns = self.write_ns = self.clock_ns = 0
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         super().send_reply(transaction_id, unit_id, pdu)
@@ -30,16 +24,12 @@ class TimedPort(Port):
         self.stamps.sent_ns = self.stamps.ready_ns + self.write_ns
 
 
-@dataclass
 class TimedLink(Link):
     """A link that takes its time, and holds frames back for ``held_ns``."""
 
-    work_ns: int = 0
-    write_ns: int = 0
-    clock_ns: int = 0
-
-    held_ns: int = 0
-    stamps: Stamps = field(default_factory=Stamps)
+    def __init__(self) -> None:
+        super().__init__()
+        self.work_ns = self.write_ns = self.clock_ns = self.held_ns = 0
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         super().send_request(unit_id, pdu)
@@ -53,7 +43,7 @@ class MeterBench(Bench):
 
     def __init__(self, *, budget_us: float = 1000.0, wire_ns_per_byte: int = 0) -> None:
         self.timed_link = TimedLink()
-        self.timed_link.wire_ns_per_byte = wire_ns_per_byte
+        self.timed_link.stamps.wire_ns_per_byte = wire_ns_per_byte
         self.ran: list[tuple[int, int]] = []
         super().__init__(
             stream_plan(budget_us=budget_us),

@@ -206,7 +206,7 @@ def test_w9_a_monitor_that_writes_is_told_of_once_a_minute() -> None:
         assert asked(bench, port, WRITE_POSITION) == "9001"
         bench.now_ns += 200 * MS
     details = [event.detail for event in bench.events if event.kind.value == "request-refused"]
-    sentence = " may not do this: a request that may write, from a monitor (role)"
+    sentence = "hmi may not do this: a request that may write, from a monitor (role)"
     assert details == [sentence, f"{sentence}, 300 times since the last note"]
     assert bench.seen == []
 

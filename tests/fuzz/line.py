@@ -13,7 +13,7 @@ from gateway.exchange.control import ClearTable, ControlError, Declare, SetGain,
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Reference, Role
-from gateway.exchange.ports import Unmeasured
+from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import Transaction
 from gateway.modbus.crc import crc16
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
@@ -73,13 +73,11 @@ def machines() -> tuple[tuple[AxisPlan, ...], ...]:
     )
 
 
-class Controller(Unmeasured):
+class Controller(ControllerPort):
     """A controller at its port: what it sent, and what it still waits for."""
 
     def __init__(self, line: LineExchange, plan: ControllerPlan) -> None:
-        self.plan = plan
-        self.writer = plan.name
-        self.gate = Unmeasured.gate
+        super().__init__(plan)
         self._line = line
         self._rtu = RtuRequestDecoder()
         self._mbap = MbapDecoder()
@@ -133,11 +131,11 @@ class Controller(Unmeasured):
         self._mbap = MbapDecoder()
 
 
-class Drives(Unmeasured):
+class Drives(DriveLink):
     """The drives and the way to them: sees that each frame leaves whole, alone, and once."""
 
     def __init__(self, *, is_serial: bool, mapped: frozenset[int]) -> None:
-        self.is_serial = is_serial
+        super().__init__(is_serial=is_serial)
         self.line: LineExchange | None = None
         self.asked: tuple[int, int, bytes] | None = None
         """Transaction id, unit id and PDU of the frame that waits for its reply."""

@@ -7,8 +7,7 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import MbapCounters, encode_mbap
-from gateway.relay.controller_port import MbapControllerPort
-from gateway.relay.pulse import Beats
+from gateway.relay.controller_port import MbapControllerPort, Requests
 from tests.ledger.controllers import Master
 from tests.ledger.exchanges import Controller
 from tests.ledger.frames import mbap, open_mbap
@@ -19,18 +18,14 @@ NOTICED_MS: Final = 5.0
 """After so long a controller has seen that its connection is closed, and connects again."""
 
 
-class Doorway:
+class Doorway(Requests):
     """The way from one connection's port to the exchange, past the ledger."""
 
     def __init__(self, line: LineExchange, ledger: Ledger, book: Controller, stillness: Stillness) -> None:
+        super().__init__(stillness.beats)
         self._line, self._ledger, self._book, self._stillness = line, ledger, book, stillness
         self.written_ns: deque[int] = deque()
         """When each request's first byte was sent."""
-
-    @property
-    def pulse(self) -> Beats:
-        """See ``Requests``."""
-        return self._stillness.beats
 
     def request(
         self,

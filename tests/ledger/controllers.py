@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import Unmeasured
+from gateway.exchange.ports import ControllerPort
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from tests.ledger.clock import MS, Clock
 from tests.ledger.exchanges import Controller
@@ -17,14 +17,14 @@ from tests.ledger.ledger import Ledger
 Script = Callable[[], list[Step]]
 
 
-class Master(Unmeasured):
+class Master(ControllerPort):
     """A controller's port at the gateway, and the program behind it."""
 
     def __init__(
         self, clock: Clock, line: LineExchange, ledger: Ledger, plan: ControllerPlan, script: Script,
         *, rng: random.Random, is_rest: bool = False,
     ) -> None:  # fmt: skip
-        self.plan = plan
+        super().__init__(plan)
         self._clock, self._line, self._ledger, self._script, self._rng = clock, line, ledger, script, rng
         self._steps: deque[Step] = deque()
         self._is_rest = is_rest

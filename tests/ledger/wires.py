@@ -3,7 +3,7 @@
 import random
 
 from gateway.exchange.line import LineExchange
-from gateway.exchange.ports import Unmeasured
+from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from tests.ledger.clock import MS, Clock
@@ -20,10 +20,10 @@ ON_TCP = {Fault.REQUEST_GARBLED: Fault.REQUEST_LOST, Fault.REPLY_GARBLED: Fault.
 """TCP garbles nothing."""
 
 
-class Wire(Unmeasured):
+class Wire(DriveLink):
     """A drive link for the gateway, with the drives behind it."""
 
-    is_serial = True
+    speaks_rtu = True
 
     def __init__(
         self,
@@ -35,6 +35,7 @@ class Wire(Unmeasured):
         *,
         stillness: Stillness,
     ) -> None:
+        super().__init__(is_serial=self.speaks_rtu)
         self._clock, self._ledger, self._drives, self._rng = clock, ledger, drives, rng
         self._alone = next(iter(drives.values())) if len(drives) == 1 else None
         """Does not look at unit ids."""
@@ -181,7 +182,7 @@ class Wire(Unmeasured):
 class RtuWire(Wire):
     """RTU on a serial bus."""
 
-    is_serial = True
+    speaks_rtu = True
 
     def _begin(self) -> None:
         self._decoder = RtuReplyDecoder()
@@ -229,7 +230,7 @@ class RtuWire(Wire):
 class TcpWire(Wire):
     """Modbus/TCP: transaction ids of the gateway's own; late replies carry an old one."""
 
-    is_serial = False
+    speaks_rtu = False
 
     def _begin(self) -> None:
         self._decoder = MbapDecoder()

@@ -7,7 +7,7 @@ import pytest
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
-from gateway.exchange.ports import Unmeasured
+from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import MbapCounters, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
@@ -28,12 +28,13 @@ CUT = len(WHOLE) - 20
 READ = encode_mbap(6, 1, bytes.fromhex("03 2000 0001"))
 
 
-class Wires(Unmeasured):
+class Wires(DriveLink):
     """The way to the drives and the connection of the controller; both keep what is written."""
 
-    is_serial = False
+    wire_ns_per_byte = 0
 
     def __init__(self) -> None:
+        super().__init__(is_serial=False)
         self.sent: list[bytes] = []
         self.replies = b""
         self.is_closed = False

@@ -6,7 +6,7 @@ import pytest
 
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, OtherUnits
-from gateway.exchange.ports import Unmeasured
+from gateway.exchange.ports import ControllerPort
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.drive_link import MbapDriveLink, UnitIds
@@ -22,11 +22,11 @@ REPLY = bytes.fromhex("03 02 2222")
 MS = 1_000_000
 
 
-class Controller(Unmeasured):
+class Controller(ControllerPort):
     """Keeps what it is answered."""
 
     def __init__(self) -> None:
-        self.plan = ControllerPlan("cnc")
+        super().__init__(ControllerPlan("cnc"))
         self.replies: list[bytes] = []
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:

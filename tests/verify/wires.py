@@ -16,8 +16,9 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort as AnyPort
 from gateway.exchange.ports import Stamps
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
-from gateway.relay.controller_port import MbapControllerPort
+from gateway.relay.controller_port import MbapControllerPort, Requests
 from gateway.relay.drive_link import MbapDriveLink
+from gateway.relay.pulse import Beats
 from tests.verify import rules
 from tests.verify.snapshot import Lens
 from tests.verify.world import TICK_NS, TIMING, Asked, Design, Happening, Side, Wire, World
@@ -109,20 +110,19 @@ class BytesLink(MbapDriveLink):
         return next(reversed(self._unanswered), NOBODY)
 
 
-class NeverStoodStill:
+class NeverStoodStill(Beats):
     """The process runs without a pause."""
 
-    def stood_still(self, _now_ns: int, _patience_ns: int) -> bool:
+    def stood_still(self, now_ns: int, longer_than_ns: int) -> bool:
         """See ``Beats``."""
         return False
 
 
-class Door:
+class Door(Requests):
     """Where the ports bring whole requests."""
 
-    pulse = NeverStoodStill()
-
     def __init__(self, line: LineExchange) -> None:
+        super().__init__(NeverStoodStill())
         self._line = line
 
     def request(
@@ -150,7 +150,7 @@ class BytesSide(Side):
         self.ports: list[Any] = []
         self.pipes: list[Pipe] = []
         for plan in design.controllers:
-            port: Any = MbapControllerPort(plan, door, MbapCounters(), lambda _peer: None)  # type: ignore[arg-type]
+            port: Any = MbapControllerPort(plan, door, MbapCounters(), lambda _peer: None)
             port.replies = []
             self.ports.append(port)
             self.pipes.append(Pipe(partial(_keep, port)))

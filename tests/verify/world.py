@@ -13,9 +13,10 @@ from gateway.compensation.settings import Gain
 from gateway.exchange.axis.record_layout import BOOT, HEADER, SLOT_SIZE, SLOTS_AT
 from gateway.exchange.control import Declare, SetGain, SetTables, Switch, TableChange
 from gateway.exchange.events import Event
+from gateway.exchange.gate import UNSEEN
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
-from gateway.exchange.ports import Unmeasured
+from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
 from tests.exchange.record_bench import Records
@@ -77,13 +78,11 @@ Bytes = Callable[[bytes], None]
 Happening = tuple[Any, ...]
 
 
-class Port(Unmeasured):
+class Port(ControllerPort):
     """A controller that keeps what it is answered."""
 
     def __init__(self, plan: ControllerPlan) -> None:
-        self.plan = plan
-        self.writer = plan.name
-        self.gate = Unmeasured.gate
+        super().__init__(plan)
         self.replies: list[tuple[int, bytes]] = []
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
@@ -91,11 +90,11 @@ class Port(Unmeasured):
         self.replies.append((transaction_id, pdu))
 
 
-class Link(Unmeasured):
+class Link(DriveLink):
     """The way to the drive."""
 
     def __init__(self, *, is_serial: bool) -> None:
-        self.is_serial = is_serial
+        super().__init__(is_serial=is_serial)
         self.sent: list[tuple[int, bytes]] = []
         self.is_abandoned = False
 
@@ -135,7 +134,7 @@ class Side:
     def gone(self, port: int, now_ns: int) -> None:
         """A controller closes its connection, and opens another one."""
         self.line.controller_gone(self.ports[port], now_ns)
-        self.ports[port].gate = Unmeasured.gate
+        self.ports[port].gate = UNSEEN
 
     def forget(self) -> None:
         """Nothing has left and nothing was answered."""

@@ -11,13 +11,12 @@ counts is :class:`Fate`; the axis is taken up from it in ``transitions``, in one
 
 from collections.abc import Callable
 from enum import Enum
-from operator import is_
 from typing import Final
 
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table, with_line
 from gateway.compensation.direction import Direction, Travel
 from gateway.compensation.fingerprint import scale_digest
-from gateway.compensation.moves import State
+from gateway.compensation.moves import State, SteadyMove
 from gateway.compensation.settings import Gain
 from gateway.compensation.table import CorrectionTable
 from gateway.counts import Counts
@@ -50,6 +49,8 @@ LONGEST_LOOK_NS: Final = 100 * NS_PER_MS
 """So long it is watched whether the drive comes nearer."""
 _NO_TARGET: Final[tuple[float, ...]] = (0.0, 0.0)
 _NO_FADE: Final = (False, 0.0, 0.0, 0.0, 0.0)
+_Base = tuple[State, CorrectionSpec, Whereabouts, int | None, bool]
+"""State before a run and what is asked for, the same objects; place, field, whether its words are known."""
 FindTable = Callable[[bytes], CorrectionTable | None]
 """The table with a digest (``compensation.fingerprint.table_digest``); None where it is not to be had."""
 
@@ -122,8 +123,8 @@ class Record:
         self._is_paused = False
         self._written: tuple[object, ...] = ()
         """What the newest record says of the axis."""
-        self._base: tuple[object, ...] = ()
-        """What of it does not change while setpoints go on in their direction; empty: no step may follow."""
+        self._base: _Base | None = None
+        """What of it does not change while setpoints go on in their direction; None: no step may follow."""
         self._step = (0, False)
         """The last step after it: how many targets of the run were accepted, whether one was on its way."""
         self.fate = Fate.NONE if recalled is None else Fate.OPEN
@@ -186,31 +187,43 @@ class Record:
             self._write(axis)
             self._written = now
             if compensation.is_stream and compensation.accepted is not None and not self._is_empty:
-                self._base, self._step = _base_of(axis), (0, False)
+                number, knows_words = axis.last_number, _knows_words(axis)
+                self._base = (compensation.base, axis.wanted, axis.whereabouts, number, knows_words)
+                self._step = (0, False)
 
     def keep(self, axis: AxisState) -> None:
         """Write down what holds before a frame leaves, and the frame."""
-        pending, compensation = axis.pending, axis.compensation
-        if pending is not None and axis.on_wire is OnWire.TARGET and self._goes_on(axis):
-            move = pending.move
-            if move is not None and compensation.is_step(move) and _is_kept(pending.corrected_counts):
-                state = move.state
-                ends = (move.nominal_counts, pending.corrected_counts)
-                going = (*ends, state.position, state.travel.extreme, state.at_ns)
-                self._slots.write_step(compensation.step, going)
-                self._step = (compensation.steps, True)
-                return
         self._write(axis)
-        self._written = self._base = ()
+        self._written, self._base = (), None
+
+    def keep_step(self, axis: AxisState, steady: SteadyMove, corrected_counts: Counts) -> bool:
+        """The same of a target that goes on in its direction; whether that could be written as a step."""
+        if not (self._goes_on(axis) and -LARGEST_COUNTS <= corrected_counts <= LARGEST_COUNTS):
+            return False
+        compensation = axis.compensation
+        nominal_counts, _, position, extreme, at_ns, _, _ = steady
+        going = (nominal_counts, corrected_counts, position, extreme, at_ns)
+        self._slots.write_step(compensation.step, going)
+        self._step = (compensation.steps, True)
+        return True
 
     def _goes_on(self, axis: AxisState) -> bool:
         """Whether nothing has changed since the newest record but a run of targets."""
         base = self._base
-        return bool(base) and all(map(is_, _base_of(axis), base))
+        if base is None:
+            return False
+        state, wanted, whereabouts, number, knows_words = base
+        return (
+            axis.compensation.base is state
+            and axis.wanted is wanted
+            and axis.whereabouts is whereabouts
+            and axis.last_number == number
+            and _knows_words(axis) is knows_words
+        )
 
     def clear(self) -> None:
         """Let the record say nothing."""
-        self._written = self._base = ()
+        self._written, self._base = (), None
         if not self._is_empty:
             self._slots.clear()
             self._is_empty = True
@@ -260,25 +273,10 @@ class Record:
         self._slots.write(numbers, move, specs)
 
 
-def _base_of(axis: AxisState) -> tuple[object, ...]:
-    """Return what stays the same objects while setpoints go on in their direction."""
-    return (
-        axis.compensation.base,
-        axis.wanted,
-        axis.whereabouts,
-        axis.last_number,
-        _knows_words(axis),
-    )
-
-
-def _is_kept(counts: Counts) -> bool:
-    return -LARGEST_COUNTS <= counts <= LARGEST_COUNTS
-
-
 def _knows_words(axis: AxisState) -> bool:
     """Whether the drive holds the words of the last target, and a restart may tell a repeat by them."""
     number = axis.last_number
-    return number is not None and not axis.plan.has_rules and _holds_its_words(axis.fields[number])
+    return number is not None and not axis.has_rules and _holds_its_words(axis.fields[number])
 
 
 def _was_there(axis: AxisState) -> bool:
@@ -447,4 +445,4 @@ def may_have_stopped(axis: AxisState) -> bool:
     A drive that is only told positions gets its target once more, or another one; one that takes stops and
     distances may have stopped for want of a master, and its target must be no base of a distance (M5).
     """
-    return axis.plan.has_rules
+    return axis.has_rules

@@ -60,6 +60,9 @@ _STEP: Final = struct.Struct("<QQ??6dq4dq")
 """Generation, number of the step; has made one, has a target on its way; nominal and corrected counts of the
 target before and of the last one, position of that, extreme of its travel, time; of the target on its way:
 nominal and corrected counts, position, extreme, time."""
+_STEP_SIZE: Final[int] = _STEP.size
+_pack_step: Final = _STEP.pack_into
+_pack_crc: Final = _CRC.pack_into
 _STEP_IN_PAGE: Final = 640
 STEPS_AT: Final = tuple(at + _STEP_IN_PAGE for at in SLOTS_AT)
 assert SLOT_SIZE + _TAIL_SIZE <= _STEP_IN_PAGE <= PAGE - _STEP.size - _CRC.size
@@ -69,8 +72,8 @@ _EMPTY: Final = (
     *(0, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
     *(0.0, False, 0.0, 0.0, 0.0, 0.0),
 )
-_NO_STEP: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
-_NO_MOVE: Final = (0.0, 0.0, 0.0, 0.0, 0)
+_NO_STEP: Final[tuple[object, ...]] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+_NO_MOVE: Final[tuple[object, ...]] = (0.0, 0.0, 0.0, 0.0, 0)
 _IS_THERE: Final = 1
 _IS_WANTED: Final = 2
 _NO_SPEC: Final = _SPEC.pack(0, b"", 0.0, 0.0, 0.0)
@@ -232,10 +235,15 @@ class RecordSlots:
             return
         number = self._step = self._step + 1
         at, buffer = STEPS_AT[number & 1], self._buffer
-        made = step or _NO_STEP
-        going = _NO_MOVE if move is None else move
-        _STEP.pack_into(buffer, at, self._generation, number, bool(step), move is not None, *made, *going)
-        _CRC.pack_into(buffer, at + _STEP.size, crc32(self._step_views[number & 1]))
+        # One by one and not by asterisks, which would make a list and a tuple of them each time.
+        from_nominal, from_corrected, to_nominal, to_corrected, position, extreme, at_ns = step or _NO_STEP
+        nominal, corrected, going_position, going_extreme, going_at_ns = move or _NO_MOVE
+        _pack_step(
+            buffer, at, self._generation, number, bool(step), move is not None,
+            from_nominal, from_corrected, to_nominal, to_corrected, position, extreme, at_ns,
+            nominal, corrected, going_position, going_extreme, going_at_ns,
+        )  # fmt: skip
+        _pack_crc(buffer, at + _STEP_SIZE, crc32(self._step_views[number & 1]))
 
     def clear(self) -> None:
         """Write a record that says nothing."""

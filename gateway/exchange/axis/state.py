@@ -255,6 +255,7 @@ class AxisState:
         "events",
         "fields",
         "has_branches",
+        "has_rules",
         "heard_ns",
         "hold",
         "homing_since_ns",
@@ -293,6 +294,8 @@ class AxisState:
         # --- what of the plan never changes, and is asked for with each request
         self.is_dry_run = plan.compensation is CompensationMode.SHADOW
         """Whether it is a dry run: computed and shown, written and read 1:1 (``compensation = "shadow"``)."""
+        self.has_rules = plan.has_rules
+        """Whether a frame to it may mean something else than positions to be gone to at once."""
         self.may_read = plan.safe_read and plan.added_frames
         """Whether the gateway may add reads of this axis's registers (W8)."""
         self.asked_actual = self._asked(plan.actual)

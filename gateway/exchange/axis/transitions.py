@@ -588,6 +588,25 @@ class Axis(AxisState):
         self.pending = rendering
         record.keep(self)
 
+    def send_steady(self, target: SteadyTarget) -> bool:
+        """The same of a target on the fast path; whether it was kept without being rendered.
+
+        It is rendered when it ends in another way than it usually does (:meth:`name_pending`).
+        """
+        _, _, corrected_counts, _, steady = target
+        record = self.record
+        if record is None or steady is None:
+            return True  # a repeat changes nothing
+        if self.pending is not None or not record.keep_step(self, steady, corrected_counts):
+            return False
+        self.on_wire = OnWire.TARGET
+        return True
+
+    def name_pending(self, rendering: Rendering) -> None:
+        """Name the target that is on the wire, where it was not rendered before."""
+        if self.on_wire is OnWire.TARGET and self.pending is None:
+            self.pending = rendering
+
     def send_stop(self) -> None:
         """A stop goes out next: where the axis goes is not known from now on, only the way that it is on."""
         record = self.record
