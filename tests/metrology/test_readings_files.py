@@ -267,6 +267,24 @@ def test_an_rtl_of_angles_is_not_read_as_lengths(kind: str) -> None:
         assert deviations_um(read(RTL.replace("LINEAR", sound))) == deviations_um(read(RTL))
 
 
+def test_variants_of_other_programs_read_as_the_same_readings() -> None:
+    # Titles in small letters, other names of the kind, blanks before the colons, all targets on one line.
+    variant = (
+        RTL.replace("HEADER::", "Header::")
+        .replace("DEVIATIONS::", "Deviations::")
+        .replace("File type: LINEAR", "File type  : rtl\r\nOwner      : Linear\r\nVersion no : 1")
+        .replace("Filetype: LINEAR", "Filetype  : ISO")
+        .replace("80.0000\r\n  100.0000", "80.0000 100.0000 ")
+        .replace("Run-count: 2", "Run-count:2")
+        .replace("Run Target Data:", "Run Target Data: ")
+        .replace("  1   4   2.0", "1\t4\t2.0")
+    )
+    assert "Owner" in variant
+    assert "80.0000 100.0000 " in variant
+    assert "1\t4\t2.0" in variant
+    assert read(variant).readings == read(RTL).readings
+
+
 def test_a_run_that_was_filled_in_with_zeros_is_no_way_back() -> None:
     head, _, rest = RTL.partition("  2   6   -2.5")
     filled = (
