@@ -34,7 +34,7 @@ ReadingsRuns = Annotated[
     typer.Option(
         "--runs",
         metavar="alternate|forward|backward",
-        help="Directions of the runs of an .rtl file that does not prove them.",
+        help="Directions of the runs of a file that does not prove them.",
     ),
 ]
 

@@ -42,7 +42,7 @@ ReadingFiles = Annotated[
     list[Path],
     typer.Argument(
         metavar="READINGS...",
-        help="Files of readings: CSV, a manual table or Renishaw .rtl.",
+        help="Files of readings: CSV, a manual table, Renishaw .rtl, API .pos, or a spreadsheet (.xlsx).",
         show_default=False,
         readable=False,
     ),
@@ -73,7 +73,7 @@ ReadingsFormat = Annotated[
 ]
 RunsTold = Annotated[
     Runs | None,
-    typer.Option("--runs", help="Directions of the runs of an .rtl file that does not prove them."),
+    typer.Option("--runs", help="Directions of the runs of a file that does not prove them."),
 ]
 Home = Annotated[
     HomeCase | None,

@@ -10,7 +10,7 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lookup import correction_at
-from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
+from gateway.metrology.readings import APPROACHES, NEAR, MeanCorrections, Reading, mean_corrections
 
 _MIN_TARGETS = 2
 _LISTED = 8
@@ -38,19 +38,24 @@ class HomeCase(Enum):
     def reference(self, table: CorrectionTable) -> HomeReference:
         """Return the point of a table that belongs to home.
 
+        An end that is 0 but for a hundredth of the way to the next target is home: a first block lies where
+        the dial stood at 0, not where the DRO did.
+
         Raises:
             ReadingsError: the table lies on the other side of home, or does not reach 0.
         """
         low, high = table.first, table.last
+        near_low = NEAR * (table.positions[1] - low)
+        near_high = NEAR * (high - table.positions[-2])
         if self is HomeCase.MARK:
-            if not low <= 0.0 <= high:
+            if not low - near_low <= 0.0 <= high + near_high:
                 raise ReadingsError(
                     f"the reference mark is at 0, outside the targets {low:.9g} to {high:.9g}: measure at 0 "
                     "too, or choose switch-positive or switch-negative"
                 )
-            return HomeReference(0.0, Direction.FORWARD)
+            return HomeReference(min(max(0.0, low), high), Direction.FORWARD)
         is_positive = self is HomeCase.SWITCH_POSITIVE
-        if (is_positive and low < 0.0) or (not is_positive and high > 0.0):
+        if (is_positive and low < -near_low) or (not is_positive and high > near_high):
             raise ReadingsError(
                 f"home {self.value}: the targets {low:.9g} to {high:.9g} do not lie on that side of 0; "
                 "choose mark, or the other switch"

@@ -9,10 +9,16 @@ no gauge, or one that is switched off.
 is an error. In tolerance mode ``<``, ``=`` or ``>`` follows the number (user manuals of the Power and UniCal
 families: data format, remote commands).
 
+``millimar``: the first feature of a Mahr Millimar C 1202 with its Duplex interface. Its number, a sign,
+digits with a point, the unit and, where tolerances are on, ``<``, ``=`` or ``>`` after it, with blanks
+between, CR: ``1 +012.345 um =\r``. ``M1?\r`` asks for it; ``ERR6`` stands for a feature that is off
+(operating instructions, data transmission parameters).
+
 ``pattern``: any other instrument that writes a line of ASCII for each reading, a DRO or the counter of a
 glass scale: a regular expression of one's own whose group ``value`` is the number. The whole line must match.
+Where there is a group ``unit``, what it finds has to be the unit in which readings are taken.
 
-The sign is never left out by the two others: without it, a line that lost its first byte would be a reading
+The sign is never left out by the three others: without it, a line that lost its first byte would be a reading
 of the other sign. Nothing is guessed: a line that is not exactly one of these is refused, and shown.
 """
 
@@ -28,6 +34,8 @@ from gateway.tabfile.fields import to_decimal
 LONGEST_LINE: Final = 64
 SHOWN: Final = 40
 VALUE: Final = "value"
+UNIT: Final = "unit"
+_UNIT_NAMES: Final = {"in": "inch", '"': "inch", "µm": "um"}
 _ENDS: Final = re.compile(rb"\r\n|\r|\n")
 
 
@@ -40,6 +48,7 @@ class GaugeKind(Enum):
 
     MITUTOYO = "mitutoyo"
     SYLVAC = "sylvac"
+    MILLIMAR = "millimar"
     PATTERN = "pattern"
     """A pattern of one's own."""
 
@@ -58,11 +67,16 @@ class GaugeDefaults:
 DEFAULTS: Final[Mapping[GaugeKind, GaugeDefaults]] = {
     GaugeKind.MITUTOYO: GaugeDefaults(9600, 8, "N", 1, ""),
     GaugeKind.SYLVAC: GaugeDefaults(4800, 7, "E", 2, "?\r"),
+    GaugeKind.MILLIMAR: GaugeDefaults(9600, 7, "E", 2, "M1?\r"),
     GaugeKind.PATTERN: GaugeDefaults(9600, 8, "N", 1, ""),
 }
 
 _MITUTOYO: Final = re.compile(r"(\d\d)A([+-])(\d{1,8}\.\d{0,6})")
 _MITUTOYO_ERROR: Final = re.compile(r"9\d\d?")
+_MILLIMAR: Final = re.compile(
+    r"1 (?P<value>[+-]\d{1,6}\.\d{1,6}) (?P<unit>mm|um|inch)(?: [<=>]){0,2} ?", re.ASCII
+)
+_MILLIMAR_ERROR: Final = re.compile(r"1 ERR\d+.*")
 _SYLVAC: Final = re.compile(r"([+ -])(\d{1,8}\.\d{1,6})([<=>]?)")
 _REMEDY: Final = (
     "the sign in front, a decimal point, no unit; set its output so, choose the other --gauge-kind, or type "
@@ -92,13 +106,16 @@ def pattern_of(text: str) -> re.Pattern[str]:
     return pattern
 
 
-def reading_of(kind: GaugeKind, line: bytes, pattern: re.Pattern[str] | None = None) -> float:
+def reading_of(
+    kind: GaugeKind, line: bytes, pattern: re.Pattern[str] | None = None, unit: str = "mm"
+) -> float:
     r"""Return the number in a line without its end, in the units that the gauge shows.
 
-    ``pattern`` is that of the kind ``pattern``.
+    ``pattern`` is that of the kind ``pattern``; ``unit`` is the one that the number will be taken as, against
+    which the unit in the line is held where there is one.
 
     Raises:
-        GaugeError: the line is an error of the gauge, or no reading at all.
+        GaugeError: the line is an error of the gauge, of another unit, or no reading at all.
 
     >>> reading_of(GaugeKind.MITUTOYO, b"01A+0012.345")
     12.345
@@ -113,7 +130,9 @@ def reading_of(kind: GaugeKind, line: bytes, pattern: re.Pattern[str] | None = N
         return _mitutoyo(text)
     if kind is GaugeKind.PATTERN:
         assert pattern is not None, "the kind has one"
-        return _matching(text, pattern)
+        return _matching(text, pattern, unit)
+    if kind is GaugeKind.MILLIMAR:
+        return _millimar(text, unit)
     return _sylvac(text)
 
 
@@ -135,7 +154,15 @@ def _sylvac(text: str) -> float:
     raise _unreadable(GaugeKind.SYLVAC, text.encode(), f"it must be as in +12.345, {_REMEDY}")
 
 
-def _matching(text: str, pattern: re.Pattern[str]) -> float:
+def _millimar(text: str, unit: str) -> float:
+    if _MILLIMAR.fullmatch(text):
+        return _matching(text, _MILLIMAR, unit)
+    if _MILLIMAR_ERROR.fullmatch(text):
+        raise GaugeError(f"the instrument says {text[:SHOWN]!r}: is feature 1 on?")
+    raise _unreadable(GaugeKind.MILLIMAR, text.encode(), f"it must be as in 1 +012.345 um, {_REMEDY}")
+
+
+def _matching(text: str, pattern: re.Pattern[str], unit: str) -> float:
     found = pattern.fullmatch(text)
     if found is None:
         raise GaugeError(f"the line {text[:SHOWN]!r} is not what --gauge-pattern {pattern.pattern!r} says")
@@ -143,6 +170,12 @@ def _matching(text: str, pattern: re.Pattern[str]) -> float:
     if number is None:
         raise GaugeError(
             f"the line {text[:SHOWN]!r}: the value {found[VALUE]!r} of --gauge-pattern is no number"
+        )
+    shown = found[UNIT] if UNIT in pattern.groupindex else None
+    if shown is not None and _UNIT_NAMES.get(shown, shown) != unit:
+        raise GaugeError(
+            f"the line {text[:SHOWN]!r} is in {shown}, and readings are taken in {unit}: --reading-units "
+            f"{_UNIT_NAMES.get(shown, shown)}, or set the instrument to {unit}"
         )
     return number
 

@@ -11,8 +11,8 @@ Each contribution is an expanded uncertainty with k = 2. Of what is only known t
     repeatability   2 s / sqrt(n): of the mean at the target with the largest s
 
 They are added as squares. A limit is kept where A + U lies within it, not kept where A - U exceeds it (the
-rule of ISO 14253-1), and undecided between. Source: the formulas as literature gives them; the standards
-themselves were not at hand.
+rule of ISO 14253-1), and undecided between. Source: each is derived as it stands here; that such a budget is
+what ISO 230-2 asks for is in its published scope. The standards themselves were not at hand.
 """
 
 from dataclasses import dataclass

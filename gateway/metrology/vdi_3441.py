@@ -7,8 +7,9 @@ At each position, with the means of both directions and their standard deviation
     Pa   = max x - min x, positional deviation
     P    = max (x + (U_j + Ps_j) / 2) - min (x - (U_j + Ps_j) / 2), positional uncertainty
 
-``U`` and ``Ps`` are said as the largest and as the mean over the positions. Source: the guideline's formulas
-as textbooks and makers of instruments give them; the guideline itself was not at hand.
+``U`` and ``Ps`` are said as the largest and as the mean over the positions. Source: the names of the results
+are those of a maker's laser program (the interface of Keysight's E1733A); the formulas are those that are
+taught. No public text with them was found, and the guideline itself was not at hand.
 """
 
 from dataclasses import dataclass

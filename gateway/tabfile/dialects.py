@@ -10,6 +10,7 @@ from typing import Final, Protocol
 from gateway.compensation.table import CorrectionTable
 from gateway.tabfile import (
     aerotech,
+    carvera,
     centroid_v1,
     centroid_v2,
     centroid_v3,
@@ -25,6 +26,7 @@ from gateway.tabfile import (
     renishaw_ren,
     siemens,
     siemens_cec,
+    weihong,
 )
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.curves import steepest
@@ -227,6 +229,17 @@ DIALECTS: Final = (
         units=UnitsOf.TOLD,
         suffix=siemens_cec.SUFFIX,
         writes=frozenset({"file_axis", "sense"}),
+    ),
+    _of(weihong)(
+        uses=frozenset({"file_start", "file_axis", "error_sense"}),
+        suffix=weihong.SUFFIX,
+        writes=frozenset({"file_axis", "sense"}),
+    ),
+    _of(carvera)(
+        uses=frozenset({"file_start", "file_axis"}),
+        suffix=carvera.SUFFIX,
+        directions=1,
+        is_writable=False,
     ),
 )
 

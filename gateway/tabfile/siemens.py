@@ -13,8 +13,6 @@ the measuring system, ``;`` begins a comment, blanks stand anywhere, words are i
     M17                                             or M02, M30; once, last. A file that is run as a program
                                                     has M0 or M30 before its M17
 
-Numbers may be hexadecimal, as the control saves them: 'H0', 'H1F'.
-
 MIN + k x STEP must be MAX. The control would fill a gap, and a parameter that is not in the file, with what
 it was loaded with before; here both are errors, and so is a file without its end.
 
@@ -27,63 +25,41 @@ another thing (:mod:`gateway.tabfile.siemens_cec`) and refused beside these.
 
 import re
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.compensation.units import Units
-from gateway.tabfile.context import MAX_POSITION, FileContext
+from gateway.tabfile import siemens_lines
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.ranges import context_in_file_units, told_units
-from gateway.tabfile.stated import check_stated, is_closed
-from gateway.tabfile.text import MAX_LINES, Line, SourceText, listed, shown
+from gateway.tabfile.siemens_lines import Number
+from gateway.tabfile.stated import check_stated
+from gateway.tabfile.text import Line, SourceText, listed, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
 
 NAME: Final = "siemens-eec"
 TITLE: Final = "Siemens SINUMERIK _EEC_INI: errors of the measuring system, one direction"
-SUFFIX: Final = ".ini"
-DECIMALS: Final = 8
-MAX_PROBLEMS: Final = 20
-GRID_TOLERANCE: Final = 1e-6
-"""MAX may miss MIN + k x STEP by this fraction of a step."""
-_SHOWN: Final = 10
-_PLAUSIBLE: Final = {Units.INCH: 0.1, Units.MM: 0.5, Units.DEGREE: 0.5}
+SUFFIX: Final = siemens_lines.SUFFIX
 _SIGN: Final = re.compile(r"(?i)_EEC_INI|\$AA_ENC_COMP")
 _CEC: Final = re.compile(r"(?i)\$AN_CEC|_CEC_INI")
 _HEADER: Final = re.compile(r"(?i)%_N_[A-Z0-9_]*EEC_INI")
-_DATA: Final = re.compile(r"(?i)CHANDATA\s*\(\s*[0-9]{1,2}\s*\)")
-_END: Final = re.compile(r"(?i)M(17|0?2|30)")
-_STOP: Final = re.compile(r"(?i)M(0|00|30)")
-"""What stands before M17 in a file that is run as a program: it stops there."""
-_HEX: Final = re.compile(r"(?i)'H([0-9A-F]{1,8})'")
 _ASSIGNMENT: Final = re.compile(
     r"(?i)\$AA_ENC_COMP(?P<key>_STEP|_MIN|_MAX|_IS_MODULO)?\s*\[\s*(?P<encoder>[0-9])\s*,"
     r"\s*(?:(?P<index>[0-9]{1,6})\s*,\s*)?(?P<axis>[A-Z][A-Z0-9_]*)\s*\]\s*=\s*(?P<value>\S+)"
 )
-_LETTER: Final = re.compile("[A-Z][0-9]{0,2}")
-"""Names of axes, such as X1, that tell the letter of the axis; AX1 does not."""
-_EXPONENT: Final = re.compile(r"(?i)(?<=[0-9.])EX(?=[+-]?[0-9])")
-_KEYS: Final = ("STEP", "MIN", "MAX", "IS_MODULO")
 _ALLOWED: Final = (
     "$AA_ENC_COMP[e,N,axis]=value, its _STEP, _MIN, _MAX, _IS_MODULO [e,axis]=value, or M17 at the end"
 )
 _RULE: Final = "value is the error of the measuring system: subtracted, in both directions"
 
 
-class _Number(NamedTuple):
-    value: float
-    line: int
-
-
 @dataclass(frozen=True, slots=True)
 class _Table:
     """One axis on one measuring system."""
 
-    values: dict[int, _Number] = field(default_factory=dict)
-    parameters: dict[str, _Number] = field(default_factory=dict)
+    values: dict[int, Number] = field(default_factory=dict)
+    numbers: dict[str, Number] = field(default_factory=dict)
 
 
 _Tables = dict[tuple[str, str], _Table]
@@ -115,8 +91,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     context = context_in_file_units(source, context, units)
     rows = _rows(source, table, name)
     check_stated(source, rows, units, context)
-    is_modulo = _is_modulo(source, table, rows)
-    turn = rows[-1].position - rows[0].position
+    turn = siemens_lines.turn_of(source, table.numbers, rows)
     return Decoded(
         rows,
         units,
@@ -124,68 +99,40 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         units.value,
         _RULE,
         _RULE,
-        axis=name[1][0] if _LETTER.fullmatch(name[1]) else None,
+        axis=siemens_lines.letter_of(name[1]),
         file_axis=",".join(name),
-        plausible=(0.0, _PLAUSIBLE[units]),
+        plausible=(0.0, siemens_lines.PLAUSIBLE[units]),
         decisions=(
             f"axis {name[1]}, measuring system {name[0]}",
             f"{len(rows)} points, all from 0 to {len(rows) - 1} and each once",
-            *((f"one turn of {turn:.10g}, then it begins again",) if is_modulo else ()),
+            *((f"one turn of {turn:.10g}, then it begins again",) if turn is not None else ()),
         ),
-        behaves_as=(f"modulo = {turn:.10g}",) if is_modulo else ('outside = "hold"',),
-        modulo=turn if is_modulo else None,
+        behaves_as=siemens_lines.edges(turn),
+        modulo=turn,
     )
 
 
 def _parse(source: SourceText) -> _Tables:
     tables: _Tables = {}
-    problems: list[Problem] = []
-    lines = [(line, text) for line in source.lines if (text := line.text.split(";")[0].strip())]
-    end = next((index for index, (_, text) in enumerate(lines) if _END.fullmatch(text)), None)
-    if (
-        end is not None
-        and end == len(lines) - 2
-        and _STOP.fullmatch(lines[end][1])
-        and _END.fullmatch(lines[-1][1])
-    ):
-        end += 1
-    for index, (line, text) in enumerate(lines):
-        is_head = (index == 0 and _HEADER.fullmatch(text)) or (not tables and _DATA.fullmatch(text))
-        is_stop = end is not None and index == end - 1 and _STOP.fullmatch(text)
-        if is_head or is_stop or index == end:
-            continue
-        found = "a line after the end" if end is not None and index > end else _add(tables, line, text)
-        if found is not None:
-            problems.append(source.problem(f"{found} in {shown(line.text)}", _ALLOWED, line=line.number))
-    if problems:
-        raise TabFileError(*problems[:MAX_PROBLEMS])
-    if end is None:
-        raise source.error(
-            "the end of the file without M17", "M17 at the end: is the file whole?", line=source.last_line
-        )
-    if not tables:
-        raise source.error("no compensation values", _ALLOWED)
+    siemens_lines.assign(source, _HEADER, _ALLOWED, lambda line, text: _add(tables, line, text))
     return tables
 
 
-def _add(tables: _Tables, line: Line, text: str) -> str | None:
+def _add(tables: _Tables, line: Line, text: str) -> str:
     """Add what a line assigns; return what is wrong with it."""
     match = _ASSIGNMENT.fullmatch(text)
     if match is None:
         return "something else"
-    hexadecimal = _HEX.fullmatch(match["value"])
-    value = float(int(hexadecimal[1], 16)) if hexadecimal else to_decimal(_EXPONENT.sub("E", match["value"]))
+    value = siemens_lines.number_of(match["value"])
     if value is None:
-        return f"{shown(match['value'])}, which is not {DECIMAL_ALLOWED},"
+        return siemens_lines.no_number(match["value"])
     table = tables.setdefault((match["encoder"], match["axis"].upper()), _Table())
-    number = _Number(value, line.number)
+    number = Number(value, line.number)
     if (match["key"] is None) != (match["index"] is not None):
         return "a wrong number of indices"
     if match["key"] is None:
-        before = table.values.setdefault(int(match["index"]), number)
-    else:
-        before = table.parameters.setdefault(match["key"][1:].upper(), number)
-    return None if before is number else f"a second value (the first is on line {before.line})"
+        return siemens_lines.twice(table.values.setdefault(int(match["index"]), number), number)
+    return siemens_lines.twice(table.numbers.setdefault(match["key"][1:].upper(), number), number)
 
 
 def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[tuple[str, str], _Table]:
@@ -215,71 +162,17 @@ def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[
 
 def _rows(source: SourceText, table: _Table, name: tuple[str, str]) -> tuple[SourceRow, ...]:
     inside = f"[{name[0]},{name[1]}]"
-    missing = [f"$AA_ENC_COMP_{key}{inside}" for key in _KEYS if key not in table.parameters]
-    if missing:
-        raise source.error(
-            f"no {', '.join(missing)}",
-            "each once: the control would go on with what it was loaded with before",
-        )
-    step, low, high = (table.parameters[key] for key in ("STEP", "MIN", "MAX"))
-    if not step.value > 0:
-        raise source.error(f"STEP {step.value:g}", "a distance above 0", line=step.line)
-    if not -MAX_POSITION < low.value < high.value < MAX_POSITION:
-        raise source.error(f"MIN {low.value:g}, MAX {high.value:g}", "MIN below MAX", line=high.line)
-    intervals = (high.value - low.value) / step.value
-    last = round(min(intervals, MAX_LINES))
-    if abs(last - intervals) > GRID_TOLERANCE or last < 1:
-        raise source.error(
-            f"{intervals:.9g} steps of {step.value:g} from MIN {low.value:g} to MAX {high.value:g}",
-            "a whole number of steps",
-            line=step.line,
-        )
-    _check_indices(source, table, last, inside)
+    siemens_lines.check_there(
+        source,
+        inside,
+        (f"$AA_ENC_COMP_{key}{inside}" for key in siemens_lines.GRID if key not in table.numbers),
+    )
+    siemens_lines.check_grid(source, inside, table.numbers, table.values)
     rows = []
-    for index in range(last + 1):
+    for index, position in enumerate(siemens_lines.positions(table.numbers, len(table.values))):
         error, line = table.values[index]
-        # From the nearer end, so that both ends are exactly what the file says.
-        position = (
-            low.value + index * step.value if 2 * index <= last else high.value - (last - index) * step.value
-        )
         rows.append(SourceRow(position, 0.0 - error, 0.0 - error, error, error, line, line))
     return tuple(rows)
-
-
-def _check_indices(source: SourceText, table: _Table, last: int, inside: str) -> None:
-    missing = [index for index in range(last + 1) if index not in table.values]
-    if missing:
-        raise source.error(
-            f"{len(missing)} of {last + 1} points of {inside} missing: {_listed(missing)}",
-            f"every point from 0 to {last}, which is MAX: the control would keep older values in a gap",
-            line=table.parameters["MAX"].line,
-        )
-    beyond = sorted(index for index in table.values if index > last)
-    if beyond:
-        raise source.error(
-            f"points of {inside} beyond MAX, which is point {last}: {_listed(beyond)}",
-            f"points from 0 to {last}, or another MAX",
-            line=table.values[beyond[0]].line,
-        )
-
-
-def _listed(indices: Iterable[int]) -> str:
-    names = [str(index) for index in indices]
-    return ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
-
-
-def _is_modulo(source: SourceText, table: _Table, rows: tuple[SourceRow, ...]) -> bool:
-    modulo = table.parameters["IS_MODULO"]
-    if modulo.value not in {0.0, 1.0}:
-        raise source.error(f"IS_MODULO {modulo.value:g}", "0 or 1", line=modulo.line)
-    if modulo.value and not is_closed(rows):
-        raise source.error(
-            f"IS_MODULO 1, but {rows[0].forward_value:g} at MIN and {rows[-1].forward_value:g} at MAX: the "
-            "axis would jump where the table begins again",
-            "the same value at both, or IS_MODULO 0",
-            line=rows[-1].forward_line,
-        )
-    return bool(modulo.value)
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
@@ -299,18 +192,18 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         f"%_N_{axis}_EEC_INI",
         "CHANDATA(1)",
         *(
-            f"$AA_ENC_COMP[{encoder},{index},{axis}]={_number(0.0 - correction)}"
+            f"$AA_ENC_COMP[{encoder},{index},{axis}]={siemens_lines.written(0.0 - correction)}"
             for index, correction in enumerate(curve)
         ),
-        f"$AA_ENC_COMP_STEP[{inside}]={float(f'{step:.12g}')!r}",
-        f"$AA_ENC_COMP_MIN[{inside}]={float(f'{table.first:.12g}')!r}",
-        f"$AA_ENC_COMP_MAX[{inside}]={float(f'{table.last:.12g}')!r}",
+        f"$AA_ENC_COMP_STEP[{inside}]={siemens_lines.exactly(step)}",
+        f"$AA_ENC_COMP_MIN[{inside}]={siemens_lines.exactly(table.first)}",
+        f"$AA_ENC_COMP_MAX[{inside}]={siemens_lines.exactly(table.last)}",
         f"$AA_ENC_COMP_IS_MODULO[{inside}]={int(options.is_modulo)}",
         "M17",
     ]
     losses = (
         *losses,
-        f"values are rounded to {DECIMALS} decimals; units ({table.units.value}) are not in the file",
+        siemens_lines.losses(table.units),
         f"the control needs room for {intervals + 1} points (MD38000) and MD32700 = 0 while it is loaded",
     )
     context = FileContext(file_units=table.units, file_axis=axis)
@@ -318,14 +211,10 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
 
 
 def _name(options: WriteOptions) -> tuple[str, str]:
-    name = options.file_axis or (f"{options.axis}1" if options.axis else "")
-    match = re.fullmatch(r"(?:([0-9]),)?([A-Z][A-Z0-9_]*)", name.upper())
+    name = siemens_lines.axis_to_write(options.file_axis, options.axis)
+    match = re.fullmatch(rf"(?:([0-9]),)?({siemens_lines.AXIS_NAME})", name)
     if match is None:
         raise unwritable(
             NAME, f"axis {name!r}", "the name of a machine axis, such as X1: --to-file-axis NAME"
         )
     return match[1] or "0", match[2]
-
-
-def _number(value: float) -> str:
-    return f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}"

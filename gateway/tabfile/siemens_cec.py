@@ -16,7 +16,7 @@ error compensation); ``t`` is the number of a table, ``;`` begins a comment, bla
     $AN_CEC_IS_MODULO[t] = 0 | 1
     M17                                             or M02, M30; once, last; M0 or M30 may stand before M17
 
-Numbers may be hexadecimal: 'H0'. An axis has one table of direction 0, or one of 1 and one of -1 with the
+An axis has one table of direction 0, or one of 1 and one of -1 with the
 same points. MIN + k x STEP must be MAX; a gap or a parameter that is missing would keep what was loaded
 before, so both are errors. Outside, the end values stay; with IS_MODULO 1 the table begins again. The file
 states no units.
@@ -30,42 +30,30 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.compensation.units import Units
-from gateway.tabfile.context import MAX_POSITION, FileContext
+from gateway.tabfile import siemens_lines
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.senses import RULES, required_sense
-from gateway.tabfile.stated import check_stated, is_closed
-from gateway.tabfile.text import MAX_LINES, Line, SourceText, listed, shown
+from gateway.tabfile.siemens_lines import Number
+from gateway.tabfile.stated import check_stated
+from gateway.tabfile.text import Line, SourceText, listed, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, unwritable
 
 NAME: Final = "siemens-cec"
 TITLE: Final = "Siemens SINUMERIK _CEC_INI of an axis by itself, both directions ($AN_CEC_DIRECTION)"
-SUFFIX: Final = ".ini"
-DECIMALS: Final = 8
-MAX_PROBLEMS: Final = 20
-GRID_TOLERANCE: Final = 1e-6
-_SHOWN: Final = 10
+SUFFIX: Final = siemens_lines.SUFFIX
 _WHAT: Final = "a sag compensation (CEC) table"
-_PLAUSIBLE: Final = {Units.INCH: 0.1, Units.MM: 0.5, Units.DEGREE: 0.5}
 _SIGN: Final = re.compile(r"(?i)\$AN_CEC|_CEC_INI")
 _OTHER: Final = re.compile(r"(?i)\$AA_ENC_COMP|_EEC_INI")
 _HEADER: Final = re.compile(r"(?i)%_N_[A-Z0-9_]*CEC_INI")
-_DATA: Final = re.compile(r"(?i)CHANDATA\s*\(\s*[0-9]{1,2}\s*\)")
-_END: Final = re.compile(r"(?i)M(17|0?2|30)")
-_STOP: Final = re.compile(r"(?i)M(0|00|30)")
 _ASSIGNMENT: Final = re.compile(
     r"(?i)\$AN_CEC(?P<key>_[A-Z_]+)?\s*\[\s*(?P<table>[0-9]{1,3})\s*"
     r"(?:,\s*(?P<index>[0-9]{1,6})\s*)?\]\s*=\s*(?P<value>\S.*)"
 )
-_AXIS: Final = re.compile(r"(?i)\(\s*([A-Z][A-Z0-9_]*)\s*\)")
-_LETTER: Final = re.compile("[A-Z][0-9]{0,2}")
-_HEX: Final = re.compile(r"(?i)'H([0-9A-F]{1,8})'")
-_EXPONENT: Final = re.compile(r"(?i)(?<=[0-9.])EX(?=[+-]?[0-9])")
+_AXIS: Final = re.compile(rf"(?i)\(\s*({siemens_lines.AXIS_NAME})\s*\)")
 _AXES: Final = ("INPUT_AXIS", "OUTPUT_AXIS")
-_NUMBERS: Final = ("STEP", "MIN", "MAX", "DIRECTION", "IS_MODULO")
+_NUMBERS: Final = (*siemens_lines.GRID, "DIRECTION")
 _ALLOWED: Final = (
     "$AN_CEC[t,N]=value, its _INPUT_AXIS, _OUTPUT_AXIS [t]=(axis), _STEP, _MIN, _MAX, _DIRECTION, _IS_MODULO "
     "[t]=value, or M17 at the end"
@@ -77,19 +65,18 @@ class _Table:
     """One table; of each number and axis the line that it stands on."""
 
     number: int
-    values: dict[int, tuple[float, int]] = field(default_factory=dict)
-    numbers: dict[str, tuple[float, int]] = field(default_factory=dict)
+    values: dict[int, Number] = field(default_factory=dict)
+    numbers: dict[str, Number] = field(default_factory=dict)
     axes: dict[str, tuple[str, int]] = field(default_factory=dict)
 
     @property
-    def grid(self) -> tuple[float, float, float, float]:
+    def grid(self) -> tuple[float, ...]:
         """What two tables of one axis must have in common."""
-        step, low, high, modulo = (self.numbers[key][0] for key in ("STEP", "MIN", "MAX", "IS_MODULO"))
-        return step, low, high, modulo
+        return tuple(self.numbers[key].value for key in siemens_lines.GRID)
 
     @property
     def direction(self) -> int:
-        return round(self.numbers["DIRECTION"][0])
+        return round(self.numbers["DIRECTION"].value)
 
     @property
     def axis(self) -> str:
@@ -122,15 +109,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     sense = required_sense(source, context, None, _WHAT)
     rows = _rows(forward, backward, sense.to_correction)
     check_stated(source, rows, units, context)
-    is_modulo = bool(forward.grid[3])
-    if is_modulo and not is_closed(rows):
-        raise source.error(
-            "IS_MODULO 1, but other values at MAX than at MIN: the axis would jump where the table begins "
-            "again",
-            "the same values at both, or IS_MODULO 0",
-            line=rows[-1].forward_line,
-        )
-    turn = rows[-1].position - rows[0].position
+    turn = siemens_lines.turn_of(source, forward.numbers, rows)
     which = "one table for both directions" if forward is backward else "a table for each direction"
     return Decoded(
         rows,
@@ -139,40 +118,22 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         units.value,
         f"{RULES[sense]}; table {forward.number}",
         f"{RULES[sense]}; table {backward.number}",
-        axis=axis[0] if _LETTER.fullmatch(axis) else None,
+        axis=siemens_lines.letter_of(axis),
         file_axis=axis,
-        plausible=(0.0, _PLAUSIBLE[units]),
+        plausible=(0.0, siemens_lines.PLAUSIBLE[units]),
         decisions=(f"axis {axis}: {which}", f"sense {sense.value}: told", f"{len(rows)} points, each once"),
-        behaves_as=(f"modulo = {turn:.10g}",) if is_modulo else ('outside = "hold"',),
-        modulo=turn if is_modulo else None,
+        behaves_as=siemens_lines.edges(turn),
+        modulo=turn,
     )
 
 
 def _parse(source: SourceText) -> list[_Table]:
     tables: dict[int, _Table] = {}
-    problems: list[Problem] = []
-    lines = [(line, text) for line in source.lines if (text := line.text.split(";")[0].strip())]
-    end = len(lines) - 1 if lines and _END.fullmatch(lines[-1][1]) else None
-    for index, (line, text) in enumerate(lines):
-        is_head = (index == 0 and _HEADER.fullmatch(text)) or (not tables and _DATA.fullmatch(text))
-        is_stop = end is not None and index == end - 1 and _STOP.fullmatch(text)
-        if is_head or is_stop or index == end:
-            continue
-        found = "an end before the last line" if _END.fullmatch(text) else _add(tables, line, text)
-        if found is not None:
-            problems.append(source.problem(f"{found} in {shown(line.text)}", _ALLOWED, line=line.number))
-    if problems:
-        raise TabFileError(*problems[:MAX_PROBLEMS])
-    if end is None:
-        raise source.error(
-            f"{_WHAT} without its end, M17", "M17 at the end: is the file whole?", line=source.last_line
-        )
-    if not tables:
-        raise source.error(f"{_WHAT} without values", _ALLOWED)
+    siemens_lines.assign(source, _HEADER, _ALLOWED, lambda line, text: _add(tables, line, text))
     return list(tables.values())
 
 
-def _add(tables: dict[int, _Table], line: Line, text: str) -> str | None:
+def _add(tables: dict[int, _Table], line: Line, text: str) -> str:
     """Add what a line assigns; return what is wrong with it."""
     match = _ASSIGNMENT.fullmatch(text)
     if match is None:
@@ -189,38 +150,24 @@ def _add(tables: dict[int, _Table], line: Line, text: str) -> str | None:
         if name is None:
             return f"{shown(value)}, which is no axis in brackets such as (X1),"
         entry = (name[1].upper(), line.number)
-        return _twice(table.axes.setdefault(key, entry), entry)
-    number = _number_of(value)
+        return siemens_lines.twice(table.axes.setdefault(key, entry), entry)
+    number = siemens_lines.number_of(value)
     if number is None:
-        return f"{shown(value)}, which is not {DECIMAL_ALLOWED},"
+        return siemens_lines.no_number(value)
     if key == "MULT_BY_TABLE":
-        return None if number == 0.0 else "a product of two tables"
-    point = (number, line.number)
+        return "" if number == 0.0 else "a product of two tables"
+    point = Number(number, line.number)
     if key:
-        return _twice(table.numbers.setdefault(key, point), point)
-    return _twice(table.values.setdefault(int(match["index"]), point), point)
-
-
-def _number_of(value: str) -> float | None:
-    hexadecimal = _HEX.fullmatch(value)
-    return float(int(hexadecimal[1], 16)) if hexadecimal else to_decimal(_EXPONENT.sub("E", value))
-
-
-def _twice(before: tuple[float | str, int], entry: tuple[float | str, int]) -> str | None:
-    return None if before is entry else f"a second value (the first is on line {before[1]})"
+        return siemens_lines.twice(table.numbers.setdefault(key, point), point)
+    return siemens_lines.twice(table.values.setdefault(int(match["index"]), point), point)
 
 
 def _check(source: SourceText, table: _Table) -> None:
     """Check one table for itself."""
     name = f"{_WHAT[2:]} {table.number}"
-    missing = [key for key in _AXES if key not in table.axes] + [
-        key for key in _NUMBERS if key not in table.numbers
-    ]
-    if missing:
-        raise source.error(
-            f"{name} without {', '.join(f'$AN_CEC_{key}[{table.number}]' for key in missing)}",
-            "each once: the control would go on with what it was loaded with before",
-        )
+    missing = [key for key in _AXES if key not in table.axes]
+    missing += [key for key in _NUMBERS if key not in table.numbers]
+    siemens_lines.check_there(source, name, (f"$AN_CEC_{key}[{table.number}]" for key in missing))
     one, two = (table.axes[key] for key in _AXES)
     if one[0] != two[0]:
         raise source.error(
@@ -231,31 +178,7 @@ def _check(source: SourceText, table: _Table) -> None:
     direction, line = table.numbers["DIRECTION"]
     if direction not in {0.0, 1.0, -1.0}:
         raise source.error(f"{name}: DIRECTION {direction:g}", "0, 1 or -1", line=line)
-    step, low, high, modulo = table.grid
-    if modulo not in {0.0, 1.0}:
-        raise source.error(f"{name}: IS_MODULO {modulo:g}", "0 or 1", line=table.numbers["IS_MODULO"][1])
-    if not step > 0:
-        raise source.error(f"{name}: STEP {step:g}", "a distance above 0", line=table.numbers["STEP"][1])
-    if not -MAX_POSITION < low < high < MAX_POSITION:
-        raise source.error(
-            f"{name}: MIN {low:g}, MAX {high:g}", "MIN below MAX", line=table.numbers["MAX"][1]
-        )
-    intervals = (high - low) / step
-    last = round(min(intervals, MAX_LINES))
-    if abs(last - intervals) > GRID_TOLERANCE or last < 1:
-        raise source.error(
-            f"{name}: {intervals:.9g} steps of {step:g} from MIN {low:g} to MAX {high:g}",
-            "a whole number of steps",
-            line=table.numbers["STEP"][1],
-        )
-    wrong = sorted(set(range(last + 1)) ^ set(table.values))
-    if wrong:
-        which = ", ".join(map(str, wrong[:_SHOWN])) + (", …" if len(wrong) > _SHOWN else "")
-        raise source.error(
-            f"{name}: points {which} are missing, or beyond MAX, which is point {last}",
-            f"every point from 0 to {last}: the control would keep older values in a gap",
-            line=table.numbers["MAX"][1],
-        )
+    siemens_lines.check_grid(source, name, table.numbers, table.values)
 
 
 def _choose(source: SourceText, tables: list[_Table], context: FileContext) -> tuple[str, list[_Table]]:
@@ -287,26 +210,22 @@ def _directions(source: SourceText, axis: str, tables: list[_Table]) -> tuple[_T
             f"axis {axis} with tables of DIRECTION {found}",
             "one of 0, or one of 1 and one of -1: more of them would be added, and a direction without one "
             "is not compensated",
-            line=tables[-1].numbers["DIRECTION"][1],
+            line=tables[-1].numbers["DIRECTION"].line,
         )
     forward, backward = by_direction[1], by_direction[-1]
     if forward.grid != backward.grid:
         raise source.error(
             f"tables {forward.number} and {backward.number} of axis {axis} with other points",
             "the same MIN, MAX, STEP and IS_MODULO in both",
-            line=backward.numbers["MIN"][1],
+            line=backward.numbers["MIN"].line,
         )
     return forward, backward
 
 
 def _rows(forward: _Table, backward: _Table, to_correction: float) -> tuple[SourceRow, ...]:
-    step, low, high, _ = forward.grid
-    last = len(forward.values) - 1
     rows = []
-    for index in range(last + 1):
+    for index, position in enumerate(siemens_lines.positions(forward.numbers, len(forward.values))):
         (one, line), (other, other_line) = forward.values[index], backward.values[index]
-        # From the nearer end, so that both ends are exactly what the file says.
-        position = low + index * step if 2 * index <= last else high - (last - index) * step
         rows.append(
             SourceRow(
                 position, to_correction * one + 0.0, to_correction * other + 0.0, one, other, line, other_line
@@ -324,8 +243,8 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         TabFileError: no axis, no sense told, or points that are not evenly spaced.
     """
     step = even_step(table, NAME)
-    name = (options.file_axis or (f"{options.axis}1" if options.axis else "")).upper()
-    if re.fullmatch("[A-Z][A-Z0-9_]*", name) is None:
+    name = siemens_lines.axis_to_write(options.file_axis, options.axis)
+    if re.fullmatch(siemens_lines.AXIS_NAME, name) is None:
         raise unwritable(
             NAME, f"axis {name!r}", "the name of a machine axis, such as X1: --to-file-axis NAME"
         )
@@ -339,13 +258,15 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     columns = [(0, table.forward)] if table.is_unidirectional else [(1, table.forward), (-1, table.backward)]
     lines = ["%_N_NC_CEC_INI", "CHANDATA(1)"]
     for number, (direction, curve) in enumerate(columns):
-        lines += [f"$AN_CEC[{number},{index}]={_written(factor * c)}" for index, c in enumerate(curve)]
+        lines += [
+            f"$AN_CEC[{number},{index}]={siemens_lines.written(factor * c)}" for index, c in enumerate(curve)
+        ]
         lines += [
             f"$AN_CEC_INPUT_AXIS[{number}]=({name})",
             f"$AN_CEC_OUTPUT_AXIS[{number}]=({name})",
-            f"$AN_CEC_STEP[{number}]={float(f'{step:.12g}')!r}",
-            f"$AN_CEC_MIN[{number}]={float(f'{table.first:.12g}')!r}",
-            f"$AN_CEC_MAX[{number}]={float(f'{table.last:.12g}')!r}",
+            f"$AN_CEC_STEP[{number}]={siemens_lines.exactly(step)}",
+            f"$AN_CEC_MIN[{number}]={siemens_lines.exactly(table.first)}",
+            f"$AN_CEC_MAX[{number}]={siemens_lines.exactly(table.last)}",
             f"$AN_CEC_DIRECTION[{number}]={direction}",
             f"$AN_CEC_MULT_BY_TABLE[{number}]=0",
             f"$AN_CEC_IS_MODULO[{number}]={int(options.is_modulo)}",
@@ -353,12 +274,8 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     lines.append("M17")
     room = f"the control needs room for {len(table.positions)} points in each table (MD18342)"
     losses = (
-        f"values are rounded to {DECIMALS} decimals; units ({table.units.value}) are not in the file",
+        siemens_lines.losses(table.units),
         f"{room} and MD32710 = 0 while it is loaded",
     )
     context = FileContext(file_units=table.units, file_axis=name, error_sense=options.sense)
     return Written("".join(f"{line}\n" for line in lines), losses, context)
-
-
-def _written(value: float) -> str:
-    return f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}"

@@ -14,7 +14,7 @@ from gateway.metrology.formats import parse_survey
 from gateway.metrology.formats.context import ReadingsContext, Runs
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.tabfile import TabFileError
-from tests.metrology.samples import RTL, TB058_MANUAL, TB058_SIMULATED
+from tests.metrology.samples import POS, POS_MEANS, RTL, TB058_MANUAL, TB058_SIMULATED
 from tests.tabfile.samples import TABLES
 
 NAME: Final = "x.csv"
@@ -60,7 +60,7 @@ def files(data: bytes) -> None:
 def seeds() -> Iterator[bytes]:
     """Yield the files of readings that come with the project, and the samples of the tests."""
     texts = [path.read_bytes() for path in sorted((TABLES / "readings").iterdir())]
-    texts += [text.encode() for text in (RTL, TB058_MANUAL, TB058_SIMULATED)]
+    texts += [text.encode() for text in (RTL, POS, POS_MEANS, TB058_MANUAL, TB058_SIMULATED)]
     for number, text in enumerate(texts):
         for recipe in range(len(RECIPES)):
             yield bytes((recipe * len(CONTEXTS) + number % 4,)) + text

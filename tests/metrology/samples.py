@@ -56,3 +56,57 @@ RTL = "\r\n".join(
         "",
     ]
 )
+
+POS = "\r\n".join(
+    [
+        "API X-D Laser Measurement Linear Data Table (Company Name: )",
+        "File Version:\t5",
+        "Instrument(S/N):\t1234",
+        "TestDate: \t03/02/2020",
+        "MachID: 7\tMachName: old mill\tOperator: \tFeedRate: None",
+        "AxesLoc: \t(Y) 0\t(Z) 0",
+        "TestAxis: \t(X)",
+        "",
+        "Unit:\tinch\t0",
+        "IniPos:\t0",
+        "EndPos:\t15",
+        "Length: 15\tIncrem: 5\tRunNum: 1\tNumofPos: 4",
+        "NumofPoints:\t8",
+        "TestType: Bidirection\tTestMode: Auto\tDwell: 3\tWindow: 0.1",
+        "Direction: 1\tHumidity: 50\tExpCoef: 6.5\tDeadPath: 0",
+        "",
+        "    Position\t      LasRead\t  LinearError\tStatus\tAirTemp\tAirPress\tMatTemp\tMatTemp2\tMatTemp3",
+        *(
+            f"  {x:.5f}\t  {-(x + error):.6f}\t  {error:.6f}\t 0\t70.00\t29.90\t77.00\t-1.00\t-1.00"
+            for x, error in (
+                (0, 0.000020),
+                (5, 0.000100),
+                (10, 0.000250),
+                (15, 0.000200),
+                (15, -0.000300),
+                (10, -0.000250),
+                (5, -0.000400),
+                (0, -0.000480),
+            )
+        ),
+        "DecimalPoints:\t4",
+        "HardwareNo:\t4",
+        "",
+        "Comments:\tNone",
+        "API Linear Error Compensation Table",
+        "",
+    ]
+)
+"""The laser counts down while the axis counts up, as it does in files in public."""
+
+POS_MEANS = """\
+API Linear Error Compensation Table
+Position   \tUnidirectional Avg Error
+ 5.000000        0.000000
+ 0.000000\t 0.000033
+-5.000000\t-0.000178
+-10.000000       0.0
+
+API Linear Standard Deviation Error Table
+Position   \tMean
+"""

@@ -3,8 +3,9 @@ import pytest
 from gateway.compensation.direction import Direction
 from gateway.compensation.errors import TableError
 from gateway.compensation.units import Units
-from gateway.metrology.build import HomeReference, build_table
+from gateway.metrology.build import HomeCase, HomeReference, build_table, referenced
 from gateway.metrology.errors import ReadingsError
+from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import Reading
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
@@ -97,3 +98,25 @@ def test_targets_that_are_one_and_the_same_but_for_a_slip_make_no_table() -> Non
     readings = [Reading(x, way, m) for way in (UP, DOWN) for x, m in ((0.0, 0.0), (1e-6, 0.01), (5.0, 5.0))]
     with pytest.raises(TableError, match="slope"):
         build_table(readings, Units.MM)
+
+
+def test_a_first_block_near_0_is_home() -> None:
+    def near(first: float) -> list[Reading]:
+        return [
+            Reading(x, way, x - error)
+            for x, error in ((first, 0.004), (25.0, 0.007), (50.0, 0.009))
+            for way in (Direction.FORWARD, Direction.BACKWARD)
+        ]
+
+    for first in (0.0012, -0.0012):
+        table = build_table(near(first), Units.MM)
+        # A hundredth of the 25 mm to the next block is 0.25 mm.
+        for case in (HomeCase.SWITCH_POSITIVE, HomeCase.MARK):
+            home = case.reference(table)
+            at = max(first, 0.0) if case is HomeCase.MARK else first
+            assert home == HomeReference(at, Direction.FORWARD)
+            left = correction_at(referenced(table, home), at, Direction.FORWARD)
+            assert left == pytest.approx(0.0, abs=1e-12)
+    for case in (HomeCase.SWITCH_POSITIVE, HomeCase.MARK):
+        with pytest.raises(ReadingsError):
+            case.reference(build_table(near(-0.3 if case is HomeCase.SWITCH_POSITIVE else 0.3), Units.MM))

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from gateway.metrology.gauges import GaugeError, GaugeKind, GaugeLines, pattern_of, reading_of
 
-MITUTOYO, SYLVAC = GaugeKind.MITUTOYO, GaugeKind.SYLVAC
+MITUTOYO, SYLVAC, MILLIMAR = GaugeKind.MITUTOYO, GaugeKind.SYLVAC, GaugeKind.MILLIMAR
 
 
 @pytest.mark.parametrize(
@@ -20,6 +20,9 @@ MITUTOYO, SYLVAC = GaugeKind.MITUTOYO, GaugeKind.SYLVAC
         (SYLVAC, b"-0.0205", -0.0205),
         (SYLVAC, b" 1.000", 1.0),
         (SYLVAC, b"+1.000=", 1.0),
+        (MILLIMAR, b"1 -000.25 mm", -0.25),
+        (MILLIMAR, b"1 +012.345 mm =", 12.345),
+        (MILLIMAR, b"1 +012.345 mm > <", 12.345),
     ],
 )
 def test_a_reading_is_the_number_that_the_gauge_shows(kind: GaugeKind, line: bytes, value: float) -> None:
@@ -35,6 +38,12 @@ def test_a_reading_is_the_number_that_the_gauge_shows(kind: GaugeKind, line: byt
         (MITUTOYO, b"01A+12,345", "as in 01A"),
         (MITUTOYO, b"01A12.345", "as in 01A"),
         (MITUTOYO, b"01A+12.34501A+12.345", "as in 01A"),
+        (MILLIMAR, b"1 ERR6", "is feature 1 on"),
+        (MILLIMAR, b"1 +000.25 um", "is in um, and readings are taken in mm: --reading-units um"),
+        (MILLIMAR, b"2 +000.25 mm", "as in 1"),
+        (MILLIMAR, b"1 000.25 mm", "as in 1"),
+        (MILLIMAR, b"1 +000.25 mm;2 +000.25 mm", "as in 1"),
+        (MILLIMAR, b"1 +000:25:10 dms", "as in 1"),
         (SYLVAC, b"ERR1", "look at its display"),
         (SYLVAC, b"01A+0012.345", r"as in \+12.345"),
         (SYLVAC, b"+12,345", r"as in \+12.345"),
@@ -51,6 +60,14 @@ def test_a_reading_is_the_number_that_the_gauge_shows(kind: GaugeKind, line: byt
 def test_what_is_no_reading_is_refused_and_shown(kind: GaugeKind, line: bytes, told: str) -> None:
     with pytest.raises(GaugeError, match=told):
         reading_of(kind, line)
+
+
+def test_a_unit_in_the_line_is_held_against_that_of_the_readings() -> None:
+    assert reading_of(MILLIMAR, b"1 +012.5 um =", unit="um") == 12.5
+    own = pattern_of(r"X=(?P<value>[+-]\d+\.\d+)(?P<unit>mm|in)")
+    assert reading_of(GaugeKind.PATTERN, b"X=+1.5in", own, "inch") == 1.5
+    with pytest.raises(GaugeError, match="is in in, and readings are taken in mm: --reading-units inch"):
+        reading_of(GaugeKind.PATTERN, b"X=+1.5in", own, "mm")
 
 
 DRO = pattern_of(r"[XY]\s*(?P<value>[+-]?\s*\d+[.,]\d+)\s*mm")

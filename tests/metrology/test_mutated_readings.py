@@ -12,7 +12,7 @@ import pytest
 from gateway.metrology.formats import parse_survey
 from gateway.metrology.readings import Reading, Survey
 from gateway.tabfile import TabFileError
-from tests.metrology.samples import RTL, TB058_MANUAL
+from tests.metrology.samples import POS, RTL, TB058_MANUAL
 from tests.soak import repeated
 
 MUTANTS = repeated(10_000)
@@ -22,7 +22,7 @@ CSV = "# axis: x\ntarget_mm,direction,run,measured_mm\n" + "".join(
     for way, stops in (("forward", (0, 25, 50, 75)), ("backward", (75, 50, 25, 0)))
     for x in stops
 )
-SAMPLES = {"iso-csv": CSV, "manual": TB058_MANUAL, "renishaw-rtl": RTL}
+SAMPLES = {"iso-csv": CSV, "manual": TB058_MANUAL, "renishaw-rtl": RTL, "api-pos": POS}
 
 
 def mutants(text: str, random: Random, count: int) -> Iterator[str]:
@@ -37,9 +37,9 @@ def mutants(text: str, random: Random, count: int) -> Iterator[str]:
             changed.insert(at, lines[at])
         elif kind == 2:
             other = random.randrange(len(lines))
-            # In a manual table the order is all that tells a direction: two lines of one DRO, one of each
-            # way, are as good a table when they change places. No reader can know.
-            if text is TB058_MANUAL and lines[at].split(",")[0] == lines[other].split(",")[0]:
+            # Where the order is all that tells a direction, two lines of one place, one of each way, are as
+            # good a table when they change places. No reader can know.
+            if text in {TB058_MANUAL, POS} and place_of(lines[at]) == place_of(lines[other]):
                 continue
             changed[at], changed[other] = lines[other], lines[at]
         elif kind == 3:
@@ -56,6 +56,10 @@ def mutants(text: str, random: Random, count: int) -> Iterator[str]:
             cells[cell] = random.choice(["0", "25", "-1", "1e9", "nan", "2.5", "forward", "backward", ""])
             changed[at] = ",".join(cells) if cell < len(cells) - 1 else ",".join(cells) + "\n"
         yield "".join(changed)
+
+
+def place_of(line: str) -> str:
+    return line.replace(",", " ").split(maxsplit=1)[0] if line.strip() else ""
 
 
 def said(survey: Survey) -> set[str]:

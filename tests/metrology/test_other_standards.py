@@ -1,11 +1,13 @@
 """VDI/DGQ 3441 and the uncertainty of A, worked out by hand."""
 
+import numpy as np
 import pytest
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.formats import ReadingsContext, Runs, parse_survey
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.uncertainty import Known, budget_of, verdict
 from gateway.metrology.vdi_3441 import vdi_3441
@@ -83,3 +85,48 @@ def test_what_cannot_be_known_is_refused() -> None:
         Known(temperature_range=-1.0)
     with pytest.raises(ReadingsError, match="instrument nan"):
         Known(instrument=float("nan"))
+
+
+DISPLACEMENT_ACCURACY = {
+    # Means of two laser files in public, in 0.000001 inch, and what the laser's program prints below them as
+    # "Displacement Accuracy" of ASME B5.54-1992.
+    145: [
+        *(-55, -47, -75, -52, 2, -34, -76, -38, -53, -15, -46, -53, 11, 38, 31),
+        *(8, -15, 8, 15, 53, 8, 15, 15, 53, 38, 69, 31),
+    ],
+    1125: [33, -178, -145, -195, -29, -88, -408, -633, -542, -637, -210, -324, -229, -244, 488, 8, 23, 168],
+}
+
+
+@pytest.mark.parametrize("printed", DISPLACEMENT_ACCURACY)
+def test_displacement_accuracy_of_b5_54_is_e_of_one_direction(printed: int) -> None:
+    means = DISPLACEMENT_ACCURACY[printed]
+    text = "API Linear Error Compensation Table\nPosition   \tUnidirectional Avg Error\n"
+    text += "".join(f"{5.0 * at:.6f}\t{mean / 1e6:.6f}\n" for at, mean in enumerate(means))
+    told = ReadingsContext(units=Units.INCH, runs=Runs.FORWARD)
+    found = evaluate(parse_survey(text.encode(), "x.pos", told)).systematic_forward
+    assert found is not None
+    assert found * 1e6 == pytest.approx(printed)
+
+
+def test_vdi_3441_against_sums_over_arrays() -> None:
+    """The same results from other code: arrays instead of rows, over 40 random measurements."""
+    random = np.random.default_rng(3441)
+    for _ in range(40):
+        targets, runs = int(random.integers(2, 30)), int(random.integers(2, 8))
+        errors = random.normal(0.0, 0.01, (2, targets, runs)) + random.normal(0.0, 0.02, (2, targets, 1))
+        readings = [
+            Reading(float(10 * i), way, 10.0 * i + float(errors[w, i, j]), j + 1)
+            for w, way in enumerate((UP, DOWN))
+            for i in range(targets)
+            for j in range(runs)
+        ]
+        results = vdi_3441(evaluate(Survey(tuple(readings), Units.MM)))
+        assert results is not None
+        middle, scatter = errors.mean(axis=(0, 2)), 6.0 * errors.std(axis=2, ddof=1).mean(axis=0)
+        reversal = np.abs(np.diff(errors.mean(axis=2), axis=0))[0]
+        half = (reversal + scatter) / 2.0
+        assert results.positional_uncertainty == pytest.approx(np.ptp([*(middle + half), *(middle - half)]))
+        assert results.positional_deviation == pytest.approx(np.ptp(middle))
+        assert (results.scatter, results.mean_scatter) == pytest.approx((scatter.max(), scatter.mean()))
+        assert (results.reversal, results.mean_reversal) == pytest.approx((reversal.max(), reversal.mean()))

@@ -267,6 +267,24 @@ def test_an_rtl_of_angles_is_not_read_as_lengths(kind: str) -> None:
         assert deviations_um(read(RTL.replace("LINEAR", sound))) == deviations_um(read(RTL))
 
 
+def test_variants_of_other_programs_read_as_the_same_readings() -> None:
+    # Titles in small letters, other names of the kind, blanks before the colons, all targets on one line.
+    variant = (
+        RTL.replace("HEADER::", "Header::")
+        .replace("DEVIATIONS::", "Deviations::")
+        .replace("File type: LINEAR", "File type  : rtl\r\nOwner      : Linear\r\nVersion no : 1")
+        .replace("Filetype: LINEAR", "Filetype  : ISO")
+        .replace("80.0000\r\n  100.0000", "80.0000 100.0000 ")
+        .replace("Run-count: 2", "Run-count:2")
+        .replace("Run Target Data:", "Run Target Data: ")
+        .replace("  1   4   2.0", "1\t4\t2.0")
+    )
+    assert "Owner" in variant
+    assert "80.0000 100.0000 " in variant
+    assert "1\t4\t2.0" in variant
+    assert read(variant).readings == read(RTL).readings
+
+
 def test_a_run_that_was_filled_in_with_zeros_is_no_way_back() -> None:
     head, _, rest = RTL.partition("  2   6   -2.5")
     filled = (
@@ -385,9 +403,47 @@ def test_readings_over_gauge_blocks_have_the_blocks_as_targets() -> None:
     assert "begin at 0.0012 to 0.0077, which counts as scatter" in remark
 
 
+BOTH_VARY = """target_mm,direction,run,measured_mm
+0.0012,up,1,0.0002
+25.0031,up,1,24.9998
+50.8044,up,1,50.8001
+50.8104,down,1,50.8004
+25.0095,down,1,25.0003
+0.0071,down,1,-0.0001
+0.0019,up,2,-0.0002
+25.0040,up,2,25.0001
+50.8046,up,2,50.7998
+50.8101,down,2,50.8000
+25.0090,down,2,24.9999
+0.0077,down,2,0.0001
+"""
+
+
+def test_readings_whose_dro_and_dial_both_vary_belong_to_the_nearest_block() -> None:
+    survey = read(BOTH_VARY)
+    # Blocks of 25 and 25.8 mm, wrung together for the second.
+    assert sorted({each.target for each in survey.readings}) == [0, 25, 50.8]
+    # 24.9998 where the DRO shows 25.0031 is 3.3 µm short.
+    assert deviations_um(survey)[:3] == [(0, UP, 1, -1.0), (25, UP, 1, -3.3), (50.8, UP, 1, -4.3)]
+    (remark,) = [each for each in survey.remarks if "gauge blocks" in each]
+    assert "3 gauge blocks from 0 to 50.8" in remark
+
+
+def test_a_sheet_of_dro_and_dial_over_blocks_is_one_way_there_and_one_back() -> None:
+    rows = [line.split(",") for line in BOTH_VARY.splitlines()[1:7]]
+    sheet = "dro_mm,measured_mm\n" + "".join(f"{dro},{dial}\n" for dro, _, _, dial in rows)
+    assert {r.target for r in read(sheet).readings} == {0, 25, 50.8}
+    assert deviations_um(read(sheet))[3:] == [(50.8, DOWN, 1, -10.0), (25, DOWN, 1, -9.2), (0, DOWN, 1, -7.2)]
+
+
 def test_one_target_in_two_spellings_is_still_refused_where_no_blocks_are() -> None:
-    damaged = BLOCKS.replace("25.0040,up,2,25\n", "25.0040,up,2,25.0007\n")
-    assert "laser.csv:8: target 0.0019, which is 0.0012 in line 2" in refused(damaged)
+    damaged = ISO + ISO.split("\n", 3)[3].replace(",1,", ",2,").replace("50,forward", "50.0007,forward")
+    assert "laser.csv:11: target 50.0007, which is 50 in line 5" in refused(damaged)
+
+
+def test_stops_that_lie_nowhere_together_are_no_blocks() -> None:
+    spread = BOTH_VARY.replace("25.0040,up,2", "27.0040,up,2")
+    assert "target 0.0019, which is 0.0012 in line 2" in refused(spread)
 
 
 def test_what_was_understood_is_one_line() -> None:

@@ -133,17 +133,13 @@ def test_the_report_of_a_round_shows_every_axis_before_and_after(reported: str) 
     assert reversals == pytest.approx(motions, abs=1.0)
 
 
-def test_the_report_of_a_round_says_where_it_is_not_measured_as_the_standard_asks(reported: str) -> None:
-    for targets, interval in (
-        (31, "10 mm"),
-        (26, "10 mm"),
-        (21, "0.4 inch"),
-    ):  # table points: the one exception
-        about = f"{targets} targets, 5 runs in each direction; no test after ISO 230-2: "
-        about += f"even intervals of {interval}"
-        assert f"<b>Before</b>: {about}, where irregular ones are asked for.<br>" in reported
-        assert f"<b>After (measured)</b>: {about}, where irregular ones are asked for.</p>" in reported
-    assert reported.count("At 60 random targets between them") == 3
+def test_the_report_of_a_round_is_a_test_as_the_standard_asks(reported: str) -> None:
+    for targets in (31, 26, 21):
+        about = f"{targets} targets, 5 runs in each direction"
+        assert f"<b>Before</b>: {about}.<br>" in reported
+        assert f"<b>After (measured)</b>: {about}.</p>" in reported
+    assert "no test after" not in reported
+    assert reported.count("At 60 random targets between the points") == 3
     assert reported.count("<dt>read back</dt><dd>exactly what was commanded</dd>") == 3
     assert "predicted" not in reported.partition("<body>")[2]
 

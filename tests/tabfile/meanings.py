@@ -1,5 +1,6 @@
 """A second, careless reader for the samples of each dialect: plain sums, and no code of the real one."""
 
+import itertools
 import re
 from collections.abc import Sequence
 from typing import Final
@@ -155,6 +156,30 @@ def siemens_cec(text: str) -> Meaning:
     size = sum(name.startswith("[0,") for name in facts)
     values = [[float(facts[f"[{table},{index}]"]) for table in (0, 1)] for index in range(size)]
     return _two(Units.MM, [(low + index * step, *pair) for index, pair in enumerate(values)])
+
+
+def weihong(text: str) -> Meaning:
+    """Errors are actual - nominal; one axis."""
+    rows = [line for line in _lines(text) if line and line[0] not in ";[u"]
+    return _two(Units.MM, _columns(rows, ","), -1.0)
+
+
+def carvera(text: str) -> Meaning:
+    """Trapezia under multiplier - 1, less what lies between the first point and 0."""
+    points = sorted((float(x), float(m)) for _, x, m in (line.split() for line in _lines(text) if line))
+    sums = [0.0]
+    for (x, m), (next_x, next_m) in itertools.pairwise(points):
+        sums.append(sums[-1] + (next_x - x) * ((m + next_m) / 2 - 1))
+    start, first = points[0]
+    at_zero = -start * (first - 1)
+    for (x, m), (next_x, next_m), total in zip(points, points[1:], sums, strict=False):
+        if x <= 0:
+            end = min(0.0, next_x)
+            there = m + (end - x) / (next_x - x) * (next_m - m)
+            at_zero = total + (end - x) * ((m + there) / 2 - 1)
+    if points[-1][0] <= 0:
+        at_zero = sums[-1] - points[-1][0] * (points[-1][1] - 1)
+    return _both(Units.MM, [(x, total - at_zero) for (x, _), total in zip(points, sums, strict=True)])
 
 
 def heidenhain(text: str) -> Meaning:

@@ -39,6 +39,20 @@ $AN_CEC_IS_MODULO[1]='H0'
 M0
 M17
 """
+WEIHONG: Final = b""";unit=mm
+; measured with a laser
+[X]
+-300.025, 0.0270, 0.0830
+-200.020, 0.0250, 0.0770
+-100.015, 0.0150, 0.0680
+0.000, 0.0000, 0.0570
+"""
+CARVERA: Final = b"""X 0.000000 1.000100
+X 10.000000 1.000120
+X 30.000000 1.000080
+X 20.000000 1.000100
+X 40.000000 1.000100
+"""
 SIEMENS_CEC_HEAD: Final = frozenset({7, 8, 9, 10, 11, 12, 13, 18, 19, 20, 21, 22, 23, 24})
 LINUXCNC_1: Final = b"""-10 0.001 -0.001
  -8 0.001 -0.001
@@ -331,5 +345,26 @@ SAMPLES: Final = (
         table_options={"file_units": "mm", "error_sense": "command_minus_actual"},
         # from above 7 µm are taken off at 200 and 12 at 100; on the way up 5 µm are added at 200
         moves=((2_000_000, 1_999_930), (1_000_000, 999_880), (2_000_000, 2_000_050)),
+    ),
+    Sample(
+        "weihong",
+        "axeserr.dat",
+        WEIHONG,
+        FileContext(units=Units.MM, travel=(-300.025, 0.0), error_sense=AMC),
+        meanings.weihong,
+        header=frozenset({1, 3}),
+        table_options={"error_sense": "actual_minus_command"},
+        # errors of 77 µm at -200.020 and 83 at -300.025 on the way down, of 25 on the way up
+        moves=((-2_000_200, -2_000_970), (-3_000_250, -3_001_080), (-2_000_200, -2_000_450)),
+    ),
+    Sample(
+        "carvera",
+        "pitch_compensation.dat",
+        CARVERA,
+        _mm(0.0, 40.0),
+        meanings.carvera,
+        sums=True,
+        # from 0 on the mm are longer by 0.11, 0.11, 0.09 and 0.09 µm each: 1.1, 2.2, 3.1 and 4.0 µm
+        moves=((300_000, 300_031), (200_000, 200_022), (400_000, 400_040)),
     ),
 )

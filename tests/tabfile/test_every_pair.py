@@ -60,6 +60,7 @@ HOLDS: Final = {
     "aerotech-cal": Holds(1e-6, 1e-6),
     "siemens-eec": Holds(1e-8),
     "siemens-cec": Holds(1e-8),
+    "weihong": Holds(1e-6, 1e-6, is_even=False),
     "mint": Holds(2e-8, 2e-8, home="start", file_axis="0", slope_error=4.0),
     "heidenhain-com": Holds(1e-6, 1e-6, is_even=False, is_backward_filled=True),
 }

@@ -58,9 +58,9 @@ def test_several_axes_need_a_name() -> None:
         ("OUTPUT_AXIS[1]=(X1)", "OUTPUT_AXIS[1]=(Z1)", "Z1 moved by the position of X1"),
         ("DIRECTION[1]=-1", "DIRECTION[1]=1", "DIRECTION +1 (table 0), +1 (table 1)"),
         ("DIRECTION[1]=-1", "DIRECTION[1]=2", "DIRECTION 2; allowed: 0, 1 or -1"),
-        ("$AN_CEC_DIRECTION[1]=-1\n", "", "without $AN_CEC_DIRECTION[1]"),
-        ("$AN_CEC[1,2]=-0.007\n", "", "points 2 are missing"),
-        ("$AN_CEC[1,2]", "$AN_CEC[1,4]", "points 2, 4 are missing, or beyond MAX"),
+        ("$AN_CEC_DIRECTION[1]=-1\n", "", "sag compensation (CEC) table 1: no $AN_CEC_DIRECTION[1]"),
+        ("$AN_CEC[1,2]=-0.007\n", "", "1 of 4 points of sag compensation (CEC) table 1 missing: 2"),
+        ("$AN_CEC[1,2]", "$AN_CEC[1,4]", "1 of 4 points of sag compensation (CEC) table 1 missing: 2"),
         ("$AN_CEC[1,2]", "$AN_CEC[1,1]", "a second value (the first is on line 15)"),
         ("MAX[1]=300", "MAX[1]=350", "3.5 steps of 100"),
         (

@@ -14,9 +14,10 @@ from gateway.cli.demonstration.spec import AXES
 from gateway.cli.demonstration.view import AxisView, Judged, Listener, Phase, View
 from gateway.compensation.direction import Direction
 from gateway.config.load import load
-from gateway.metrology.build import HomeReference, build_table
+from gateway.metrology.build import HomeReference
 from gateway.metrology.cycle import Stop, bidirectional_cycle
-from gateway.metrology.readings import Reading
+from gateway.metrology.readings import Reading, Survey
+from gateway.metrology.recipe import Recipe, build_from
 from gateway.relay.gateway import Relay
 from gateway.simulator.clock import scaled_clock
 from gateway.simulator.controller import Arrival, AxisController
@@ -85,9 +86,10 @@ def _lines_down(relay: Relay) -> list[str]:
 
 
 def _axis_view(axis: RigAxis) -> AxisView:
-    deviations_um = [axis.mechanics.screw.deviation_mm(x * axis.spec.mm) * UM_PER_MM for x in axis.spec.grid]
+    spec = axis.spec
+    deviations_um = [axis.mechanics.screw.deviation_mm(x * spec.mm) * UM_PER_MM for x in spec.measured]
     pitch_error_um = max(deviations_um) - min(deviations_um)
-    return AxisView(axis.spec, axis.mechanics.backlash_mm * UM_PER_MM, pitch_error_um)
+    return AxisView(spec, axis.mechanics.backlash_mm * UM_PER_MM, pitch_error_um)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +140,7 @@ class _Round:
             ] from None  # One axis that fails ends the others; its reason is the one.
 
     async def measure(self, station: _Station) -> None:
-        """Home, zero the laser, read it at every point of the table in both directions; build the table."""
+        """Home, zero the laser, read it at every target in both directions; build the table."""
         axis, view = station.axis, station.view
 
         def show(arrival: Arrival, reading: Reading) -> None:
@@ -148,10 +150,11 @@ class _Round:
         axis.laser.zero(axis.clock())
         await self._survey(Phase.MEASURING, station, view.before, show)
         home = HomeReference(0.0, axis.spec.home_direction)
-        view.table = build_table(view.before, axis.spec.units, home=home)
+        survey = Survey(tuple(view.before), axis.spec.units)
+        view.table = build_from(survey, Recipe(home=home, step=axis.spec.step)).table
 
     async def measure_with(self, station: _Station) -> None:
-        """Read the laser at the same points with the correction in force. The laser keeps its zero."""
+        """Read the laser at the same targets with the correction in force. The laser keeps its zero."""
         await self._home(station)
         await self._survey(Phase.MEASURING_WITH, station, station.view.after, lambda *_: None)
 
@@ -197,7 +200,7 @@ class _Round:
             readings.append(reading)
             show(arrival, reading)
 
-        stops = list(bidirectional_cycle(axis.spec.grid, axis.spec.overrun, self._runs))
+        stops = list(bidirectional_cycle(axis.spec.measured, axis.spec.overrun, self._runs))
         await self._run(phase, station, stops, read_laser)
 
     async def _judge(self, phase: Phase, station: _Station, judged: list[Judged]) -> None:
@@ -220,7 +223,7 @@ class _Round:
 
 
 def random_targets(axis: RigAxis) -> Iterator[float]:
-    """Random targets all over the travel, off the table's grid."""
+    """Random targets all over the travel, off the table's points."""
     spec = axis.spec
     for index in range(TARGETS):
         while True:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from math import floor, log10
+from random import Random
 from typing import Final
 
 from gateway.compensation.direction import Direction
@@ -13,6 +15,8 @@ from gateway.simulator.mechanics import unit_mm
 
 OVERRUN_MM: Final = 1.0
 """How far the axis turns round outside the table: more than any lost motion."""
+MOVED: Final = 0.3
+"""So many steps at most a target lies off a point of the table: ISO 230-2 asks for irregular targets."""
 
 
 class Cable(Enum):
@@ -24,7 +28,10 @@ class Cable(Enum):
 
 @dataclass(frozen=True, slots=True)
 class AxisSpec:
-    """One axis; lengths in its ``units``. The table runs from ``low`` to ``high``; one of them is home, 0."""
+    """One axis; lengths in its ``units``.
+
+    The table runs from ``low`` to ``high`` with a point every ``step``; one of both ends is home, 0.
+    """
 
     name: str
     controller: Cable
@@ -55,10 +62,13 @@ class AxisSpec:
         return Direction.FORWARD if self.low == 0.0 else Direction.BACKWARD
 
     @property
-    def grid(self) -> list[float]:
-        """Where the laser measures, lowest first: the points of the table."""
+    def measured(self) -> list[float]:
+        """Where the laser measures, lowest first: both ends, and irregular targets between them."""
         count = round((self.high - self.low) / self.step)
-        return [self.low + i * self.step for i in range(count + 1)]
+        random = Random(self.name)
+        digits = 1 - floor(log10(self.step / 10))
+        inner = (self.low + (i + random.uniform(-MOVED, MOVED)) * self.step for i in range(1, count))
+        return [self.low, *(round(x, digits) for x in inner), self.high]
 
     @property
     def wiring(self) -> AxisWiring:

@@ -48,7 +48,7 @@ class AxisView:
     stops: int = 0
     inexact_readbacks: int = 0
     before: list[Reading] = field(default_factory=list)
-    """What the laser read at the points of the table, without correction; the table is made of them."""
+    """What the laser read at its targets, without correction; the table is made of them."""
     after: list[Reading] = field(default_factory=list)
     """What it read there with correction; only for a report."""
     measured: list[Judged] = field(default_factory=list)

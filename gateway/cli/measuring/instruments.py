@@ -245,9 +245,12 @@ class SerialGauge:
         endpoint: SerialEndpoint,
         request: str,
         timeout_s: float,
+        *,
         pattern: re.Pattern[str] | None = None,
+        unit: str = "mm",
     ) -> None:
         self.title = f"{kind.value} gauge on {endpoint.device}"
+        self._unit = unit
         self._pattern = pattern
         self._kind = kind
         self._endpoint = endpoint
@@ -292,7 +295,7 @@ class SerialGauge:
                 "--gauge-request?"
             ) from None
         try:
-            return reading_of(self._kind, line, self._pattern)
+            return reading_of(self._kind, line, self._pattern, self._unit)
         except GaugeError as error:
             raise BadReadingError(str(error)) from None
 

@@ -57,12 +57,13 @@ Gauge = Annotated[
     str | None, Option("--gauge", help="Take readings from a gauge on this serial port.", metavar="PORT")
 ]
 Kind = Annotated[GaugeKind, Option("--gauge-kind", help="How the gauge writes.")]
-Baud = Annotated[int | None, Option("--gauge-baud", help="Default: 9600 mitutoyo, 4800 sylvac (7E2).")]
+Baud = Annotated[int | None, Option("--gauge-baud", help="Default: 9600; 4800 for sylvac.")]
 Request = Annotated[
     str | None,
     Option(
         "--gauge-request",
-        help="What asks the gauge, without its CR; empty: its button sends. Default: ? for sylvac.",
+        help="What asks the gauge, without its CR; empty: its button sends. Default: ? for sylvac, "
+        "M1? for millimar.",
     ),
 ]
 Pattern = Annotated[

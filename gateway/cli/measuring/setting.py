@@ -117,8 +117,12 @@ def _spread(grid: Grid) -> float | None:
     return grid.lead
 
 
-def instrument_of(reader: Reader, lines: Lines) -> Instrument:
-    """Return the instrument, not yet open. Raises InstrumentError: two of them, or a wrong request."""
+def instrument_of(reader: Reader, lines: Lines, unit: str = "mm") -> Instrument:
+    """Return the instrument, not yet open; ``unit`` is the one in which its readings are taken.
+
+    Raises:
+        InstrumentError: two of them, or a wrong request.
+    """
     if reader.csv is not None and reader.gauge is not None:
         raise InstrumentError("--csv and --gauge are two instruments: give one")
     if reader.csv is not None:
@@ -145,7 +149,7 @@ def instrument_of(reader: Reader, lines: Lines) -> Instrument:
         usual.stop_bits,
         low_latency=False,
     )
-    return SerialGauge(reader.kind, endpoint, request, reader.timeout_s, pattern)
+    return SerialGauge(reader.kind, endpoint, request, reader.timeout_s, pattern=pattern, unit=unit)
 
 
 def manners_of(scale: Scale, axis: AxisPlan) -> Manners:

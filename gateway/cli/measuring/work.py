@@ -80,7 +80,8 @@ def work(wish: Wish, plan: GatewayPlan, sections: Mapping[str, AxisSection], sta
     out_format = outcome.check_format(wish.out_format, axis)
     outcome.check_places(wish.out, wish.report, force=wish.force)
     lines = Lines()
-    instrument, manners = instrument_of(wish.reader, lines), manners_of(wish.scale, axis)
+    unit = wish.scale.units or axis.settings.units.value
+    instrument, manners = instrument_of(wish.reader, lines, unit), manners_of(wish.scale, axis)
     done = _Work(wish, place, state, sections[axis.name], shape=shape_of(plan), out_format=out_format)
     return done.run(instrument, manners, lines)
 

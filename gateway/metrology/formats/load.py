@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Final
 
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.metrology.formats import iso_csv, manual, renishaw_rtl, wide_csv
+from gateway.metrology.formats import api_pos, iso_csv, manual, renishaw_rtl, wide_csv, workbook
 from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.readings import Survey
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.text import MAX_BYTES, SourceText, decode
+from gateway.tabfile.text import MAX_BYTES, SourceText, decode, listed
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,7 @@ class ReadingsFormat:
 
 FORMATS: Final = (
     ReadingsFormat(renishaw_rtl.NAME, renishaw_rtl.TITLE, renishaw_rtl.recognise, renishaw_rtl.read),
+    ReadingsFormat(api_pos.NAME, api_pos.TITLE, api_pos.recognise, api_pos.read),
     ReadingsFormat(iso_csv.NAME, iso_csv.TITLE, iso_csv.recognise, iso_csv.read),
     ReadingsFormat(wide_csv.NAME, wide_csv.TITLE, wide_csv.recognise, wide_csv.read),
     ReadingsFormat(manual.NAME, manual.TITLE, manual.recognise, manual.read),
@@ -52,17 +53,44 @@ def parse_survey(data: bytes, name: str, context: ReadingsContext | None = None)
         TabFileError: see there.
     """
     context = context or ReadingsContext()
-    source = decode(data, name, "readings")
+    source = _sheet(data, name) if workbook.is_workbook(data) else decode(data, name, "readings")
     return _choose(source, context.format).read(source, context)
 
 
 def is_readings(path: Path) -> bool:
     """Whether a file exists and looks like one of readings."""
     try:
-        source = decode(read_regular_file(path, MAX_BYTES, "a file of readings"), str(path))
+        data = read_regular_file(path, MAX_BYTES, "a file of readings")
+        source = _sheet(data, str(path)) if workbook.is_workbook(data) else decode(data, str(path))
     except (FileRefusedError, TabFileError):
         return False
+    return _is_known(source)
+
+
+def _is_known(source: SourceText) -> bool:
     return any(each.recognise(source) for each in FORMATS)
+
+
+def _sheet(data: bytes, name: str) -> SourceText:
+    """Return the sheet of a spreadsheet that has the readings.
+
+    Raises:
+        TabFileError: see :func:`gateway.metrology.formats.workbook.sheets`; no sheet looks like readings, or
+            several do.
+    """
+    found = workbook.sheets(data, name)
+    known = [each for each in found if _is_known(each)]
+    if len(known) == 1:
+        return known[0]
+    if len(found) == 1:
+        return found[0]
+    what = f"{len(known)} sheets of readings" if known else "no sheet that looks like readings"
+    names = listed(each.name.removeprefix(name) for each in known or found)
+    raise TabFileError(
+        Problem(
+            name, f"{what}: {names}", "one sheet of readings in a spreadsheet: delete the others in a copy"
+        )
+    )
 
 
 def _choose(source: SourceText, told: str | None) -> ReadingsFormat:
@@ -77,7 +105,7 @@ def _choose(source: SourceText, told: str | None) -> ReadingsFormat:
     raise source.error(
         "a text of no known format of readings" if not fitting else "a text that fits several formats",
         f"a heading such as {iso_csv.HEADING!r}, with a line for each stop, or {wide_csv.HEADING!r}, with a "
-        f"column for each run, or {manual.HEADING!r}, or a Renishaw .rtl; "
+        f"column for each run, or {manual.HEADING!r}, or a Renishaw .rtl or API .pos; "
         f"--readings-format {', '.join(named)}",
         line=source.lines[0].number,
     )

@@ -8,18 +8,21 @@ Grammar::
     line    := as many numbers as the heading has names
 
 The DRO shows where the control believes the axis to be, the instrument measures where it is. The order of the
-DRO column is the way in which the axis went: rising is forward, falling backward. It may turn once. A
-correction that stands beside is checked against DRO - measured, and what differs is named; it is not used.
+DRO column is the way in which the axis went: rising is forward, falling backward. It may turn once, and
+begins its way back at the place where it turned, or at nearly that one: over a gauge block the DRO is another
+on the way back. A correction that stands beside is checked against DRO - measured, and what differs is named;
+it is not used.
 """
 
 from itertools import pairwise
+from statistics import median
 from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.formats.cells import Sheet, decimal, heading_of, sheet_of, unit_of, units_of, words
 from gateway.metrology.formats.context import ReadingsContext, settled_axis, settled_units
-from gateway.metrology.formats.rows import Row, to_survey
+from gateway.metrology.formats.rows import TOGETHER, Row, to_survey
 from gateway.metrology.readings import Survey
 from gateway.tabfile.text import SourceText, shown
 
@@ -84,16 +87,17 @@ def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[li
         raise source.error(
             f"{len(table)} line(s) of readings", "at least two: their order tells the direction"
         )
-    first = _sense(table[0][1], table[1][1])
+    near = TOGETHER * median(abs(after - before) for (_, before, _), (_, after, _) in pairwise(table))
+    first = _sense(table[0][1], table[1][1], near)
     if not first:
         raise source.error(
             f"DRO {table[1][1]:.9g} twice at the start", "the order of the stops", line=table[1][0]
         )
     ways, turned_at = [first], None
     for (line_before, before, _), (line, dro, _) in pairwise(table):
-        sense = _sense(before, dro)
+        sense = _sense(before, dro, near)
         if sense is not ways[-1]:
-            # The same position again is the first stop of the way back, taken after an overrun.
+            # The same position again, or nearly, is the first stop of the way back, taken after an overrun.
             if turned_at is not None:
                 raise source.error(
                     f"DRO {dro:.9g} after {before:.9g}: the axis turns for the second time (first in line "
@@ -119,8 +123,8 @@ def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[li
     return ways, remarks
 
 
-def _sense(before: float, after: float) -> Direction | None:
-    if before == after:
+def _sense(before: float, after: float, near: float) -> Direction | None:
+    if abs(after - before) <= near:
         return None
     return Direction.FORWARD if after > before else Direction.BACKWARD
 

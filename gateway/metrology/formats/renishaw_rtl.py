@@ -2,7 +2,7 @@
 
 Grammar, as public programs that read and write such files have it (Renishaw publishes none)::
 
-    file    := section*                         a line "NAME::", then its lines; often CRLF
+    file    := section*                         a line "NAME::" in any case, then its lines; often CRLF
     HEADER::                                    "File type : rtl" and other lines of "key: fact"
     USER-TEXT::                                 "key: fact"
     TARGET DATA::                               "Filetype: ..", "Target-count: n", "Targets :", then n
@@ -38,7 +38,7 @@ from gateway.tabfile.text import Line, SourceText, shown
 
 NAME: Final = "renishaw-rtl"
 TITLE: Final = "Renishaw .rtl, deviations in µm, direction kept"
-_SECTION: Final = re.compile(r"([A-Z][A-Z -]*?)\s*::")
+_SECTION: Final = re.compile(r"(?i)([A-Z][A-Z -]*?)\s*::")
 _SECTIONS: Final = (
     "HEADER",
     "TARGET DATA",
@@ -72,7 +72,7 @@ class _File:
 def recognise(source: SourceText) -> bool:
     """Whether the text has the sections of such a file."""
     texts = [line.text for line in source.lines]
-    return any(text.startswith(("HEADER:", "TARGET DATA:", "DEVIATIONS:")) for text in texts)
+    return any(text.upper().startswith(("HEADER:", "TARGET DATA:", "DEVIATIONS:")) for text in texts)
 
 
 def read(source: SourceText, context: ReadingsContext) -> Survey:
@@ -107,7 +107,7 @@ def _parse(source: SourceText) -> _File:
         if not line.text:
             continue
         if found := _SECTION.fullmatch(line.text):
-            section, in_targets, in_deviations = found.group(1), False, False
+            section, in_targets, in_deviations = found.group(1).upper(), False, False
             if section not in _SECTIONS:
                 raise source.error(
                     f"section {shown(line.text)}", ":: ".join(_SECTIONS) + "::", line=line.number

@@ -1,9 +1,10 @@
 """What every reader of readings returns, checked in one place: lines with a target, a way and a reading."""
 
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from statistics import median
+from statistics import fmean, median
 from typing import Final, NamedTuple
 
 from gateway.compensation.direction import Direction
@@ -16,6 +17,9 @@ FAR: Final = 0.5
 
 LEAST_BLOCKS: Final = 3
 """Fewer sizes may come back by chance."""
+TOGETHER: Final = 0.03
+"""Of the way to the next block: readings of one block lie as near to each other."""
+_MOST_DECIMALS: Final = 9
 
 
 class Row(NamedTuple):
@@ -66,30 +70,66 @@ def to_survey(
 
 
 def _at_blocks(rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
-    """Put readings over gauge blocks at their blocks: the gauge is brought to 0, and the DRO is what varies.
+    """Put readings over gauge blocks at their blocks, where no run stopped at quite the same number.
 
-    Then what was measured is the same few sizes in all runs, to the last digit, while nearly every target is
-    another number. The deviation stays what it is; it belongs to the block instead of to a place a few
-    micrometres beside it. Returns what was done, in words; empty where nothing was.
+    Whoever brings a gauge to 0 at each block and writes down the DRO has other targets in each run and always
+    the same few sizes; whoever moves to a block and reads the dial as well has both columns varying. A run
+    has as many stops as there are blocks, and what belongs to one lies together, far from all others. The
+    deviation stays what it is; it belongs to the block instead of to a place a few micrometres beside it.
+    Returns what was done, in words; empty where nothing was.
     """
-    blocks = sorted({row.measured for row in rows})
-    targets = {row.target for row in rows}
-    if len(blocks) < LEAST_BLOCKS or len(targets) <= len(blocks) or len(rows) < 2 * len(blocks):
+    count = max(Counter((row.direction, row.run) for row in rows).values())
+    targets = sorted({row.target for row in rows})
+    if count < LEAST_BLOCKS or len(targets) <= count or len(rows) < 2 * count:
         return rows, ""
-    gap = min(high - low for low, high in pairwise(blocks))
-    if any(abs(row.target - row.measured) > FAR * gap for row in rows):
+    groups = _nearest(targets, count)
+    between = min(after[0] - before[-1] for before, after in pairwise(groups))
+    varying = sum(len(group) > 1 for group in groups)
+    # Where few of them vary, numbers were mistyped.
+    if 2 * varying < count or max(group[-1] - group[0] for group in groups) > TOGETHER * between:
         return rows, ""
-    if any(sum(row.measured == block for row in rows) < 2 for block in blocks):
-        return rows, ""
-    moved = [row._replace(target=row.measured, measured=2 * row.measured - row.target) for row in rows]
-    starts = sorted({row.target for row in rows if row.measured == blocks[0]})
+    blocks = {}
+    for group in groups:
+        read = [row.measured for row in rows if group[0] <= row.target <= group[-1]]
+        blocks.update(dict.fromkeys(group, _roundest(group, read)))
+    moved = [
+        row._replace(target=blocks[row.target], measured=blocks[row.target] + row.measured - row.target)
+        for row in rows
+    ]
+    sizes = sorted(set(blocks.values()))
     said = (
-        f"readings over {len(blocks)} gauge blocks from {blocks[0]:.9g} to {blocks[-1]:.9g}: the blocks "
-        "are the targets, and the DRO is what varies"
+        f"readings over {len(sizes)} gauge blocks from {sizes[0]:.9g} to {sizes[-1]:.9g}: the blocks "
+        "are the targets, and each reading is of the nearest"
     )
+    starts = groups[0]
     if len(starts) > 1:
         said += f"; the runs begin at {starts[0]:.9g} to {starts[-1]:.9g}, which counts as scatter"
     return moved, said
+
+
+def _nearest(targets: Sequence[float], count: int) -> list[Sequence[float]]:
+    """Split ascending targets into so many groups, where they lie farthest apart."""
+    gaps = sorted(range(1, len(targets)), key=lambda at: targets[at] - targets[at - 1], reverse=True)
+    cuts = [0, *sorted(gaps[: count - 1]), len(targets)]
+    return [targets[start:end] for start, end in pairwise(cuts)]
+
+
+def _roundest(targets: Sequence[float], measured: Sequence[float]) -> float:
+    """Return the number with the fewest decimals that is no farther from what was measured than the targets.
+
+    What was measured is the block itself where it is one number.
+
+    >>> _roundest([25.0031, 25.0095], [25.0, 25.0]), _roundest([25.4031, 25.4095], [25.3996, 25.4006])
+    (25.0, 25.4)
+    """
+    if len(set(measured)) == 1:
+        return measured[0]
+    middle = fmean(measured)
+    reach = max(abs(each - middle) for each in (*targets, *measured))
+    for decimals in range(_MOST_DECIMALS):
+        if abs(round(middle, decimals) - middle) <= reach:
+            return round(middle, decimals)
+    return middle
 
 
 def _check_spelling(source: SourceText, rows: Sequence[Row]) -> None:

@@ -1,0 +1,181 @@
+"""Weihong screw error files, ``axeserr.dat`` (Ncstudio, NK, EasyRoute controls): both directions, any grid.
+
+Grammar, after the manufacturer's manuals (screw error compensation file) and their examples; ``;`` begins a
+comment, which has a line of its own::
+
+    file    := [";"] "unit" "=" "mm" table+         the examples have the semicolon, the text has none
+    table   := "[" axis "]" point+                  a letter, in any case
+    point   := nominal "," forward "," backward     nominal machine positions, ascending
+
+``forward`` is the error of motion towards greater positions. mm is the only unit that such a control takes.
+
+The manual defines an error as nominal - actual, and shows a backlash of 0.03 mm as a backward error of +0.03,
+which is actual - nominal where the forward errors are 0: going back, the nut hangs behind, at greater
+positions. One of both is wrong, so the sense has to be told. What happens beyond the points it does not say.
+"""
+
+import re
+from itertools import pairwise
+from typing import Final
+
+from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
+from gateway.tabfile.context import FileContext
+from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
+from gateway.tabfile.ranges import context_in_file_units
+from gateway.tabfile.senses import RULES, required_sense
+from gateway.tabfile.stated import check_stated
+from gateway.tabfile.text import Line, SourceText, listed, shown
+from gateway.tabfile.writing import WriteOptions, Written, unwritable
+
+NAME: Final = "weihong"
+TITLE: Final = "Weihong axeserr.dat (Ncstudio, NK), both directions"
+SUFFIX: Final = ".dat"
+DECIMALS: Final = 6
+MAX_PROBLEMS: Final = 20
+_WHAT: Final = "a Weihong screw error file (its manual's formula and its example of a backlash disagree)"
+_PLAUSIBLE_MM: Final = 0.5
+_UNIT: Final = re.compile(r"(?i);?\s*unit\s*=\s*(\S+)")
+_AXIS: Final = re.compile(r"\[\s*([A-Za-z])\s*\]")
+
+_Points = list[tuple[float, float, float, int]]
+"""Position, forward and backward error, line."""
+
+
+def recognise(source: SourceText) -> bool:
+    """Whether it has a line with the unit and one that names an axis, or, where one is damaged, two axes."""
+    units = sum(_UNIT.fullmatch(line.text) is not None for line in source.lines)
+    axes = sum(_AXIS.fullmatch(line.text) is not None for line in source.lines)
+    return axes > 0 and units + axes > 1
+
+
+def read(source: SourceText, context: FileContext) -> Decoded:
+    """Read the table of one axis.
+
+    Raises:
+        TabFileError: a line that is not grammar, another unit, positions that do not ascend, no sense was
+            told, several axes and none told, a range that does not fit the travel.
+    """
+    tables = _parse(source)
+    axis = _choose(source, tables, context)
+    context = context_in_file_units(source, context, Units.MM)
+    sense = required_sense(source, context, None, _WHAT)
+    rows = tuple(
+        SourceRow(x, sense.to_correction * f + 0.0, sense.to_correction * b + 0.0, f, b, line, line)
+        for x, f, b, line in tables[axis]
+    )
+    check_stated(source, rows, Units.MM, context)
+    return Decoded(
+        rows,
+        Units.MM,
+        context,
+        "mm",
+        f"{RULES[sense]}; column 2, forward",
+        f"{RULES[sense]}; column 3, backward",
+        axis=axis,
+        file_axis=axis,
+        plausible=(0.0, _PLAUSIBLE_MM),
+        decisions=(f"axis {axis} of {listed(tables)}", f"sense {sense.value}: told"),
+    )
+
+
+def _parse(source: SourceText) -> dict[str, _Points]:
+    tables: dict[str, _Points] = {}
+    points: _Points | None = None
+    problems: list[Problem] = []
+    has_unit = False
+    for line in source.lines:
+        unit, axis = _UNIT.fullmatch(line.text), _AXIS.fullmatch(line.text)
+        if unit is not None:
+            if unit[1].lower() != "mm":
+                raise source.error(f"unit {shown(unit[1])}", "mm, the only one", line=line.number)
+            has_unit = True
+        elif not line.text or line.text.startswith(";"):
+            continue
+        elif axis is not None:
+            name = axis[1].upper()
+            if name in tables:
+                raise source.error(f"a second table of axis {name}", "one of each axis", line=line.number)
+            points = tables[name] = []
+        elif points is None:
+            problems.append(source.problem(shown(line.text), "unit = mm, then [X]", line=line.number))
+        else:
+            problems += _add(source, points, line)
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
+    if not has_unit:
+        raise source.error("no unit", "unit = mm, above the tables", line=source.lines[0].number)
+    return tables
+
+
+def _add(source: SourceText, points: _Points, line: Line) -> list[Problem]:
+    """Add a point; return what is wrong with it."""
+    numbers = [to_decimal(cell.strip()) for cell in line.text.split(",")]
+    if len(numbers) != 3 or None in numbers:
+        allowed = f"nominal, forward, backward with commas between them, each {DECIMAL_ALLOWED}"
+        return [source.problem(shown(line.text), allowed, line=line.number)]
+    x, forward, backward = (number or 0.0 for number in numbers)
+    if points and not x > points[-1][0]:
+        found = f"position {x:.9g} behind {points[-1][0]:.9g}"
+        return [source.problem(found, "ascending positions", line=line.number, code="L11")]
+    points.append((x, forward, backward, line.number))
+    return []
+
+
+def _choose(source: SourceText, tables: dict[str, _Points], context: FileContext) -> str:
+    told = context.file_axis.upper() if context.file_axis else None
+    if told is not None and told not in tables:
+        raise source.error(
+            f"tables of {listed(tables)}, told file_axis {told!r}", f"file_axis = {listed(tables, ' or ')}"
+        )
+    if told is None and len(tables) > 1:
+        raise source.error(
+            f"tables of {listed(tables)}",
+            f"file_axis = {next(iter(tables))!r}, for example (--file-axis on the command line)",
+        )
+    name = told or next(iter(tables))
+    if len(tables[name]) < 2:
+        raise source.error(
+            f"{len(tables[name])} point(s) of axis {name}", "at least 2", line=source.last_line
+        )
+    return name
+
+
+def write(table: CorrectionTable, options: WriteOptions) -> Written:
+    """Write the table of one axis, on its own points.
+
+    Raises:
+        TabFileError: no axis, no sense told, an axis in degrees, or points that its digits do not tell apart.
+    """
+    axis = (options.file_axis or options.axis or "").upper()
+    if re.fullmatch("[A-Z]", axis) is None:
+        raise unwritable(NAME, f"axis {axis!r}", "a letter: --to-axis or --to-file-axis")
+    if options.sense is None:
+        raise unwritable(
+            NAME,
+            "no sense of its errors: the manual's formula and its example disagree",
+            "--to-sense actual_minus_command or command_minus_actual",
+        )
+    if table.units is Units.DEGREE:
+        raise unwritable(NAME, "a table in degrees", "a table of a linear axis")
+    table = table.in_units(Units.MM)
+    if min(after - before for before, after in pairwise(table.positions)) < 2 * 10.0**-DECIMALS:
+        raise unwritable(NAME, f"points nearer than {2 * 10.0**-DECIMALS:g} mm", "--resample STEP")
+    factor = options.sense.to_correction
+    lines = ["unit = mm", f"[{axis}]"]
+    lines += [
+        ", ".join(_number(number) for number in (x, factor * f, factor * b))
+        for x, f, b in zip(table.positions, table.forward, table.backward, strict=True)
+    ]
+    losses = (
+        f"numbers are rounded to {DECIMALS} decimals; the manual shows 3",
+        "one axis: put the tables of the others into the same file, which the control reads as a whole",
+    )
+    context = FileContext(file_axis=axis, error_sense=options.sense)
+    return Written("".join(f"{line}\n" for line in lines), losses, context)
+
+
+def _number(value: float) -> str:
+    return f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}"

@@ -1,0 +1,95 @@
+"""Weihong's axeserr.dat: what its examples mean in either sense, and what is refused."""
+
+import pytest
+
+from gateway.compensation.units import Units
+from gateway.tabfile import ErrorSense, FileContext, TabFileError, WriteOptions, dialect_named, parse_table
+from tests.tabfile.samples import WEIHONG
+
+AMC, CMA = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
+TWO_AXES = (
+    WEIHONG.decode()
+    + """[y]
+; only a backlash, as the manual shows it
+0.000, 0.000, 0.030
+1000.00, 0.000, 0.030
+"""
+)
+
+
+def read(text: str, **told: object) -> list[tuple[float, float, float]]:
+    told = {"error_sense": AMC, **told}
+    rows = parse_table(text.encode(), "axeserr.dat", FileContext(**told)).source.rows  # type: ignore[arg-type]
+    return [(row.position, row.forward, row.backward) for row in rows]
+
+
+def refused(text: str, **told: object) -> str:
+    with pytest.raises(TabFileError) as caught:
+        read(text, **told)
+    return str(caught.value)
+
+
+def test_each_sense_is_the_other_with_its_sign_changed() -> None:
+    text = WEIHONG.decode()
+    assert read(text)[0] == (-300.025, -0.027, -0.083)
+    assert read(text, error_sense=CMA)[0] == (-300.025, 0.027, 0.083)
+    # Going back at 0, 57 µm are lost: in the sense of the manual's example the nut hangs behind, and the
+    # command goes further back.
+    assert read(text)[-1] == (0.0, 0.0, -0.057)
+
+
+def test_the_sense_must_be_told_and_both_readings_are_shown() -> None:
+    said = refused(WEIHONG.decode(), error_sense=None)
+    assert "formula and its example of a backlash disagree" in said
+    assert "error_sense = 'actual_minus_command' or 'command_minus_actual'" in said
+
+
+def test_an_axis_of_several_is_told_in_any_case() -> None:
+    assert "tables of X, Y" in refused(TWO_AXES)
+    assert "told file_axis 'Z'" in refused(TWO_AXES, file_axis="Z")
+    assert read(TWO_AXES, file_axis="y") == [(0.0, 0.0, -0.03), (1000.0, 0.0, -0.03)]
+
+
+@pytest.mark.parametrize("unit", ["unit = mm", "unit=MM", "; unit = mm"])
+def test_the_unit_stands_with_and_without_the_semicolon_of_the_examples(unit: str) -> None:
+    assert read(WEIHONG.decode().replace(";unit=mm", unit)) == read(WEIHONG.decode())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (";unit=mm", ";unit=inch", "axeserr.dat:1: unit 'inch'"),
+        (";unit=mm\n", "[Y]\n1,0,0\n", "no unit"),
+        ("[X]", "[X", "axeserr.dat"),
+        ("-200.020", "-310.020", "axeserr.dat:5: L11 position -310.02 behind -300.025"),
+        ("-200.020, 0.0250, 0.0770", "-200.020, 0.0250", "axeserr.dat:5: '-200.020, 0.0250'"),
+        ("0.0250", "0,0250", "axeserr.dat:5: "),
+        ("; measured with a laser", "measured with a laser", "axeserr.dat:2: 'measured with a laser'"),
+        (
+            "0.000, 0.0000, 0.0570\n",
+            "0.000, 0.0000, 0.0570\n[x]\n",
+            "axeserr.dat:8: a second table of axis X",
+        ),
+    ],
+)
+def test_what_is_damaged_is_refused_with_its_line(old: str, new: str, words: str) -> None:
+    text = WEIHONG.decode()
+    assert old in text
+    assert words in refused(text.replace(old, new, 1))
+
+
+def test_what_is_written_says_axis_and_unit_and_comes_back_in_its_sense() -> None:
+    table = parse_table(WEIHONG, "axeserr.dat", FileContext(error_sense=AMC)).table
+    dialect = dialect_named("weihong")
+    written = dialect.write(table, WriteOptions(axis="X", sense=CMA))
+    assert written.text.startswith("unit = mm\n[X]\n-300.025000, -0.027000, -0.083000\n")
+    assert read(written.text, error_sense=CMA) == read(WEIHONG.decode())
+    with pytest.raises(TabFileError, match="no sense of its errors"):
+        dialect.write(table, WriteOptions(axis="X"))
+    with pytest.raises(TabFileError, match="axis ''"):
+        dialect.write(table, WriteOptions(sense=AMC))
+
+
+def test_an_axis_in_inches_gets_its_table_in_inches() -> None:
+    found = parse_table(WEIHONG, "axeserr.dat", FileContext(error_sense=AMC, units=Units.INCH))
+    assert found.table.in_units(Units.INCH).forward[0] == pytest.approx(-0.027 / 25.4)
