@@ -14,7 +14,7 @@ from gateway.catalogue.lookup import code_of, severities
 from gateway.catalogue.refusals import REFUSALS, TITLES
 from gateway.catalogue.starts import EXIT_CODES, STARTS
 from gateway.catalogue.states import STATES
-from gateway.catalogue.troubles import TROUBLES
+from gateway.catalogue.troubles import HIDES, TROUBLES
 from gateway.cli.drives_output import markdown_lines
 from gateway.config.reference.tables import TABLES, rows
 from tools import state_machine
@@ -59,10 +59,27 @@ def events() -> str:
 def troubles() -> str:
     """Return every kind of trouble."""
     lines = [
-        (f"`{entry.kind}`", entry.severity.value, entry.meaning, entry.cause, entry.remedy)
+        (
+            f"`{entry.kind}`",
+            f"{entry.severity.value}, {entry.audience.value}",
+            entry.meaning,
+            entry.cause,
+            entry.remedy,
+        )
         for entry in TROUBLES.values()
     ]
-    return table(("trouble", "severity", "means", "usual cause", "remedy"), lines)
+    return table(("trouble", "severity, for whom", "means", "usual cause", "remedy"), lines)
+
+
+def hidden() -> str:
+    """Return which trouble hides which others."""
+    lines = [
+        (f"`{cause.kind}`", ", ".join(f"`{effect.kind}`" for effect in effects))
+        for cause, effects in HIDES.items()
+    ]
+    return table(
+        ("as long as there is", "these are not told of the same place, or of what lies within it"), lines
+    )
 
 
 def states() -> str:
@@ -122,6 +139,7 @@ def decisions() -> str:
 PARTS: Final = {
     "events": events,
     "troubles": troubles,
+    "hidden troubles": hidden,
     "states": states,
     "refusals": refusals,
     "starts": starts,

@@ -1,6 +1,7 @@
 """What ``pitch-gateway status`` shows on a terminal: what the status model holds, and nothing else."""
 
 from collections.abc import Iterator, Mapping
+from datetime import datetime
 from typing import Any, Final
 
 from rich.console import Console, RenderableType
@@ -8,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from gateway.times import span
 from gateway.transport.certificate_times import SOON
 
 NOT_KNOWN: Final = "–"
@@ -73,15 +75,16 @@ def _trouble(trouble: Mapping[str, str]) -> Iterator[RenderableType]:
     colour = "red" if trouble["severity"] == "error" else "yellow"
     what = f"{escape(trouble['where'])}: {escape(trouble['what'])}"
     yield _words(f"[bold {colour}]{escape(trouble['severity'])}[/] {what}")
-    yield _words(f"  → {escape(trouble['remedy'])}")
+    since = f"since {_time_of(trouble['since'])} " if "since" in trouble else ""
+    yield _words(f"  {since}→ {escape(trouble['remedy'])}")
 
 
 def _gateway(gateway: Mapping[str, Any]) -> Iterator[RenderableType]:
     compiled = ", compiled" if gateway.get("compiled") else ""
-    runs = "" if gateway["uptime_s"] is None else f", runs for {_span(gateway['uptime_s'])}"
+    runs = "" if gateway["uptime_s"] is None else f", runs for {span(gateway['uptime_s'])}"
     if gateway["relay"] != "up":
         age_s = gateway["snapshot_age_s"]
-        seen = "" if age_s is None else f"; what follows is {_span(age_s)} old"
+        seen = "" if age_s is None else f"; what follows is {span(age_s)} old"
         runs = f", [red]its relay is not running[/]{seen}"
     yield _words(f"[bold]gateway {escape(gateway['name'])}[/] {escape(gateway['version'])}{compiled}{runs}")
     if "scheduling" not in gateway:  # nobody has heard from a relay yet
@@ -241,18 +244,8 @@ def _number(value: float | None, digits: int) -> str:
     return NOT_KNOWN if value is None else f"{value:.{digits}f}"
 
 
-def _span(seconds: float) -> str:
-    """Return a span as a person says it.
-
-    >>> _span(12.34), _span(3_725.0), _span(90_061.0)
-    ('12 s', '1 h 2 min', '1 d 1 h')
-    """
-    whole = int(seconds)
-    for unit_s, unit, part_s, part in (
-        (86_400, "d", 3_600, "h"),
-        (3_600, "h", 60, "min"),
-        (60, "min", 1, "s"),
-    ):
-        if whole >= unit_s:
-            return f"{whole // unit_s} {unit} {whole % unit_s // part_s} {part}"
-    return f"{whole} s"
+def _time_of(iso: str) -> str:
+    """Return an instant on this machine's clock, with the day where it is another one."""
+    then = datetime.fromisoformat(iso).astimezone()
+    is_today = then.date() == datetime.now().astimezone().date()
+    return f"{then:%H:%M:%S}" if is_today else f"{then:%Y-%m-%d %H:%M:%S}"
