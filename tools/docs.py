@@ -8,10 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from gateway.catalogue.counters import COUNTERS
 from gateway.catalogue.entry import NOTHING_TO_DO, entries_of
 from gateway.catalogue.events import GROUPS
+from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
 from gateway.catalogue.lookup import code_of, severities
-from gateway.catalogue.refusals import REFUSALS, TITLES
+from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import EXIT_CODES, STARTS
 from gateway.catalogue.states import STATES
 from gateway.catalogue.troubles import HIDES, TROUBLES
@@ -97,6 +99,23 @@ def states() -> str:
     )
 
 
+def counters() -> str:
+    """Return everything that is counted."""
+    lines = [
+        (f"`{each.name}`", each.words, each.meaning, "" if each.remedy == NOTHING_TO_DO else each.remedy)
+        for each in COUNTERS.values()
+    ]
+    return table(("counter", "shown as", "counts", "what to do where it grows"), lines)
+
+
+def exceptions() -> str:
+    """Return the exceptions of Modbus as drives answer them."""
+    lines = [
+        (f"0x{each.code:02X} {each.title}", each.meaning, each.cause, each.remedy) for each in EXCEPTIONS
+    ]
+    return table(("exception", "means", "usual cause", "remedy"), lines)
+
+
 def refusals() -> str:
     """Return every exception that the gateway itself answers."""
     lines = [
@@ -141,6 +160,8 @@ PARTS: Final = {
     "troubles": troubles,
     "hidden troubles": hidden,
     "states": states,
+    "counters": counters,
+    "exceptions": exceptions,
     "refusals": refusals,
     "starts": starts,
     "exit codes": exit_codes,

@@ -80,6 +80,33 @@ class RefusalEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class ExceptionEntry:
+    """An exception of Modbus, as a drive answers it."""
+
+    code: int
+    title: str
+    """As the standard names it."""
+    meaning: str
+    cause: str
+    remedy: str
+    aliases: tuple[str, ...] = ()
+    """Other names that programs and manuals have for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class CounterEntry:
+    """A number that only grows."""
+
+    name: str
+    """Its key in the status."""
+    words: str
+    """What stands beside it in the terminal and on the page."""
+    meaning: str
+    """What it counts, as the end of a sentence."""
+    remedy: str = NOTHING_TO_DO
+
+
+@dataclass(frozen=True, slots=True)
 class StartEntry:
     """Why a process does not start."""
 

@@ -9,25 +9,27 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from gateway.catalogue.counters import COUNTERS
 from gateway.times import span
 from gateway.transport.certificate_times import SOON
 
 NOT_KNOWN: Final = "–"
-COUNTERS: Final = {
-    "exchanges": "exchanges",
-    "timeouts": "time-outs",
-    "exceptions": "exceptions",
-    "refused": "refused",
-    "late_replies": "late replies",
-    "late_targets": "late targets",
-    "crc_errors": "CRC errors",
-    "malformed": "malformed",
-    "oversized": "too long replies",
-    "wrong_units": "wrong unit ids",
-    "unknown_modes": "unknown modes",
-    "unmapped_reads": "unmapped reads",
-}
-"""Of a line: what stands beside each number. The first two are shown always, the others where they count."""
+SHOWN: Final = (
+    "exchanges",
+    "timeouts",
+    "exceptions",
+    "refused",
+    "late_replies",
+    "late_targets",
+    "damaged",
+    "crc_errors",
+    "malformed",
+    "oversized",
+    "wrong_units",
+    "unknown_modes",
+    "unmapped_reads",
+)
+"""Counters of a line that are shown. The first two are shown always, the others where they count."""
 ALWAYS: Final = frozenset({"exchanges", "timeouts"})
 BY_CERTIFICATE: Final = "by role"
 """In the place of a role: each certificate brings its own, and 80 columns are few."""
@@ -102,7 +104,7 @@ def _line(name: str, line: Mapping[str, Any]) -> Iterator[RenderableType]:
     place = f"drives {escape(drives['address'])}{failure}"
     yield ""
     yield _words(f"[bold]line {escape(name)}[/]: {_coloured(line['state'])}, {place}")
-    counts = [f"{words} {line[key]}" for key, words in COUNTERS.items() if line.get(key) or key in ALWAYS]
+    counts = [f"{COUNTERS[key].words} {line[key]}" for key in SHOWN if line.get(key) or key in ALWAYS]
     yield _words(f"  {', '.join(counts)}")
     table = _table("  controller", "role", "connected")
     for heading in ("gateway µs p50", "p99", "max", "computed ms exchange", "round", "time-out"):

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
+from gateway.catalogue.counters import COUNTERS
 from tests.browser import started_browser
 from tests.processes.bench import children
 from tests.processes.sick_line import GARBAGE, Client, Health, SickLine, kinds
@@ -73,6 +74,10 @@ def test_a_drive_that_has_never_answered_is_named_and_not_called_unreferenced(
         metrics = sick.get("metrics")[1].decode()
         assert 'pitch_gateway_drive_answers{axes="x",line="xy",unit_id="1"} 0.0' in metrics
         assert 'pitch_gateway_drive_answers{axes="y",line="xy",unit_id="2"} 1.0' in metrics
+        line = status["lines"]["xy"]
+        for part in (line, *line["controllers"], *line["unit_ids"]["drives"].values()):
+            for key, value in part.items():
+                assert not isinstance(value, int) or isinstance(value, bool) or key in COUNTERS, key
 
         browser_page.goto(sick.address)
         until(browser_page, STATES, ["Drive silent", "Compensated"])

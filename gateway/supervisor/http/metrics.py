@@ -15,6 +15,7 @@ from prometheus_client.metrics_core import (
 )
 from prometheus_client.registry import Collector
 
+from gateway.catalogue.counters import meaning
 from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.book import FileState
 from gateway.supervisor.feeds import Feeds
@@ -22,28 +23,28 @@ from gateway.supervisor.feeds import Feeds
 US_PER_S: Final = 1e6
 TABLE_STATES: Final = (*(state.value for state in FileState), "none")
 COMPONENTS: Final = ("configuration", "tables_folder", "state_folder", "http", "mqtt")
-LINE_COUNTERS: Final = {
-    "exchanges": "Exchanges with the drives.",
-    "timeouts": "Exchanges that a drive did not answer in time.",
-    "exceptions": "Exceptions that drives answered with.",
-    "late": "Frames from the drives when nothing was expected.",
-    "late_replies": "Replies that came after their request was given up.",
-    "late_targets": "Targets and triggers that had waited longer than the deadline of their axis.",
-    "refused": "Requests that the gateway refused.",
-    "withdrawn": "Requests that were not sent, because their controller had given up on them.",
-    "broadcasts": "Requests to all drives, which none answers.",
-    "added_reads": "Reads of the gateway's own.",
-    "restaged": "Staged targets that were written anew for their trigger.",
-    "unknown_modes": "Frames whose meaning the register map does not know.",
-    "unmapped_reads": "Reads of positions that are not mapped.",
-    "crc_errors": "Frames from the drives with a wrong check sum.",
-    "damaged": "Runs of bytes from the drives of which no frame could be made.",
-    "malformed": "Bytes from the drives that are no frame.",
-    "oversized": "Replies that are longer than a frame may be; their requests were answered as without one.",
-    "wrong_units": "Replies with another unit id than was asked.",
-    "budget_overruns": "Exchanges that took the gateway longer than the budget.",
-}
-"""By the key of a line in the status model."""
+LINE_COUNTERS: Final = (
+    "exchanges",
+    "timeouts",
+    "exceptions",
+    "late",
+    "late_replies",
+    "late_targets",
+    "refused",
+    "withdrawn",
+    "broadcasts",
+    "added_reads",
+    "restaged",
+    "unknown_modes",
+    "unmapped_reads",
+    "crc_errors",
+    "damaged",
+    "malformed",
+    "oversized",
+    "wrong_units",
+    "budget_overruns",
+)
+"""Keys of a line in the status model; ``catalogue.counters`` says what each counts."""
 
 
 class StatusCollector(Collector):
@@ -171,8 +172,8 @@ def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[
     yield from (up, wire, added, connected)
     yield from _of_drives(lines)
     yield from _of_ports(lines)
-    for key, says in LINE_COUNTERS.items():
-        counter = _counter(f"line_{key}", says, ["line"])
+    for key in LINE_COUNTERS:
+        counter = _counter(f"line_{key}", meaning(key), ["line"])
         for name, line in lines.items():
             if line.get(key) is not None:  # a line over TCP has no check sums
                 counter.add_metric((name,), line[key])
