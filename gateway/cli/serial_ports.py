@@ -5,8 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-LASTING: Final = (Path("/dev/serial/by-id"), Path("/dev/serial/by-path"))
-"""Where udev keeps names that stay: of the adapter, and of the socket that it is plugged into."""
+LASTING: Final = (
+    Path("/dev/pitch-gateway/by-serial"),
+    Path("/dev/serial/by-id"),
+    Path("/dev/pitch-gateway/by-socket"),
+    Path("/dev/serial/by-path"),
+)
+"""Where udev keeps names that stay, of the adapter or of its socket; ours come with an installation."""
 
 
 @dataclass(frozen=True, slots=True)

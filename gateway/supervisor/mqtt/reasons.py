@@ -41,8 +41,8 @@ def taken_over(settings: Settings) -> str:
     """Return what it means that the broker ends one connection after the other."""
     return (
         f"{settings.broker} ends each connection soon after it was made: as a rule another client connects "
-        f"as {settings.client_id} too, and each takes the other's place; give each gateway a name of its own, "
-        "or a [mqtt] client_id"
+        f"as {settings.client_id} too, and each takes the other's place; give each gateway a name of its "
+        "own, or a [mqtt] client_id"
     )
 
 
