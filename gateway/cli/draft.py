@@ -103,7 +103,7 @@ class Draft:
         if name == "drive":
             self.profile = _profile(str(answer), self._file.parent)
 
-    def text(self, table: str | None, state: str | None = None) -> str:
+    def text(self, table: str | None, state: str | None = None, timing: tuple[str, ...] = ()) -> str:
         """Return the configuration with its comments. Everything has to be answered."""
         assert self.profile is not None
         given = {name: answer for name, answer in self.answers.items() if name not in FORMATS}
@@ -113,6 +113,7 @@ class Draft:
             drives_serial=self.serial("drives_format"),
             controller_serial=self.serial("controller_format"),
             table=table,
+            timing=timing,
             state=state,
         )
         return configuration_text(answers, self.profile)

@@ -43,6 +43,8 @@ class Answers:
     controller_serial: Serial = USUAL
     table: str | None = None
     home_approach: str = "none"
+    timing: tuple[str, ...] = ()
+    """Lines of the line, as ``response_timeout_ms = 50``: measured, where they are there."""
     state: str | None = None
     """Where the gateway keeps its state, where that is not beside the configuration."""
 
@@ -157,6 +159,8 @@ def _line(answers: Answers) -> list[str]:
         "[line.main]",
         "# A path from /dev/serial/by-id stays the same when adapters are replugged.",
         f"drives = {{ {', '.join(_endpoint(answers.drives_at, answers.drives_serial))} }}",
+        *(("# Measured: pitch-gateway probe --timing",) if answers.timing else ()),
+        *answers.timing,
         "",
         "[[line.main.controllers]]",
         'name = "controller"',

@@ -1,10 +1,12 @@
 """``pitch-gateway init``."""
 
+import asyncio
 import json
 import os
 import platform
 import re
 import shlex
+import socket
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -47,6 +49,9 @@ EXPLAINED: Final[Mapping[str, str]] = {
 COMPENSATION_QUESTION: Final = (
     "Are the pitch error compensation and the backlash compensation of the controller itself switched off?"
 )
+MEASURE_QUESTION: Final = (
+    "The drives are there. Measure how long they take to answer (reads only, half a minute)?"
+)
 COMPENSATION_REFUSAL: Final = (
     "the controller's own compensation and backlash have to be off, or the error is taken out twice; "
     "switch them off there, then say so with --controller-compensation-off"
@@ -75,6 +80,7 @@ def init(
     table: options.Table = None,
     referenced: options.Referenced = None,
     home_approach: options.HomeApproach = None,
+    measure: options.Measure = None,
     ask: options.Ask = None,
     force: options.Force = False,
     systemd: options.Systemd = None,
@@ -85,8 +91,10 @@ def init(
     Asks first whether the controller's own compensation is off, then for what the options leave open; serial
     ports that are there are listed by the names that last, and chosen by their number. An answer that the
     configuration would refuse is explained and asked for again. The folder of the tables is made. The file is
-    checked when it is written; what is left to fill in is said line by line, then the next three commands.
-    The axis starts in "shadow": everything is computed and shown, nothing is changed.
+    checked when it is written; where the drives answer, their times are measured and the time-outs of the
+    line are written as they ask for (`pitch-gateway probe --timing`). What is left to fill in is said line by
+    line, then the next three commands. The axis starts in "shadow": everything is computed and shown, nothing
+    is changed.
 
     Examples:
         pitch-gateway init
@@ -116,8 +124,11 @@ def init(
         table = asking.optional(table, "Table file in the tables folder (none: leave empty)")
     except typer.Abort:
         _refuse("\nended before all was answered: nothing was written")
-    _write(file, draft.text(table, _state_of(file, is_service=systemd is not None)), force=force)
+    state = _state_of(file, is_service=systemd is not None)
+    _write(file, draft.text(table, state), force=force)
     _make_tables(file)
+    if timing := _measured(file, asking, draft, measure=measure):
+        _write(file, draft.text(table, state, timing), force=True)
     is_good = _say_what_is_left(file, as_json=as_json)
     if systemd is not None:
         _fit_units(file, systemd, is_good=is_good, is_quiet=as_json)
@@ -274,6 +285,46 @@ def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> N
     written = write_drop_ins(systemd, drop_ins(load(file)))
     if not is_quiet:
         say_written(written)
+
+
+def _measured(file: Path, asking: Asking, draft: "Draft", *, measure: bool | None) -> tuple[str, ...]:
+    """Return the time-outs that the drives ask for, as lines of the configuration; none: not measured."""
+    from gateway.cli.probing.timing import keys_of, measure_line
+    from gateway.cli.probing.timing_output import timing_lines
+    from gateway.config.load import load
+    from gateway.config.problems import ConfigErrors
+    from gateway.transport.errors import TransportError
+
+    if measure is None and asking.is_on and _is_there(draft.answers["drives_at"]):
+        try:
+            measure = asking.is_yes(MEASURE_QUESTION)
+        except typer.Abort:
+            measure = False
+    if not measure:
+        return ()
+    try:
+        found = asyncio.run(measure_line(load(file).plan.lines[0]))
+    except (ConfigErrors, TransportError) as error:
+        why = error.detail if isinstance(error, TransportError) else "something is left to do in it"
+        typer.echo(f"not measured: {why}; later: pitch-gateway probe --timing {file}", err=True)
+        return ()
+    for line in timing_lines(found):
+        typer.echo(line, err=True)
+    return () if found.proposed is None else keys_of(found.proposed)
+
+
+def _is_there(place: str) -> bool:
+    """Whether a port is there, or somebody listens."""
+    from gateway.cli.first_configuration import RTU_OVER_TCP
+
+    if place.startswith("/"):
+        return os.path.exists(place)  # noqa: PTH110 - a folder that may not be entered is no error here
+    host, _, port = place.removeprefix(RTU_OVER_TCP).rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=1.0).close()
+    except OSError:
+        return False
+    return True
 
 
 def _say_what_is_left(file: Path, *, as_json: bool) -> bool:

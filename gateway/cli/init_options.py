@@ -41,6 +41,13 @@ Travel = Annotated[tuple[float, float] | None, Option(help="Lowest and highest m
 Table = Annotated[str | None, Option(help="Name of the table file in the tables folder.")]
 Referenced = Annotated[str | None, Option(help="absolute, drive-bit, homing or set-position.")]
 HomeApproach = Annotated[str | None, Option(help="none, forward or backward.")]
+Measure = Annotated[
+    bool | None,
+    Option(
+        "--measure/--no-measure",
+        help="Measure how long the drives take, and write the time-outs; default: ask, where they are there.",
+    ),
+]
 Ask = Annotated[
     bool | None, Option("--ask/--no-ask", help="Ask for what is missing; default: on a terminal.")
 ]

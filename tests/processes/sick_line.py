@@ -6,6 +6,7 @@ import os
 import select
 import socket
 import threading
+import time
 import tty
 import urllib.error
 import urllib.request
@@ -103,6 +104,11 @@ class Drives:
         self.port = Port()
         self.health = {1: Health.WELL, 2: Health.WELL}
         self.counts = {1: 0, 2: 0}
+        self.takes_s = {1: 0.0, 2: 0.0}
+        """How long a drive takes for its answer."""
+        self.needs_silence_s = 0.0
+        """A request that comes sooner after an answer is not heard."""
+        self.asked: list[bytes] = []
         self._ending, self._ended = os.pipe()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
@@ -116,16 +122,22 @@ class Drives:
         self.port.close()
 
     def _serve(self) -> None:
-        decoder, now_ns = RtuRequestDecoder(), 0
+        decoder, now_ns, answered_s = RtuRequestDecoder(), 0, -1.0
         while True:
             ready, _, _ = select.select([self.port.fd, self._ending], [], [])
             if self._ending in ready:
                 return
             now_ns += 10**9  # each read begins after a silence
+            came_s = time.monotonic()
             for unit_id, pdu in decoder.feed(os.read(self.port.fd, 300), now_ns):
+                self.asked.append(pdu)
+                if came_s - answered_s < self.needs_silence_s:
+                    continue
                 health = self.health.get(unit_id, Health.SILENT)
+                select.select([self._ending], [], [], self.takes_s.get(unit_id, 0.0))
                 if health is Health.WELL:
                     os.write(self.port.fd, encode_rtu(unit_id, self._reply(unit_id, pdu)))
+                    answered_s = time.monotonic()
                 elif health is Health.GARBLED:
                     os.write(self.port.fd, GARBAGE)
 
