@@ -158,7 +158,7 @@ export class AxisCard {
     setAttribute(this.big, "class", digits.length > LONG ? "position long" : "position");
     setText(this.units, scale.units);
     setText(this.corrected, withUnits(fixed(corrected, scale.decimals), scale.units));
-    const correction = correctionOf(axis);
+    const correction = last && last.corrected !== null ? last.corrected - last.nominal : correctionOf(axis);
     setText(
       this.correction,
       withUnits(fixed(correction === null ? null : correction * scale.perUnit, scale.smallDecimals, true), scale.small),
@@ -295,20 +295,17 @@ export class AxisCard {
 }
 
 /**
- * What an axis is like: only as good as drive, line, relay and supervisor together.
+ * What an axis is like: only as good as drive, line, relay and supervisor together. A trouble without a title
+ * leaves the compensation as it is, or is called as it.
  * @param {Axis} axis
  * @returns {import("./words.js").State}
  */
-function stateOf(axis) {
-  const { trouble } = axis;
-  const state = compensation(axis.compensation);
-  if (!trouble) {
-    return state;
+function stateOf({ trouble, compensation: state }) {
+  if (!trouble?.title) {
+    return compensation(state);
   }
-  const isError = trouble.severity === "error";
-  const words = trouble.title || state.words;
-  const name = isError ? "error" : "warning";
-  return trouble.title || state.tone === "well" ? { words, sign: name, tone: name } : state;
+  const name = trouble.severity === "error" ? "error" : "warning";
+  return { words: trouble.title, sign: name, tone: name };
 }
 
 /**

@@ -83,6 +83,7 @@ def test_an_axis_whose_drive_is_silent_is_not_green_and_shows_where_it_was_seen(
     visit.until_text("article.axis .state", "Drive silent")
     visit.until_text(DIGITS, "−44.000")
     visit.until_text("article.axis .reading-name", "Last seen 1 min 15 s ago")
+    visit.until_text(CORRECTION, "+100.0\u202fµm")
     card = visit.page.locator("article.axis")
     assert (card.get_attribute("data-tone"), card.get_attribute("data-known")) == ("error", "no")
     quiet = "getComputedStyle(document.querySelector('.quiet')).color"
@@ -90,6 +91,14 @@ def test_an_axis_whose_drive_is_silent_is_not_green_and_shows_where_it_was_seen(
     visit.stage.show(model({"x": axis()}))
     visit.until_text("article.axis .state", "Compensated")
     visit.until_text("article.axis .reading-name", "Position")
+
+
+def test_a_trouble_that_leaves_the_compensation_alone_leaves_it_green(visit: Visit) -> None:
+    rejected = {"kind": "table-rejected", "severity": "error", "title": "", "cuts_off": False}
+    visit.stage.show(model({"x": axis(trouble=rejected, table=table(status="rejected", error="bad"))}))
+    visit.until("document.querySelector('article.axis').dataset.tone", "error")
+    assert visit.page.locator("article.axis .state").get_attribute("class") == "state well"
+    visit.until_text("article.axis .state", "Compensated")
 
 
 def test_a_line_says_how_many_of_its_drives_are_silent(visit: Visit) -> None:
