@@ -8,13 +8,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from gateway.catalogue.counters import COUNTERS
 from gateway.catalogue.entry import NOTHING_TO_DO, entries_of
 from gateway.catalogue.events import GROUPS
+from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
 from gateway.catalogue.lookup import code_of, severities
-from gateway.catalogue.refusals import REFUSALS, TITLES
+from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import EXIT_CODES, STARTS
 from gateway.catalogue.states import STATES
-from gateway.catalogue.troubles import TROUBLES
+from gateway.catalogue.troubles import HIDES, TROUBLES
 from gateway.cli.drives_output import markdown_lines
 from gateway.config.reference.tables import TABLES, rows
 from tools import state_machine
@@ -59,10 +61,27 @@ def events() -> str:
 def troubles() -> str:
     """Return every kind of trouble."""
     lines = [
-        (f"`{entry.kind}`", entry.severity.value, entry.meaning, entry.cause, entry.remedy)
+        (
+            f"`{entry.kind}`",
+            f"{entry.severity.value}, {entry.audience.value}",
+            entry.meaning,
+            entry.cause,
+            entry.remedy,
+        )
         for entry in TROUBLES.values()
     ]
-    return table(("trouble", "severity", "means", "usual cause", "remedy"), lines)
+    return table(("trouble", "severity, for whom", "means", "usual cause", "remedy"), lines)
+
+
+def hidden() -> str:
+    """Return which trouble hides which others."""
+    lines = [
+        (f"`{cause.kind}`", ", ".join(f"`{effect.kind}`" for effect in effects))
+        for cause, effects in HIDES.items()
+    ]
+    return table(
+        ("as long as there is", "these are not told of the same place, or of what lies within it"), lines
+    )
 
 
 def states() -> str:
@@ -78,6 +97,23 @@ def states() -> str:
         )
         for key, found in STATES.items()
     )
+
+
+def counters() -> str:
+    """Return everything that is counted."""
+    lines = [
+        (f"`{each.name}`", each.words, each.meaning, "" if each.remedy == NOTHING_TO_DO else each.remedy)
+        for each in COUNTERS.values()
+    ]
+    return table(("counter", "shown as", "counts", "what to do where it grows"), lines)
+
+
+def exceptions() -> str:
+    """Return the exceptions of Modbus as drives answer them."""
+    lines = [
+        (f"0x{each.code:02X} {each.title}", each.meaning, each.cause, each.remedy) for each in EXCEPTIONS
+    ]
+    return table(("exception", "means", "usual cause", "remedy"), lines)
 
 
 def refusals() -> str:
@@ -122,7 +158,10 @@ def decisions() -> str:
 PARTS: Final = {
     "events": events,
     "troubles": troubles,
+    "hidden troubles": hidden,
     "states": states,
+    "counters": counters,
+    "exceptions": exceptions,
     "refusals": refusals,
     "starts": starts,
     "exit codes": exit_codes,

@@ -41,6 +41,15 @@ def entries_of(module: ModuleType) -> Iterator[EventEntry]:
             yield value
 
 
+class Audience(Enum):
+    """Who has to know of a trouble."""
+
+    OPERATOR = "operator"
+    """Whoever runs the machine: it stands in the banner."""
+    RETROFITTER = "retrofitter"
+    """Whoever installed the gateway: it stands with the figures that show it."""
+
+
 @dataclass(frozen=True, slots=True)
 class TroubleEntry:
     """Something that is wrong now, as banner, terminal and alerts show it until it is right."""
@@ -52,6 +61,11 @@ class TroubleEntry:
     cause: str
     remedy: str
     """Begins with a verb: the page begins its sentence with it, and no key or command stands a capital."""
+    title: str = ""
+    """In two or three words, where an axis shows it in the place of its compensation."""
+    cuts_off: bool = False
+    """No command reaches some drive as long as it lasts, and where its axis is nobody knows."""
+    audience: Audience = Audience.OPERATOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +77,33 @@ class RefusalEntry:
     """How the detail of its event begins, … for what differs; empty where no event has one."""
     cause: str
     remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class ExceptionEntry:
+    """An exception of Modbus, as a drive answers it."""
+
+    code: int
+    title: str
+    """As the standard names it."""
+    meaning: str
+    cause: str
+    remedy: str
+    aliases: tuple[str, ...] = ()
+    """Other names that programs and manuals have for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class CounterEntry:
+    """A number that only grows."""
+
+    name: str
+    """Its key in the status."""
+    words: str
+    """What stands beside it in the terminal and on the page."""
+    meaning: str
+    """What it counts, as the end of a sentence."""
+    remedy: str = NOTHING_TO_DO
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,11 @@ from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from typing import Final
 
-from gateway.catalogue.entry import EventEntry, RefusalEntry
+from gateway.catalogue.counters import COUNTERS, counter
+from gateway.catalogue.entry import CounterEntry, EventEntry, ExceptionEntry, RefusalEntry
 from gateway.catalogue.events import EVENTS
-from gateway.catalogue.refusals import REFUSALS, TITLES
+from gateway.catalogue.exceptions import EXCEPTIONS, TITLES, code_in
+from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
 from gateway.catalogue.states import STATES
 from gateway.catalogue.troubles import TROUBLES
@@ -22,7 +24,7 @@ class Explanation:
     """One entry, whatever it is about; what an entry of its kind has not is empty."""
 
     kind: str
-    """``event``, ``trouble``, ``state``, ``exception``, ``start``; the command knows ``key`` too."""
+    """``event``, ``trouble``, ``state``, ``counter``, ``exception``, ``start``; the command adds ``key``."""
     name: str
     severity: str
     meaning: str
@@ -46,14 +48,17 @@ def look_up(asked: str) -> list[Explanation]:
     """
     text = asked.strip()
     found = [entry for entry in _named() if entry.name == text.lower()]
-    if code := re.fullmatch(r"(?:exception )?(?:0x)?0?([0-9a-f])", text.lower()):
-        found += [_refusal(entry) for entry in REFUSALS if entry.code == int(code[1], 16)]
+    if (counted := counter(text)) is not None:
+        found.append(_counter(counted))
+    if (code := code_in(text)) is not None:
+        found += [_exception(entry) for entry in EXCEPTIONS if entry.code == code]
+        found += [_refusal(entry) for entry in REFUSALS if entry.code == code]
     return found or [entry for entry in _sentences() if _fits(text, entry.name)]
 
 
 def names() -> list[str]:
     """Return every word that can be asked for, each once."""
-    return list(dict.fromkeys(entry.name for entry in _named()))
+    return list(dict.fromkeys((*(entry.name for entry in _named()), *COUNTERS)))
 
 
 def near(asked: str) -> list[str]:
@@ -66,6 +71,8 @@ def everything() -> dict[str, list[Explanation]]:
     parts: dict[str, list[Explanation]] = {}
     for entry in (
         *_named(),
+        *map(_counter, COUNTERS.values()),
+        *map(_exception, EXCEPTIONS),
         *map(_refusal, REFUSALS),
         *(entry for entry in _sentences() if entry.kind == "start"),
     ):
@@ -113,8 +120,17 @@ def _named() -> Iterator[Explanation]:
             yield _made("state", state.name, "", f"{key}: {state.meaning}", "", state.remedy)
 
 
+def _counter(entry: CounterEntry) -> Explanation:
+    return _made("counter", entry.name, "", f"{entry.words}: {entry.meaning}", "", entry.remedy)
+
+
+def _exception(entry: ExceptionEntry) -> Explanation:
+    meaning = f"{entry.title}: {entry.meaning}"
+    return _made("exception", f"exception 0x{entry.code:02X}", "", meaning, entry.cause, entry.remedy)
+
+
 def _refusal(entry: RefusalEntry) -> Explanation:
-    meaning = TITLES[entry.code] + (f": {entry.says}" if entry.says else "")
+    meaning = f"{TITLES[entry.code]}, by the gateway itself" + (f": {entry.says}" if entry.says else "")
     return _made("exception", f"exception {code_of(entry)}", "", meaning, entry.cause, entry.remedy)
 
 

@@ -1,20 +1,8 @@
 """Exceptions that the gateway itself answers. What a drive answers passes as it is, also with these codes."""
 
-from collections.abc import Mapping
 from typing import Final
 
 from gateway.catalogue.entry import RefusalEntry
-
-TITLES: Final[Mapping[int, str]] = {
-    0x01: "illegal function",
-    0x02: "illegal data address",
-    0x03: "illegal data value",
-    0x04: "server device failure",
-    0x06: "server device busy",
-    0x0A: "gateway path unavailable",
-    0x0B: "gateway target device failed to respond",
-}
-"""As the Modbus application protocol V1.1b3, section 7, names them."""
 
 _WHOLE: Final = "write all of the position in one frame"
 _MAPPED: Final = 'map the register, or set `unmapped = "pass"` if nothing moves by it'

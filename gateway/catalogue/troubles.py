@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from gateway.catalogue.entry import Severity, TroubleEntry
+from gateway.catalogue.entry import Audience, Severity, TroubleEntry
 
 RELAY_DOWN: Final = TroubleEntry(
     "relay-down",
@@ -11,13 +11,17 @@ RELAY_DOWN: Final = TroubleEntry(
     "the relay is not running: no command reaches a drive",
     "it was not started, could not start, or ended",
     "look at its log, then start the gateway",
+    title="Relay down",
+    cuts_off=True,
 )
 RELAY_SILENT: Final = TroubleEntry(
     "relay-silent",
     Severity.ERROR,
-    "the relay has said nothing for some seconds",
+    "the relay has said nothing for some seconds: the machine may not obey",
     "the machine is overloaded, or the relay was stopped",
-    "look at the load of the machine and at the relay's log",
+    "stop the machine by its own switch if it moves; look at the load of the computer and at the relay's log",
+    title="Relay silent",
+    cuts_off=True,
 )
 LINE_DOWN: Final = TroubleEntry(
     "line-down",
@@ -25,6 +29,73 @@ LINE_DOWN: Final = TroubleEntry(
     "the drives of a line cannot be reached",
     "power, cable, adapter, or the address in the configuration",
     "check the power of the drives, the cable and the adapter",
+    title="Line down",
+    cuts_off=True,
+)
+DRIVE_GARBLED: Final = TroubleEntry(
+    "drive-garbled",
+    Severity.ERROR,
+    "the drive of an axis has not answered, but bytes come of which no frame can be made",
+    "another baud rate or parity than the drive has, A and B exchanged, no termination, two drives with one "
+    "unit id",
+    "compare baud rate and parity with those of the drive, then exchange A and B, then look at termination "
+    "and unit ids; pitch-gateway probe asks each drive once",
+    title="Drive not understood",
+    cuts_off=True,
+)
+DRIVE_SILENT: Final = TroubleEntry(
+    "drive-silent",
+    Severity.ERROR,
+    "the drive of an axis does not answer",
+    "power, cable, or a drive that hangs; where it has never answered also unit id, baud rate and parity",
+    "check power, cable, unit id, baud rate and parity; pitch-gateway probe asks each drive once",
+    title="Drive silent",
+    cuts_off=True,
+)
+CONTROLLER_GARBLED: Final = TroubleEntry(
+    "controller-garbled",
+    Severity.ERROR,
+    "nothing that came from the port of a controller was a frame",
+    "another baud rate or parity than the controller has, A and B exchanged, or a device that speaks "
+    "something else",
+    "compare baud rate and parity of the port with those of the controller, then exchange A and B",
+    cuts_off=True,
+)
+CONTROLLER_DAMAGED: Final = TroubleEntry(
+    "controller-damaged",
+    Severity.WARNING,
+    "many frames from the port of a controller are damaged: it waits for answers that cannot come",
+    "cable, screen, termination, two masters on one wire, or a baud rate that is a little off",
+    "check the cable, its screen and its termination",
+)
+DRIVE_DAMAGED: Final = TroubleEntry(
+    "drive-damaged",
+    Severity.WARNING,
+    "many answers of drives are damaged: their requests stay unanswered",
+    "cable, screen, termination, two drives with one unit id, or a baud rate that is a little off",
+    "check the cable, its screen and its termination, and that no unit id is there twice",
+)
+TWO_WRITERS: Final = TroubleEntry(
+    "two-writers",
+    Severity.ERROR,
+    "two motion controllers want to move the same axis",
+    "a second program, panel or PLC that moves the axis, or the same controller with two addresses",
+    "have one of them only move the axis, or give the other the role operator or monitor",
+    title="Two controllers",
+)
+UNIT_SILENT: Final = TroubleEntry(
+    "unit-silent",
+    Severity.WARNING,
+    "controllers ask a unit id that has no axis, and nobody answers: each such request costs the others time",
+    "a device that is off, or a wrong unit id in the controller",
+    "switch the device on, or have the controller not ask for it",
+)
+UNHEARD_CONTROLLER: Final = TroubleEntry(
+    "unheard-controller",
+    Severity.WARNING,
+    "a motion controller talks only to unit ids that have no axis: nothing that it moves is corrected",
+    "a wrong unit id in the controller or in the configuration, or a controller of another line",
+    "set `unit_id` of the axis to what the controller talks to, or name the other device in `other_units`",
 )
 WRONG_UNIT_ID: Final = TroubleEntry(
     "wrong-unit-id",
@@ -103,6 +174,7 @@ OVER_BUDGET: Final = TroubleEntry(
     "the gateway takes longer than `budget_us` for the exchanges of an axis",
     "the machine is busy with something else",
     "look at the load of the machine; pitch-gateway budget shows what the line can hold",
+    audience=Audience.RETROFITTER,
 )
 SENSOR_SILENT: Final = TroubleEntry(
     "sensor-silent",
@@ -165,8 +237,28 @@ MQTT: Final = TroubleEntry(
 TROUBLES: Final[Mapping[str, TroubleEntry]] = {
     entry.kind: entry for entry in tuple(globals().values()) if isinstance(entry, TroubleEntry)
 }
-"""Every kind of trouble, in the order of this file."""
+"""Every kind of trouble, worst first within a severity: gateway, line, drive, axis, supervisor."""
 OF_COMPENSATION: Final = (BLOCKED, UNREFERENCED, OFF, SHADOW, OUTSIDE)
 """Those that are called as a state of the compensation, and say nothing but what that means."""
 OF_SUPERVISOR: Final = (CONFIGURATION, TABLES_FOLDER, STATE_FOLDER, HTTP, MQTT)
 """Those that are called as the key of ``supervisor`` in the status that has their ``problem``."""
+
+_OF_TABLE: Final = (TABLE_REJECTED, TABLE_REMOVED)
+_OF_RELAY: Final = tuple(
+    entry
+    for entry in TROUBLES.values()
+    if entry not in (RELAY_DOWN, RELAY_SILENT, *_OF_TABLE, *OF_SUPERVISOR)
+)
+"""Those that are told from what the relay says: of one that says nothing nobody knows whether they last."""
+HIDES: Final[Mapping[TroubleEntry, tuple[TroubleEntry, ...]]] = {
+    RELAY_DOWN: _OF_RELAY,
+    RELAY_SILENT: _OF_RELAY,
+    LINE_DOWN: (DRIVE_GARBLED, DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
+    DRIVE_GARBLED: (DRIVE_SILENT, DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
+    DRIVE_SILENT: (DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
+    CONTROLLER_GARBLED: (CONTROLLER_DAMAGED,),
+    WRONG_UNIT_ID: (UNKNOWN_UNIT, UNHEARD_CONTROLLER, UNIT_SILENT),
+    UNHEARD_CONTROLLER: (UNKNOWN_UNIT, UNIT_SILENT),
+    TABLE_REMOVED: OF_COMPENSATION,
+}
+"""What follows from a trouble in the same place, or within it, and is not told as long as that lasts."""

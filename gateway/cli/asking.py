@@ -63,9 +63,9 @@ class Asking:
             raise typer.BadParameter(f"missing: {', '.join(self._missing)} (or run it with --ask)")
 
 
-def text(question: str) -> str:
-    """Ask for a text that is not empty."""
-    return str(typer.prompt(question, err=True)).strip()
+def text(question: str, default: str | None = None) -> str:
+    """Ask for a text that is not empty; Enter takes the default, where there is one."""
+    return str(typer.prompt(question, default=default, err=True)).strip()
 
 
 def number(question: str) -> float:

@@ -11,6 +11,7 @@ from gateway.cli.first_configuration import (
     Serial,
     configuration_text,
     endpoint,
+    serial_format,
     serial_of,
 )
 from gateway.config.drive_files import read_profile
@@ -21,7 +22,16 @@ from gateway.drives.profile import Profile
 
 LINE: Final = "main"
 CONTROLLER: Final = "controller"
-PLACES: Final = {"drives_at": f"line.{LINE}.drives", "controller_at": f"line.{LINE}.controllers"}
+PLACES: Final = {
+    "drives_at": f"line.{LINE}.drives",
+    "controller_at": f"line.{LINE}.controllers",
+    "drives_format": f"line.{LINE}.drives",
+    "controller_format": f"line.{LINE}.controllers",
+    "name": "gateway.name",
+}
+"""Answers that are none of the axis: what keys they are about."""
+FORMATS: Final = {"drives_format": "drives_at", "controller_format": "controller_at"}
+"""How the serial port is set that another answer names."""
 PLACE_RULE: Final = (
     'allowed: "HOST:PORT", as in "192.168.0.7:502", or the full path of a serial port, as in "/dev/ttyUSB0"'
 )
@@ -34,21 +44,44 @@ ANY_PORT: Final = "/dev/ttyUSB0"
 class Draft:
     """Takes one answer after the other. An answer is known by the name that it has in ``Answers``."""
 
-    def __init__(self, file: Path, axis: str, serial: Serial) -> None:
+    def __init__(self, file: Path, axis: str, drives: Serial, controller: Serial) -> None:
+        """``drives`` and ``controller``: how their serial ports are set, as far as the options say so."""
         self.answers: dict[str, Any] = {}
         self.profile: Profile | None = None
         self.notes: list[str] = []
         """What good answers brought to light elsewhere; it can be mended in the file."""
         self._file = file
         self._axis = axis
-        self._serial = serial
+        self._serial = {"drives_format": drives, "controller_format": controller}
         self._known: set[Problem] = set()
 
-    def wrong_serial(self) -> Problem | None:
-        """Return what is wrong with the settings of serial ports, whatever is asked later."""
-        tables = {"line": {LINE: {"drives": endpoint(ANY_PORT, self._serial_settings())}}}
-        problems = problems_of_draft(self._file, tables)
-        return next((p for p in problems if p.key.startswith(f"{PLACES['drives_at']}.")), None)
+    def wrong_serial(self) -> tuple[str, Problem] | None:
+        """Return which option about a serial port is wrong, and why, whatever is asked later."""
+        for name in FORMATS:
+            tables = {"line": {LINE: {"drives": endpoint(ANY_PORT, self.serial(name))}}}
+            for problem in problems_of_draft(self._file, tables):
+                if problem.key.startswith(f"{PLACES['drives_at']}."):
+                    option = problem.key.rpartition(".")[2].replace("_", "-")
+                    return f"--{'' if name == 'drives_format' else 'controller-'}{option}", problem
+        return None
+
+    def serial(self, name: str, answers: Mapping[str, Any] | None = None) -> Serial:
+        """Return how a port is set; that of the controller is as the drives'. ``name``: of ``FORMATS``."""
+        found = (self.answers if answers is None else answers).get(name)
+        if isinstance(found, Serial):
+            return found
+        asked = self._serial[name]
+        if name == "controller_format":
+            given = {key: value for key, value in asked._asdict().items() if value is not None}
+            return self.serial("drives_format", answers)._replace(**given)
+        if self.profile is not None:
+            return serial_of(asked, self.profile)
+        return USUAL._replace(**{key: value for key, value in asked._asdict().items() if value is not None})
+
+    def wants_format(self, name: str) -> bool:
+        """Whether how a port is set has to be asked: it is a serial one, and no option said it."""
+        is_serial = str(self.answers.get(FORMATS[name], "")).startswith("/")
+        return is_serial and None in self._serial[name]
 
     def take(self, name: str, answer: object) -> None:
         """Take an answer.
@@ -58,7 +91,7 @@ class Draft:
         """
         if name == "controller_at" and str(answer).startswith(RTU_OVER_TCP):
             raise ValueError(f'found "{answer}"; {PLACE_RULE}; {DEVICE_SERVER_RULE}')
-        answers = {**self.answers, name: answer}
+        answers = {**self.answers, name: serial_format(str(answer)) if name in FORMATS else answer}
         problems = problems_of_draft(self._file, self._tables(answers))
         new = [problem for problem in problems if problem.found != "missing" and problem not in self._known]
         own = [problem for problem in new if self._is_about(problem, name)]
@@ -70,10 +103,19 @@ class Draft:
         if name == "drive":
             self.profile = _profile(str(answer), self._file.parent)
 
-    def text(self, table: str | None, state: str | None = None) -> str:
+    def text(self, table: str | None, state: str | None = None, timing: tuple[str, ...] = ()) -> str:
         """Return the configuration with its comments. Everything has to be answered."""
         assert self.profile is not None
-        answers = Answers(**self.answers, axis=self._axis, serial=self._serial, table=table, state=state)
+        given = {name: answer for name, answer in self.answers.items() if name not in FORMATS}
+        answers = Answers(
+            **given,
+            axis=self._axis,
+            drives_serial=self.serial("drives_format"),
+            controller_serial=self.serial("controller_format"),
+            table=table,
+            timing=timing,
+            state=state,
+        )
         return configuration_text(answers, self.profile)
 
     def _is_about(self, problem: Problem, name: str) -> bool:
@@ -82,24 +124,19 @@ class Draft:
             return problem.file != str(self._file) or problem.key.startswith(tuple(keys))
         return problem.key.startswith(PLACES.get(name, f"axis.{self._axis}.{name}"))
 
-    def _serial_settings(self) -> Serial:
-        if self.profile is not None:
-            return serial_of(self._serial, self.profile)
-        asked = self._serial._asdict()
-        return USUAL._replace(**{key: value for key, value in asked.items() if value is not None})
-
     def _tables(self, answers: Mapping[str, Any]) -> dict[str, Any]:
         """Return the configuration as far as it is known."""
-        serial = self._serial_settings()
         line: dict[str, Any] = {}
         if "drives_at" in answers:
-            line["drives"] = endpoint(answers["drives_at"], serial)
+            line["drives"] = endpoint(answers["drives_at"], self.serial("drives_format", answers))
         if "controller_at" in answers:
+            serial = self.serial("controller_format", answers)
             line["controllers"] = [{"name": CONTROLLER, **endpoint(answers["controller_at"], serial)}]
         axis = {name: value for name, value in answers.items() if name not in PLACES}
         if "travel" in axis:
             axis["travel"] = list(axis["travel"])
-        return {"line": {LINE: line}, "axis": {self._axis: {"line": LINE, **axis}}}
+        gateway = {"name": answers["name"]} if "name" in answers else {}
+        return {"gateway": gateway, "line": {LINE: line}, "axis": {self._axis: {"line": LINE, **axis}}}
 
 
 def _profile(name: str, folder: Path) -> Profile:

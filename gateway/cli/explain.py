@@ -48,7 +48,7 @@ def explain(
         str | None,
         typer.Argument(
             metavar="NAME",
-            help="An event, state, exception code, sentence of the log, or key; none: all but the keys.",
+            help="An event, state, counter, exception, sentence of the log, or key; none: all but the keys.",
             show_default=False,
             autocompletion=_complete,
         ),
@@ -56,11 +56,13 @@ def explain(
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
-    """Say what an event, an error or a state means, what usually causes it, and what to do.
+    """Say what an event, an error, a state or a counter means, what usually causes it, and what to do.
 
-    It knows every event of the log, of MQTT and of the page; the states of an axis; the exceptions that the
-    gateway itself answers to a controller, by code or by their sentence in the log; and why a relay does not
-    start; and every key of the configuration. docs/operations.md and docs/configuration.md have the same.
+    It knows every event of the log, of MQTT and of the page; the states of an axis; every counter of the
+    status, the page and the metrics; the exceptions of Modbus, as a drive answers them and as the gateway
+    itself does, however the code is written (0x0B, 0Bh, 11, "83 0B", ILLEGAL_DATA_ADDRESS), or by their
+    sentence in the log; why a relay does not start; and every key of the configuration. docs/operations.md
+    and docs/configuration.md have the same.
 
     Exit code 1 when nothing is called so.
 
@@ -68,6 +70,8 @@ def explain(
         pitch-gateway explain drive-silent
 
         pitch-gateway explain 0x04
+
+        pitch-gateway explain crc_errors
 
         pitch-gateway explain "it has not been compiled yet"
 

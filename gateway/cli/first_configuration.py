@@ -1,6 +1,7 @@
 """The text of a first configuration: one line, one controller, one axis, with a comment on each choice."""
 
 import json
+import re
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -36,17 +37,21 @@ class Answers:
     counts_per_unit: float
     travel: tuple[float, float]
     referenced: str
-    serial: Serial = AS_WHEN_NEW
+    name: str = "gateway"
+    drives_serial: Serial = USUAL
+    """Of their port, where it is a serial one."""
+    controller_serial: Serial = USUAL
     table: str | None = None
     home_approach: str = "none"
+    timing: tuple[str, ...] = ()
+    """Lines of the line, as ``response_timeout_ms = 50``: measured, where they are there."""
     state: str | None = None
     """Where the gateway keeps its state, where that is not beside the configuration."""
 
 
 def configuration_text(answers: Answers, profile: Profile) -> str:
     """Return the configuration with its comments."""
-    serial = serial_of(answers.serial, profile)
-    return "\n".join((*_head(answers.state), *_line(answers, serial), *_axis(answers, profile), ""))
+    return "\n".join((*_head(answers), *_line(answers), *_axis(answers, profile), ""))
 
 
 def serial_of(asked: Serial, profile: Profile) -> Serial:
@@ -57,6 +62,41 @@ def serial_of(asked: Serial, profile: Profile) -> Serial:
         asked.parity or known.parity or USUAL.parity,
         asked.stop_bits or known.stop_bits or USUAL.stop_bits,
     )
+
+
+PARITIES: Final = {"N": "none", "E": "even", "O": "odd"}
+FORMAT_RULE: Final = (
+    'allowed: baud rate, data bits, parity and stop bits as manuals write them, as in "115200 8E1"; or '
+    '"115200 even 1"'
+)
+
+
+def serial_format(text: str) -> Serial:
+    """Return the settings of a serial port as a person writes them.
+
+    Raises:
+        ValueError: it is not understood; says what is allowed.
+
+    >>> serial_format("115200 8E1"), serial_format("9600 none 2")
+    (Serial(baudrate=115200, parity='even', stop_bits=1), Serial(baudrate=9600, parity='none', stop_bits=2))
+    """
+    short = re.fullmatch(r"(\d+)[ ,/-]+8[ ,/-]?([NEO])[ ,/-]?([12])", text.strip().upper())
+    if short is not None:
+        return Serial(int(short[1]), PARITIES[short[2]], int(short[3]))
+    long = re.fullmatch(r"(\d+)[ ,]+(none|even|odd)[ ,]+([12])", text.strip().lower())
+    if long is None:
+        raise ValueError(f'found "{text}"; {FORMAT_RULE}')
+    return Serial(int(long[1]), long[2], int(long[3]))
+
+
+def format_words(serial: Serial) -> str:
+    """Return the settings of a serial port as manuals write them.
+
+    >>> format_words(USUAL)
+    '19200 8N1'
+    """
+    letter = next(letter for letter, parity in PARITIES.items() if parity == serial.parity)
+    return f"{serial.baudrate} 8{letter}{serial.stop_bits}"
 
 
 def _quoted(text: str) -> str:
@@ -89,7 +129,8 @@ def _endpoint(place: str, serial: Serial) -> list[str]:
     ]
 
 
-def _head(state: str | None) -> list[str]:
+def _head(answers: Answers) -> list[str]:
+    state = answers.state
     kept = () if state is None else (f"state = {_quoted(state)}  # where the service may write",)
     return [
         "# Written by `pitch-gateway init`. docs/configuration.md has every key. Check it after each change",
@@ -99,6 +140,7 @@ def _head(state: str | None) -> list[str]:
         "# the screw would be taken out twice.",
         "",
         "[gateway]",
+        f"name = {_quoted(answers.name)}",
         'tables = "tables"          # folder with the table files, relative to this file',
         *kept,
         "",
@@ -112,15 +154,17 @@ def _head(state: str | None) -> list[str]:
     ]
 
 
-def _line(answers: Answers, serial: Serial) -> list[str]:
+def _line(answers: Answers) -> list[str]:
     return [
         "[line.main]",
         "# A path from /dev/serial/by-id stays the same when adapters are replugged.",
-        f"drives = {{ {', '.join(_endpoint(answers.drives_at, serial))} }}",
+        f"drives = {{ {', '.join(_endpoint(answers.drives_at, answers.drives_serial))} }}",
+        *(("# Measured: pitch-gateway probe --timing",) if answers.timing else ()),
+        *answers.timing,
         "",
         "[[line.main.controllers]]",
         'name = "controller"',
-        *_endpoint(answers.controller_at, serial),
+        *_endpoint(answers.controller_at, answers.controller_serial),
         'role = "motion"            # may do everything; a display gets "monitor", which may only read',
         "# timeout_ms = 1000        # after this the controller gives up; take it from its program",
         "",

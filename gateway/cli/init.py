@@ -1,9 +1,14 @@
 """``pitch-gateway init``."""
 
+import asyncio
 import json
 import os
+import platform
+import re
+import shlex
+import socket
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
@@ -16,10 +21,13 @@ from gateway.cli.asking import Asking, number, text, two_numbers, whole_number
 if TYPE_CHECKING:
     from gateway.cli.draft import Draft
     from gateway.cli.first_configuration import Serial
+    from gateway.cli.serial_ports import Found
 
 QUESTIONS: Final[Mapping[str, tuple[Callable[[str], Any], str]]] = {
     "drives_at": (text, "Drives at (/dev/…, HOST:PORT, or rtu://HOST:PORT)"),
+    "drives_format": (text, "Baud rate, parity and stop bits of the drives"),
     "controller_at": (text, "Controller at (/dev/…, or HOST:PORT to listen on)"),
+    "controller_format": (text, "Baud rate, parity and stop bits of the controller"),
     "unit_id": (whole_number, "Modbus unit id of the drive"),
     "units": (text, "Units (mm, inch or degree)"),
     "counts_per_unit": (number, "Counts in one unit"),
@@ -28,8 +36,21 @@ QUESTIONS: Final[Mapping[str, tuple[Callable[[str], Any], str]]] = {
     "home_approach": (text, "Last movement of homing (none, forward or backward)"),
 }
 """How what the options leave open is asked for, in this order."""
+EXPLAINED: Final[Mapping[str, str]] = {
+    "counts_per_unit": "counts in one unit: by how much the position register changes while the axis moves "
+    "one unit; counts of a turn of the motor × gear / lead of the screw, as in 10 000 × 1 / 5 mm = 2000; "
+    "negative where it counts down while the axis goes forward",
+    "referenced": "referenced: how it is known that the drive counts from the machine's zero: it has an "
+    "absolute encoder, a bit says homed, homing is seen on the wire, or its position is set",
+    "home_approach": "last movement of homing: which branch of the table holds right after homing; forward "
+    "is towards greater positions, none where it is not known",
+}
+"""What is said above a question that is asked."""
 COMPENSATION_QUESTION: Final = (
     "Are the pitch error compensation and the backlash compensation of the controller itself switched off?"
+)
+MEASURE_QUESTION: Final = (
+    "The drives are there. Measure how long they take to answer (reads only, half a minute)?"
 )
 COMPENSATION_REFUSAL: Final = (
     "the controller's own compensation and backlash have to be off, or the error is taken out twice; "
@@ -41,12 +62,16 @@ def init(
     file: options.TargetFile = Path("gateway.toml"),
     *,
     controller_compensation_off: options.CompensationOff = False,
+    name: options.Name = None,
     drive: options.Drive = None,
     drives_at: options.DrivesAt = None,
     controller_at: options.ControllerAt = None,
     baudrate: options.Baudrate = None,
     parity: options.Parity = None,
     stop_bits: options.StopBits = None,
+    controller_baudrate: options.ControllerBaudrate = None,
+    controller_parity: options.ControllerParity = None,
+    controller_stop_bits: options.ControllerStopBits = None,
     axis: options.Axis = "x",
     unit_id: options.UnitId = None,
     units: options.AxisUnits = None,
@@ -54,7 +79,8 @@ def init(
     travel: options.Travel = None,
     table: options.Table = None,
     referenced: options.Referenced = None,
-    home_approach: options.HomeApproach = "none",
+    home_approach: options.HomeApproach = None,
+    measure: options.Measure = None,
     ask: options.Ask = None,
     force: options.Force = False,
     systemd: options.Systemd = None,
@@ -62,10 +88,13 @@ def init(
 ) -> None:
     """Write a commented configuration for one drive, to start from.
 
-    Asks first whether the controller's own compensation is off, then for what the options leave open. An
-    answer that the configuration would refuse is explained and asked for again. The file is checked when it
-    is written; what is left to fill in is said line by line. The axis starts in "shadow": everything is
-    computed and shown, nothing is changed.
+    Asks first whether the controller's own compensation is off, then for what the options leave open; serial
+    ports that are there are listed by the names that last, and chosen by their number. An answer that the
+    configuration would refuse is explained and asked for again. The folder of the tables is made. The file is
+    checked when it is written; where the drives answer, their times are measured and the time-outs of the
+    line are written as they ask for (`pitch-gateway probe --timing`). What is left to fill in is said line by
+    line, then the next three commands. The axis starts in "shadow": everything is computed and shown, nothing
+    is changed.
 
     Examples:
         pitch-gateway init
@@ -76,8 +105,10 @@ def init(
     from gateway.cli.first_configuration import Serial
 
     asking = Asking(is_on=sys.stdin.isatty() if ask is None else ask)
-    draft = _new_draft(file, axis, Serial(baudrate, parity, stop_bits), force=force)
+    controller = Serial(controller_baudrate, controller_parity, controller_stop_bits)
+    draft = _new_draft(file, axis, Serial(baudrate, parity, stop_bits), controller, force=force)
     given = {
+        "name": name,
         "drive": drive,
         "drives_at": drives_at,
         "controller_at": controller_at,
@@ -93,21 +124,25 @@ def init(
         table = asking.optional(table, "Table file in the tables folder (none: leave empty)")
     except typer.Abort:
         _refuse("\nended before all was answered: nothing was written")
-    _write(file, draft.text(table, _state_of(file, is_service=systemd is not None)), force=force)
+    state = _state_of(file, is_service=systemd is not None)
+    _write(file, draft.text(table, state), force=force)
+    _make_tables(file)
+    if timing := _measured(file, asking, draft, measure=measure):
+        _write(file, draft.text(table, state, timing), force=True)
     is_good = _say_what_is_left(file, as_json=as_json)
     if systemd is not None:
         _fit_units(file, systemd, is_good=is_good, is_quiet=as_json)
 
 
-def _new_draft(file: Path, axis: str, serial: "Serial", *, force: bool) -> "Draft":
+def _new_draft(file: Path, axis: str, drives: "Serial", controller: "Serial", *, force: bool) -> "Draft":
     """Return a draft in which nothing is answered yet; refuses names and settings that cannot be."""
     from gateway.cli.draft import Draft
 
     _check_names(file, axis, force=force)
-    draft = Draft(file, axis, serial)
-    problem = draft.wrong_serial()
-    if problem is not None:
-        option = "--" + problem.key.rpartition(".")[2].replace("_", "-")
+    draft = Draft(file, axis, drives, controller)
+    wrong = draft.wrong_serial()
+    if wrong is not None:
+        option, problem = wrong
         raise typer.BadParameter(f"{problem.found}; {problem.remedy}", param_hint=option)
     return draft
 
@@ -116,6 +151,10 @@ def _answer(draft: "Draft", asking: Asking, given: Mapping[str, Any], *, is_comp
     """Have everything answered that the options leave open."""
     if not is_compensation_off and not asking.is_yes(COMPENSATION_QUESTION):
         _refuse(COMPENSATION_REFUSAL)
+    name = given["name"] if given["name"] or asking.is_on else host_name()
+    asking.settle(
+        name, "--name", partial(text, "Name of the gateway", host_name()), partial(draft.take, "name")
+    )
     _settle_drive(asking, draft, given["drive"])
     _settle_rest(asking, draft, given)
     asking.refuse_if_incomplete()
@@ -135,17 +174,71 @@ def _settle_drive(asking: Asking, draft: "Draft", given: str | None) -> None:
 
 
 def _settle_rest(asking: Asking, draft: "Draft", given: Mapping[str, Any]) -> None:
-    """Have everything else answered; what the drive answers by itself is not asked."""
-    has_homed_bit = draft.profile is not None and draft.profile.registers.bits.homed is not None
+    """Have everything else answered; what has a usual answer offers it."""
+    from gateway.cli.draft import FORMATS
+    from gateway.cli.first_configuration import format_words
+    from gateway.cli.serial_ports import serial_ports
+
+    profile = draft.profile
+    has_homed_bit = profile is not None and profile.registers.bits.homed is not None
+    usual = {"home_approach": "none", **({"referenced": "drive-bit"} if has_homed_bit else {})}
+    ports = serial_ports() if asking.is_on else []
     for name, (ask, question) in QUESTIONS.items():
-        answer = given[name]
-        if name == "referenced" and answer is None and has_homed_bit:
-            answer = "drive-bit"
-        option = f"--{name.replace('_', '-')}"
+        answer = given.get(name)
+        if name in FORMATS:
+            if not draft.wants_format(name) or not asking.is_on:
+                continue
+            usual[name] = format_words(draft.serial(name))
+        if answer is None and asking.is_on:
+            _say_before(name, draft, ports)
+        if answer is None and not asking.is_on:
+            answer = usual.get(name)
+        asked = partial(text, question, usual[name]) if name in usual else partial(ask, question)
+        if name.endswith("_at"):
+            asked = partial(_place, question, [port.path for port in ports])
         said = len(draft.notes)
-        asking.settle(answer, option, partial(ask, question), partial(draft.take, name))
+        asking.settle(answer, f"--{name.replace('_', '-')}", asked, partial(draft.take, name))
         for note in draft.notes[said:] if asking.is_on else ():
             typer.echo(f"  note: {note}", err=True)
+
+
+def _say_before(name: str, draft: "Draft", ports: "Sequence[Found]") -> None:
+    """Say what somebody has to know for a question."""
+    if name.endswith("_at"):
+        typer.echo("  serial ports that are there:" if ports else "  no serial port is there", err=True)
+        for number_, port in enumerate(ports, start=1):
+            typer.echo(f"    {number_}  {port}", err=True)
+    if name in EXPLAINED:
+        typer.echo(f"  {EXPLAINED[name]}", err=True)
+    if name == "counts_per_unit" and draft.profile is not None and draft.profile.counts:
+        typer.echo(f"  of this drive: {draft.profile.counts}", err=True)
+
+
+def _place(question: str, ports: "Sequence[str]") -> str:
+    """Ask for a place; a number is the serial port of the list."""
+    answer = text(question)
+    if answer.isdecimal() and 0 < int(answer) <= len(ports):
+        return ports[int(answer) - 1]
+    return answer
+
+
+def host_name() -> str:
+    """Return the name of this computer as far as it can be the name of a gateway."""
+    from gateway.config.values import read_name
+
+    name = re.sub(r"[^A-Za-z0-9_-]", "-", platform.node().partition(".")[0])
+    try:
+        return read_name(name)
+    except ValueError:
+        return "gateway"
+
+
+def _make_tables(file: Path) -> None:
+    """Make the folder that the configuration names for its tables."""
+    try:
+        (file.parent / "tables").mkdir(exist_ok=True)
+    except OSError as error:
+        _refuse(f"{file.parent / 'tables'} cannot be made ({error.strerror}); {file} is written")
 
 
 def _check_names(file: Path, axis: str, *, force: bool) -> None:
@@ -194,6 +287,46 @@ def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> N
         say_written(written)
 
 
+def _measured(file: Path, asking: Asking, draft: "Draft", *, measure: bool | None) -> tuple[str, ...]:
+    """Return the time-outs that the drives ask for, as lines of the configuration; none: not measured."""
+    from gateway.cli.probing.timing import keys_of, measure_line
+    from gateway.cli.probing.timing_output import timing_lines
+    from gateway.config.load import load
+    from gateway.config.problems import ConfigErrors
+    from gateway.transport.errors import TransportError
+
+    if measure is None and asking.is_on and _is_there(draft.answers["drives_at"]):
+        try:
+            measure = asking.is_yes(MEASURE_QUESTION)
+        except typer.Abort:
+            measure = False
+    if not measure:
+        return ()
+    try:
+        found = asyncio.run(measure_line(load(file).plan.lines[0]))
+    except (ConfigErrors, TransportError) as error:
+        why = error.detail if isinstance(error, TransportError) else "something is left to do in it"
+        typer.echo(f"not measured: {why}; later: pitch-gateway probe --timing {file}", err=True)
+        return ()
+    for line in timing_lines(found):
+        typer.echo(line, err=True)
+    return () if found.proposed is None else keys_of(found.proposed)
+
+
+def _is_there(place: str) -> bool:
+    """Whether a port is there, or somebody listens."""
+    from gateway.cli.first_configuration import RTU_OVER_TCP
+
+    if place.startswith("/"):
+        return os.path.exists(place)  # noqa: PTH110 - a folder that may not be entered is no error here
+    host, _, port = place.removeprefix(RTU_OVER_TCP).rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=1.0).close()
+    except OSError:
+        return False
+    return True
+
+
 def _say_what_is_left(file: Path, *, as_json: bool) -> bool:
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
@@ -204,13 +337,27 @@ def _say_what_is_left(file: Path, *, as_json: bool) -> bool:
     except ConfigErrors as errors:
         left = list(errors.problems)
     if as_json:
-        result = {"file": str(file), "ok": not left, "left": [problem.as_dict() for problem in left]}
+        result = {
+            "file": str(file),
+            "ok": not left,
+            "left": [problem.as_dict() for problem in left],
+            "next": _next(file),
+        }
         typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
         return not left
-    typer.echo(f"{file} is written" + ("; left to do:" if left else f" and good: pitch-gateway run {file}"))
+    typer.echo(f"{file} is written" + ("; left to do:" if left else " and good"))
     for problem in left:
         typer.echo(f"  {problem}")
+    typer.echo("next:")
+    for line in _next(file):
+        typer.echo(f"  {line}")
     return not left
+
+
+def _next(file: Path) -> list[str]:
+    """Return the next three commands, as they are typed."""
+    quoted = shlex.quote(str(file))
+    return [f"pitch-gateway {command} {quoted}" for command in ("check", "probe", "run")]
 
 
 def _refuse(why: str) -> NoReturn:

@@ -22,9 +22,15 @@ DrivesAt = Annotated[
 ControllerAt = Annotated[
     str | None, Option(help="Where the controller connects: /dev/…, or HOST:PORT to listen on.")
 ]
-Baudrate = Annotated[int | None, Option(help="Of serial ports; default: the drive's.")]
+Name = Annotated[str | None, Option(help="Of this gateway; default: the name of this computer.")]
+Baudrate = Annotated[int | None, Option(help="Of the drives' serial port; default: the drive's.")]
 Parity = Annotated[str | None, Option(help="none, even or odd; default: the drive's.")]
 StopBits = Annotated[int | None, Option(help="1 or 2; default: the drive's.")]
+ControllerBaudrate = Annotated[
+    int | None, Option(help="Of the controller's serial port; default: as the drives' is.")
+]
+ControllerParity = Annotated[str | None, Option(help="The same; default: as the drives' is.")]
+ControllerStopBits = Annotated[int | None, Option(help="The same; default: as the drives' is.")]
 Axis = Annotated[str, Option(help="Name of the axis.")]
 UnitId = Annotated[int | None, Option(min=0, max=255, help="Modbus unit id of the drive.")]
 AxisUnits = Annotated[str | None, Option(help="mm, inch or degree.")]
@@ -34,7 +40,14 @@ Counts = Annotated[
 Travel = Annotated[tuple[float, float] | None, Option(help="Lowest and highest machine position.")]
 Table = Annotated[str | None, Option(help="Name of the table file in the tables folder.")]
 Referenced = Annotated[str | None, Option(help="absolute, drive-bit, homing or set-position.")]
-HomeApproach = Annotated[str, Option(help="none, forward or backward.")]
+HomeApproach = Annotated[str | None, Option(help="none, forward or backward.")]
+Measure = Annotated[
+    bool | None,
+    Option(
+        "--measure/--no-measure",
+        help="Measure how long the drives take, and write the time-outs; default: ask, where they are there.",
+    ),
+]
 Ask = Annotated[
     bool | None, Option("--ask/--no-ask", help="Ask for what is missing; default: on a terminal.")
 ]

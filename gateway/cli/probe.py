@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from gateway.cli.probing.judgement import Finding
     from gateway.cli.probing.readings import AxisReadings
+    from gateway.cli.probing.timing import LineTimes
     from gateway.config.load import Loaded
     from gateway.ipc.plan import LinePlan
 
@@ -30,6 +31,10 @@ def probe(
     config: Config,
     *,
     axis: Annotated[str | None, typer.Option("--axis", help="Only this axis.")] = None,
+    timing: Annotated[
+        bool,
+        typer.Option("--timing", help="Measure how long the drives take instead, and propose the time-outs."),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Look at the real drives before anything moves. Nothing is written.
@@ -39,10 +44,16 @@ def probe(
     travel and its table, do commanded and actual position agree. Behind Modbus/TCP a unit id that nothing is
     known of is asked too: where it is not answered for, other_units may have to name further devices.
 
+    With --timing each drive is read a hundred times, then fifty times with as little silence before each
+    request as it takes; what comes of it for response_timeout_ms, drain_ms and gap_ms is printed, with what
+    they cost. Only reads are measured: a drive that stores something may take longer.
+
     Not while the gateway runs: a line belongs to one program only. Exit code 1 when anything is wrong.
 
     Examples:
         pitch-gateway probe gateway.toml
+
+        pitch-gateway probe gateway.toml --timing
 
         pitch-gateway probe gateway.toml --axis x --json | jq .axes.x
     """
@@ -50,6 +61,11 @@ def probe(
     lines = _lines(loaded, config, axis)
     problems: list[str] = []
     _refuse_beside_gateway(loaded, config)
+    if timing:
+        if axis is not None:
+            raise typer.BadParameter("all drives of a line share its time-outs", param_hint="--axis")
+        _time(config, lines, as_json=as_json)
+        return
     found = asyncio.run(_probe(lines, axis, problems))
     reports = {readings.plan.name: _report(readings) for readings in found}
     if as_json:
@@ -107,6 +123,39 @@ async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str])
                 of_line = [await read_axis(master, plan) for plan in line.axes if axis in (None, plan.name)]
                 found += of_line
                 await ask_unused_unit(master, line, of_line[0])
+        except TransportError as error:
+            problems.append(f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}")
+    return found
+
+
+def _time(config: Path, lines: "list[LinePlan]", *, as_json: bool) -> None:
+    """Measure lines, say what was found; exit code 1 where something does not answer."""
+    problems: list[str] = []
+    found = asyncio.run(_measure(lines, problems))
+    if as_json:
+        data = {times.line.name: times.as_data() for times in found}
+        typer.echo(json.dumps({"lines": data, "problems": problems}))
+    else:
+        from gateway.cli.probing.timing_output import timing_lines
+
+        for times in found:
+            for text in timing_lines(times):
+                typer.echo(text)
+    for problem in problems:
+        typer.echo(f"{config}: {problem}", err=True)
+    if problems or any(times.problem for times in found):
+        raise typer.Exit(1)
+
+
+async def _measure(lines: "list[LinePlan]", problems: list[str]) -> "list[LineTimes]":
+    from gateway.cli.probing.timing import measure_line
+    from gateway.transport.errors import TransportError
+    from gateway.transport.framing import endpoint_key
+
+    found = []
+    for line in lines:
+        try:
+            found.append(await measure_line(line))
         except TransportError as error:
             problems.append(f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}")
     return found

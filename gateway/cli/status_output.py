@@ -1,6 +1,7 @@
 """What ``pitch-gateway status`` shows on a terminal: what the status model holds, and nothing else."""
 
 from collections.abc import Iterator, Mapping
+from datetime import datetime
 from typing import Any, Final
 
 from rich.console import Console, RenderableType
@@ -8,24 +9,27 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from gateway.catalogue.counters import COUNTERS
+from gateway.times import span
 from gateway.transport.certificate_times import SOON
 
 NOT_KNOWN: Final = "–"
-COUNTERS: Final = {
-    "exchanges": "exchanges",
-    "timeouts": "time-outs",
-    "exceptions": "exceptions",
-    "refused": "refused",
-    "late_replies": "late replies",
-    "late_targets": "late targets",
-    "crc_errors": "CRC errors",
-    "malformed": "malformed",
-    "oversized": "too long replies",
-    "wrong_units": "wrong unit ids",
-    "unknown_modes": "unknown modes",
-    "unmapped_reads": "unmapped reads",
-}
-"""Of a line: what stands beside each number. The first two are shown always, the others where they count."""
+SHOWN: Final = (
+    "exchanges",
+    "timeouts",
+    "exceptions",
+    "refused",
+    "late_replies",
+    "late_targets",
+    "damaged",
+    "crc_errors",
+    "malformed",
+    "oversized",
+    "wrong_units",
+    "unknown_modes",
+    "unmapped_reads",
+)
+"""Counters of a line that are shown. The first two are shown always, the others where they count."""
 ALWAYS: Final = frozenset({"exchanges", "timeouts"})
 BY_CERTIFICATE: Final = "by role"
 """In the place of a role: each certificate brings its own, and 80 columns are few."""
@@ -73,15 +77,16 @@ def _trouble(trouble: Mapping[str, str]) -> Iterator[RenderableType]:
     colour = "red" if trouble["severity"] == "error" else "yellow"
     what = f"{escape(trouble['where'])}: {escape(trouble['what'])}"
     yield _words(f"[bold {colour}]{escape(trouble['severity'])}[/] {what}")
-    yield _words(f"  → {escape(trouble['remedy'])}")
+    since = f"since {_time_of(trouble['since'])} " if "since" in trouble else ""
+    yield _words(f"  {since}→ {escape(trouble['remedy'])}")
 
 
 def _gateway(gateway: Mapping[str, Any]) -> Iterator[RenderableType]:
     compiled = ", compiled" if gateway.get("compiled") else ""
-    runs = "" if gateway["uptime_s"] is None else f", runs for {_span(gateway['uptime_s'])}"
+    runs = "" if gateway["uptime_s"] is None else f", runs for {span(gateway['uptime_s'])}"
     if gateway["relay"] != "up":
         age_s = gateway["snapshot_age_s"]
-        seen = "" if age_s is None else f"; what follows is {_span(age_s)} old"
+        seen = "" if age_s is None else f"; what follows is {span(age_s)} old"
         runs = f", [red]its relay is not running[/]{seen}"
     yield _words(f"[bold]gateway {escape(gateway['name'])}[/] {escape(gateway['version'])}{compiled}{runs}")
     if "scheduling" not in gateway:  # nobody has heard from a relay yet
@@ -99,7 +104,7 @@ def _line(name: str, line: Mapping[str, Any]) -> Iterator[RenderableType]:
     place = f"drives {escape(drives['address'])}{failure}"
     yield ""
     yield _words(f"[bold]line {escape(name)}[/]: {_coloured(line['state'])}, {place}")
-    counts = [f"{words} {line[key]}" for key, words in COUNTERS.items() if line.get(key) or key in ALWAYS]
+    counts = [f"{COUNTERS[key].words} {line[key]}" for key in SHOWN if line.get(key) or key in ALWAYS]
     yield _words(f"  {', '.join(counts)}")
     table = _table("  controller", "role", "connected")
     for heading in ("gateway µs p50", "p99", "max", "computed ms exchange", "round", "time-out"):
@@ -241,18 +246,8 @@ def _number(value: float | None, digits: int) -> str:
     return NOT_KNOWN if value is None else f"{value:.{digits}f}"
 
 
-def _span(seconds: float) -> str:
-    """Return a span as a person says it.
-
-    >>> _span(12.34), _span(3_725.0), _span(90_061.0)
-    ('12 s', '1 h 2 min', '1 d 1 h')
-    """
-    whole = int(seconds)
-    for unit_s, unit, part_s, part in (
-        (86_400, "d", 3_600, "h"),
-        (3_600, "h", 60, "min"),
-        (60, "min", 1, "s"),
-    ):
-        if whole >= unit_s:
-            return f"{whole // unit_s} {unit} {whole % unit_s // part_s} {part}"
-    return f"{whole} s"
+def _time_of(iso: str) -> str:
+    """Return an instant on this machine's clock, with the day where it is another one."""
+    then = datetime.fromisoformat(iso).astimezone()
+    is_today = then.date() == datetime.now().astimezone().date()
+    return f"{then:%H:%M:%S}" if is_today else f"{then:%Y-%m-%d %H:%M:%S}"

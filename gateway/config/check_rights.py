@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from gateway.config.axis_model import AxisSection
+from gateway.config.axis_model import AxisSection, Writers
 from gateway.config.check_lines import controller_key
 from gateway.config.findings import Findings
-from gateway.config.line_model import ControllerSection
+from gateway.config.line_model import ControllerSection, LineSection
 from gateway.config.rights_model import RightsKeys
 from gateway.config.sections import Sections
 from gateway.config.toml_lines import KeyPath
@@ -34,6 +34,8 @@ def check_rights(findings: Findings, sections: Sections) -> None:
                     _check_unit_ids(findings, rights, key, axes, is_broadcast=is_broadcast)
                     _check_positions(findings, rights, key, axes)
                     _check_moves(findings, rights, key, axes)
+        for axis, section in axes.items():
+            _check_movers(findings, name, line, axis, section)
 
 
 def _rights_of(controller: ControllerSection, key: KeyPath) -> list[tuple[KeyPath, RightsKeys]]:
@@ -121,6 +123,25 @@ def _check_moves(findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axe
         (*key, "role"),
         'role = "motion", and its rights let it move no axis of this line',
         'write role = "monitor" or "operator", or allow a command position of an axis',
+    )
+
+
+def _check_movers(findings: Findings, name: str, line: LineSection, axis: str, section: AxisSection) -> None:
+    """Warn of a second controller for an axis: the first to move it holds it, and the other is refused."""
+    movers = []
+    for index, controller in enumerate(line.controllers):
+        key = controller_key(findings, name, controller.name, index)
+        rights = [each for _, each in _rights_of(controller, key)]
+        if any(each.role is Role.MOTION and _may_move(each, section) for each in rights):
+            movers.append((key, controller.name))
+    if len(movers) < 2 or section.writers is Writers.ANY:
+        return
+    findings.warn(
+        (*movers[-1][0], "role"),
+        f"{' and '.join(mover for _, mover in movers)} may each move axis {axis}: while one does, the "
+        "other is refused",
+        'give what only looks or stops role = "monitor" or "operator", or name in unit_ids what each may '
+        f'reach; where all are to move it, set axis.{axis}.writers = "any"',
     )
 
 

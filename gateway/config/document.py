@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from gateway.config.problems import ConfigErrors, Problem, key_text
 from gateway.config.toml_lines import KeyLines, key_lines
+from gateway.config.toml_words import GRAMMAR, in_words
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.ipc.state_folder import LARGEST_CONFIGURATION
 
@@ -102,10 +103,12 @@ def _read_text(path: Path, what: str) -> tuple[str, str]:
 def _syntax_error(path: Path, text: str, error: ValueError) -> ConfigErrors:
     place = _PLACE.fullmatch(str(error))
     if place is None:
-        return _refuse(path, f"not TOML: {error}", "see https://toml.io for the grammar")
+        return _refuse(path, f"not TOML: {error}", GRAMMAR)
     line, column = place["line"], place["column"]
     last_line = text.count("\n") + 1
-    what, remedy = f"{place['what'][:1].lower()}{place['what'][1:]}", "see https://toml.io for the grammar"
+    what = f"{place['what'][:1].lower()}{place['what'][1:]}"
+    number = int(line) if line else last_line
+    remedy = in_words(text.split("\n")[number - 1], int(column) if column else None)
     duplicate = key_lines(text).duplicate
     if duplicate is not None and _TWICE.search(what):
         twice, first, second = duplicate
@@ -115,7 +118,7 @@ def _syntax_error(path: Path, text: str, error: ValueError) -> ConfigErrors:
         path,
         f"not TOML: {what}",
         remedy,
-        int(line) if line else last_line,
+        number,
         int(column) if column else None,
     )
 

@@ -16,6 +16,7 @@ from gateway.config.check_lines import check_lines
 from gateway.config.check_motion import check_motion
 from gateway.config.check_mqtt import check_mqtt
 from gateway.config.check_permissions import check_permissions
+from gateway.config.check_ports import check_ports
 from gateway.config.check_references import check_references
 from gateway.config.check_rights import check_rights
 from gateway.config.check_roles import check_roles
@@ -196,6 +197,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     check_motion(findings, sections)
     check_roles(findings, sections)
     check_rights(findings, sections)
+    check_ports(findings, sections)
     check_late(findings, sections)
     check_groups(findings, sections)
     check_terms(findings, sections)

@@ -86,6 +86,9 @@ class Profile(StrictModel):
     counts: str = Field(default="", description="what one count is")
     transports: ListOf[ByName[Transport]] = Field(default=(), description="rtu, tcp or both")
     unit_ids: str = Field(default="", description="unit ids that the drive takes")
+    unit_id_range: Annotated[tuple[int, int], Field(strict=False)] | None = Field(
+        default=None, description="the lowest and the highest of them, where its manual says so"
+    )
     function_codes: ListOf[FunctionCode] = Field(default=(), description="function codes that it knows")
     serial: SerialDefaults = Field(default=SerialDefaults(), description="its serial port when it is new")
     registers: RegisterMap = Field(description="its registers")

@@ -135,6 +135,9 @@ class LatencyStatus:
         if key[0] != "controller" and key[2] == "gateway_us":
             self._below[key] = below_bounds(totals, BOUNDS_NS)
         found = percentiles_ns(totals, tuple(SHARES.values()))
+        if key[2] == "gateway_us":  # the middle of a bucket may lie above the highest time in it
+            highest_ns = max((pair.high.ever_ns for pair in self._pairs_of(key[0], key[1])), default=0)
+            found = [min(ns, highest_ns) for ns in found]
         return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}
 
     def _columns(self, key: Key) -> list[list[int]]:

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from gateway.exchange.added_frames import AddedFrame, Purpose, learn, note_restaged, reads_at_start
 from gateway.exchange.admission import Admission, judge
+from gateway.exchange.answers import Answers
 from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.events import Outcome
 from gateway.exchange.axis.groups import join
@@ -84,8 +85,7 @@ class LineExchange:
         self.is_up = False
         """Whether there is a link to the drives."""
         self._is_stopping = False
-        self._silent: set[int] = set()
-        """Unit ids whose last request was not answered."""
+        self.answers = Answers()
         self._refusals = Throttle(NS_PER_S, REFUSALS_TOLD)
         self._arrived_ns = 0
         self._gaps = Gaps(timing)
@@ -110,6 +110,25 @@ class LineExchange:
             "strangers": strangers,
             "requests": aliases.requests_by_name,
         }
+
+    def unit_ids_status(self, now_ns: int) -> dict[str, Any]:
+        """Return whom controllers talk to, and how the drives of unit ids answer."""
+        asked = {unit_id for unit_id in self._units.heard if unit_id != BROADCAST_UNIT_ID}
+        shown = sorted(asked.union(axis.plan.unit_id for axis in self.axes))
+        asked_by: dict[str, list[int]] = {}
+        for controller, unit_id in sorted(self.answers.askers.union(self.meter.measured)):
+            if unit_id >= 0:  # of others than the pairs that are measured apart
+                asked_by.setdefault(controller, []).append(unit_id)
+        return {
+            "axes": {axis.plan.name: axis.plan.unit_id for axis in self.axes},
+            **self.unit_ids,
+            "asked_by": asked_by,
+            "drives": {str(unit_id): self.answers.status(unit_id, now_ns) for unit_id in shown},
+        }
+
+    def rivals_status(self, axis: str, now_ns: int) -> dict[str, object] | None:
+        """Return who moves an axis beside its writer, or tries to; None: nobody does."""
+        return self._ownership.rivals.status(axis, now_ns)
 
     @property
     def is_idle(self) -> bool:
@@ -230,8 +249,9 @@ class LineExchange:
             self._gaps.ended(transaction, now_ns)
             self._next(now_ns)
             return
-        if unit_id in self._silent:
-            self._silent.discard(unit_id)
+        self.answers.answered_ns[unit_id] = now_ns
+        if unit_id in self.answers.silent:
+            del self.answers.silent[unit_id]
             self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
         path = transaction.path
         turned = None if path is None else path.answered(transaction, pdu, now_ns)
@@ -428,6 +448,8 @@ class LineExchange:
                 return
         if transaction.unit_id not in self._units and self._units.aliases.is_unknown(transaction.unit_id):
             self._note_unknown_unit(transaction.unit_id)
+            if transaction.port is not None:
+                self.answers.askers.add((transaction.port.plan.name, transaction.unit_id))
         if not self._ownership.may_move(transaction, now_ns):
             self._refuse(transaction, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
             return
@@ -540,8 +562,9 @@ class LineExchange:
         self._current = None
         self.counters.timeouts += 1
         unit_id = transaction.wire_unit_id
-        if unit_id not in self._silent:
-            self._silent.add(unit_id)
+        if transaction.port is not None:
+            self.answers.askers.add((transaction.port.plan.name, unit_id))
+        if self.answers.miss(unit_id, transaction.sent_ns):
             self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {unit_id}"))
         self._end_unanswered(transaction, now_ns)
         axes = self._units.axes_of(unit_id)

@@ -15,6 +15,7 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Frame, Meaning, meanings
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Request, part_of, written_part
+from gateway.exchange.rivals import Rivals
 from gateway.exchange.throttle import Throttle, times
 from gateway.exchange.transaction import Transaction
 from gateway.exchange.unit import FieldHit
@@ -49,6 +50,7 @@ class Ownership:
         self._lost: dict[tuple[str, str], dict[tuple[int, bytes], Unsent]] = {}
         """By axis and writer; the newest of each head."""
         self._told = Throttle()
+        self.rivals = Rivals()
 
     def came(self, port: ControllerPort) -> None:
         """Note a connection that asks for something the first time."""
@@ -154,6 +156,7 @@ class Ownership:
     def _refuse(
         self, transaction: Transaction, port: ControllerPort, axis: Axis, why: str, now_ns: int
     ) -> None:
+        self.rivals.refused(axis.plan.name, axis.hold.writer, port.writer, now_ns)
         count = self._told.due((axis.plan.name, port.writer), now_ns)
         if count:
             more = (
@@ -171,6 +174,8 @@ class Ownership:
         former = hold.writer
         hold.move(writer, now_ns)
         if former != writer:
+            if former:
+                self.rivals.changed(axis.plan.name, former, writer, now_ns)
             if former and not hold.is_shared:
                 axis.take_over(former, _BUSY)
             self._apply_lost(axis, writer)

@@ -31,7 +31,7 @@ TERM_STATES: Final = tuple(state.value for state in TermState)
 """Every ``state`` of ``terms.thermal`` and ``terms.cross``."""
 
 
-def line_status(line: LineExchange) -> dict[str, object]:
+def line_status(line: LineExchange, now_ns: int) -> dict[str, Any]:
     """Return one line's part of the status model."""
     counters = line.counters
     return {
@@ -49,13 +49,19 @@ def line_status(line: LineExchange) -> dict[str, object]:
         "unknown_modes": counters.unknown_modes,
         "unmapped_reads": counters.unmapped_reads,
         "oversized": counters.oversized,
-        "unit_ids": {"axes": {axis.plan.name: axis.plan.unit_id for axis in line.axes}, **line.unit_ids},
+        "unit_ids": line.unit_ids_status(now_ns),
     }
 
 
 def axes_status(line: LineExchange, now_ns: int) -> dict[str, dict[str, Any]]:
     """Return each axis's part of the status model, by name."""
-    return {axis.plan.name: axis_status(axis, now_ns) for axis in line.axes}
+    return {
+        axis.plan.name: {
+            **axis_status(axis, now_ns),
+            "rivals": line.rivals_status(axis.plan.name, now_ns),
+        }
+        for axis in line.axes
+    }
 
 
 def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
@@ -83,6 +89,7 @@ def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
         "corrected_setpoint": units(None if accepted is None else accepted.corrected_counts),
         "nominal_actual": units(None if actual is None else axis.nominal_of(actual.counts)),
         "corrected_actual": units(None if actual is None else actual.counts),
+        "actual_age_s": None if actual is None else round((now_ns - actual.seen_ns) / NS_PER_S, 3),
         "writer": axis.hold.writer if axis.hold.is_held(now_ns) else None,
         "table": _table_status(axis),
         "terms": None if axis.terms is None else axis.terms.status(axis, now_ns),

@@ -38,6 +38,8 @@ class RtuCounters:
 
     crc_errors: int = 0
     """Lost frames: runs of at least four bytes of which no frame could be made."""
+    damaged: int = 0
+    """Runs of bytes, however short, of which no frame could be made: ``crc_errors`` and what is shorter."""
     dropped_bytes: int = 0
     """Bytes that belong to no frame, without those below."""
     glitch_bytes: int = 0
@@ -104,6 +106,7 @@ class RtuDecoder:
         dropped = self._buffer[:count]
         self._buffer = self._buffer[count:]
         if any(dropped):
+            self.counters.damaged += 1
             self.counters.dropped_bytes += len(dropped)
             self.counters.crc_errors += len(dropped) >= MIN_ADU
         else:

@@ -146,6 +146,8 @@ class RtuControllerPort(ControllerPort):
         self._sender: PacedSender | None = None
         self.asked_ns = 0
         """When its last whole request came; 0: never."""
+        self.whole = 0
+        """Whole requests so far."""
         self.unfinished_ns = 0
         """Always 0: silence ends what is not whole."""
 
@@ -197,7 +199,12 @@ class RtuControllerPort(ControllerPort):
     def counters(self) -> dict[str, int]:
         """Return what framing has counted, for the status."""
         counters = self._decoder.counters
-        return {"crc_errors": counters.crc_errors, "dropped_bytes": counters.dropped_bytes}
+        return {
+            "whole": self.whole,
+            "damaged": counters.damaged,
+            "crc_errors": counters.crc_errors,
+            "dropped_bytes": counters.dropped_bytes,
+        }
 
     def _silent(self, now_ns: int) -> None:
         requests = self._decoder.on_silence(now_ns)
@@ -214,3 +221,4 @@ class RtuControllerPort(ControllerPort):
             self._exchange.request(self, 0, unit_id, pdu, now_ns, why_given_up=why)
         if requests:
             self.asked_ns = now_ns
+            self.whole += len(requests)

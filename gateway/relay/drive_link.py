@@ -23,6 +23,27 @@ TRANSACTION_IDS: Final = 0x10000
 UNANSWERED_LIMIT: Final = 1024
 """Numbers of the newest requests without a reply that are not used again. Older ones are forgotten: a reply
 that comes more than a thousand time-outs late comes from no drive."""
+NEWEST: Final = 32
+NEWEST_MASK: Final = (1 << NEWEST) - 1
+
+
+@dataclass(slots=True)
+class Damage:
+    """What came in the place of the replies of one unit id."""
+
+    total: int = 0
+    """Requests to which bytes came of which no frame could be made."""
+    newest: int = 0
+    """A bit for each of the newest requests without a reply, the last one lowest: whether that was so."""
+
+    def note(self, *, is_damaged: bool) -> None:
+        """Note a request without a reply."""
+        self.total += is_damaged
+        self.newest = (self.newest << 1 | is_damaged) & NEWEST_MASK
+
+    def among(self, timeouts: int) -> int:
+        """Return how many of the last ``timeouts`` requests without a reply, 32 at most, met with damage."""
+        return (self.newest & ((1 << min(timeouts, NEWEST)) - 1)).bit_count()
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -44,6 +65,11 @@ class Link(DriveLink):
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
         raise NotImplementedError
+
+    @property
+    def damage(self) -> dict[int, Damage]:
+        """Requests without a reply to which bytes came of which no frame could be made, by unit id."""
+        ...
 
     def counters(self) -> dict[str, int]:
         """Return what framing has counted, for the status."""
@@ -70,6 +96,10 @@ class RtuDriveLink(Link):
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
         self._exchange: TimedExchange | None = None
+        self.damage: dict[int, Damage] = {}
+        self._asked_unit_id = 0
+        self._damaged_before = 0
+        """Damage that was there when the newest request was sent."""
         self.stamps = self._sender.stamps
 
     def attach(self, exchange: TimedExchange) -> None:
@@ -78,6 +108,8 @@ class RtuDriveLink(Link):
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``. A broadcast expects no reply."""
+        self._asked_unit_id = unit_id
+        self._damaged_before = self._decoder.counters.damaged
         if unit_id != BROADCAST_UNIT_ID:
             self._decoder.expect(unit_id, pdu)
         else:
@@ -90,6 +122,8 @@ class RtuDriveLink(Link):
             self._decoder.cancel()
             self._timer.arm(None)
             self._sender.discard()
+            damage = self.damage.setdefault(self._asked_unit_id, Damage())
+            damage.note(is_damaged=self._decoder.counters.damaged != self._damaged_before)
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -118,6 +152,7 @@ class RtuDriveLink(Link):
         """See ``Link``."""
         counters = self._decoder.counters
         return {
+            "damaged": counters.damaged,
             "crc_errors": counters.crc_errors,
             "dropped_bytes": counters.dropped_bytes,
             "stray_bytes": counters.stray_bytes,
@@ -191,6 +226,8 @@ class MbapDriveLink(Link):
         self._unanswered: dict[int, None] = {}
         self._late = 0
         self._malformed = 0
+        self.damage: dict[int, Damage] = {}
+        """Always empty: TCP damages nothing."""
         self.stamps = self._sender.stamps
 
     def attach(self, exchange: TimedExchange) -> None:

@@ -12,12 +12,14 @@ from gateway.catalogue.line_events import (
     PORT_NOT_OPEN,
     SERIAL_LATENCY,
 )
+from gateway.clock import boot_ns
 from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Place, keep_port, open_kept
+from gateway.relay.last_minute import LastMinute
 from gateway.relay.refusals import Refusals
 from gateway.relay.secure_door import SecureDoor
 from gateway.relay.timed import TimedExchange
@@ -122,7 +124,7 @@ class TcpFront:
         }
 
     def turn(self, now: datetime) -> None:
-        """Tell of certificates that end soon; to be called now and then."""
+        """Tell of certificates that end soon; to be called at least once in ten seconds."""
         if self._door is not None:
             self._door.turn(now)
 
@@ -161,6 +163,7 @@ class SerialFront:
             lambda why: note(PORT_NOT_OPEN, why),
             lambda why: note(SERIAL_LATENCY, why),
         )
+        self._minute = LastMinute(self._port.counters)
 
     def keep_at(self, place: Place) -> None:
         """Take what the service manager kept of this port, and have it kept; before :meth:`open`."""
@@ -206,10 +209,12 @@ class SerialFront:
             "notes": list(self._serial.notes),
             "latency": self._serial.latency,
             **self._port.counters(),
+            "minute": self._minute.grown(boot_ns()),
         }
 
     def turn(self, now: datetime) -> None:
-        """Nothing to do: a serial port has no certificates."""
+        """Sample what framing counts; a serial port has no certificates."""
+        self._minute.turn(boot_ns())
 
 
 Front = TcpFront | SerialFront

@@ -20,10 +20,11 @@ from gateway.ipc.plan import LinePlan
 from gateway.relay.activity import Activity
 from gateway.relay.axis_record import AxisRecord, record_path
 from gateway.relay.computed import computed
-from gateway.relay.drive_link import Link, MbapDriveLink, RtuDriveLink, UnitIds
+from gateway.relay.drive_link import Damage, Link, MbapDriveLink, RtuDriveLink, UnitIds
 from gateway.relay.front import Front, make_front
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
+from gateway.relay.last_minute import LastMinute
 from gateway.relay.recorded import RecordedExchange, RecordedLink
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
@@ -38,6 +39,7 @@ from gateway.transport.tcp import TcpConnector
 
 STOP_MARGIN_S: Final = 1.0
 """Beyond the longest exchange: a stop that waits longer has met a bug, and ends anyway."""
+UNDAMAGED: Final = Damage()
 
 
 class Line:
@@ -60,6 +62,7 @@ class Line:
             what_ran=activity.between,
         )
         self._latency = LatencyStatus(self._exchange.meter)
+        self._minute = LastMinute(self._frames)
         self._computed = computed(plan)
         self._timed = (
             TimedExchange(self._exchange)
@@ -187,8 +190,17 @@ class Line:
 
     def status(self) -> dict[str, object]:
         """Return this line's part of the status model."""
+        now_ns = boot_ns()
+        of_exchange = line_status(self._exchange, now_ns)
+        minute = self._minute.grown(now_ns)
+        for unit_id, drive in of_exchange["unit_ids"]["drives"].items():
+            damage = self._link.damage.get(int(unit_id), UNDAMAGED)
+            drive["damaged"] = damage.total
+            drive["damaged_in_a_row"] = damage.among(drive["timeouts_in_a_row"])
+            drive["damaged_minute"] = minute.get(unit_id, 0)
         return {
-            **line_status(self._exchange),
+            **of_exchange,
+            "minute": {"exchanges": minute["exchanges"], "damaged": minute.get("damaged", 0)},
             **self._latency.line(),
             "computed": self._computed,
             **self._link.counters(),
@@ -216,6 +228,7 @@ class Line:
         """
         now_ns = boot_ns()
         self._exchange.meter.turn(now_ns)
+        self._minute.turn(now_ns)
         for axis in self._exchange.axes:
             for event in () if axis.terms is None else axis.terms.events(axis.plan.name, now_ns):
                 self._journal.exchange_event(self.plan.name, event)
@@ -256,6 +269,14 @@ class Line:
             await way.open()
         except TransportError as error:
             problems.append(f"{key}: {error.detail}")
+
+    def _frames(self) -> dict[str, int]:
+        """Return the counters of frames: answers and damage, and the damage of each unit id by its name."""
+        return {
+            "exchanges": self._exchange.counters.exchanges,
+            "damaged": self._link.counters().get("damaged", 0),
+            **{str(unit_id): damage.total for unit_id, damage in self._link.damage.items()},
+        }
 
     def _wrong_unit(self, asked: int, answered: int) -> None:
         detail = f"asked for unit id {asked}, the drive answered as unit id {answered}"

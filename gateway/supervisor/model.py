@@ -3,12 +3,15 @@
 It is made anew for each snapshot and never changed afterwards.
 """
 
+import time
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from typing import Any
 
 import gateway
 from gateway.supervisor.book import Entry
-from gateway.supervisor.trouble import troubles
+from gateway.supervisor.chronicle import Chronicle
+from gateway.supervisor.trouble import of_axis, troubles
 
 
 def whole_model(
@@ -19,6 +22,7 @@ def whole_model(
     snapshot_age_s: float | None,
     tables: Mapping[str, Entry],
     supervisor: Mapping[str, Any],
+    chronicle: Chronicle | None = None,
 ) -> dict[str, Any]:
     """Return the model.
 
@@ -30,7 +34,11 @@ def whole_model(
         tables: what is known of the table files, by axis.
         supervisor: what the supervisor says of itself: ``configuration``, ``tables_folder``,
             ``state_folder``, ``http`` and ``mqtt``, each with a ``problem`` that is None where all is well.
+        chronicle: what is remembered of the time before; None: nothing is.
     """
+    now_s = time.monotonic()
+    chronicle = chronicle or Chronicle()
+    chronicle.take(snapshot, now_s)
     relay_gateway = {} if snapshot is None else snapshot["gateway"]
     axes = {} if snapshot is None else snapshot["axes"]
     model: dict[str, Any] = {
@@ -46,7 +54,11 @@ def whole_model(
         "axes": {axis: _with_file(status, tables.get(axis)) for axis, status in axes.items()},
         "supervisor": dict(supervisor),
     }
-    model["troubles"] = [trouble.as_data() for trouble in troubles(model)]
+    found = troubles(model)
+    model["troubles"] = chronicle.stamp(found, datetime.now(UTC))
+    for axis, status in model["axes"].items():
+        status["trouble"] = of_axis(found, axis)
+        status["last_seen"] = chronicle.last(axis, now_s)
     return model
 
 

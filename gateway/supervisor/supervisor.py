@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import time
 import traceback
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -32,6 +32,7 @@ from gateway.ipc.notes import Note, note_of
 from gateway.ipc.place import socket_path
 from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book
+from gateway.supervisor.chronicle import Chronicle
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.http.window import Window, settings_in
@@ -65,6 +66,7 @@ class Supervisor:
     ) -> None:
         self.feeds = Feeds()
         """The status model and the events, for whoever shows them."""
+        self._chronicle = Chronicle()
         self._config = config
         self._state = state
         self._write = write
@@ -87,7 +89,8 @@ class Supervisor:
         self._state_problem: FolderProblem | None = None
         self._rejected: dict[str, str] = {}
         self._waker: asyncio.Task[None] | None = None
-        self._http = HttpService(Window(self.feeds, state, self._settings_of, self.reload, self._say))
+        window = Window(self.feeds, state, self._settings_of, self.reload, self._say, self._history)
+        self._http = HttpService(window)
         orders = Orders(self.reload, partial(ask, socket_path(state)))
         self._temperatures = Temperatures(orders.ask, self._say)
         self._mqtt = MqttService(self.feeds, self._say, orders, state, hear=self._temperatures.hear)
@@ -281,8 +284,12 @@ class Supervisor:
                 snapshot_age_s=self._link.snapshot_age_s,
                 tables=self._book.entries(self._watch.moving),
                 supervisor=self._own_status(),
+                chronicle=self._chronicle,
             )
         )
+
+    def _history(self, axis: str) -> Mapping[str, Any] | None:
+        return self._chronicle.history(axis, time.monotonic())
 
     def _settings_of(self, axis: str) -> AxisSettings | None:
         loaded = self._keeper.loaded

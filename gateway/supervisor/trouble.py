@@ -1,106 +1,277 @@
-"""What is wrong right now, worked out of the status model, worst first: what, where, and what to do.
+"""What is wrong right now, worked out of the status model, worst first: what, where, since when, what to do.
 
-The page's banner, the terminal, ``/healthz`` and alerts all go by this list.
+The page's banner, the terminal, ``/healthz``, MQTT, metrics and alerts all go by this list. What only follows
+from something worse is left out as long as that lasts (``catalogue.troubles.HIDES``).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 from gateway.catalogue import troubles as kinds
-from gateway.catalogue.entry import TroubleEntry
+from gateway.catalogue.entry import Audience, Severity, TroubleEntry
+from gateway.times import span
 
 STALE_S: Final = 2.0
 """Snapshots come five times a second: after this the relay is there but says nothing."""
+SILENT_S: Final = 2.0
+"""A drive whose requests have been left unanswered for so long is silent; one lost answer is not."""
+GARBLED_SHARE: Final = 0.5
+"""Of the unanswered requests so many met with bytes that are no frame: the drive speaks another way."""
+FEWEST_DAMAGED: Final = 3
+"""Less in a minute, or ever, is chance."""
+DAMAGED_SHARE: Final = 0.01
+"""Of the frames of a minute; on a good wire there is none in days."""
+FEWEST_ASKED: Final = 3
+"""A unit id without an axis that left fewer requests unanswered was only looked for."""
+FEWEST_TRIES: Final = 3
+"""Times that another one wanted an axis within a minute: once is a mistake, more are two programs."""
+
+Place = tuple[str, ...]
+"""From outside to inside: nothing for the gateway; a line; on it a unit id, or a controller; an axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trouble:
     """One thing that is wrong."""
 
-    kind: str
-    severity: str
+    entry: TroubleEntry
+    place: Place
     where: str
-    """``gateway``, ``line NAME``, ``axis NAME``, ``mqtt``, ``http``, ``configuration`` or ``tables``."""
+    """``gateway``, ``line NAME``, ``axis NAME``, ``controller NAME``, ``mqtt``, ``http``, … in words."""
     what: str
-    remedy: str
+    axes: tuple[str, ...] = ()
+    """Axes whose state it says."""
+    age_s: float | None = None
+    """For how long, where what it is told from says so; else from when it is seen first."""
 
-    def as_data(self) -> dict[str, str]:
-        """Return it as plain data."""
-        return asdict(self)
+    @property
+    def key(self) -> tuple[str, str]:
+        """What makes it the same trouble as a moment ago."""
+        return self.entry.kind, self.where
+
+    def hides(self, other: "Trouble") -> bool:
+        """Whether another one only follows from this one."""
+        is_within = other.place[: len(self.place)] == self.place
+        return is_within and other.entry in kinds.HIDES.get(self.entry, ())
+
+    def as_data(self, since: str) -> dict[str, Any]:
+        """Return it as plain data; ``since`` as ISO 8601."""
+        return {
+            "kind": self.entry.kind,
+            "severity": self.entry.severity.value,
+            "audience": self.entry.audience.value,
+            "where": self.where,
+            "what": self.what,
+            "remedy": self.entry.remedy,
+            "since": since,
+            "axes": list(self.axes),
+        }
 
 
 def troubles(model: Mapping[str, Any]) -> list[Trouble]:
-    """Return everything that is wrong, errors first."""
+    """Return everything that is wrong, errors first, without what only follows from it."""
+    places = {axis: (line, unit_id, axis) for line, unit_id, axis in _axes(model)}
     found = [
-        *_of_relay(model["gateway"]),
+        *_of_relay(model),
         *(trouble for name, line in model["lines"].items() for trouble in _of_line(name, line)),
-        *(trouble for name, axis in model["axes"].items() for trouble in _of_axis(name, axis)),
+        *(
+            trouble
+            for name, axis in model["axes"].items()
+            for trouble in _of_axis(name, axis, places.get(name, ("?", "?", name)))
+        ),
         *_of_supervisor(model["supervisor"]),
     ]
-    return sorted(found, key=lambda trouble: trouble.severity != "error")
+    causes = [trouble for trouble in found if not any(other.hides(trouble) for other in found)]
+    order = {entry: number for number, entry in enumerate(kinds.TROUBLES.values())}
+    return sorted(causes, key=lambda each: (each.entry.severity is not Severity.ERROR, order[each.entry]))
 
 
-def _found(entry: TroubleEntry, where: str, what: str) -> Trouble:
-    return Trouble(entry.kind, entry.severity.value, where, what, entry.remedy)
+def of_axis(found: Sequence[Trouble], axis: str) -> dict[str, Any] | None:
+    """Return the worst that says something of an axis, for the operator; None: nothing is wrong with it."""
+    for trouble in found:
+        if axis in trouble.axes and trouble.entry.audience is Audience.OPERATOR:
+            entry = trouble.entry
+            severity = entry.severity.value
+            return {
+                "kind": entry.kind,
+                "severity": severity,
+                "title": entry.title,
+                "cuts_off": entry.cuts_off,
+            }
+    return None
 
 
-def _of_relay(gateway: Mapping[str, Any]) -> Iterator[Trouble]:
+def _axes_named(axes: Sequence[str]) -> str:
+    return f"{'axis' if len(axes) == 1 else 'axes'} {', '.join(axes)}"
+
+
+def _axes(model: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Yield each axis with its line and its unit id; none of a relay of an older release."""
+    for name, line in model["lines"].items():
+        for axis, unit_id in line.get("unit_ids", _NOT_TOLD)["axes"].items():
+            yield name, str(unit_id), axis
+
+
+def _of_relay(model: Mapping[str, Any]) -> Iterator[Trouble]:
+    gateway, axes = model["gateway"], tuple(model["axes"])
+    age_s = gateway["snapshot_age_s"]
     if gateway["relay"] != "up":
-        yield _found(kinds.RELAY_DOWN, "gateway", kinds.RELAY_DOWN.meaning)
-    elif gateway["snapshot_age_s"] is not None and gateway["snapshot_age_s"] > STALE_S:
-        what = f"the relay has said nothing for {gateway['snapshot_age_s']:.0f} s"
-        yield _found(kinds.RELAY_SILENT, "gateway", what)
+        yield Trouble(kinds.RELAY_DOWN, (), "gateway", kinds.RELAY_DOWN.meaning, axes)
+    elif age_s is not None and age_s > STALE_S:
+        what = f"the relay has said nothing for {span(age_s)}: the machine may not obey"
+        yield Trouble(kinds.RELAY_SILENT, (), "gateway", what, axes, age_s)
 
 
 def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
-    if line["state"] == "up":
-        yield from _of_unit_ids(f"line {name}", line)
-        return
-    failure = line["drives"]["failure"]
-    what = f"the drives at {line['drives']['address']} cannot be reached{f': {failure}' if failure else ''}"
-    yield _found(kinds.LINE_DOWN, f"line {name}", what)
+    place, where = (name,), f"line {name}"
+    axes = tuple(line.get("unit_ids", _NOT_TOLD)["axes"])
+    if line["state"] != "up":
+        failure = line["drives"]["failure"]
+        what = (
+            f"the drives at {line['drives']['address']} cannot be reached{f': {failure}' if failure else ''}"
+        )
+        yield Trouble(kinds.LINE_DOWN, place, where, what, axes)
+    unit_ids = line.get("unit_ids", _NOT_TOLD)
+    yield from _of_drives(name, unit_ids)
+    yield from _of_damage(name, line)
+    for controller in line.get("controllers", ()):
+        yield from _of_controller(name, controller, unit_ids)
+    yield from _of_unit_ids(name, line)
 
 
 _NOT_TOLD: Final[Mapping[str, Any]] = {"axes": {}, "heard": [], "strangers": [], "requests": {}}
 """By a relay of an older release, which runs on until somebody restarts it."""
 
 
-def _of_unit_ids(where: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
+def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
+    """Say which unit ids do not answer, and which of them cannot be understood."""
+    for unit_id, drive in unit_ids.get("drives", {}).items():
+        silent_s, asked = drive["silent_s"], drive["timeouts_in_a_row"]
+        if silent_s is None or silent_s < SILENT_S:
+            continue
+        axes = tuple(name for name, of in unit_ids["axes"].items() if str(of) == unit_id)
+        place = (line, unit_id)
+        if not axes:
+            what = f"nobody has answered at unit id {unit_id}, which has no axis, for {span(silent_s)}"
+            if asked >= FEWEST_ASKED:
+                yield Trouble(kinds.UNIT_SILENT, place, f"line {line}, unit id {unit_id}", what, (), silent_s)
+            continue
+        whose, where = f"its drive (unit id {unit_id})", _axes_named(axes)
+        never = drive["answered_s"] is None
+        not_answered = "has never answered" if never else "has not answered"
+        what = f"{whose} {not_answered} for {span(silent_s)}"
+        yield Trouble(kinds.DRIVE_SILENT, place, where, what, axes, silent_s)
+        damaged, of = drive["damaged_in_a_row"], min(asked, NEWEST)
+        if damaged and damaged >= GARBLED_SHARE * of:
+            what = (
+                f"{whose} cannot be understood for {span(silent_s)}: {damaged} of {of} answers were damaged"
+            )
+            yield Trouble(kinds.DRIVE_GARBLED, place, where, what, axes, silent_s)
+
+
+NEWEST: Final = 32
+"""So many of the unanswered requests in a row the relay knows the damage of."""
+
+
+def _of_damage(line: str, status: Mapping[str, Any]) -> Iterator[Trouble]:
+    """Say of which unit ids many answers are damaged."""
+    minute = status.get("minute")
+    if minute is None:
+        return
+    frames = minute["exchanges"] + minute["damaged"]
+    for unit_id, drive in status["unit_ids"].get("drives", {}).items():
+        damaged = drive["damaged_minute"]
+        if damaged >= FEWEST_DAMAGED and damaged >= DAMAGED_SHARE * frames:
+            axes = tuple(name for name, of in status["unit_ids"]["axes"].items() if str(of) == unit_id)
+            whose = f" ({', '.join(f'axis {axis}' for axis in axes)})" if axes else ""
+            what = (
+                f"{damaged} answers of unit id {unit_id}{whose} were damaged in the last minute, "
+                f"of {frames} on the line"
+            )
+            where = f"line {line}, unit id {unit_id}"
+            yield Trouble(kinds.DRIVE_DAMAGED, (line, unit_id), where, what, axes)
+
+
+def _of_controller(
+    line: str, controller: Mapping[str, Any], unit_ids: Mapping[str, Any]
+) -> Iterator[Trouble]:
+    name = controller["name"]
+    place, where = (line, f"controller {name}"), f"controller {name}"
+    if "whole" in controller:
+        whole, damaged = controller["whole"], controller["damaged"]
+        minute = controller["minute"]
+        frames = minute["whole"] + minute["damaged"]
+        if not whole and damaged >= FEWEST_DAMAGED:
+            what = (
+                f"{damaged} of {damaged} frames from {controller['address']} were damaged, not one was whole"
+            )
+            yield Trouble(kinds.CONTROLLER_GARBLED, place, where, what)
+        if minute["damaged"] >= FEWEST_DAMAGED and minute["damaged"] >= DAMAGED_SHARE * frames:
+            share = f"{minute['damaged']} of {frames} frames"
+            what = f"{share} from {controller['address']} were damaged in the last minute"
+            yield Trouble(kinds.CONTROLLER_DAMAGED, place, where, what)
+    asked = unit_ids.get("asked_by", {}).get(name, [])
+    strangers = [of for of in asked if of in unit_ids["strangers"]]
+    if strangers and strangers == asked and unit_ids["axes"] and controller.get("role") == "motion":
+        ids = f"unit id {', '.join(map(str, strangers))}"
+        there = ", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids["axes"].items())
+        what = f"it talks only to {ids}, which has no axis, and no axis hears it; there are {there}"
+        yield Trouble(kinds.UNHEARD_CONTROLLER, place, where, what)
+
+
+def _of_unit_ids(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     """Say whom controllers talk to that is no axis, and which axis they do not talk to."""
+    place, where = (name,), f"line {name}"
     unit_ids = line.get("unit_ids", _NOT_TOLD)
     strangers = ", ".join(map(str, unit_ids["strangers"]))
     unheard = {name: of for name, of in unit_ids["axes"].items() if of not in unit_ids["heard"]}
     if strangers and unheard:
         axes = ", ".join(f"axis {name} (unit_id {of})" for name, of in unheard.items())
         what = f"controllers talk to unit id {strangers}, which has no axis; {axes} hears nothing"
-        yield _found(kinds.WRONG_UNIT_ID, where, what)
-    elif unit_ids["requests"]:
+        yield Trouble(kinds.WRONG_UNIT_ID, place, where, what, tuple(unheard))
+    if unit_ids["requests"]:
         heard = ", ".join(f"{of} ({count} requests)" for of, count in unit_ids["requests"].items())
-        yield _found(kinds.UNKNOWN_UNIT, where, f"controllers talk to unit id {heard}, which has no axis")
+        what = f"controllers talk to unit id {heard}, which has no axis"
+        yield Trouble(kinds.UNKNOWN_UNIT, place, where, what)
     if line.get("wrong_units"):
         what = f"{line['wrong_units']} replies had another unit id than was asked"
-        yield _found(kinds.ANSWERS_AS, where, what)
+        yield Trouble(kinds.ANSWERS_AS, place, where, what)
 
 
 _OF_COMPENSATION: Final = {entry.kind: entry for entry in kinds.OF_COMPENSATION}
 
 
-def _of_axis(name: str, axis: Mapping[str, Any]) -> Iterator[Trouble]:
-    where, table = f"axis {name}", axis["table"]
+def _of_axis(name: str, axis: Mapping[str, Any], place: Place) -> Iterator[Trouble]:
+    where, table, its = f"axis {name}", axis["table"], (name,)
     if table["status"] == "rejected":
         stays = f"the last good table of {table['points']} points stays" if table["points"] else "no table"
-        yield _found(kinds.TABLE_REJECTED, where, f"{table['error']} ({stays})")
+        yield Trouble(kinds.TABLE_REJECTED, place, where, f"{table['error']} ({stays})", its)
     elif table["status"] == "removed":
         what = table["error"] or f"{table['file']} is not there: positions pass uncorrected"
-        yield _found(kinds.TABLE_REMOVED, where, what)
+        yield Trouble(kinds.TABLE_REMOVED, place, where, what, its)
     entry = _OF_COMPENSATION.get(axis["compensation"])
-    if entry is not None and table["status"] != "removed":
-        yield _found(entry, where, entry.meaning)
+    if entry is not None:
+        yield Trouble(entry, place, where, entry.meaning, its)
+    yield from _of_rivals(name, axis.get("rivals"), place)
     if axis["latency"]["is_over_budget"]:
         what = f"the gateway takes longer than budget_us = {axis['latency']['budget_us']:g}"
-        yield _found(kinds.OVER_BUDGET, where, what)
-    yield from _of_terms(where, axis.get("terms") or {})
+        yield Trouble(kinds.OVER_BUDGET, place, where, what, its)
+    for entry, what in _of_terms(axis.get("terms") or {}):
+        yield Trouble(entry, place, where, what, its)
+
+
+def _of_rivals(name: str, rivals: Mapping[str, Any] | None, place: Place) -> Iterator[Trouble]:
+    if rivals is None or rivals["refused"] + rivals["changes"] < FEWEST_TRIES:
+        return
+    one, other = rivals["writers"]
+    parts = {
+        f"{rivals['refused']} requests were refused": rivals["refused"],
+        f"it changed hands {rivals['changes']} times": rivals["changes"],
+    }
+    counted = ", ".join(part for part, count in parts.items() if count)
+    what = f"{one} and {other} both move axis {name}: {counted} in {span(rivals['since_s'])}"
+    yield Trouble(kinds.TWO_WRITERS, place, f"axis {name}", what, (name,), rivals["since_s"])
 
 
 _OF_SENSOR: Final = {
@@ -113,19 +284,18 @@ _OF_OTHERS: Final = {"fading": "what is added for that goes back to 0", "faded":
 """Held it is no trouble yet: any stop of an axis that is not read does that, until its next target."""
 
 
-def _of_terms(where: str, terms: Mapping[str, Any]) -> Iterator[Trouble]:
+def _of_terms(terms: Mapping[str, Any]) -> Iterable[tuple[TroubleEntry, str]]:
     thermal, cross = terms.get("thermal", {}), terms.get("cross", {})
     if thermal.get("is_silent"):
-        what = _OF_SENSOR.get(thermal["state"], kinds.SENSOR_SILENT.meaning)
-        yield _found(kinds.SENSOR_SILENT, where, what)
+        yield kinds.SENSOR_SILENT, _OF_SENSOR.get(thermal["state"], kinds.SENSOR_SILENT.meaning)
     if cross.get("state") in _OF_OTHERS:
         what = f"it is not known where {_named(cross['axes'])}; {_OF_OTHERS[cross['state']]}"
-        yield _found(kinds.OTHER_AXIS_UNKNOWN, where, what)
+        yield kinds.OTHER_AXIS_UNKNOWN, what
     if terms.get("is_too_large"):
         what = (
             "with the table, temperature and other axes come to more than max_correction; they do not follow"
         )
-        yield _found(kinds.TERM_TOO_LARGE, where, what)
+        yield kinds.TERM_TOO_LARGE, what
 
 
 def _named(axes: Sequence[str]) -> str:
@@ -141,4 +311,4 @@ def _of_supervisor(supervisor: Mapping[str, Any]) -> Iterator[Trouble]:
     for entry in kinds.OF_SUPERVISOR:
         problem = supervisor[entry.kind]["problem"]
         if problem:
-            yield _found(entry, entry.kind.replace("_", " "), problem)
+            yield Trouble(entry, (entry.kind,), entry.kind.replace("_", " "), problem)

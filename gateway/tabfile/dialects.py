@@ -244,6 +244,8 @@ DIALECTS: Final = (
 )
 
 
+_IN_COLUMNS: Final = re.compile(r"[,;\t].*\S")
+"""A line of which something separates cells: of a CSV, whose header ought to stand there."""
 _OF_A_TABLE: Final = re.compile(r"(?i)cnc[0-9]*[ \t][\w .-]*|[0-9e+., \t-]*")
 """What is quoted in messages. Where a table should be, a link may lead to a password, and messages go far."""
 
@@ -279,9 +281,17 @@ def choose(source: SourceText, told: str | None) -> Dialect:
             line=first.number,
         )
     is_shown = _OF_A_TABLE.fullmatch(first.text) is not None
-    what = shown(first.text) if is_shown else f"of {len(first.text)} characters, which is of no table"
+    what = shown(first.text) if is_shown else f"of {len(first.text)} characters"
+    if _IN_COLUMNS.search(first.text) is not None:
+        raise source.error(
+            f"a CSV whose first line, {what}, is no header of a table",
+            f"{csv_table.EXAMPLE}, or position_mm,correction_mm for both directions; units are mm, inch or "
+            "degree, of corrections also um and arcsec; or a file of one of the other formats: pitch-gateway "
+            "table formats",
+            line=first.number,
+        )
     raise source.error(
-        f"an unknown first line {what}",
+        f"an unknown first line {what}{'' if is_shown else ', which is of no table'}",
         "'CNC10 TAB FILE VERSION 3', or six numbers that begin with 2 (version 2), or two whole numbers "
         "(version 1), or a file of one of the other formats: pitch-gateway table formats",
         line=first.number,

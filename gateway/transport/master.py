@@ -137,6 +137,9 @@ class ModbusMaster:
         self._quiet_ns = 0
         """The next request may go out then."""
         self._is_draining = False
+        self.took_ns = 0
+        """From the writing of the newest request that was answered to the last byte of its reply."""
+        self._sent_ns = 0
 
     async def __aenter__(self) -> Self:
         """Open the line.
@@ -180,6 +183,7 @@ class ModbusMaster:
             self._heard = b""
             self._reply = asyncio.get_running_loop().create_future()
             frame = self._framing.request(unit_id, pdu)
+            self._sent_ns = boot_ns()
             self._channel.write(frame)
             self._quiet_ns = boot_ns() + len(frame) * self._channel.wire_ns_per_byte + self._gap()
             try:
@@ -199,7 +203,7 @@ class ModbusMaster:
         """See ``Receiver``."""
         self._heard = (self._heard + data)[-SHOWN_BYTES:]
         self._quiet_ns = max(self._quiet_ns, now_ns + self._gap())
-        self._resolve(self._framing.feed(data, now_ns))
+        self._resolve(self._framing.feed(data, now_ns), now_ns)
 
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -232,11 +236,12 @@ class ModbusMaster:
         return SilentError(f"no reply {within}")
 
     def _silent(self, now_ns: int) -> None:
-        self._resolve(self._framing.silent(now_ns))
+        self._resolve(self._framing.silent(now_ns), now_ns)
 
-    def _resolve(self, replies: list[bytes]) -> None:
+    def _resolve(self, replies: list[bytes], now_ns: int) -> None:
         if self._timer is not None:
             self._timer.arm(self._framing.deadline_ns)
         for pdu in replies:
             if self._reply is not None and not self._reply.done():
+                self.took_ns = now_ns - self._sent_ns
                 self._reply.set_result(pdu)

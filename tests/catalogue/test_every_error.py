@@ -7,7 +7,8 @@ import pytest
 
 from gateway.catalogue import troubles as kinds
 from gateway.catalogue.entry import RefusalEntry, StartEntry
-from gateway.catalogue.refusals import REFUSALS, TITLES
+from gateway.catalogue.exceptions import TITLES
+from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
 from gateway.catalogue.states import COMPENSATION, CROSS, DIRECTION, TABLE_FILE, THERMAL
 from gateway.catalogue.troubles import TROUBLES
@@ -59,10 +60,8 @@ def test_every_trouble_is_found_somewhere_and_none_is_made_up() -> None:
     }
     groups = {"OF_COMPENSATION": kinds.OF_COMPENSATION, "OF_SUPERVISOR": kinds.OF_SUPERVISOR}
     found = {entry.kind for name in used & groups.keys() for entry in groups[name]}
-    found |= {getattr(kinds, name).kind for name in used - groups.keys()}
+    found |= {getattr(kinds, name).kind for name in used - groups.keys() - {"TROUBLES", "HIDES"}}
     assert found == set(TROUBLES)
-    makers = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "Trouble"]
-    assert len(makers) == 1
 
 
 def test_troubles_of_a_compensation_are_called_as_its_states() -> None:
@@ -76,7 +75,7 @@ def test_every_code_that_is_answered_has_a_title_and_a_reason() -> None:
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "ExceptionCode"
     }
-    assert used == set(TITLES) == {entry.code for entry in REFUSALS}
+    assert used == {entry.code for entry in REFUSALS} <= set(TITLES)
 
 
 def test_every_refusal_is_explained() -> None:

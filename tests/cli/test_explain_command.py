@@ -1,16 +1,31 @@
 """``pitch-gateway explain``."""
 
 import json
+import re
 
 import pytest
 from typer.testing import CliRunner, Result
 
+from gateway.catalogue.counters import COUNTERS, counter
 from gateway.catalogue.events import EVENTS
 from gateway.catalogue.lookup import look_up
 from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
 from gateway.cli.explain import _complete
 from gateway.cli.main import app
+from gateway.cli.status_output import SHOWN
+from tests.supervisor.http.exposition import families
+from tests.supervisor.http.http_bench import SICK, model, snapshot
+from tests.supervisor.page.stage import FOLDER
+
+SECONDS = {"line_wire_seconds", "line_added_frames_seconds"}
+"""They grow, and count nothing."""
+
+
+def metric_counters() -> list[str]:
+    """Names of all counters of /metrics."""
+    found = [family for family in families(model(snapshot(line=SICK))) if family.type == "counter"]
+    return [name for family in found if (name := family.name.removeprefix("pitch_gateway_")) not in SECONDS]
 
 
 def explain(*arguments: str) -> Result:
@@ -22,7 +37,7 @@ def test_an_event_is_told_with_cause_and_remedy() -> None:
     assert result.exit_code == 0
     lines = result.stdout.splitlines()
     assert lines[0] == "drive-silent (event, warning)"
-    assert [line.split(":")[0].strip() for line in lines[1:]] == ["means", "cause", "remedy"]
+    assert [line.split(":")[0].strip() for line in lines[1:4]] == ["means", "cause", "remedy"]
     assert "`timeouts`" in lines[3]
 
 
@@ -32,11 +47,57 @@ def test_what_is_an_event_and_a_trouble_is_told_as_both() -> None:
     assert result.stdout.count("table-rejected (trouble, error)") == 1
 
 
-@pytest.mark.parametrize("asked", ["4", "0x04", "04", "exception 4"])
-def test_an_exception_is_found_by_its_code_as_a_person_writes_it(asked: str) -> None:
+@pytest.mark.parametrize(
+    "asked",
+    [
+        *("4", "04", "0x04", "0X4", "04h", "$04", "&H04", "16#04", "x04", r"\x04", "0x0004"),
+        *("exception 4", "Exception code: 4", "error 0x04", "Modbus exception 04", "code=4", "ex 4"),
+        *("83 04", "0x83 0x04", "8304", "0x8304", "90 04", "83-04", r"\x83\x04"),
+        *("SLAVE_DEVICE_FAILURE", "Server device failure", "SlaveDeviceFailure", "112345682"),
+    ],
+)
+def test_an_exception_is_found_by_its_code_in_any_notation(asked: str) -> None:
     found = json.loads(explain(asked, "--json").stdout)
     assert {entry["name"] for entry in found} == {"exception 0x04"}
-    assert len(found) == sum(entry.code == 4 for entry in REFUSALS)
+    assert len(found) == 1 + sum(entry.code == 4 for entry in REFUSALS)
+    assert found[0]["meaning"].startswith("server device failure: the drive could not")
+
+
+@pytest.mark.parametrize(
+    ("asked", "name"), [("11", "0x0B"), ("10", "0x0A"), ("b", "0x0B"), ("0a", "0x0A"), ("8", "0x08")]
+)
+def test_a_number_that_no_code_has_in_hex_is_decimal(asked: str, name: str) -> None:
+    assert {entry.name for entry in look_up(asked)} == {f"exception {name}"}
+
+
+@pytest.mark.parametrize("asked", ["9", "0x09", "12", "0x10", "255", "0", "84", "03 04"])
+def test_what_is_no_code_is_none(asked: str) -> None:
+    assert explain(asked).exit_code == 1
+
+
+@pytest.mark.parametrize(
+    "asked", ["crc_errors", "CRC errors", "line_crc_errors", "pitch_gateway_line_crc_errors_total"]
+)
+def test_a_counter_is_found_by_its_key_its_words_and_its_metric(asked: str) -> None:
+    [found] = look_up(asked)
+    assert (found.kind, found.name) == ("counter", "crc_errors")
+    assert found.remedy.startswith("check cable")
+
+
+def test_every_counter_that_the_page_shows_is_known() -> None:
+    text = (FOLDER / "line_cards.js").read_text()
+    labels = re.findall(r'^  \["\w+", "([^"]+)"\],$', text, re.MULTILINE)
+    assert labels == ["Time-outs", "CRC errors", "Exceptions", "Refused", "Late"]
+    assert all(counter(label) is not None for label in [*labels, "Exchanges/s", "over"])
+
+
+@pytest.mark.parametrize("name", metric_counters())
+def test_every_counter_of_the_metrics_is_known(name: str) -> None:
+    assert any(found.kind == "counter" for found in look_up(f"pitch_gateway_{name}_total")), name
+
+
+def test_every_counter_of_the_terminal_is_known() -> None:
+    assert set(SHOWN) <= set(COUNTERS)
 
 
 def test_a_sentence_of_the_log_is_found() -> None:

@@ -141,7 +141,7 @@ def test_an_open_port_without_allow_is_warned_of(tmp_path: Path) -> None:
     assert "read the drives" in warning.found
     assert "allow" in warning.remedy
     allowed = edited(('role = "monitor"', 'allow = ["192.168.0.0/24"]'), text=text)
-    assert loaded(tmp_path, allowed).warnings == ()
+    assert all("allow" not in warning.remedy for warning in loaded(tmp_path, allowed).warnings)
 
 
 # Command: 0x0606 and 0x0607. Actual: 0x0520 and 0x0521. Bits: 0x0140.

@@ -37,6 +37,48 @@ def test_a_slip_of_syntax_is_named_with_line_and_column(
 
 
 @pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("name = mill-1", 'text needs quotes: name = "mill-1"'),
+        ("tables = ../tables", 'text needs quotes: tables = "../tables"'),
+        ("tcp = 192.168.0.7:502", 'text needs quotes: tcp = "192.168.0.7:502"'),
+        ("drives = { rtu = /dev/ttyUSB0, baudrate = 115200 }", 'text needs quotes: rtu = "/dev/ttyUSB0"'),
+        ("compensation = on", 'text needs quotes: compensation = "on"'),
+        ("parity = even;", 'text needs quotes: parity = "even"'),
+        ("counts_per_unit = 1000,5", "decimal point, not comma: counts_per_unit = 1000.5"),
+        ("counts_per_unit = -0,5  # half", "decimal point, not comma: counts_per_unit = -0.5"),
+        ("max_speed = 1.000.000", "a number has nothing between its digits: max_speed = 1000000"),
+        ("max_speed = 10 000,5", "a number has nothing between its digits: max_speed = 10000.5"),
+        ("gain = .5", "a digit stands on both sides of the decimal point: gain = 0.5"),
+        ("gain = 1.", "a digit stands on both sides of the decimal point: gain = 1.0"),
+        ("unit_id = 01", 'a number does not begin with 0, and text needs quotes: unit_id = "01"'),
+        ("gap_ms = 10ms", "a number stands without its unit, and text needs quotes: gap_ms = 10"),
+        ("gap_ms = 2.5 ms", "a number stands without its unit, and text needs quotes: gap_ms = 2.5"),
+        ("echo = True", "true and false are written small, without quotes: echo = true"),
+        ("echo = no", "true and false are written small, without quotes: echo = false"),
+        ("name =", "a value is missing behind name ="),
+        ('name = "mill', 'a text ends with the quote that it begins with, on the same line: name = "mill"'),
+        ("name = “mill”", "quotes are straight in TOML: \"text\" or 'text'"),
+        ('tables = "C:\\mill"', "a text with backslashes stands in single quotes, as in 'C:\\tables'"),
+        ("name: mill", "= stands between a key and its value: name = mill"),
+        ("[axis.x", "the name of a table ends with ]: [axis.x]"),
+        ("[[line.x.controllers", "the name of a table ends with ]: [[line.x.controllers]]"),
+        ("// my mill", "a comment begins with #"),
+        ("; my mill", "a comment begins with #"),
+        ("travel = [-300.0 0.0]", "what stands in [ ] is separated by commas and ends with ]"),
+        (
+            'drives = { tcp = "a:502" baudrate = 1 }',
+            "what stands in { } is separated by commas and ends with } on the same line",
+        ),
+    ],
+)
+def test_what_to_do_about_a_slip_is_said_without_words_of_toml(tmp_path: Path, line: str, said: str) -> None:
+    problem = problem_of(tmp_path / "gateway.toml", f"[gateway]\n{line}\n".encode())
+    assert problem.line == 2
+    assert problem.remedy == said
+
+
+@pytest.mark.parametrize(
     ("content", "key", "first", "second"),
     [
         (b'[axis.x]\nunits = "mm"\n\nunits = "inch"\n', "axis.x.units", 2, 4),

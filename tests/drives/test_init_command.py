@@ -2,8 +2,10 @@
 
 import json
 import os
+import re
 import select
 import signal
+import socket
 import subprocess
 import sys
 import tomllib
@@ -13,6 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from gateway.cli.main import app
+from gateway.cli.serial_ports import serial_ports
 from gateway.config.load import load
 from gateway.drives import library
 from tests.child import started
@@ -104,9 +107,17 @@ def test_a_no_to_the_first_question_ends_it(tmp_path: Path) -> None:
 
 
 def test_it_asks_for_everything_that_is_missing(tmp_path: Path) -> None:
-    answers = "y\n./mine.toml\n127.0.0.1:5020\n127.0.0.1:1502\n7\ninch\n25400\n0\n12\n\n"
+    answers = (
+        "y\nmill-7\n./mine.toml\n127.0.0.1:5020\n127.0.0.1:1502\n7\ninch\n25400\nabsolute\n0\n12\nforward\n\n"
+    )
     result = run(tmp_path, "--ask", answers=answers)
     assert result.exit_code == 0, result.stderr
+    written = tomllib.loads((tmp_path / "gateway.toml").read_text())
+    assert written["gateway"]["name"] == "mill-7"
+    assert (written["axis"]["x"]["referenced"], written["axis"]["x"]["home_approach"]) == (
+        "absolute",
+        "forward",
+    )
     axis = tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]["x"]
     assert (axis["unit_id"], axis["units"], axis["counts_per_unit"]) == (7, "inch", 25400.0)
     assert axis["travel"] == [0.0, 12.0]
@@ -166,13 +177,17 @@ def test_a_folder_that_does_not_exist_is_bad_input(tmp_path: Path) -> None:
 
 ANSWERS = {
     "controller": "y",
+    "name": "",
     "drive": "./mine.toml",
     "drives at": "/dev/ttyUSB0",
+    "format": "",
     "controller at": "127.0.0.1:1502",
     "unit id": "7",
     "units": "mm",
     "counts": "1000",
+    "referenced": "",
     "travel": "0\n12",
+    "home": "",
     "table": "",
 }
 
@@ -186,6 +201,11 @@ def asked(folder: Path, wrong: dict[str, str]) -> Result:
 @pytest.mark.parametrize(
     ("question", "wrong", "said"),
     [
+        ("name", "mill 1", "letters"),
+        ("format", "fast", 'as in "115200 8E1"'),
+        ("format", "57600 7E1", 'as in "115200 8E1"'),
+        ("referenced", "always", 'allowed: "absolute"'),
+        ("home", "up", 'allowed: "none"'),
         ("drive", "leadshine", "did you mean leadshine-el7 or leadshine-pr?"),
         ("drive", "./none.toml", "no such file; give the path of a drive profile"),
         ("drives at", "banana", 'found "banana"; allowed: "HOST:PORT"'),
@@ -223,7 +243,7 @@ def test_the_drives_are_listed_above_the_question(tmp_path: Path) -> None:
 
 def test_a_wrong_option_is_explained_and_asked_for_where_somebody_can_be_asked(tmp_path: Path) -> None:
     arguments = [part.replace("127.0.0.1:5020", "banana") for part in options()]
-    result = run(tmp_path, *arguments, "--ask", answers="127.0.0.1:5020\n\n")
+    result = run(tmp_path, *arguments, "--ask", answers="\n127.0.0.1:5020\n\n\n\n")
     assert result.exit_code == 0, result.stderr
     assert '--drives-at: found "banana"' in result.stderr
 
@@ -258,6 +278,8 @@ def test_where_the_answers_end_nothing_is_written(tmp_path: Path, answers: int) 
         ({"baudrate": "7"}, "--baudrate"),
         ({"parity": "mark"}, "--parity"),
         ({"stop_bits": "3"}, "--stop-bits"),
+        ({"controller_baudrate": "7"}, "--controller-baudrate"),
+        ({"name": "mill/1"}, "--name"),
     ],
 )
 def test_a_wrong_option_is_wrong_usage_where_nobody_can_be_asked(
@@ -267,6 +289,74 @@ def test_a_wrong_option_is_wrong_usage_where_nobody_can_be_asked(
     assert result.exit_code == 2
     assert f"Invalid value for {option}" in result.stderr
     assert not (tmp_path / "gateway.toml").exists()
+
+
+def test_without_a_name_it_is_that_of_the_computer(tmp_path: Path) -> None:
+    run(tmp_path, *options())
+    name = tomllib.loads((tmp_path / "gateway.toml").read_text())["gateway"]["name"]
+    assert name == re.sub("[^A-Za-z0-9_-]", "-", socket.gethostname().partition(".")[0])
+
+
+def test_the_formats_of_both_sides_are_asked_for_each_and_offered_as_the_drive_is(tmp_path: Path) -> None:
+    answers = {**ANSWERS, "format": "9600 8N2", "controller at": "/dev/ttyUSB1\n19200 even 1"}
+    result = run(tmp_path, "--ask", answers="\n".join(answers.values()) + "\n")
+    assert result.exit_code == 0, result.stderr
+    assert "Baud rate, parity and stop bits of the drives [57600 8E2]" in result.stderr
+    assert "Baud rate, parity and stop bits of the controller [9600 8N2]" in result.stderr
+    line = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]
+    assert line["drives"] == {"rtu": "/dev/ttyUSB0", "baudrate": 9600, "parity": "none", "stop_bits": 2}
+    its = {key: line["controllers"][0][key] for key in ("rtu", "baudrate", "parity", "stop_bits")}
+    assert its == {"rtu": "/dev/ttyUSB1", "baudrate": 19200, "parity": "even", "stop_bits": 1}
+
+
+def test_the_controllers_format_has_options_of_its_own(tmp_path: Path) -> None:
+    given = options(
+        drives_at="/dev/ttyUSB0",
+        controller_at="/dev/ttyUSB1",
+        controller_baudrate="19200",
+        controller_parity="odd",
+    )
+    assert run(tmp_path, *given).exit_code == 0
+    line = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]
+    assert (line["drives"]["baudrate"], line["drives"]["parity"]) == (57600, "even")
+    controller = line["controllers"][0]
+    assert (controller["baudrate"], controller["parity"], controller["stop_bits"]) == (19200, "odd", 2)
+
+
+def test_serial_ports_are_found_by_the_name_that_lasts(tmp_path: Path) -> None:
+    by_id, by_path = tmp_path / "by-id", tmp_path / "by-path"
+    near, far = os.openpty(), os.openpty()
+    for folder, name, fd in (
+        (by_id, "usb-FTDI_B", near[1]),
+        (by_path, "pci-1", near[1]),
+        (by_path, "pci-2", far[1]),
+    ):
+        folder.mkdir(exist_ok=True)
+        (folder / name).symlink_to(os.ttyname(fd))
+    found = serial_ports((by_id, by_path))
+    first, second = os.ttyname(near[1]), os.ttyname(far[1])
+    for fd in (*near, *far):
+        os.close(fd)
+    assert [(port.path, port.device) for port in found[:2]] == [
+        (str(by_id / "usb-FTDI_B"), first),
+        (str(by_path / "pci-2"), second),
+    ]
+    assert str(found[0]) == f"{by_id}/usb-FTDI_B (now {first})"
+    assert serial_ports((tmp_path / "none",)) == found[2:]
+
+
+def test_it_says_what_is_asked_for_and_what_comes_next(tmp_path: Path) -> None:
+    result = asked(tmp_path, {})
+    assert "serial port" in result.stderr
+    assert "counts of a turn of the motor × gear / lead of the screw" in result.stderr
+    assert result.stdout.splitlines()[-5:] == [
+        f"{tmp_path}/gateway.toml is written and good",
+        "next:",
+        f"  pitch-gateway check {tmp_path}/gateway.toml",
+        f"  pitch-gateway probe {tmp_path}/gateway.toml",
+        f"  pitch-gateway run {tmp_path}/gateway.toml",
+    ]
+    assert (tmp_path / "tables").is_dir()
 
 
 def test_ctrl_c_at_a_question_ends_it_with_nothing_written(tmp_path: Path) -> None:

@@ -104,8 +104,8 @@ class Machine(Bench):
     @property
     def counters(self) -> tuple[int, int]:
         """What was not understood, and what was refused."""
-        status = line_status(self.line)
-        return status["unknown_modes"], status["refused"]  # type: ignore[return-value]
+        status = line_status(self.line, 0)
+        return status["unknown_modes"], status["refused"]
 
 
 def _all() -> Iterator[tuple[str, Sequence]]:

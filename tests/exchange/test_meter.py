@@ -124,6 +124,15 @@ def test_waiting_for_the_line_is_no_gateway_time() -> None:
     assert measured.high.ever_ns == 2 * US
 
 
+def test_no_percentile_lies_above_the_highest_time() -> None:
+    bench = MeterBench(budget_us=5000.0)
+    bench.exchange(1000, 0, 1, 0, 0)
+    # 1 ms shares its bucket with all from 999 424 to 1 007 615 ns, whose middle is 1003.5 µs.
+    took_us = LatencyStatus(bench.line.meter).axis("x")["gateway_us"]
+    assert isinstance(took_us, dict)
+    assert [took_us[share] for share in ("p50", "p99", "p999", "max")] == [1000.0] * 4
+
+
 def test_a_monitor_is_measured_apart() -> None:
     bench = MeterBench()
     bench.exchange(1, 1, 1, 1, 1)

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from gateway.catalogue.troubles import HIDES, TROUBLES
 from gateway.config.problems import Problem
 from gateway.supervisor.book import Book
 from gateway.supervisor.model import whole_model
@@ -217,7 +218,7 @@ def test_every_trouble_says_what_to_do() -> None:
     snapshot = with_axis(compensation="blocked", latency={"is_over_budget": True, "budget_us": 500.0})
     problems = {name: {"problem": "so"} for name in WELL}
     found = model(snapshot, is_up=False, supervisor=problems)
-    assert len(found["troubles"]) == 8
+    assert len(found["troubles"]) == 6  # of a relay that is away nobody knows whether the axis is blocked
     assert all(trouble["remedy"] and trouble["what"] for trouble in found["troubles"])
     assert all(begins_with_a_word(trouble["remedy"]) for trouble in found["troubles"])
 
@@ -258,3 +259,158 @@ def test_a_drive_that_answers_as_another_is_a_trouble() -> None:
     snapshot = deepcopy(SNAPSHOT)
     snapshot["lines"]["xyz"]["wrong_units"] = 3
     assert kinds(model(snapshot)) == [("warning", "answers-as-another", "line xyz")]
+
+
+ANSWERS: dict[str, Any] = {
+    "answered_s": 0.1,
+    "silent_s": None,
+    "timeouts_in_a_row": 0,
+    "damaged": 0,
+    "damaged_in_a_row": 0,
+    "damaged_minute": 0,
+}
+SILENT: dict[str, Any] = {**ANSWERS, "answered_s": 14.0, "silent_s": 12.4, "timeouts_in_a_row": 12}
+
+
+def with_drive(drive: dict[str, Any], unit_id: str = "1", **axis: Any) -> dict[str, Any]:
+    snapshot = with_unit_ids([1, 2], [], {})
+    snapshot["axes"]["x"].update(axis)
+    drives = {"1": ANSWERS, "2": ANSWERS, unit_id: drive}
+    snapshot["lines"]["xyz"]["unit_ids"] |= {"drives": drives, "asked_by": {"cnc": [1, 2]}}
+    return snapshot
+
+
+def with_controller(**changes: Any) -> dict[str, Any]:
+    snapshot = with_drive(ANSWERS)
+    controller = {"name": "plc", "role": "motion", "address": "/dev/ttyS1", **changes}
+    snapshot["lines"]["xyz"]["controllers"] = [controller]
+    return snapshot
+
+
+def test_a_silent_drive_is_said_with_its_axis_unit_id_and_time_and_hides_what_follows_from_it() -> None:
+    found = model(with_drive(SILENT, compensation="unreferenced"))
+    assert kinds(found) == [("error", "drive-silent", "axis x")]
+    [trouble] = found["troubles"]
+    assert trouble["what"] == "its drive (unit id 1) has not answered for 12 s"
+    assert trouble["axes"] == ["x"]
+    assert found["axes"]["x"]["trouble"] == {
+        "kind": "drive-silent",
+        "severity": "error",
+        "title": "Drive silent",
+        "cuts_off": True,
+    }
+    never = model(with_drive({**SILENT, "answered_s": None}))
+    assert never["troubles"][0]["what"] == "its drive (unit id 1) has never answered for 12 s"
+
+
+def test_another_drive_hides_nothing_of_this_axis() -> None:
+    found = model(with_drive(SILENT, unit_id="2", compensation="unreferenced"))
+    assert kinds(found) == [("error", "drive-silent", "axis y"), ("warning", "unreferenced", "axis x")]
+    assert found["axes"]["x"]["trouble"]["kind"] == "unreferenced"
+
+
+def test_one_lost_answer_is_no_silence() -> None:
+    assert kinds(model(with_drive({**SILENT, "silent_s": 1.9, "timeouts_in_a_row": 1}))) == []
+
+
+@pytest.mark.parametrize(
+    ("damaged", "kind"), [(12, "drive-garbled"), (6, "drive-garbled"), (5, "drive-silent")]
+)
+def test_a_drive_of_which_half_the_answers_are_damaged_is_not_understood(damaged: int, kind: str) -> None:
+    found = model(with_drive({**SILENT, "damaged_in_a_row": damaged}))
+    assert kinds(found) == [("error", kind, "axis x")]
+    if kind == "drive-garbled":
+        assert found["troubles"][0]["what"] == (
+            f"its drive (unit id 1) cannot be understood for 12 s: {damaged} of 12 answers were damaged"
+        )
+
+
+def test_a_line_that_is_down_hides_its_drives_and_a_silent_relay_everything_that_it_told() -> None:
+    snapshot = with_drive(SILENT, compensation="blocked", table={**AXIS["table"]})
+    snapshot["lines"]["xyz"] |= {"state": "down"}
+    assert kinds(model(snapshot)) == [("error", "line-down", "line xyz")]
+    found = model(snapshot, age_s=12.4)
+    assert kinds(found) == [("error", "relay-silent", "gateway")]
+    assert found["troubles"][0]["what"] == "the relay has said nothing for 12 s: the machine may not obey"
+    assert found["axes"]["x"]["trouble"]["title"] == "Relay silent"
+
+
+@pytest.mark.parametrize(
+    ("damaged", "exchanges", "is_trouble"), [(3, 297, True), (3, 298, False), (2, 10, False), (30, 900, True)]
+)
+def test_one_damaged_answer_of_a_hundred_is_too_many(damaged: int, exchanges: int, is_trouble: bool) -> None:
+    snapshot = with_drive({**ANSWERS, "damaged_minute": damaged})
+    snapshot["lines"]["xyz"]["minute"] = {"exchanges": exchanges, "damaged": damaged}
+    found = model(snapshot)
+    assert [kind for _, kind, _ in kinds(found)] == (["drive-damaged"] if is_trouble else [])
+    if is_trouble:
+        assert found["troubles"][0]["what"] == (
+            f"{damaged} answers of unit id 1 (axis x) were damaged in the last minute, "
+            f"of {exchanges + damaged} on the line"
+        )
+
+
+def test_a_port_of_which_nothing_was_whole_is_said_with_its_count() -> None:
+    minute = {"whole": 0, "damaged": 12}
+    found = model(with_controller(whole=0, damaged=12, minute=minute))
+    assert kinds(found) == [("error", "controller-garbled", "controller plc")]
+    assert found["troubles"][0]["what"] == "12 of 12 frames from /dev/ttyS1 were damaged, not one was whole"
+    some = model(with_controller(whole=188, damaged=12, minute={"whole": 188, "damaged": 12}))
+    assert kinds(some) == [("warning", "controller-damaged", "controller plc")]
+    assert some["troubles"][0]["what"] == "12 of 200 frames from /dev/ttyS1 were damaged in the last minute"
+    assert kinds(model(with_controller(whole=200, damaged=12, minute={"whole": 20, "damaged": 0}))) == []
+    assert kinds(model(with_controller(whole=0, damaged=2, minute={"whole": 0, "damaged": 2}))) == []
+
+
+def test_a_unit_id_without_an_axis_that_does_not_answer_costs_the_others_time() -> None:
+    found = model(with_drive({**SILENT, "timeouts_in_a_row": 3}, unit_id="17"))
+    assert kinds(found) == [("warning", "unit-silent", "line xyz, unit id 17")]
+    assert kinds(model(with_drive({**SILENT, "timeouts_in_a_row": 2}, unit_id="17"))) == []  # looked for once
+
+
+def test_a_motion_controller_that_no_axis_hears_is_named_and_a_monitor_is_not() -> None:
+    snapshot = with_controller()
+    unit_ids = snapshot["lines"]["xyz"]["unit_ids"]
+    unit_ids |= {"heard": [1, 2, 17], "strangers": [17], "asked_by": {"cnc": [1, 2], "plc": [17]}}
+    found = model(snapshot)
+    assert kinds(found) == [("warning", "unheard-controller", "controller plc")]
+    assert found["troubles"][0]["what"] == (
+        "it talks only to unit id 17, which has no axis, and no axis hears it; "
+        "there are axis x (unit id 1), axis y (unit id 2)"
+    )
+    snapshot["lines"]["xyz"]["controllers"][0]["role"] = "monitor"
+    assert kinds(model(snapshot)) == []
+
+
+@pytest.mark.parametrize(
+    ("refused", "changes", "counted"),
+    [
+        (7, 0, "7 requests were refused"),
+        (0, 4, "it changed hands 4 times"),
+        (1, 2, "1 requests were refused, it changed hands 2 times"),
+        (2, 0, ""),
+    ],
+)
+def test_two_writers_that_go_on_are_a_trouble(refused: int, changes: int, counted: str) -> None:
+    rivals = {"writers": ["cnc", "panel"], "since_s": 20.0, "refused": refused, "changes": changes}
+    found = model(with_axis(rivals=rivals))
+    assert kinds(found) == ([("error", "two-writers", "axis x")] if counted else [])
+    if counted:
+        assert found["troubles"][0]["what"] == f"cnc and panel both move axis x: {counted} in 20 s"
+
+
+def test_a_budget_is_for_the_retrofitter_and_takes_no_green_from_an_axis() -> None:
+    found = model(with_axis(latency={"is_over_budget": True, "budget_us": 500.0}))
+    assert [(each["kind"], each["audience"]) for each in found["troubles"]] == [
+        ("over-budget", "retrofitter")
+    ]
+    assert found["axes"]["x"]["trouble"] is None
+
+
+def test_what_follows_from_a_trouble_never_hides_that() -> None:
+    order = list(TROUBLES.values())
+    for cause, effects in HIDES.items():
+        assert cause not in effects
+        for effect in effects:
+            assert cause not in HIDES.get(effect, ())
+        assert set(effects) <= set(order)

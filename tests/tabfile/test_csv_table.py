@@ -230,3 +230,17 @@ def test_what_a_spreadsheet_adds_is_named_with_what_to_do() -> None:
     plain = "position_mm;forward_mm;backward_mm\n0;0;0\n10;0.01;0.02\n"
     assert "take the empty columns out" in str(refused(plain.replace("\n", ";;\n")))
     assert "take this one out" in str(refused(plain + ";;\n"))
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("0,0.0,0.01\n10,0.01,0.02\n", "'0,0.0,0.01'"),
+        ("x,fwd,bwd\n0,0.0,0.01\n", "of 9 characters"),
+        ("Position;Vor;Zurueck\n0;0,0;0,01\n", "of 20 characters"),
+    ],
+)
+def test_a_csv_without_our_header_is_told_the_header(text: str, shown: str) -> None:
+    said = str(refused(text))
+    assert f"table.csv:1: a CSV whose first line, {shown}, is no header of a table" in said
+    assert "a header such as position_mm,forward_mm,backward_mm, or position_mm,correction_mm" in said

@@ -140,12 +140,17 @@ async def ask_unused_unit(master: Asking, line: LinePlan, found: AxisReadings) -
     unit_id = next((each for each in range(LAST_UNIT_ID, 0, -1) if each not in known), None)
     if unit_id is None:
         return
-    frame = _frame(Axis(found.plan), told.place)
+    frame = frame_of(Axis(found.plan), told.place)
     try:
         is_answered = not is_exception(await master.exchange(unit_id, frame.pdu))
     except NoReplyError:
         is_answered = False
     found.unused = UnusedUnit(unit_id, is_answered=is_answered)
+
+
+def places_of(plan: AxisPlan) -> list[Place]:
+    """Return the registers of an axis that may be read, bits first; none where its map lets nothing be."""
+    return list(_places(AxisReadings(plan))) if plan.safe_read else []
 
 
 def _places(found: AxisReadings) -> Iterator[Place]:
@@ -169,7 +174,7 @@ def _places(found: AxisReadings) -> Iterator[Place]:
 
 
 async def _read(master: Asking, axis: Axis, place: Place) -> Reading:
-    frame = _frame(axis, place)
+    frame = frame_of(axis, place)
     try:
         reply = await master.exchange(axis.plan.unit_id, frame.pdu)
     except NoReplyError as error:
@@ -186,7 +191,8 @@ async def _read(master: Asking, axis: Axis, place: Place) -> Reading:
     return Reading(place, words)
 
 
-def _frame(axis: Axis, place: Place) -> AddedFrame:
+def frame_of(axis: Axis, place: Place) -> AddedFrame:
+    """Return the read of a register."""
     if place.field is not None:
         return read_field(axis, Purpose.ACTUAL, place.field)
     assert place.bit is not None

@@ -12,6 +12,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
 from gateway.catalogue.publishing_events import HTTP_FAILED
+from gateway.catalogue.troubles import TROUBLES
 from gateway.ipc.complaints import Complaints
 from gateway.supervisor.http.access import CHALLENGE, Access
 from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
@@ -24,9 +25,17 @@ from gateway.supervisor.http.streaming import EndlessResponse
 from gateway.supervisor.http.tables import Tables
 from gateway.supervisor.http.window import Window
 
-UNHEALTHY: Final = frozenset(("relay-down", "relay-silent", "line-down"))
-"""Kinds of trouble with which no command reaches some drive."""
-PATHS: Final = ("/", "/status", "/healthz", "/metrics", "/events", "/tables/NAME", "/page/NAME", "/session")
+PATHS: Final = (
+    "/",
+    "/status",
+    "/healthz",
+    "/metrics",
+    "/events",
+    "/tables/NAME",
+    "/history/NAME",
+    "/page/NAME",
+    "/session",
+)
 LOCAL_PATHS: Final = (*PATHS, "/reload")
 ASKING_PATHS: Final = (*PATHS, "/login", "/logout")
 """Where it is asked who looks."""
@@ -60,6 +69,7 @@ class Served:
             "/metrics": self._metrics_page,
             "/events": _Events(self._window, self._models, door, access).answer,
             "/tables/NAME": self._tables.answer,
+            "/history/NAME": self._history,
             "/page/NAME": self._page_file,
             "/reload": self._reload,
             "/session": entrance.session,
@@ -105,6 +115,15 @@ class Served:
     async def _status(self, request: Request) -> Response:
         model = self._window.feeds.model
         return problem(503, NOTHING_YET) if model is None else raw_json(self._models.encoded(model))
+
+    async def _history(self, request: Request) -> Response:
+        name: str = request.path_params["name"]
+        found = self._window.history(name)
+        if found is None:
+            model = self._window.feeds.model
+            names = [f"/history/{axis}" for axis in (model["axes"] if model else ())]
+            return not_there(f"/history/{shortened(name)}", names)
+        return json_answer(found)
 
     async def _healthz(self, request: Request) -> Response:
         reasons = why_unhealthy(self._window.feeds.model)
@@ -167,7 +186,7 @@ def is_stranger(request: Request) -> bool:
 
 
 def why_unhealthy(model: Mapping[str, Any] | None) -> list[str]:
-    """Return why commands do not reach the drives, a sentence each; nothing where they do."""
+    """Return why commands do not reach some drive, a sentence each; nothing where they do."""
     if model is None or (model["gateway"]["relay"] == "up" and model["gateway"]["snapshot_age_s"] is None):
         return [NOTHING_YET]
-    return [f"{t['where']}: {t['what']}" for t in model["troubles"] if t["kind"] in UNHEALTHY]
+    return [f"{t['where']}: {t['what']}" for t in model["troubles"] if TROUBLES[t["kind"]].cuts_off]

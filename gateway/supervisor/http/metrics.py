@@ -15,6 +15,7 @@ from prometheus_client.metrics_core import (
 )
 from prometheus_client.registry import Collector
 
+from gateway.catalogue.counters import meaning
 from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.book import FileState
 from gateway.supervisor.feeds import Feeds
@@ -22,27 +23,28 @@ from gateway.supervisor.feeds import Feeds
 US_PER_S: Final = 1e6
 TABLE_STATES: Final = (*(state.value for state in FileState), "none")
 COMPONENTS: Final = ("configuration", "tables_folder", "state_folder", "http", "mqtt")
-LINE_COUNTERS: Final = {
-    "exchanges": "Exchanges with the drives.",
-    "timeouts": "Exchanges that a drive did not answer in time.",
-    "exceptions": "Exceptions that drives answered with.",
-    "late": "Frames from the drives when nothing was expected.",
-    "late_replies": "Replies that came after their request was given up.",
-    "late_targets": "Targets and triggers that had waited longer than the deadline of their axis.",
-    "refused": "Requests that the gateway refused.",
-    "withdrawn": "Requests that were not sent, because their controller had given up on them.",
-    "broadcasts": "Requests to all drives, which none answers.",
-    "added_reads": "Reads of the gateway's own.",
-    "restaged": "Staged targets that were written anew for their trigger.",
-    "unknown_modes": "Frames whose meaning the register map does not know.",
-    "unmapped_reads": "Reads of positions that are not mapped.",
-    "crc_errors": "Frames from the drives with a wrong check sum.",
-    "malformed": "Bytes from the drives that are no frame.",
-    "oversized": "Replies that are longer than a frame may be; their requests were answered as without one.",
-    "wrong_units": "Replies with another unit id than was asked.",
-    "budget_overruns": "Exchanges that took the gateway longer than the budget.",
-}
-"""By the key of a line in the status model."""
+LINE_COUNTERS: Final = (
+    "exchanges",
+    "timeouts",
+    "exceptions",
+    "late",
+    "late_replies",
+    "late_targets",
+    "refused",
+    "withdrawn",
+    "broadcasts",
+    "added_reads",
+    "restaged",
+    "unknown_modes",
+    "unmapped_reads",
+    "crc_errors",
+    "damaged",
+    "malformed",
+    "oversized",
+    "wrong_units",
+    "budget_overruns",
+)
+"""Keys of a line in the status model; ``catalogue.counters`` says what each counts."""
 
 
 class StatusCollector(Collector):
@@ -114,16 +116,27 @@ def _of_gateway(model: Mapping[str, Any]) -> Iterator[Metric]:
     yield from _of_troubles(model["troubles"])
 
 
-def _of_troubles(troubles: Iterable[Mapping[str, str]]) -> Iterator[Metric]:
+def _of_troubles(troubles: Iterable[Mapping[str, Any]]) -> Iterator[Metric]:
     listed = list(troubles)
     count = _gauge("troubles", "Things that are wrong right now, by severity.", ["severity"])
     for severity in ("error", "warning"):
         count.add_metric((severity,), sum(trouble["severity"] == severity for trouble in listed))
     yield count
     each = _gauge("trouble", "1 for each thing that is wrong right now.", ["kind", "severity", "where"])
-    for kind, severity, where in sorted({(t["kind"], t["severity"], t["where"]) for t in listed}):
-        each.add_metric((kind, severity, where), 1)
-    yield each
+    since = _gauge(
+        "trouble_since_timestamp_seconds",
+        "Since when it is wrong, in Unix time.",
+        ["kind", "severity", "where"],
+    )
+    began: dict[tuple[str, str, str], float] = {}
+    for trouble in listed:
+        labels = (trouble["kind"], trouble["severity"], trouble["where"])
+        instant_s = datetime.fromisoformat(trouble["since"]).timestamp()
+        began[labels] = min(began.get(labels, instant_s), instant_s)
+    for labels, instant_s in sorted(began.items()):
+        each.add_metric(labels, 1)
+        since.add_metric(labels, instant_s)
+    yield from (each, since)
 
 
 def _of_certificates(model: Mapping[str, Any]) -> Iterator[Metric]:
@@ -157,13 +170,49 @@ def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[
             count = len(controller["connections"]) if "connections" in controller else of_port
             connected.add_metric((name, controller["name"]), count)
     yield from (up, wire, added, connected)
-    for key, says in LINE_COUNTERS.items():
-        counter = _counter(f"line_{key}", says, ["line"])
+    yield from _of_drives(lines)
+    yield from _of_ports(lines)
+    for key in LINE_COUNTERS:
+        counter = _counter(f"line_{key}", meaning(key), ["line"])
         for name, line in lines.items():
             if line.get(key) is not None:  # a line over TCP has no check sums
                 counter.add_metric((name,), line[key])
         yield counter
     yield from _latency("line", {name: line["gateway_us"] for name, line in lines.items()}, bounds_us)
+
+
+def _of_drives(lines: Mapping[str, Any]) -> Iterator[Metric]:
+    """Yield how the drives of unit ids answer, each with its axes; nothing of a relay of an older release."""
+    labels = ("line", "unit_id", "axes")
+    answers = _gauge("drive_answers", "Whether a unit id answered its last request: 1 or 0.", labels)
+    silent = _gauge("drive_silent_seconds", "For how long a unit id has not answered; 0: it does.", labels)
+    missed = _gauge("drive_timeouts_in_a_row", "Requests that a unit id left unanswered in a row.", labels)
+    damaged = _counter("drive_damaged", "Requests that were answered by bytes that are no frame.", labels)
+    for name, line in lines.items():
+        unit_ids = line.get("unit_ids", {})
+        for unit_id, drive in unit_ids.get("drives", {}).items():
+            axes = ",".join(axis for axis, of in unit_ids["axes"].items() if str(of) == unit_id)
+            of = (name, unit_id, axes)
+            silent_s = drive["silent_s"]
+            if drive["answered_s"] is not None or silent_s is not None:  # else nobody has asked it yet
+                answers.add_metric(of, silent_s is None)
+                silent.add_metric(of, silent_s or 0.0)
+                missed.add_metric(of, drive["timeouts_in_a_row"])
+            damaged.add_metric(of, drive["damaged"])
+    yield from (answers, silent, missed, damaged)
+
+
+def _of_ports(lines: Mapping[str, Any]) -> Iterator[Metric]:
+    """Yield what serial ports of controllers were sent: whole frames, and damaged ones."""
+    labels = ("line", "controller")
+    whole = _counter("controller_frames", "Whole frames from the serial port of a controller.", labels)
+    damaged = _counter("controller_damaged_frames", "Damaged frames from there.", labels)
+    for name, line in lines.items():
+        for controller in line["controllers"]:
+            if "whole" in controller:
+                whole.add_metric((name, controller["name"]), controller["whole"])
+                damaged.add_metric((name, controller["name"]), controller["damaged"])
+    yield from (whole, damaged)
 
 
 def _latency(

@@ -1,8 +1,9 @@
 """What the HTTP service sees of the supervisor, and the one thing it may ask of it."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from gateway.compensation.settings import AxisSettings
 from gateway.ipc.plan import GatewayPlan
@@ -22,6 +23,8 @@ class Window:
     """The settings of an axis in the configuration that was taken; None where there is none yet."""
     reload: Callable[[], Awaitable[Outcome]]
     say: Say
+    history: Callable[[str], Mapping[str, Any] | None] = lambda _axis: None
+    """Where an axis was in the last ten minutes; None: nothing is known of it."""
 
 
 def settings_in(plan: GatewayPlan | None, axis: str) -> AxisSettings | None:

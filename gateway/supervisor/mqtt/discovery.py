@@ -72,7 +72,7 @@ def _gateway(settings: Settings, model: Payload) -> Payload:
                 "problem",
                 "Problem",
                 topics.info,
-                condition="value_json.troubles",
+                condition="value_json.troubles | selectattr('audience', 'equalto', 'operator') | list",
                 more={
                     "device_class": "problem",
                     "json_attributes_topic": topics.info,
@@ -138,7 +138,8 @@ def _axis_components(settings: Settings, name: str, units: str) -> dict[str, Any
     topics, device = settings.topics, _device(settings, name)
     state, table = topics.axis(name), topics.table(name)
     expires, length = _expires(settings), _length(settings, units)
-    mine = f"value_json.troubles | selectattr('where', 'equalto', 'axis {name}') | list"
+    of_operator = "value_json.troubles | selectattr('audience', 'equalto', 'operator')"
+    mine = f"'{name}' in ({of_operator} | sum(attribute='axes', start=[]))"
     positions = {
         "correction": "Correction",
         "nominal_setpoint": "Nominal setpoint",

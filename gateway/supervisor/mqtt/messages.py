@@ -50,6 +50,14 @@ def retained_messages(settings: Settings, model: Payload) -> dict[str, Payload]:
     return {topics.info: info, **tables}
 
 
+def without_words(payload: Payload) -> Payload:
+    """Return a payload without what changes of a trouble from moment to moment: how long, and how often."""
+    if "troubles" not in payload:
+        return payload
+    lasting = [{key: it for key, it in each.items() if key != "what"} for each in payload["troubles"]]
+    return {**payload, "troubles": lasting}
+
+
 def moving_topics(topics: Topics, model: Payload) -> dict[str, tuple[str, str]]:
     """Return the topics of what is published in every interval, each with its place in the model."""
     lines = {topics.line(name): ("lines", name) for name in model["lines"]}

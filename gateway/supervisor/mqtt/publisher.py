@@ -14,7 +14,7 @@ from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.connection import connected
 from gateway.supervisor.mqtt.ending import apart, end
 from gateway.supervisor.mqtt.outbox import Outbox
-from gateway.supervisor.mqtt.reasons import why
+from gateway.supervisor.mqtt.reasons import is_cut, taken_over, why
 from gateway.supervisor.mqtt.retained import RETAINED_NAME, Ledger
 from gateway.supervisor.mqtt.sending import Sender, Tally
 from gateway.supervisor.mqtt.sensors import Hear, subscribe_sensors
@@ -25,6 +25,8 @@ FIRST_WAIT_S: Final = 1.0
 LONGEST_WAIT_S: Final = 60.0
 STEADY_S: Final = 10.0
 """A connection that held for as long was a good one: the next attempt comes soon again."""
+SHORT_ONES: Final = 3
+"""So many connections in a row that did not hold are those of a client id that two clients have."""
 
 
 def wait_s(tries: int, share: float) -> float:
@@ -53,11 +55,13 @@ class Publisher:
         self._connects = 0
         self._is_connected = False
         self._problem: str | None = None
+        self._short = 0
+        """Connections in a row that were made and did not hold."""
 
     def status(self) -> dict[str, Any]:
         """Return ``supervisor.mqtt`` of the status model."""
         return {
-            "problem": self._problem,
+            "problem": self._problem or (taken_over(self._settings) if self._is_taken_over else None),
             "state": "connected" if self._is_connected else "connecting",
             "broker": self._settings.broker,
             "connects": self._connects,
@@ -78,14 +82,28 @@ class Publisher:
         tries = 0
         while True:
             began_s = time.monotonic()
+            steady = asyncio.get_running_loop().call_later(STEADY_S, self._hold)
             try:
                 await self._connection(ledger)
             except Exception as error:  # noqa: BLE001 - tables and page go on, whatever a library comes up with
-                self._lose(why(error, self._settings))
+                reason = why(error, self._settings)
+                self._short += self._is_connected and is_cut(reason, self._settings)
+                self._lose(taken_over(self._settings) if self._is_taken_over else reason)
+            finally:
+                steady.cancel()
             if time.monotonic() - began_s > STEADY_S:
                 tries = 0
             await asyncio.sleep(wait_s(tries, random.random()))
             tries += 1
+
+    @property
+    def _is_taken_over(self) -> bool:
+        """Whether another client seems to connect under the same name; until a connection has held."""
+        return self._short >= SHORT_ONES
+
+    def _hold(self) -> None:
+        if self._is_connected:
+            self._short = 0
 
     async def _connection(self, ledger: Ledger) -> None:
         """Connect and publish; it ends with an exception, because connections do."""

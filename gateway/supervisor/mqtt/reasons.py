@@ -37,6 +37,21 @@ _REFUSED: Final[Mapping[str, str]] = {
 }
 
 
+def taken_over(settings: Settings) -> str:
+    """Return what it means that the broker ends one connection after the other."""
+    return (
+        f"{settings.broker} ends each connection soon after it was made: as a rule another client connects "
+        f"as {settings.client_id} too, and each takes the other's place; give each gateway a name of its "
+        "own, or a [mqtt] client_id"
+    )
+
+
+def is_cut(reason: str, settings: Settings) -> bool:
+    """Whether a reason is one that a broker gives, or leaves open, where another client takes our place."""
+    taken = _REFUSED["Session taken over"].format(client_id=settings.client_id)
+    return reason in (taken, _LOST.format(broker=settings.broker, client_id=settings.client_id))
+
+
 def why(error: BaseException, settings: Settings) -> str:
     """Return a sentence on what ended a connection, or kept it from being made."""
     if isinstance(error, NamedFileError):

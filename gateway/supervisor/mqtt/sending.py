@@ -1,6 +1,7 @@
 """What one connection has been told, and what it has still to be told."""
 
 import asyncio
+import time
 from typing import Final
 
 import aiomqtt
@@ -15,12 +16,15 @@ from gateway.supervisor.mqtt.messages import (
     moving_message,
     moving_topics,
     retained_messages,
+    without_words,
 )
 from gateway.supervisor.mqtt.outbox import Outbox
 from gateway.supervisor.mqtt.retained import Ledger
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
 
+WORDS_EVERY_S: Final = 10.0
+"""So often at most a trouble is told anew of which only the words have changed."""
 NOTHING: Final = b""
 """A retained message without content takes the one that the broker keeps away (MQTT 5.0, 3.3.1.3)."""
 
@@ -52,6 +56,7 @@ class Sender:
         self._tally = tally
         self._say = say
         self._told: dict[str, Payload] = {}
+        self._told_s: dict[str, float] = {}
 
     async def run(self) -> None:
         """Publish until the connection is lost, which raises MqttError."""
@@ -79,11 +84,20 @@ class Sender:
         gone = self._ledger.topics.union(self._told) - kept if is_known(model) else frozenset()
         await self._note(self._ledger.topics.union(kept))
         for topic, payload in wanted.items():
-            if self._told.get(topic) != payload:
+            if self._is_news(topic, payload):
                 await self._publish(topic, encode(payload), qos=1, retain=True)
                 self._told[topic] = payload
+                self._told_s[topic] = time.monotonic()
         if gone:
             await self._take_away(gone)
+
+    def _is_news(self, topic: str, payload: Payload) -> bool:
+        """Whether a retained message is worth another: words that tell how long something lasts can wait."""
+        told = self._told.get(topic)
+        if told is None or told == payload:
+            return told is None
+        is_only_words = without_words(told) == without_words(payload)
+        return not is_only_words or time.monotonic() - self._told_s[topic] >= WORDS_EVERY_S
 
     async def _take_away(self, gone: frozenset[str]) -> None:
         # Noted first: a broker that ends the connection over a topic that is not ours is asked once only.

@@ -1,7 +1,7 @@
 """The page that a person leaves open beside the machine: files that are served as they are.
 
 Nothing is built, and nothing is fetched but from the gateway itself: ``index.html`` at ``/``, the others at
-``page/NAME``, and of the gateway's own answers ``events``, ``status`` and ``tables/AXIS``.
+``page/NAME``, and of the gateway's own answers ``events``, ``status``, ``tables/AXIS``, ``history/AXIS``.
 """
 
 from typing import Final
@@ -27,6 +27,7 @@ FILES: Final = (
     "event_list.js",
     "figures.js",
     "histogram.js",
+    "history.js",
     "latency.js",
     "line_cards.js",
     "model.js",

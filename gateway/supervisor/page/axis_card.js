@@ -3,7 +3,8 @@
 
 import { Curve } from "./curve.js";
 import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, fixed, scaleOf, timeOfDay } from "./figures.js";
+import { NOT_KNOWN, fixed, scaleOf, span, timeOfDay } from "./figures.js";
+import { History } from "./history.js";
 import { Terms } from "./terms.js";
 import { compensation, direction, table as tableState } from "./words.js";
 
@@ -17,20 +18,17 @@ const LONG = 8; // digits that fit a narrow card in the largest size
 let number = 0;
 
 export class AxisCard {
-  /**
-   * @param {string} name
-   * @param {boolean} isStill
-   */
-  constructor(name, isStill) {
+  /** @param {string} name */
+  constructor(name) {
     number += 1;
     this.name = name;
     /** @type {Axis | null} */
     this.axis = null;
     /** @type {Table | null} */
     this.table = null;
-    this.isSeen = true;
     this.shownCurve = "";
-    this.curve = new Curve(isStill);
+    this.curve = new Curve();
+    this.history = new History(name);
     this.stateSign = sign("info");
     this.stateWords = make("span");
     this.state = make("p", { class: "state" }, this.stateSign, this.stateWords);
@@ -67,10 +65,6 @@ export class AxisCard {
       this.curve.resize(entry.contentRect.width, entry.contentRect.height);
     });
     this.resizes.observe(this.drawing);
-    this.sights = new IntersectionObserver(([entry]) => {
-      this.isSeen = entry.isIntersecting;
-    });
-    this.sights.observe(this.element);
   }
 
   laidOut() {
@@ -107,6 +101,7 @@ export class AxisCard {
             this.writerRow,
             this.gainRow,
           ),
+          make("figure", { class: "past" }, this.history.element, make("figcaption", { class: "legend", "aria-hidden": "true" }, make("span", { class: "key-position", text: "position" }), make("span", { class: "key-forward", text: "correction" }), make("span", { class: "key-time", text: "last 10 min" }))),
         ),
         make("figure", { class: "curve" }, this.drawing, this.noCurve, this.legend()),
       ),
@@ -133,7 +128,6 @@ export class AxisCard {
 
   leave() {
     this.resizes.disconnect();
-    this.sights.disconnect();
     this.element.remove();
   }
 
@@ -144,23 +138,27 @@ export class AxisCard {
   show(axis, now) {
     this.axis = axis;
     const scale = scaleOf(axis.units);
-    const state = compensation(axis.compensation);
+    const state = stateOf(axis);
+    const isKnown = !axis.trouble?.cuts_off;
     setAttribute(this.element, "data-tone", axis.table.status === "rejected" ? "error" : state.tone);
+    setAttribute(this.element, "data-known", isKnown ? "yes" : "no");
     setAttribute(this.state, "class", `state ${state.tone}`);
     setSign(this.stateSign, state.sign);
     setText(this.stateWords, state.words);
 
-    const isRead = axis.nominal_actual !== null;
-    const nominal = isRead ? axis.nominal_actual : axis.nominal_setpoint;
+    const last = isKnown ? null : axis.last_seen;
+    const isRead = axis.nominal_actual !== null || Boolean(last);
+    const nominal = last ? last.nominal : (axis.nominal_actual ?? axis.nominal_setpoint);
     const written = axis.compensation === "shadow" ? axis.nominal_setpoint : axis.corrected_setpoint;
-    const corrected = isRead ? axis.corrected_actual : written;
-    setText(this.positionName, isRead ? "Position" : "Target (position not read)");
+    const corrected = last ? last.corrected : isRead ? axis.corrected_actual : written;
+    const name = last ? `Last seen ${span(last.age_s)} ago` : isRead ? "Position" : "Target (position not read)";
+    setText(this.positionName, name);
     const digits = fixed(nominal, scale.decimals);
     setText(this.position, digits);
     setAttribute(this.big, "class", digits.length > LONG ? "position long" : "position");
     setText(this.units, scale.units);
     setText(this.corrected, withUnits(fixed(corrected, scale.decimals), scale.units));
-    const correction = correctionOf(axis);
+    const correction = last && last.corrected !== null ? last.corrected - last.nominal : correctionOf(axis);
     setText(
       this.correction,
       withUnits(fixed(correction === null ? null : correction * scale.perUnit, scale.smallDecimals, true), scale.small),
@@ -181,7 +179,8 @@ export class AxisCard {
     setText(this.writer, axis.writer ?? "");
     this.showTable(axis);
     this.showCurve(axis);
-    this.curve.put(this.placeOf(nominal, correction), now, this.isSeen);
+    this.curve.move(this.placeOf(nominal, correction));
+    this.history.add(isKnown ? axis.nominal_actual : null, isKnown ? correction : null, now, scale);
   }
 
   /**
@@ -293,6 +292,20 @@ export class AxisCard {
       ),
     );
   }
+}
+
+/**
+ * What an axis is like: only as good as drive, line, relay and supervisor together. A trouble without a title
+ * leaves the compensation as it is, or is called as it.
+ * @param {Axis} axis
+ * @returns {import("./words.js").State}
+ */
+function stateOf({ trouble, compensation: state }) {
+  if (!trouble?.title) {
+    return compensation(state);
+  }
+  const name = trouble.severity === "error" ? "error" : "warning";
+  return { words: trouble.title, sign: name, tone: name };
 }
 
 /**

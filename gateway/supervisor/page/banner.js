@@ -2,7 +2,7 @@
 // What is wrong and what to do, or that all is well; and that the page itself hears nothing.
 
 import { byId, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { span } from "./figures.js";
+import { span, timeOfDay } from "./figures.js";
 import { capital } from "./words.js";
 
 const AT_FIRST = matchMedia("(max-width: 40rem)").matches ? 2 : 4; // the axes should stay in sight
@@ -114,13 +114,14 @@ class TroubleItem {
     this.where = make("strong", { class: "where" });
     this.what = make("span", { class: "what" });
     this.remedy = make("span", { class: "remedy" });
+    this.since = make("span", { class: "since" });
     this.kind = make("span", { class: "unseen" });
     this.sign = sign("warning");
     this.element = make(
       "li",
       { class: "trouble" },
       this.sign,
-      make("p", {}, this.kind, this.where, this.what, this.remedy),
+      make("p", {}, this.kind, this.where, this.what, this.since, this.remedy),
     );
   }
 
@@ -132,6 +133,7 @@ class TroubleItem {
     setText(this.kind, isError ? "Error: " : "Warning: ");
     setText(this.where, capital(trouble.where));
     setText(this.what, trouble.what);
+    setText(this.since, trouble.since ? `since ${timeOfDay(trouble.since)}` : "");
     setText(this.remedy, capital(trouble.remedy));
   }
 }

@@ -12,15 +12,11 @@ import { fixed, ticks } from "./figures.js";
  * @typedef {{ position: number, correction: number }} Place in the units of the table
  */
 
-const GLIDE_MS = 240; // a little longer than from one status to the next
-
 let number = 0;
 
 export class Curve {
-  /** @param {boolean} isStill whoever uses it wants nothing to move by itself */
-  constructor(isStill) {
+  constructor() {
     number += 1;
-    this.isStill = isStill;
     this.title = draw("title", { id: `curve-${number}-title` });
     this.description = draw("desc", { id: `curve-${number}-about` });
     this.back = draw("g");
@@ -50,8 +46,6 @@ export class Curve {
     this.shown = null;
     /** @type {Place | null} */
     this.place = null;
-    /** @type {{ from: Place, to: Place, since: number } | null} */
-    this.glide = null;
     /** @type {((position: number) => number) | null} */
     this.across = null;
     /** @type {(correction: number) => number} */
@@ -78,43 +72,9 @@ export class Curve {
   }
 
   /**
-   * Put the machine somewhere; it glides there from where it is shown.
+   * Put the machine somewhere: with the number that says where, never behind it.
    * @param {Place | null} place
-   * @param {number} now in ms, as `performance.now`
-   * @param {boolean} isSeen whether anybody sees it glide
    */
-  put(place, now, isSeen) {
-    const from = this.place;
-    if (place === null || from === null || this.isStill || !isSeen) {
-      this.glide = null;
-      this.move(place);
-    } else if (this.glide === null ? !isSame(place, from) : !isSame(place, this.glide.to)) {
-      this.glide = { from, to: place, since: now };
-    }
-  }
-
-  /**
-   * Draw the machine as of now.
-   * @param {number} now
-   * @returns {boolean} whether it still moves
-   */
-  animate(now) {
-    if (this.glide === null) {
-      return false;
-    }
-    const { from, to, since } = this.glide;
-    const share = Math.min(1, Math.max(0, (now - since) / GLIDE_MS));
-    this.move({
-      position: from.position + (to.position - from.position) * share,
-      correction: from.correction + (to.correction - from.correction) * share,
-    });
-    if (share >= 1) {
-      this.glide = null;
-    }
-    return this.glide !== null;
-  }
-
-  /** @param {Place | null} place */
   move(place) {
     this.place = place;
     if (place === null || this.across === null) {
@@ -237,12 +197,4 @@ function withAir(forward, backward) {
   }
   const air = (high - low) * 0.08 || 1;
   return [low < 0 || high === 0 ? low - air : low, high > 0 || low === 0 ? high + air : high];
-}
-
-/**
- * @param {Place} one
- * @param {Place} other
- */
-function isSame(one, other) {
-  return one.position === other.position && one.correction === other.correction;
 }

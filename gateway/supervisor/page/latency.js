@@ -4,6 +4,7 @@
 import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, count, time } from "./figures.js";
 import { Histogram } from "./histogram.js";
+import { capital } from "./words.js";
 
 /**
  * @typedef {import("./model.js").Model} Model
@@ -28,7 +29,9 @@ export class Latency {
     this.rows = new Map();
     /** @type {Map<string, HTMLElement>} */
     this.options = new Map();
+    this.notes = make("ul", { class: "problems" });
     this.room.append(
+      this.notes,
       make("figure", { class: "card times" }, this.drawing, this.none, caption()),
       make(
         "div",
@@ -58,6 +61,13 @@ export class Latency {
       this.rows.get(measured.key)?.show(measured);
       setText(/** @type {HTMLElement} */ (this.options.get(measured.key)), measured.words);
     }
+    const notes = model.troubles.filter((trouble) => trouble.audience === "retrofitter");
+    const words = notes.map(({ where, what, remedy }) => `${where}: ${what}. ${remedy}`);
+    if (this.notes.dataset.key !== words.join("\n")) {
+      this.notes.dataset.key = words.join("\n");
+      this.notes.replaceChildren(...words.map((text) => make("li", { text: capital(text) })));
+    }
+    show(this.notes, words.length > 0);
     show(this.choice, all.length > 1);
     const shown = byKey.get(this.chosen) ?? all.find((measured) => measured.isOver) ?? all[0];
     if (shown && this.select.value !== shown.key) {

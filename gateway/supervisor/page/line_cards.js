@@ -3,6 +3,7 @@
 
 import { keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, count, time } from "./figures.js";
+import { STALE_S } from "./model.js";
 
 /**
  * @typedef {import("./model.js").Line} Line
@@ -18,6 +19,8 @@ const COUNTERS = [
   ["refused", "Refused"],
   ["late", "Late"],
 ];
+/** @type {import("./words.js").State} */
+const UNKNOWN = { words: "Not known", sign: "wait", tone: "note" };
 const RATE_MS = 3000;
 const FRESH_MS = 60_000;
 
@@ -55,13 +58,14 @@ export class LineCard {
   /**
    * @param {Line} line
    * @param {number} now in ms
+   * @param {boolean} isKnown whether the gateway says what it is like now
    */
-  show(line, now) {
-    const isUp = line.state === "up";
-    setAttribute(this.state, "class", `state ${isUp ? "well" : "error"}`);
-    setAttribute(this.element, "data-tone", isUp ? "well" : "error");
-    setSign(this.stateSign, isUp ? "ok" : "error");
-    setText(this.stateWords, isUp ? "Up" : "Down");
+  show(line, now, isKnown) {
+    const state = isKnown ? stateOfLine(line) : UNKNOWN;
+    setAttribute(this.state, "class", `state ${state.tone}`);
+    setAttribute(this.element, "data-tone", state.tone);
+    setSign(this.stateSign, state.sign);
+    setText(this.stateWords, state.words);
     const failure = line.drives.failure ? `: ${line.drives.failure}` : "";
     setText(this.drives, `Drives at ${line.drives.address}${failure}`);
     const rate = this.rateOf(line.exchanges, now);
@@ -72,7 +76,7 @@ export class LineCard {
     const byName = new Map(line.controllers.map((controller) => [controller.name, controller]));
     keepChildren(this.list, this.controllers, [...byName.keys()], () => new ControllerRow(), (row) => row.element);
     for (const [name, controller] of byName) {
-      this.controllers.get(name)?.show(controller);
+      this.controllers.get(name)?.show(controller, isKnown);
     }
   }
 
@@ -126,21 +130,42 @@ class ControllerRow {
     this.element = make("li", {}, this.sign, make("p", {}, this.name, this.role, this.state, this.address));
   }
 
-  /** @param {Controller} controller */
-  show(controller) {
+  /**
+   * @param {Controller} controller
+   * @param {boolean} isKnown
+   */
+  show(controller, isKnown) {
     const connections = controller.connections;
     const isUp = connections === undefined ? controller.state === "up" : connections.length > 0;
     const isWrong = connections === undefined && !isUp;
-    setSign(this.sign, isWrong ? "error" : isUp ? "ok" : "off");
-    setAttribute(this.sign, "class", `sign ${isWrong ? "error" : isUp ? "well" : "note"}`);
+    setSign(this.sign, !isKnown ? "wait" : isWrong ? "error" : isUp ? "ok" : "off");
+    setAttribute(this.sign, "class", `sign ${!isKnown ? "note" : isWrong ? "error" : isUp ? "well" : "note"}`);
     setText(this.name, controller.name);
     setText(this.role, controller.tls ? "by certificate" : controller.role);
-    setText(this.state, stateOf(controller));
+    setText(this.state, isKnown ? stateOf(controller) : "not known");
     const address = Array.isArray(controller.address) ? controller.address.join(", ") : controller.address;
     setText(this.address, address);
     setAttribute(this.element, "title", `time in the gateway: p99 ${time(controller.gateway_us.p99)}`);
     show(this.address, address !== "");
   }
+}
+
+/**
+ * @param {Line} line
+ * @returns {import("./words.js").State}
+ */
+function stateOfLine(line) {
+  if (line.state !== "up") {
+    return { words: "Down", sign: "error", tone: "error" };
+  }
+  const own = Object.entries(line.unit_ids?.drives ?? {}).filter(([unitId]) =>
+    Object.values(line.unit_ids?.axes ?? {}).some((of) => String(of) === unitId),
+  );
+  const silent = own.filter(([, drive]) => drive.silent_s !== null && drive.silent_s >= STALE_S).length;
+  if (silent) {
+    return { words: `${silent} of ${own.length} drives silent`, sign: "error", tone: "error" };
+  }
+  return { words: "Up", sign: "ok", tone: "well" };
 }
 
 /** @param {Controller} controller */

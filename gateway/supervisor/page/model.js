@@ -23,7 +23,8 @@
  *             gain: { forward: number, backward: number }, travel: [number, number] | null,
  *             nominal_setpoint: number | null, corrected_setpoint: number | null,
  *             nominal_actual: number | null, corrected_actual: number | null, table: TableState,
- *             writer?: string | null, terms?: Terms | null,
+ *             writer?: string | null, terms?: Terms | null, trouble?: AxisTrouble | null,
+             last_seen?: { nominal: number, corrected: number | null, age_s: number } | null,
  *             latency: { gateway_us: Times, budget_us: number, budget_overruns: number,
  *                        is_over_budget: boolean } }} Axis
  *
@@ -31,11 +32,18 @@
  *             failure?: string, gateway_us: Times,
  *             tls?: { sessions?: { subject: string, certified: string }[] } }} Controller
  *
+ * @typedef {{ silent_s: number | null, answered_s: number | null }} Drive
+ *
  * @typedef {{ state: string, exchanges: number, timeouts: number, crc_errors: number, exceptions: number,
- *             late: number, refused?: number, budget_overruns?: number, gateway_us: Times, controllers: Controller[],
+ *             late: number, refused?: number, unit_ids?: { axes: Record<string, number>, drives?: Record<string, Drive> },
+ *             budget_overruns?: number, gateway_us: Times, controllers: Controller[],
  *             drives: { address: string, failure: string } }} Line
  *
- * @typedef {{ kind: string, severity: string, where: string, what: string, remedy: string }} Trouble
+ * @typedef {{ kind: string, severity: string, title: string, cuts_off: boolean }} AxisTrouble the worst of an axis;
+ *             `cuts_off`: nobody knows where it is
+ *
+ * @typedef {{ kind: string, severity: string, where: string, what: string, remedy: string, since?: string,
+ *             audience?: string }} Trouble
  *
  * @typedef {{ gateway: { name: string, version: string, uptime_s: number | null, relay: string,
  *                        snapshot_age_s: number | null, latency_bounds_us?: number[] },

@@ -15,8 +15,6 @@ import { Tables } from "./tables.js";
 
 /** @typedef {import("./model.js").Model} Model */
 
-const stillness = matchMedia("(prefers-reduced-motion: reduce)");
-
 class Page {
   constructor() {
     this.banner = new Banner();
@@ -28,13 +26,11 @@ class Page {
     this.lines = new Map();
     this.tables = new Tables((axis, table) => {
       this.axes.get(axis)?.take(table);
-      this.glide();
     });
     /** @type {Model | null} the newest */
     this.model = null;
     this.isDrawn = true;
     this.isSilent = true;
-    this.isGliding = false;
     this.linkSign = sign("wait");
     this.linkWords = make("span", { text: "Connecting" });
     byId("link").append(this.linkSign, this.linkWords);
@@ -77,16 +73,15 @@ class Page {
     const runs = gateway.uptime_s === null ? "" : ` · runs for ${span(gateway.uptime_s)}`;
     setText(byId("about"), `pitch-gateway ${gateway.version}${runs}`);
     setAttribute(document.body, "data-fresh", isFresh(model) ? "yes" : "no");
-    this.banner.show(model.troubles, allWell(model));
+    this.banner.show(ofOperator(model), allWell(model));
     this.drawAxes(model, now);
     const lines = Object.keys(model.lines);
     keepChildren(byId("lines"), this.lines, lines, (name) => new LineCard(name), (card) => card.element);
     for (const [name, line] of Object.entries(model.lines)) {
-      this.lines.get(name)?.show(line, now);
+      this.lines.get(name)?.show(line, now, isFresh(model));
     }
     this.latency.show(model);
     this.showLink();
-    this.glide();
   }
 
   /**
@@ -103,7 +98,7 @@ class Page {
         this.tables.forget(name);
       }
     }
-    keepChildren(room, this.axes, names, (name) => new AxisCard(name, stillness.matches), (card) => card.element);
+    keepChildren(room, this.axes, names, (name) => new AxisCard(name), (card) => card.element);
     setAttribute(room, "data-count", names.length > 8 ? "many" : String(names.length));
     show(byId("no-axes"), names.length === 0 && Object.keys(model.lines).length > 0);
     for (const [name, axis] of Object.entries(model.axes)) {
@@ -111,25 +106,6 @@ class Page {
       const { points, compiled } = axis.table;
       this.tables.want(name, points ? `${compiled} ${axis.gain.forward} ${axis.gain.backward}` : null);
     }
-  }
-
-  /** Let the machine glide to where it is now; frames are drawn only while something moves. */
-  glide() {
-    if (this.isGliding || document.hidden) {
-      return;
-    }
-    this.isGliding = true;
-    const frame = (/** @type {number} */ now) => {
-      let isMoving = false;
-      for (const card of this.axes.values()) {
-        isMoving = card.curve.animate(now) || isMoving;
-      }
-      this.isGliding = isMoving;
-      if (isMoving) {
-        requestAnimationFrame(frame);
-      }
-    };
-    requestAnimationFrame(frame);
   }
 
   /** @param {number | null} silentMs */
@@ -143,16 +119,18 @@ class Page {
 
   showLink() {
     const isLost = document.body.dataset.link === "lost";
-    if (document.body.dataset.link === "waiting" && this.model !== null) {
-      setAttribute(document.body, "data-link", "live");
+    const relay = this.model === null || isFresh(this.model) ? null : this.model.gateway.relay;
+    if (!isLost && this.model !== null) {
+      setAttribute(document.body, "data-link", relay === null ? "live" : "relay");
     }
-    setAttribute(this.linkSign.children[0], "href", isLost ? "#i-error" : this.model ? "#i-ok" : "#i-wait");
-    setText(this.linkWords, isLost ? "No connection" : this.model ? "Live" : "Connecting");
+    setAttribute(this.linkSign.children[0], "href", isLost || relay ? "#i-error" : this.model ? "#i-ok" : "#i-wait");
+    const ofRelay = relay === "up" ? "Relay silent: it may not obey" : "Relay down: nothing passes";
+    setText(this.linkWords, isLost ? "No connection" : relay ? ofRelay : this.model ? "Live" : "Connecting");
   }
 
   /** The tab's name and icon; also while nobody sees the page. */
   showMark() {
-    const troubles = this.model?.troubles ?? [];
+    const troubles = this.model ? ofOperator(this.model) : [];
     const isLost = document.body.dataset.link === "lost";
     const isBad = isLost || troubles.some((trouble) => trouble.severity === "error");
     setAttribute(byId("favicon"), "href", isBad ? "page/icon-trouble.svg" : "page/icon.svg");
@@ -169,6 +147,14 @@ class Page {
       document.title = title;
     }
   }
+}
+
+/**
+ * What whoever runs the machine has to know.
+ * @param {Model} model
+ */
+function ofOperator(model) {
+  return model.troubles.filter((trouble) => trouble.audience !== "retrofitter");
 }
 
 /** @param {Model} model */

@@ -66,6 +66,41 @@ LINE = {
     "drives": {"address": "127.0.0.1:502", "failure": "", "opens": 1, "notes": [], "latency": None},
     "controllers": [CONTROLLER],
 }
+ANSWERS: dict[str, Any] = {
+    "answered_s": 0.1,
+    "silent_s": None,
+    "timeouts_in_a_row": 0,
+    "damaged": 0,
+    "damaged_in_a_row": 0,
+    "damaged_minute": 0,
+}
+PLC: dict[str, Any] = {
+    "name": "plc",
+    "role": "motion",
+    "address": "/dev/ttyS1",
+    "state": "up",
+    "failure": "",
+    "whole": 0,
+    "damaged": 12,
+    "minute": {"whole": 0, "damaged": 12},
+    "gateway_us": TOOK,
+}
+SICK: dict[str, Any] = {
+    "minute": {"exchanges": 500, "damaged": 3},
+    "unit_ids": {
+        "axes": {"x": 1},
+        "heard": [1, 17],
+        "strangers": [17],
+        "requests": {},
+        "asked_by": {"cnc": [1, 17]},
+        "drives": {
+            "1": {**ANSWERS, "answered_s": None, "silent_s": 12.5, "timeouts_in_a_row": 12, "damaged": 3},
+            "17": ANSWERS,
+        },
+    },
+    "controllers": [CONTROLLER, PLC],
+}
+"""A line whose drive is silent and whose second controller nobody understands."""
 AXIS = {
     "compensation": "active",
     "units": "mm",

@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.metrics import Metrics
 from tests.supervisor.http.exposition import Samples, families, samples
-from tests.supervisor.http.http_bench import TERMS, model, serving, snapshot
+from tests.supervisor.http.http_bench import SICK, TERMS, model, serving, snapshot
 
 
 def of(found: Samples, metric: str, /, **labels: str) -> float:
@@ -170,16 +171,30 @@ def test_without_terms_there_is_not_even_a_name() -> None:
 def test_troubles_are_counted_and_named() -> None:
     well = samples(model())
     assert (of(well, "troubles", severity="error"), of(well, "troubles", severity="warning")) == (0, 0)
-    ill = samples(
-        model(
-            snapshot(line={"state": "down"}), supervisor={"mqtt": {"problem": "refused"}}, is_relay_up=False
-        )
-    )
-    assert (of(ill, "troubles", severity="error"), of(ill, "troubles", severity="warning")) == (2, 1)
+    ill = samples(model(snapshot(line={"state": "down"}), supervisor={"mqtt": {"problem": "refused"}}))
+    assert (of(ill, "troubles", severity="error"), of(ill, "troubles", severity="warning")) == (1, 1)
     assert of(ill, "trouble", kind="line-down", severity="error", where="line xyz") == 1
-    assert of(ill, "relay_up") == 0
+    since_s = of(ill, "trouble_since_timestamp_seconds", kind="line-down", severity="error", where="line xyz")
+    assert time.time() - since_s < 60.0
+    gone = samples(model(snapshot(line={"state": "down"}), is_relay_up=False))
+    assert (of(gone, "relay_up"), of(gone, "troubles", severity="error")) == (0, 1)  # the line is not known
     assert of(ill, "component_ok", component="mqtt") == 0
     assert of(ill, "component_ok", component="http") == 1
+
+
+def test_each_drive_and_each_serial_port_says_how_well_it_is_heard() -> None:
+    found = samples(model(snapshot(line=SICK)))
+    x, stranger = {"line": "xyz", "unit_id": "1", "axes": "x"}, {"line": "xyz", "unit_id": "17", "axes": ""}
+    assert (of(found, "drive_answers", **x), of(found, "drive_answers", **stranger)) == (0, 1)
+    assert (of(found, "drive_silent_seconds", **x), of(found, "drive_silent_seconds", **stranger)) == (
+        12.5,
+        0,
+    )
+    assert of(found, "drive_timeouts_in_a_row", **x) == 12
+    assert of(found, "drive_damaged_total", **x) == 3
+    plc = {"line": "xyz", "controller": "plc"}
+    assert of(found, "controller_frames_total", **plc) == 0
+    assert of(found, "controller_damaged_frames_total", **plc) == 12
 
 
 def test_names_are_as_prometheus_wants_them() -> None:

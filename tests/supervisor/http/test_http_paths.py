@@ -14,7 +14,17 @@ CSP = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-PATHS = ["/", "/status", "/healthz", "/metrics", "/events", "/tables/NAME", "/page/NAME", "/session"]
+PATHS = [
+    "/",
+    "/status",
+    "/healthz",
+    "/metrics",
+    "/events",
+    "/tables/NAME",
+    "/history/NAME",
+    "/page/NAME",
+    "/session",
+]
 
 
 async def test_the_status_is_the_newest_model(tmp_path: Path) -> None:
@@ -53,7 +63,7 @@ async def test_a_head_request_gets_the_same_without_the_body(tmp_path: Path) -> 
         (None, ["nothing is known yet: the supervisor has just been started"]),
         (model(age_s=None), ["nothing is known yet: the supervisor has just been started"]),
         (model(is_relay_up=False), ["gateway: the relay is not running: no command reaches a drive"]),
-        (model(age_s=2.5), ["gateway: the relay has said nothing for 2 s"]),
+        (model(age_s=2.5), ["gateway: the relay has said nothing for 2 s: the machine may not obey"]),
         (
             model(snapshot(line={"state": "down"})),
             ["line xyz: the drives at 127.0.0.1:502 cannot be reached"],

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from tests.supervisor.http.exposition import Samples, samples
-from tests.supervisor.http.http_bench import TERMS, model, snapshot
+from tests.supervisor.http.http_bench import ANSWERS, PLC, SICK, TERMS, model, snapshot
 
 FOLDER = Path(__file__).parents[3] / "deploy" / "monitoring"
 RULES = yaml.safe_load((FOLDER / "alerts.yml").read_text())["groups"][0]["rules"]
@@ -21,7 +22,7 @@ PROMTOOL = shutil.which("promtool")
 with_promtool = pytest.mark.skipif(PROMTOOL is None, reason="promtool (Debian: prometheus) is not installed")
 EVERYWHERE = {"instance", "job"}
 """Labels that Prometheus adds."""
-ILL = model(snapshot(line={"state": "down"}, axis={"terms": TERMS}), is_relay_up=False)
+ILL = model(snapshot(line=SICK, axis={"terms": TERMS}))
 
 
 def expressions() -> list[str]:
@@ -171,10 +172,61 @@ def with_terms(**changes: Any) -> dict[str, Any]:
     return model(snapshot(axis={"terms": {**TERMS, **changes}}))
 
 
+SINCE_S = 1200
+"""When troubles of the tests of alerts began: 20 minutes after 1970 began."""
+SINCE = "1970-01-01 00:20:00 +0000 UTC"
+
+
+def since_then(newest: dict[str, Any]) -> dict[str, Any]:
+    instant = datetime.fromtimestamp(SINCE_S, UTC).isoformat()
+    return {**newest, "troubles": [{**trouble, "since": instant} for trouble in newest["troubles"]]}
+
+
+def sick(**changes: Any) -> dict[str, Any]:
+    """A line that is sick in one way: parts of ``unit_ids``, ``drive`` or ``controllers`` are changed."""
+    drives = {"1": {**ANSWERS, **changes.get("drive", {})}}
+    unit_ids = {**SICK["unit_ids"], "heard": [1], "strangers": [], "drives": drives}
+    unit_ids |= changes.get("unit_ids", {})
+    controllers = [SICK["controllers"][0], *changes.get("controllers", ())]
+    minute = {"exchanges": 97, "damaged": 3}
+    return since_then(
+        model(snapshot(line={"unit_ids": unit_ids, "controllers": controllers, "minute": minute}))
+    )
+
+
+SILENT = {"silent_s": 12.5, "timeouts_in_a_row": 12}
+FIGHT = {"writers": ["cnc", "panel"], "since_s": 20.0, "refused": 7, "changes": 0}
+
 CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
     (model(is_relay_up=False), {}, "PitchGatewayRelayDown"),
     (model(age_s=6.0), {}, "PitchGatewaySnapshotStale"),
     (model(snapshot(line={"state": "down"})), {"line": "xyz"}, "PitchGatewayLineDown"),
+    (sick(drive=SILENT), {"kind": "drive-silent", "where": "axis x"}, "PitchGatewayDriveSilent"),
+    (
+        sick(drive={**SILENT, "damaged_in_a_row": 12}),
+        {"kind": "drive-garbled", "where": "axis x"},
+        "PitchGatewayDriveSilent",
+    ),
+    (
+        sick(controllers=[PLC]),
+        {"kind": "controller-garbled", "where": "controller plc"},
+        "PitchGatewayControllerGarbled",
+    ),
+    (
+        since_then(model(snapshot(axis={"rivals": FIGHT}))),
+        {"kind": "two-writers", "where": "axis x"},
+        "PitchGatewayTwoWriters",
+    ),
+    (
+        sick(drive={"damaged_minute": 3}),  # of 100 frames
+        {"kind": "drive-damaged", "where": "line xyz, unit id 1"},
+        "PitchGatewayFramesDamaged",
+    ),
+    (
+        sick(unit_ids={"heard": [1, 17], "strangers": [17], "asked_by": {"cnc": [17]}}),
+        {"kind": "unheard-controller", "where": "controller cnc"},
+        "PitchGatewayUnitIdWithoutAxis",
+    ),
     (
         model(snapshot(axis={"compensation": "blocked"})),
         {"axis": "x", "state": "blocked"},
@@ -244,7 +296,7 @@ def alerts_test(
                             key: re.sub(
                                 r"\{\{ \$labels\.(\w+) \}\}",
                                 lambda match: {"instance": "m", **firing[name]}[match[1]],  # noqa: B023
-                                text,
+                                text.replace("{{ $value | humanizeTimestamp }}", SINCE),
                             )
                             for key, text in rule["annotations"].items()
                         },

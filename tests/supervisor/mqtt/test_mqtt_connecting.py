@@ -145,6 +145,26 @@ async def test_two_that_call_themselves_the_same(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("version", ["3.1.1", "5"])
+async def test_two_gateways_with_one_client_id_are_told_so(tmp_path: Path, version: str) -> None:
+    folders = tmp_path / "one", tmp_path / "other"
+    for folder in folders:
+        folder.mkdir()
+    with broker_in(tmp_path) as broker:
+        given = settings(broker.port, tmp_path, client_id="mine", version=version)
+        async with publishing(given, folders[0]) as site, publishing(given, folders[1]):
+            times = 0
+            detail = ""
+            while "ends each connection" not in detail:  # the third in a row that did not hold
+                times += 1
+                detail = (await site.until_said("mqtt-lost", times))["detail"]
+            assert times <= 3
+            assert "another client connects as mine too" in detail
+            assert detail.endswith("give each gateway a name of its own, or a [mqtt] client_id")
+            await site.until_said("mqtt-connected", times + 1)
+            assert site.status["problem"] == detail  # as long as no connection has held
+
+
 @pytest.mark.parametrize(
     ("packet", "code", "said"),
     [

@@ -7,6 +7,7 @@ from typing import Any
 
 import jsonschema
 import pytest
+from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from gateway.compensation.units import Units
 from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
@@ -178,3 +179,29 @@ async def test_what_is_added_goes_from_the_broker_when_an_axis_has_it_no_more(tm
                 await watcher.until(topic, lambda payload: not payload)
     assert data_of(payload_of(there))["cmps"]["temperature"]["p"] == "sensor"
     assert data_of(payload_of(moving))["terms"] == terms()
+
+
+def rendered(template: str, value: Payload) -> str:
+    """As Home Assistant renders it: in Jinja's sandbox."""
+    return ImmutableSandboxedEnvironment().from_string(template).render(value_json=value)
+
+
+@pytest.mark.parametrize(
+    ("troubles", "of_gateway", "of_axis"),
+    [
+        ([], "OFF", "OFF"),
+        ([{"axes": ["x"], "audience": "operator"}], "ON", "ON"),
+        ([{"axes": ["y"], "audience": "operator"}], "ON", "OFF"),
+        ([{"axes": [], "audience": "operator"}], "ON", "OFF"),
+        ([{"axes": ["x"], "audience": "retrofitter"}], "OFF", "OFF"),
+        ([{"axes": [], "audience": "operator"}, {"axes": ["y", "x"], "audience": "operator"}], "ON", "ON"),
+    ],
+)
+def test_a_problem_is_one_of_the_operator_and_of_the_axes_that_it_is_about(
+    tmp_path: Path, troubles: list[Payload], of_gateway: str, of_axis: str
+) -> None:
+    messages = found(tmp_path)
+    info = {"troubles": troubles}
+    gateway = messages[f"{DEVICES}/gateway/config"]["cmps"]["problem"]["value_template"]
+    axis_x = messages[f"{DEVICES}/axis_x/config"]["cmps"]["problem"]["value_template"]
+    assert (rendered(gateway, info), rendered(axis_x, info)) == (of_gateway, of_axis)

@@ -214,3 +214,30 @@ async def test_what_is_not_there_any_more_is_taken_from_the_broker_also_after_a_
             await late.client.publish("end")
             await late.until("end")
     assert late.topics() == {f"{ROOT}/availability", f"{ROOT}/info", f"{ROOT}/axis/x/table", "end"}
+
+
+async def test_words_that_only_say_how_long_something_lasts_are_not_published_each_time(
+    tmp_path: Path,
+) -> None:
+    silent = model(age_s=3.0)
+
+    def lasting(seconds: int) -> dict[str, object]:
+        return {**silent, "troubles": [{**silent["troubles"][0], "what": f"silent for {seconds} s"}]}
+
+    with broker_in(tmp_path) as broker:
+        async with (
+            publishing(settings(broker.port, tmp_path), tmp_path) as site,
+            watching(broker.port, f"{ROOT}/#") as watcher,
+        ):
+            site.feeds.publish(lasting(3))
+            await watcher.until(f"{ROOT}/info")
+            for seconds in (4, 5):
+                site.feeds.publish(lasting(seconds))
+                site.say(SUPERVISING)  # what it says is looked at again with each event
+                await watcher.until(f"{ROOT}/event")
+            site.feeds.publish(model())
+            await watcher.until(f"{ROOT}/info", lambda payload: not data_of(payload)["troubles"])
+            infos = [data_of(payload_of(m)) for m in watcher.heard if m.topic.value == f"{ROOT}/info"]
+    told = [info["troubles"][0] for info in infos if info["troubles"]]
+    assert [trouble["what"] for trouble in told] == ["silent for 3 s"]
+    assert (told[0]["kind"], told[0]["axes"], told[0]["audience"]) == ("relay-silent", ["x"], "operator")

@@ -105,6 +105,8 @@ def trouble(**changes: str) -> dict[str, str]:
         "where": "axis x",
         "what": "cnc10x.tab:12:3: not a number: 0.0x (the last good table of 31 points stays)",
         "remedy": "mend the file: it is read again as soon as it is saved",
+        "audience": "operator",
+        "since": "2026-05-01T12:00:00+00:00",
         **changes,
     }
 

@@ -28,6 +28,8 @@ class Stage:
     def __init__(self) -> None:
         self.tables: dict[str, Mapping[str, Any]] = {}
         """Curves by axis, as ``/tables/AXIS`` answers them."""
+        self.past: dict[str, Mapping[str, Any]] = {}
+        """The last ten minutes by axis, as ``/history/AXIS`` answers them."""
         self.asked: list[str] = []
         """Paths of all requests."""
         self.is_mute = False
@@ -122,6 +124,9 @@ class Stage:
             self._send(request, json.dumps(self._model).encode(), "application/json")
         elif path.startswith("/tables/") and path[8:] in self.tables:
             self._send(request, json.dumps(self.tables[path[8:]]).encode(), "application/json")
+        elif path.startswith("/history/"):
+            past = self.past.get(path[9:], {"ages_s": [], "nominal": [], "correction": []})
+            self._send(request, json.dumps(past).encode(), "application/json")
         elif path == "/" or (path.startswith("/page/") and path[6:] in page.FILES):
             file = FOLDER / (path[6:] or "index.html")
             self._send(request, file.read_bytes(), TYPES[file.suffix])

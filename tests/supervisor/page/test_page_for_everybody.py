@@ -198,6 +198,7 @@ def test_a_screen_reader_finds_its_way(visit: Visit) -> None:
         ("heading", "Axis x"),
         ("heading", "Line xyz"),
         ("img", "Correction of axis x over its travel"),
+        ("img", "Last ten minutes of axis x"),
         ("img", "Time in the gateway, axis x"),
         ("combobox", "Show times of"),
         ("radio", "All"),
@@ -205,7 +206,7 @@ def test_a_screen_reader_finds_its_way(visit: Visit) -> None:
         found = visit.find(role, name) if name else visit.any_of(role)
         assert found.count() == 1, (role, name)
     assert visit.page.locator("html").get_attribute("lang") == "en"
-    description = visit.page.locator("article.axis desc").text_content() or ""
+    description = visit.page.locator("article.axis .curve desc").text_content() or ""
     assert description.startswith(
         "31 points from −300.000 to 0.000 mm. Forward from 0.0 to +30.0 µm, backward from +25.0 to +55.0 µm."
     )

@@ -54,36 +54,102 @@ def test_the_machine_moves_on_its_curve(visit: Visit) -> None:
         assert name == "mark"
 
 
-def test_it_glides_there_in_several_frames(visit: Visit) -> None:
-    """A browser on a busy machine may draw but one of them: then it has another chance."""
-    count_moves(visit)
-    for position in (-30.0, -270.0) * 10:
-        visit.page.evaluate("window.moves = 0")
-        visit.stage.show(model({"x": standing_at(position)}))
-        visit.until_along(round((position + 300.0) / 300.0, 2))
-        if visit.page.evaluate("window.moves") > 1:
-            return
-    pytest.fail("it never glided")
-
-
-@pytest.mark.parametrize("visit", [{"reduced_motion": "reduce"}], indirect=True)
-def test_it_jumps_where_motion_is_not_wanted(visit: Visit) -> None:
-    count_moves(visit)
-    visit.stage.show(model({"x": standing_at(-30.0)}))
-    visit.until_along(0.9)
-    assert visit.page.evaluate("window.moves") == 1
-
-
-def count_moves(visit: Visit) -> None:
+def test_the_machine_on_its_curve_never_stands_elsewhere_than_the_number(visit: Visit) -> None:
     visit.until_along(0.6)
     visit.page.evaluate(
         """() => {
-          window.moves = 0;
-          const mark = document.querySelector("article.axis .mark");
-          new MutationObserver((seen) => { window.moves += seen.length; })
-            .observe(mark, { attributes: true, attributeFilter: ["transform"] });
+          window.found = [];
+          const digits = document.querySelector("article.axis .digits");
+          const along = () => Math.round(((svg, line, x) => (x - line.x) / line.width * 100)(
+            0, document.querySelector(".line-forward").getBBox(),
+            document.querySelector("article.axis .mark").transform.baseVal[0].matrix.e)) / 100;
+          new MutationObserver(() => window.found.push([digits.textContent, along()]))
+            .observe(digits, { childList: true, characterData: true, subtree: true });
         }"""
     )
+    for position in (-30.0, -270.0):
+        visit.stage.show(model({"x": standing_at(position)}))
+        visit.until_text(DIGITS, f"−{-position:.3f}")
+    assert visit.page.evaluate("window.found") == [["−30.000", 0.9], ["−270.000", 0.1]]
+
+
+DRIVE_SILENT = {"kind": "drive-silent", "severity": "error", "title": "Drive silent", "cuts_off": True}
+
+
+def test_an_axis_whose_drive_is_silent_is_not_green_and_shows_where_it_was_seen(visit: Visit) -> None:
+    last = {"nominal": -44.0, "corrected": -43.9, "age_s": 75.3}
+    lost = {"nominal_actual": None, "corrected_actual": None, "trouble": DRIVE_SILENT, "last_seen": last}
+    visit.stage.show(model({"x": axis(**lost)}))
+    visit.until_text("article.axis .state", "Drive silent")
+    visit.until_text(DIGITS, "−44.000")
+    visit.until_text("article.axis .reading-name", "Last seen 1 min 15 s ago")
+    visit.until_text(CORRECTION, "+100.0\u202fµm")
+    card = visit.page.locator("article.axis")
+    assert (card.get_attribute("data-tone"), card.get_attribute("data-known")) == ("error", "no")
+    quiet = "getComputedStyle(document.querySelector('.quiet')).color"
+    assert visit.page.evaluate(f"getComputedStyle(document.querySelector({DIGITS!r})).color === {quiet}")
+    visit.stage.show(model({"x": axis()}))
+    visit.until_text("article.axis .state", "Compensated")
+    visit.until_text("article.axis .reading-name", "Position")
+
+
+def test_a_trouble_that_leaves_the_compensation_alone_leaves_it_green(visit: Visit) -> None:
+    rejected = {"kind": "table-rejected", "severity": "error", "title": "", "cuts_off": False}
+    visit.stage.show(model({"x": axis(trouble=rejected, table=table(status="rejected", error="bad"))}))
+    visit.until("document.querySelector('article.axis').dataset.tone", "error")
+    assert visit.page.locator("article.axis .state").get_attribute("class") == "state well"
+    visit.until_text("article.axis .state", "Compensated")
+
+
+def test_a_line_says_how_many_of_its_drives_are_silent(visit: Visit) -> None:
+    answers = {"silent_s": None, "answered_s": 0.1}
+    drives = {"1": answers, "2": {"silent_s": 3.0, "answered_s": None}, "17": {"silent_s": 9.0}}
+    unit_ids = {"axes": {"x": 1, "y": 2}, "drives": drives}  # 17 has no axis
+    visit.stage.show(model(None, {"xyz": line(unit_ids=unit_ids)}))
+    visit.until_text("article.line .state", "1 of 2 drives silent")
+    drives["2"] = answers
+    visit.stage.show(model(None, {"xyz": line(unit_ids=unit_ids)}))
+    visit.until_text("article.line .state", "Up")
+
+
+def test_an_exceeded_budget_is_told_beside_its_figures_and_not_to_the_operator(visit: Visit) -> None:
+    over = trouble(kind="over-budget", severity="warning", audience="retrofitter", what="it takes too long")
+    visit.stage.show(model(None, None, over))
+    visit.until(
+        "[...document.querySelectorAll('#latency .problems li')].map((one) => one.textContent)",
+        ["Axis x: it takes too long. mend the file: it is read again as soon as it is saved"],
+    )
+    assert visit.page.locator("#troubles > li").count() == 0
+    assert visit.page.locator("#well").is_visible()
+    visit.until("document.title", "mill-1: all is well")
+    visit.stage.show(model())
+    visit.until("document.querySelectorAll('#latency .problems li').length", 0)
+
+
+def test_a_trouble_says_since_when_it_is_there(visit: Visit) -> None:
+    visit.stage.show(model(None, None, trouble(since="2026-05-01T12:00:00+00:00")))
+    since = "/^since 2026-05-0[12] [0-9:]{8}$/.test(document.querySelector('#troubles .since')?.textContent)"
+    visit.until(since, True)
+
+
+def test_ten_minutes_of_position_and_correction_are_drawn(visit: Visit) -> None:
+    visit.stage.past["y"] = {
+        "ages_s": [600.5, 300.0, 200.0, 100.0],
+        "nominal": [9.0, -120.0, None, -60.0],
+        "correction": [0.5, 0.010, None, 0.020],
+    }
+    visit.stage.tables["y"] = curve()
+    visit.stage.show(model({"y": standing_at(-120.0)}))
+    # The whole width is 600 s: 300 s ago is its middle, and nothing is drawn where nothing was known.
+    path_of = "document.querySelector('.history-position')?.getAttribute('d')"
+    visit.until(f"/M.*M/.test({path_of})", True)
+    path = visit.page.locator(".history-position").get_attribute("d") or ""
+    (first, low), (second, high) = (part.split(" ") for part in path[1:].split("L")[0].split("M"))
+    assert (low, high) == ("55.0", "5.0")
+    assert float(second) - float(first) == pytest.approx(200.0, abs=0.15)
+    assert 300.0 - 60.0 < float(first) <= 300.0  # a busy machine draws late
+    words = visit.page.locator("article.axis .history desc").text_content()
+    assert words == "Position from −120.000 to −60.000 mm, correction from +10.0 to +20.0 µm."
 
 
 def test_travel_outside_the_table_is_hatched_and_the_machine_stays_at_the_edge(visit: Visit) -> None:
@@ -211,13 +277,18 @@ def test_many_troubles_are_folded_until_somebody_asks(visit: Visit) -> None:
     assert more.get_attribute("aria-expanded") == "true"
 
 
-def test_a_relay_that_is_silent_greys_the_axes(visit: Visit) -> None:
+def test_a_relay_that_is_silent_greys_all_but_what_is_wrong(visit: Visit) -> None:
     stale = model(None, None, trouble(kind="relay-silent", where="gateway"))
     stale["gateway"]["snapshot_age_s"] = 2.1
     visit.stage.show(stale)
-    visit.until("getComputedStyle(document.getElementById('axes')).filter", "grayscale(1)")
+    visit.until("getComputedStyle(document.querySelector('main')).filter", "grayscale(1)")
+    visit.until_text("#link", "Relay silent: it may not obey")
+    visit.until_text("article.line .state", "Not known")
+    visit.until_text(".controllers .controller-state", "not known")
     visit.stage.show(model())
-    visit.until("getComputedStyle(document.getElementById('axes')).filter", "none")
+    visit.until("getComputedStyle(document.querySelector('main')).filter", "none")
+    visit.until_text("#link", "Live")
+    visit.until_text("article.line .state", "Up")
 
 
 def test_lines_and_their_controllers_say_how_they_are(visit: Visit) -> None:

@@ -1,0 +1,92 @@
+"""What the supervisor remembers of the time before: since when something is wrong, and where axes were.
+
+All of it is bounded, and ends with the process.
+"""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from gateway.supervisor.trouble import Place, Trouble
+
+HISTORY_S: Final = 600
+"""Ten minutes of each axis are kept."""
+EVERY_S: Final = 1.0
+"""So often at most a place is kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Where an axis was seen; positions in its unit."""
+
+    at_s: float
+    nominal: float | None
+    corrected: float | None
+    correction: float | None
+
+
+class Chronicle:
+    """The recent past; times in seconds are those of ``time.monotonic``."""
+
+    def __init__(self) -> None:
+        self._since: dict[tuple[str, Place], str] = {}
+        self._last: dict[str, Seen] = {}
+        self._history: dict[str, deque[Seen]] = {}
+        self._snapshot: Mapping[str, Any] | None = None
+
+    def stamp(self, found: Sequence[Trouble], now: datetime) -> list[dict[str, Any]]:
+        """Return troubles as plain data, each with the time since when it is there."""
+        self._since = {
+            (each.entry.kind, each.place): self._since.get((each.entry.kind, each.place))
+            or datetime.fromtimestamp(now.timestamp() - (each.age_s or 0.0), UTC).isoformat(
+                timespec="seconds"
+            )
+            for each in found
+        }
+        return [each.as_data(self._since[each.entry.kind, each.place]) for each in found]
+
+    def take(self, snapshot: Mapping[str, Any] | None, now_s: float) -> None:
+        """Keep where the axes are, of a snapshot that has not been taken yet."""
+        if snapshot is None or snapshot is self._snapshot:
+            return
+        self._snapshot = snapshot
+        for name in self._history.keys() - snapshot["axes"].keys():
+            del self._history[name]
+            self._last.pop(name, None)
+        for name, axis in snapshot["axes"].items():
+            seen = _seen(axis, now_s)
+            if seen.nominal is not None:
+                self._last[name] = seen
+            kept = self._history.setdefault(name, deque(maxlen=int(HISTORY_S / EVERY_S)))
+            if not kept or seen.at_s - kept[-1].at_s >= EVERY_S:
+                kept.append(seen)
+
+    def last(self, axis: str, now_s: float) -> dict[str, Any] | None:
+        """Return where an axis was seen last, with its age; None where it never was."""
+        seen = self._last.get(axis)
+        if seen is None:
+            return None
+        age_s = round(now_s - seen.at_s, 1)
+        return {"nominal": seen.nominal, "corrected": seen.corrected, "age_s": age_s}
+
+    def history(self, axis: str, now_s: float) -> dict[str, Any] | None:
+        """Return the last ten minutes of an axis, oldest first; None: nothing is known of it."""
+        kept = self._history.get(axis)
+        if kept is None:
+            return None
+        return {
+            "axis": axis,
+            "ages_s": [round(now_s - seen.at_s, 1) for seen in kept],
+            "nominal": [seen.nominal for seen in kept],
+            "correction": [None if s.correction is None else round(s.correction, 7) for s in kept],
+        }
+
+
+def _seen(axis: Mapping[str, Any], now_s: float) -> Seen:
+    nominal, corrected = axis.get("nominal_actual"), axis.get("corrected_actual")
+    correction = axis.get("correction")
+    if axis["compensation"] != "shadow" and nominal is not None and corrected is not None:
+        correction = corrected - nominal
+    return Seen(now_s - (axis.get("actual_age_s") or 0.0), nominal, corrected, correction)

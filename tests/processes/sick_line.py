@@ -1,0 +1,253 @@
+"""An RTU line with two drives that fall ill in the ways that wiring knows, and two controllers before it."""
+
+import contextlib
+import json
+import os
+import select
+import socket
+import threading
+import time
+import tty
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from enum import Enum
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
+from tests.ports import free_port
+from tests.processes.bench import SECONDS, Running, running
+
+CONFIG: Final = """[gateway]
+name = "mill-1"
+
+[http]
+listen = "127.0.0.1:{http}"
+
+[line.xy]
+drives = {{ rtu = "{drives}", baudrate = 115200, parity = "even" }}
+response_timeout_ms = 100
+drain_ms = 20
+
+[[line.xy.controllers]]
+name = "cnc"
+tcp = "127.0.0.1:{cnc}"
+timeout_ms = 100
+
+[[line.xy.controllers]]
+name = "panel"
+tcp = "127.0.0.1:{panel}"
+timeout_ms = 100
+
+[[line.xy.controllers]]
+name = "plc"
+rtu = "{plc}"
+baudrate = 115200
+parity = "even"
+role = "monitor"
+"""
+AXIS: Final = """
+[axis.{name}]
+line = "xy"
+unit_id = {unit_id}
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 100.0]
+referenced = "drive-bit"
+table = "{name}.tab"
+budget_us = 1000000
+registers.command = [{{ address = 100, type = "int32" }}]
+registers.actual = [{{ address = 200, type = "int32" }}]
+registers.bits.homed = {{ address = 300, bit = 0 }}
+"""
+TABLE: Final = """CNC10 TAB FILE VERSION 3
+AXIS {axis}
+UNITS MILLIMETER
+INTERVAL 50.0
+ENTRIES 3
+0.0 0.0 0.0
+50.0 0.05 0.05
+100.0 0.1 0.1
+"""
+GARBAGE: Final = bytes.fromhex("FE 9C 38 F0 E6 80")
+"""As a receiver hears that samples at another rate: no frame of six bytes has this check sum."""
+
+
+class Health(Enum):
+    """What a drive does when it is asked."""
+
+    WELL = "well"
+    SILENT = "silent"
+    GARBLED = "garbled"
+
+
+class Port:
+    """A serial port: the program that is tested opens ``path``, the test has the other end."""
+
+    def __init__(self) -> None:
+        self.fd, self._slave = os.openpty()
+        for fd in (self.fd, self._slave):
+            tty.setraw(fd)
+        self.path = os.ttyname(self._slave)
+
+    def close(self) -> None:
+        """Close both ends."""
+        os.close(self.fd)
+        os.close(self._slave)
+
+
+class Drives:
+    """Two drives on one wire, unit ids 1 and 2; homed, and standing where they were told."""
+
+    def __init__(self) -> None:
+        self.port = Port()
+        self.health = {1: Health.WELL, 2: Health.WELL}
+        self.counts = {1: 0, 2: 0}
+        self.takes_s = {1: 0.0, 2: 0.0}
+        """How long a drive takes for its answer."""
+        self.needs_silence_s = 0.0
+        """A request that comes sooner after an answer is not heard."""
+        self.asked: list[bytes] = []
+        self._ending, self._ended = os.pipe()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Take the drives from the wire."""
+        os.write(self._ended, b"x")
+        self._thread.join(SECONDS)
+        for fd in (self._ending, self._ended):
+            os.close(fd)
+        self.port.close()
+
+    def _serve(self) -> None:
+        decoder, now_ns, answered_s = RtuRequestDecoder(), 0, -1.0
+        while True:
+            ready, _, _ = select.select([self.port.fd, self._ending], [], [])
+            if self._ending in ready:
+                return
+            now_ns += 10**9  # each read begins after a silence
+            came_s = time.monotonic()
+            for unit_id, pdu in decoder.feed(os.read(self.port.fd, 300), now_ns):
+                self.asked.append(pdu)
+                if came_s - answered_s < self.needs_silence_s:
+                    continue
+                health = self.health.get(unit_id, Health.SILENT)
+                select.select([self._ending], [], [], self.takes_s.get(unit_id, 0.0))
+                if health is Health.WELL:
+                    os.write(self.port.fd, encode_rtu(unit_id, self._reply(unit_id, pdu)))
+                    answered_s = time.monotonic()
+                elif health is Health.GARBLED:
+                    os.write(self.port.fd, GARBAGE)
+
+    def _reply(self, unit_id: int, pdu: bytes) -> bytes:
+        if pdu[0] == 0x10:
+            self.counts[unit_id] = int.from_bytes(pdu[6:10], "big", signed=True)
+            return pdu[:5]
+        address = int.from_bytes(pdu[1:3], "big")
+        if address == 300:
+            return bytes.fromhex("03 02 0001")
+        return bytes.fromhex("03 04") + self.counts[unit_id].to_bytes(4, "big", signed=True)
+
+
+class SickLine:
+    """The configuration, and what it is connected to."""
+
+    def __init__(self, folder: Path) -> None:
+        self.drives, self.plc = Drives(), Port()
+        http, self.cnc_port, self.panel_port = (free_port() for _ in range(3))
+        self.address = f"http://127.0.0.1:{http}/"
+        (folder / "tables").mkdir()
+        for name in "xy":
+            (folder / "tables" / f"{name}.tab").write_text(TABLE.format(axis=name.upper()))
+        text = CONFIG.format(
+            http=http,
+            drives=self.drives.port.path,
+            cnc=self.cnc_port,
+            panel=self.panel_port,
+            plc=self.plc.path,
+        )
+        for unit_id, name in enumerate("xy", start=1):
+            text += AXIS.format(name=name, unit_id=unit_id)
+        self.config = folder / "gateway.toml"
+        self.config.write_text(text)
+
+    def close(self) -> None:
+        """Take everything apart."""
+        self.drives.close()
+        self.plc.close()
+
+    @contextlib.contextmanager
+    def running(self) -> Iterator[Running]:
+        """Start the gateway; yields it once its page is there and the line is open."""
+        with running("run", str(self.config)) as gateway:
+            seen: set[str] = set()
+            while not {"line-up", "http-ready", "relay-reached"} <= seen:
+                line = gateway.line()
+                if not line.startswith("warning: "):  # a silent drive costs the others time: so it is meant
+                    seen.add(json.loads(line)["event"])
+            yield gateway
+
+    def get(self, path: str) -> tuple[int, bytes]:
+        """Return code and body of what the gateway answers at a path."""
+        try:
+            with urllib.request.urlopen(f"{self.address}{path}", timeout=SECONDS) as answer:
+                return answer.status, answer.read()
+        except urllib.error.HTTPError as error:
+            with error:
+                return error.code, error.read()
+
+    def status(self) -> dict[str, Any]:
+        """Return the status."""
+        found: dict[str, Any] = json.loads(self.get("status")[1])
+        return found
+
+    def until(
+        self, is_so: Callable[[dict[str, Any]], bool], meanwhile: Callable[[], object]
+    ) -> dict[str, Any]:
+        """Go on with something until the status is so; returns it then."""
+        while True:
+            meanwhile()
+            status = self.status()
+            if is_so(status):
+                return status
+
+    def until_trouble(self, kind: str, meanwhile: Callable[[], object]) -> dict[str, Any]:
+        """Go on with something until a kind of trouble is there; returns that."""
+        status = self.until(lambda status: kind in kinds(status), meanwhile)
+        found: dict[str, Any] = next(each for each in status["troubles"] if each["kind"] == kind)
+        return found
+
+
+def kinds(status: dict[str, Any]) -> list[str]:
+    """Return the kinds of trouble that the operator is told, worst first."""
+    return [trouble["kind"] for trouble in status["troubles"] if trouble["audience"] == "operator"]
+
+
+class Client:
+    """A Modbus/TCP controller that asks one thing after the other."""
+
+    def __init__(self, port: int) -> None:
+        self._connection = socket.create_connection(("127.0.0.1", port), timeout=SECONDS)
+        self._number = 0
+
+    def ask(self, unit_id: int, pdu: str) -> bytes:
+        """Send a request, written in hex; returns the PDU of its reply."""
+        self._number = self._number % 60_000 + 1
+        request = bytes.fromhex(pdu)
+        head = self._number.to_bytes(2, "big") + bytes(2) + (len(request) + 1).to_bytes(2, "big")
+        self._connection.sendall(head + bytes((unit_id,)) + request)
+        return self._connection.recv(300)[7:]
+
+    def read(self, unit_id: int) -> bytes:
+        """Ask where an axis is."""
+        return self.ask(unit_id, "03 00C8 0002")
+
+    def move(self, unit_id: int, counts: int) -> bytes:
+        """Command a position."""
+        return self.ask(unit_id, f"10 0064 0002 04 {counts:08X}")
+
+    def close(self) -> None:
+        """Hang up."""
+        self._connection.close()

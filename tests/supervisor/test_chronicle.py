@@ -1,0 +1,95 @@
+"""Since when something is wrong, and where axes were: kept for ten minutes, bounded."""
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from gateway.catalogue.troubles import DRIVE_SILENT, UNREFERENCED
+from gateway.supervisor.chronicle import Chronicle
+from gateway.supervisor.trouble import Trouble
+
+NOON = datetime(2026, 5, 1, 12, tzinfo=UTC)
+
+
+def silent(age_s: float) -> Trouble:
+    return Trouble(DRIVE_SILENT, ("xyz", "1"), "axis x", f"silent for {age_s}", ("x",), age_s)
+
+
+def snapshot(nominal: float | None, **changes: Any) -> dict[str, Any]:
+    corrected = None if nominal is None else nominal + 0.25
+    axis = {"compensation": "active", "nominal_actual": nominal, "corrected_actual": corrected}
+    return {"axes": {"x": {**axis, "correction": 0.125, "actual_age_s": 0.5, **changes}}}
+
+
+def test_a_trouble_keeps_the_time_since_when_it_is_there() -> None:
+    chronicle = Chronicle()
+    found = [silent(12.0), Trouble(UNREFERENCED, ("xyz", "2", "y"), "axis y", "not referenced", ("y",))]
+    assert [each["since"] for each in chronicle.stamp(found, NOON)] == [
+        "2026-05-01T11:59:48+00:00",
+        "2026-05-01T12:00:00+00:00",
+    ]
+    later = [silent(72.4), found[1]]
+    assert [each["since"] for each in chronicle.stamp(later, NOON + timedelta(minutes=1))] == [
+        "2026-05-01T11:59:48+00:00",
+        "2026-05-01T12:00:00+00:00",
+    ]
+    assert chronicle.stamp([], NOON + timedelta(minutes=2)) == []
+    [again] = chronicle.stamp([silent(3.0)], NOON + timedelta(minutes=3))
+    assert again["since"] == "2026-05-01T12:02:57+00:00"
+
+
+def test_two_drives_that_are_silent_have_each_their_own_time() -> None:
+    chronicle = Chronicle()
+    other = Trouble(DRIVE_SILENT, ("xyz", "2"), "axis y", "silent", ("y",), 2.0)
+    assert [each["since"] for each in chronicle.stamp([silent(12.0), other], NOON)] == [
+        "2026-05-01T11:59:48+00:00",
+        "2026-05-01T11:59:58+00:00",
+    ]
+
+
+def test_the_last_place_of_an_axis_stays_with_its_age() -> None:
+    chronicle = Chronicle()
+    assert chronicle.last("x", 100.0) is None
+    chronicle.take(snapshot(40.0), 100.0)  # seen half a second before
+    chronicle.take(snapshot(None, correction=None), 101.0)
+    assert chronicle.last("x", 112.5) == {"nominal": 40.0, "corrected": 40.25, "age_s": 13.0}
+
+
+def test_a_snapshot_that_comes_no_more_makes_nothing_newer() -> None:
+    chronicle = Chronicle()
+    frozen = snapshot(40.0)
+    chronicle.take(frozen, 100.0)
+    chronicle.take(frozen, 130.0)
+    last = chronicle.last("x", 130.0)
+    assert last is not None
+    assert last["age_s"] == 30.5
+
+
+def test_ten_minutes_are_kept_a_place_each_second() -> None:
+    chronicle = Chronicle()
+    for number in range(5 * 700):  # 700 s, five snapshots in each
+        chronicle.take(snapshot(float(number)), 1000.0 + number / 5)
+    history = chronicle.history("x", 1700.0)
+    assert history is not None
+    assert len(history["nominal"]) == len(history["ages_s"]) == len(history["correction"]) == 600
+    assert history["nominal"][-1] == 3495.0  # the first snapshot of the last second
+    assert history["ages_s"][0] == 600.5
+    assert history["correction"][-1] == 0.25
+    assert chronicle.history("y", 1700.0) is None
+
+
+def test_where_nothing_is_known_there_is_a_gap_and_in_shadow_the_correction_is_what_would_be_added() -> None:
+    chronicle = Chronicle()
+    chronicle.take(snapshot(None, correction=None), 100.0)
+    chronicle.take(snapshot(40.0, compensation="shadow"), 102.0)
+    history = chronicle.history("x", 102.0)
+    assert history is not None
+    assert history["nominal"] == [None, 40.0]
+    assert history["correction"] == [None, 0.125]
+
+
+def test_an_axis_that_is_gone_is_forgotten() -> None:
+    chronicle = Chronicle()
+    chronicle.take(snapshot(40.0), 100.0)
+    chronicle.take({"axes": {}}, 101.0)
+    assert chronicle.history("x", 101.0) is None
+    assert chronicle.last("x", 101.0) is None
