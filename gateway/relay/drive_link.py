@@ -50,6 +50,12 @@ class Damage:
 class Link(DriveLink):
     """What a line needs of its drive link beyond what the exchange needs."""
 
+    def __init__(self, *, is_serial: bool) -> None:
+        super().__init__(is_serial=is_serial)
+        self.damage: dict[int, Damage] = {}
+        """Requests without a reply to which bytes came of which no frame could be made, by unit id. TCP
+        damages nothing: there it stays empty."""
+
     def attach(self, exchange: TimedExchange) -> None:
         """Name the exchange that gets the replies; before the first byte."""
         raise NotImplementedError
@@ -65,11 +71,6 @@ class Link(DriveLink):
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
         raise NotImplementedError
-
-    @property
-    def damage(self) -> dict[int, Damage]:
-        """Requests without a reply to which bytes came of which no frame could be made, by unit id."""
-        ...
 
     def counters(self) -> dict[str, int]:
         """Return what framing has counted, for the status."""
@@ -96,7 +97,6 @@ class RtuDriveLink(Link):
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
         self._exchange: TimedExchange | None = None
-        self.damage: dict[int, Damage] = {}
         self._asked_unit_id = 0
         self._damaged_before = 0
         """Damage that was there when the newest request was sent."""
@@ -226,8 +226,6 @@ class MbapDriveLink(Link):
         self._unanswered: dict[int, None] = {}
         self._late = 0
         self._malformed = 0
-        self.damage: dict[int, Damage] = {}
-        """Always empty: TCP damages nothing."""
         self.stamps = self._sender.stamps
 
     def attach(self, exchange: TimedExchange) -> None:

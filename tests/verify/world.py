@@ -397,7 +397,7 @@ class Design:
         """Return what stands in the register of a target once a frame is obeyed that writes there."""
         words = bytearray(self.packed(counts))
         at = 2 * (rules.written_at(pdu) - COMMAND.address)
-        data = rules.masked(words[at : at + 2], pdu) if pdu[0] == MASK else rules.words_written(pdu)
+        data = rules.masked(bytes(words[at : at + 2]), pdu) if pdu[0] == MASK else rules.words_written(pdu)
         words[at : at + len(data)] = data
         return self.unpacked(bytes(words))
 
@@ -607,8 +607,8 @@ class World:
             return b"\x06" + address.to_bytes(2, "big") + (data[2:] if name == "high" else data[:2])
         if name == "mask":
             keep, put = self.design.masks[number]
-            address = COMMAND.address.to_bytes(2, "big")
-            return bytes((MASK,)) + address + keep.to_bytes(2, "big") + put.to_bytes(2, "big")
+            head = bytes((MASK,)) + COMMAND.address.to_bytes(2, "big")
+            return head + keep.to_bytes(2, "big") + put.to_bytes(2, "big")
         if name == "both":
             return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
