@@ -87,7 +87,12 @@ WHEREABOUTS_LAYOUT: Final = Layout(
         ("may-have-left", "stands-again"): Route(
             ((647, 450), (734, 450)), (691, 428), "middle", is_stacked=True
         ),
-        ("stands-again", "seen-there"): Route(((804, 430), (804, 330)), (798, 385), "end"),
+        ("seen-there", "under-way"): Route(
+            ((850, 290), (850, 214), (470, 214), (470, 180)), (700, 200), "middle"
+        ),
+        ("arrived", "stands-again"): Route(
+            ((600, 330), (600, 365), (804, 365), (804, 430)), (720, 358), "middle"
+        ),
         ("stands-again", "may-have-left"): Route(
             ((760, 470), (760, 490), (600, 490), (600, 470)), (680, 483), "middle"
         ),

@@ -71,7 +71,7 @@ done                . . . . r . d d . A . a .
 done-alone          . . . . r . A A . . . . .
 fell                . . . . . . . . L . L . L
 there               . . . . . . t t A . . . A
-near                . . . . . . . . . . . . t
+near                . . . . . . . . . w a . .
 away                . . . . . . . . ? ? ? ? ?
 """
 """By hand, from M4 to M6 and M9: a letter is where the axis is then, a dot where nothing changes."""

@@ -377,3 +377,25 @@ def test_a_lost_word_is_joined_with_none_once_a_newer_one_went_out_as_it_came() 
     )
     world = play(BY_NAME["s-words-replaced"], *replaced)
     assert on_the_wire(world) == bytes.fromhex("06 0607 0000")  # not 10 ... 232F 0000
+
+
+def test_an_axis_that_was_nudged_from_where_it_had_arrived_goes_on_from_where_it_was_seen() -> None:
+    """M6: 0.3 mm further than 9172 it comes to 9107 backward: 9274 forward, 9037 backward."""
+    nudged = (
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23D4 0000: forward to 9172
+        ARRIVE,
+        READ,
+        ACK,  # 03 0520 0002 -> 23D4 0000
+        STATUS,
+        ACK,  # 03 005C 0001 -> 0110: done
+        ("nudge", 0),  # to 9472
+        READ,
+        ACK,  # 03 0520 0002 -> 2500 0000
+        to(1),  # 10 0606 0002 04 2393 0000: 9107
+    )
+    world = play(BY_NAME["s-nudged"], *nudged)
+    if on_the_wire(world)[0] == 3:
+        world.happen(ACK)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 234D 0000")  # 9037

@@ -408,6 +408,13 @@ CLOSING: Final = (
         targets=(2003,),
         checks_way_back=False,
     ),
+    _small(
+        "s-nudged",
+        "moved a little by hand, past its next target, and seen there",
+        menu=("to", "read", "status"),
+        targets=(9007, 9107),
+        happenings=(*TIME, "nudge"),
+    ),
     _small("s-blind", "done and no position", _plan(actual=()), menu=("to", "status")),
     _small(
         "s-blind-near",
@@ -477,6 +484,24 @@ CLOSING: Final = (
         has_record=True,
         targets=(-7003, 9007),
         menu=("to",),
+    ),
+    _small(
+        "s-killed-jogged",
+        "killed with its record, and moved on its own panel",
+        targets=(9007,),
+        has_record=True,
+        happenings=(*TIME, "kill", "jog"),
+        checks_way_back=False,
+    ),
+    _small_staged(
+        "s-killed-deaf",
+        "killed, and told nothing of where it stands before it is moved",
+        menu=("to", "run", "jog-on"),
+        answers=("ack", "refuse"),
+        has_record=True,
+        refuses_reads=True,
+        happenings=(*TIME, "kill"),
+        checks_way_back=False,
     ),
     _small(
         "s-killed-bare",

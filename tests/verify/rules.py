@@ -207,6 +207,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     run = axis.run
     # Beside its target a reading that is a moment old tells no direction.
     is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
+    is_beside |= "nudge" in world.design.happenings
     may_look = is_distance or axis.is_owed_look or is_beside or world.design.is_stream
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
     is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know

@@ -822,14 +822,26 @@ class World:
         """Somebody moves the axis on the drive's own panel. Nobody sees it for as long as that takes."""
         for _ in range(UNSEEN_TICKS + 1):
             self._on_wait()
+        self._put(number, JOGGED_COUNTS)
+
+    def _on_nudge(self, number: int) -> None:
+        """The same, by less than a correction may be long: its target given again may be the same words (M4)."""
+        for _ in range(UNSEEN_TICKS + 1):
+            self._on_wait()
+        run = self.state.axes[number].run
+        self._put(number, self.state.axes[number].stands_counts + NUDGED_COUNTS)
+        if run is not None:
+            run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=True, doubt=2)
+            self._set(number, self.state.axes[number]._replace(run=run))
+
+    def _put(self, number: int, at: int) -> None:
         axis = self.state.axes[number]
         self._set(
             number,
             axis._replace(
-                stands_counts=JOGGED_COUNTS, goes_counts=None, commanded_counts=JOGGED_COUNTS, is_done=True,
-                ticks=0, run=None,
+                stands_counts=at, goes_counts=None, commanded_counts=at, is_done=True, ticks=0, run=None
             ),
-        )  # fmt: skip
+        )
 
     def _on_reboot(self, number: int) -> None:
         """The drive is switched off and on: it stands where it stood and counts from another zero.
@@ -1185,6 +1197,7 @@ def _tell_nobody(_event: Event) -> None:
 ON_THE_WAY_COUNTS: Final = (1501, 9060)
 """Where an axis is seen on its way, the first of them that lies there."""
 JOGGED_COUNTS: Final = 3001
+NUDGED_COUNTS: Final = 300
 STRANGE: Final = 999
 """A value of the trigger that no register map knows."""
 REMAPPING: Final = 0x0900
@@ -1207,7 +1220,7 @@ TRIGGERS: Final = {
     "stored": STORED,
     "strange": STRANGE,
 }
-TAKES_TIME: Final = frozenset({"wait", "arrive", "arrive_undone", "creep", "jog", "reboot", "plug"})
+TAKES_TIME: Final = frozenset({"wait", "arrive", "arrive_undone", "creep", "jog", "nudge", "reboot", "plug"})
 OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "arrive": lambda axis: axis.goes_counts is not None,
     "arrive_undone": lambda axis: axis.goes_counts is not None,
@@ -1220,6 +1233,9 @@ OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
         and axis.goes_counts is None
         and axis.run is not None
         and axis.stands_counts == axis.run.end_counts
+    ),
+    "nudge": lambda axis: (
+        axis.goes_counts is None and axis.run is not None and axis.stands_counts == axis.run.end_counts
     ),
     "jog": lambda axis: axis.goes_counts is None and axis.stands_counts != JOGGED_COUNTS,
     "reboot": lambda axis: axis.is_homed,

@@ -90,7 +90,7 @@ class Whereabouts(Enum):
     MAY_HAVE_LEFT = "may-have-left"
     """Done fell after that: a motion that is not of our making, or the bit has flickered."""
     STANDS_AGAIN = "stands-again"
-    """Done rose after that: it stands, at its target or elsewhere, and has not been seen since."""
+    """Done rose after that, or it was seen beside its target: it stands, there or elsewhere."""
 
 
 TARGETED: Final = frozenset(

@@ -130,14 +130,15 @@ WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
     (Whereabouts.DONE_SAID, Happening.THERE): Whereabouts.ARRIVED,
     (Whereabouts.DONE_SAID, Happening.AWAY): Whereabouts.UNKNOWN,
     (Whereabouts.SEEN_THERE, Happening.DONE): Whereabouts.ARRIVED,
+    (Whereabouts.SEEN_THERE, Happening.NEAR): Whereabouts.UNDER_WAY,
     (Whereabouts.SEEN_THERE, Happening.AWAY): Whereabouts.UNKNOWN,
     (Whereabouts.ARRIVED, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
+    (Whereabouts.ARRIVED, Happening.NEAR): Whereabouts.STANDS_AGAIN,
     (Whereabouts.ARRIVED, Happening.AWAY): Whereabouts.UNKNOWN,
     (Whereabouts.MAY_HAVE_LEFT, Happening.DONE): Whereabouts.STANDS_AGAIN,
     (Whereabouts.MAY_HAVE_LEFT, Happening.AWAY): Whereabouts.UNKNOWN,
     (Whereabouts.STANDS_AGAIN, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
     (Whereabouts.STANDS_AGAIN, Happening.THERE): Whereabouts.ARRIVED,
-    (Whereabouts.STANDS_AGAIN, Happening.NEAR): Whereabouts.SEEN_THERE,
     (Whereabouts.STANDS_AGAIN, Happening.AWAY): Whereabouts.UNKNOWN,
 }
 """What each happening makes of each place; what is not here changes nothing."""
