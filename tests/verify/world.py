@@ -825,7 +825,7 @@ class World:
         self._put(number, JOGGED_COUNTS)
 
     def _on_nudge(self, number: int) -> None:
-        """The same, by less than a correction may be long: its target given again may be the same words (M4)."""
+        """The same, by less than a correction may be long: its target given again may keep its words."""
         for _ in range(UNSEEN_TICKS + 1):
             self._on_wait()
         run = self.state.axes[number].run
