@@ -120,7 +120,8 @@ def correction_at(points: int, *, is_even: bool) -> Callable[[int], object]:
     curve = [0.02 * sin(x / 50) for x in positions]
     table = make_table(positions, curve, [c - 0.01 for c in curve], Units.MM)
     correction = CorrectionMap((Term(Curve(table), 1.0, 0.0),)).correction
-    return lambda i: correction(i * 0.37)
+    # Each on another segment than the one before, which is remembered.
+    return lambda i: correction(i * 1.07 % 1000.0)
 
 
 def plan_of_x() -> AxisPlan:

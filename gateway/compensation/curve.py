@@ -133,8 +133,13 @@ class Curve:
         positions = self.table.positions
         first, last, step = self.table.first, self.table.last, self.table.even_step
         last_segment = len(positions) - 2
+        # The segment of the position before: the next setpoint mostly lies on it.
+        low, high, value, slope = inf, -inf, 0.0, 0.0
 
         def even(position: float) -> float:
+            nonlocal low, high, value, slope
+            if low <= position < high:
+                return value + slope * (position - low)
             if not first <= position <= last:
                 return outside(position)
             index = int((position - first) / step)
@@ -149,16 +154,21 @@ class Curve:
                 index += 1
                 low, high = high, positions[index + 1]
             value = values[index]
-            return value + (values[index + 1] - value) / (high - low) * (position - low)
+            slope = (values[index + 1] - value) / (high - low)
+            return value + slope * (position - low)
 
         def free(position: float) -> float:
+            nonlocal low, high, value, slope
+            if low <= position < high:
+                return value + slope * (position - low)
             if not first <= position <= last:
                 return outside(position)
             index = bisect_right(positions, position) - 1
             if index > last_segment:
                 index = last_segment
-            low, value = positions[index], values[index]
-            return value + (values[index + 1] - value) / (positions[index + 1] - low) * (position - low)
+            low, high, value = positions[index], positions[index + 1], values[index]
+            slope = (values[index + 1] - value) / (high - low)
+            return value + slope * (position - low)
 
         def turned(position: float) -> float:
             position -= floor((position - first) / self._modulo) * self._modulo

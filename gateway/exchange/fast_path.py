@@ -16,6 +16,7 @@ from gateway.exchange.aliases import ANY_TCP_DRIVE
 from gateway.exchange.axis.events import Part
 from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, Rendering, Whereabouts
 from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.field_counts import nearest
 from gateway.exchange.meaning import Frame
 from gateway.exchange.rendering import nominal_limit
 from gateway.exchange.request import NOTHING_KNOWN, Request, Rewriting
@@ -161,7 +162,7 @@ class WritePath(FastPath):
             steady = compensation.plan_steady(nominal_counts, now_ns, axis.whereabouts is ARRIVED)
             if steady is None:
                 return None
-            raw += round(steady[1] / self._scale)
+            raw += nearest(steady[1] / self._scale)
             try:
                 corrected_words = self._codec.pack(raw)
             except RegisterRangeError:

@@ -1,7 +1,20 @@
 """Between the content of a register and counts."""
 
+from math import floor
+
 from gateway.counts import Counts, Raw
 from gateway.modbus.registers import PositionField
+
+
+def nearest(value: float) -> int:
+    """Return the nearest whole number, of two the even one: ``round``, for a tenth of its price compiled.
+
+    >>> [nearest(value) for value in (0.4, 0.5, 1.5, -0.5, -1.5, -2.6)]
+    [0, 0, 2, 0, -2, -3]
+    """
+    below = floor(value)
+    rest = value - below  # exact, but for values next to -0.5, whose nearest is 0 either way
+    return below + (1 if rest > 0.5 or (rest == 0.5 and below & 1) else 0)
 
 
 def counts_of(field_: PositionField, raw: Raw) -> Counts:
@@ -11,7 +24,7 @@ def counts_of(field_: PositionField, raw: Raw) -> Counts:
 
 def steps_of(field_: PositionField, counts: Counts) -> Raw:
     """Whole steps of a register for a number of counts; a float register takes them as they are."""
-    return counts / field_.scale if field_.type.is_float else round(counts / field_.scale)
+    return counts / field_.scale if field_.type.is_float else nearest(counts / field_.scale)
 
 
 def raw_of(field_: PositionField, counts: Counts) -> Raw:

@@ -65,7 +65,7 @@ class MbapDecoder:
     ``longest_length``: what the length field may say at most; frames up to it come out whole.
     """
 
-    __slots__ = ("_buffer", "_longest", "broken_by", "counters")
+    __slots__ = ("_buffer", "_longest", "broken_by", "counters", "transaction_id", "unit_id")
 
     def __init__(self, counters: MbapCounters | None = None, *, longest_length: int = LONGEST_LENGTH) -> None:
         self._buffer = b""
@@ -73,18 +73,26 @@ class MbapDecoder:
         self.broken_by = b""
         """Header and, where there can be one, function code of the frame that cannot be; empty: none."""
         self.counters = MbapCounters() if counters is None else counters
+        self.transaction_id = self.unit_id = 0
+        """Of the frame that :meth:`one` returned last."""
+
+    def one(self, data: bytes) -> bytes:
+        """Return the PDU of ``data`` where that is one frame and nothing else, as it nearly always is.
+
+        Else b"", and nothing was taken: :meth:`feed` takes it.
+        """
+        size = len(data)
+        if size <= HEADER_SIZE or self._buffer or self.broken_by:
+            return b""
+        length = data[4] << 8 | data[5]
+        if length != size - COUNTED_FROM or data[2] or data[3] or length > self._longest:
+            return b""
+        self.transaction_id, self.unit_id = data[0] << 8 | data[1], data[6]
+        return data[HEADER_SIZE:]
 
     def feed(self, data: bytes) -> list[Adu]:
         """Return the frames that ``data`` completes, in their order."""
-        if self._buffer:
-            data = self._buffer + data
-        size = len(data)
-        if size > HEADER_SIZE and not self.broken_by:
-            length = data[4] << 8 | data[5]
-            if length == size - COUNTED_FROM and not (data[2] or data[3]) and length <= self._longest:
-                self._buffer = b""
-                return [(data[0] << 8 | data[1], data[6], data[HEADER_SIZE:])]
-        return self._split(data)
+        return self._split(self._buffer + data)
 
     @property
     def is_between_frames(self) -> bool:

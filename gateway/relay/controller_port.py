@@ -90,18 +90,24 @@ class MbapControllerPort(ControllerPort):
         if channel is None:
             return
         began_ns = self.unfinished_ns or now_ns
-        requests = self._decoder.feed(data)
-        why_given_up = TOO_SLOW if requests and now_ns - began_ns > self.patience_ns else ""
+        decoder = self._decoder
+        pdu = decoder.one(data)
+        requests = [] if pdu else decoder.feed(data)
+        is_any = bool(pdu or requests)
+        why_given_up = TOO_SLOW if is_any and now_ns - began_ns > self.patience_ns else ""
         if self._exchange.beats.stood_still(now_ns, self.patience_ns):
             why_given_up = STOOD_STILL
-        if requests and not why_given_up and channel.has_gone():
+        if is_any and not why_given_up and channel.has_gone():
             why_given_up = HAS_GONE
+        if pdu:
+            transaction_id, unit_id = decoder.transaction_id, decoder.unit_id
+            self._exchange.request(self, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
         for transaction_id, unit_id, pdu in requests:
             self._exchange.request(self, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
-        if requests:
+        if is_any:
             self.asked_ns = now_ns
             self.unfinished_ns = 0
-        self.unfinished_ns = 0 if self._decoder.is_between_frames else self.unfinished_ns or now_ns
+        self.unfinished_ns = 0 if decoder.is_between_frames else self.unfinished_ns or now_ns
         if self._decoder.broken_by:
             self._refuse(self._decoder.broken_by, channel.peer)
         if self._decoder.broken_by or why_given_up:

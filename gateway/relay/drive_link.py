@@ -261,16 +261,13 @@ class MbapDriveLink(Link):
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``. A connection that does not speak Modbus/TCP is closed, and opened anew."""
         self._sender.heard(now_ns)
-        for transaction_id, unit_id, pdu in self._decoder.feed(data):
-            if transaction_id != self._awaited_id:
-                self._unanswered.pop(transaction_id, None)
-                self._late += 1
-                self._to_exchange().stray(now_ns)
-            elif unit_id == self._awaited_unit_id or self._is_answer_all_the_same(unit_id):
-                self._awaited_id = None
-                self._to_exchange().reply(self._awaited_unit_id, pdu, now_ns)
-            else:
-                self._to_exchange().stray(now_ns)
+        decoder = self._decoder
+        pdu = decoder.one(data)
+        if pdu:
+            self._take(decoder.transaction_id, decoder.unit_id, pdu, now_ns)
+        else:
+            for transaction_id, unit_id, pdu in decoder.feed(data):
+                self._take(transaction_id, unit_id, pdu, now_ns)
         if self._decoder.broken_by and self._channel is not None:
             self._malformed += 1
             self._channel.close()
@@ -299,6 +296,17 @@ class MbapDriveLink(Link):
     def close(self) -> None:
         """See ``Link``."""
         self._sender.close()
+
+    def _take(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        if transaction_id != self._awaited_id:
+            self._unanswered.pop(transaction_id, None)
+            self._late += 1
+            self._to_exchange().stray(now_ns)
+        elif unit_id == self._awaited_unit_id or self._is_answer_all_the_same(unit_id):
+            self._awaited_id = None
+            self._to_exchange().reply(self._awaited_unit_id, pdu, now_ns)
+        else:
+            self._to_exchange().stray(now_ns)
 
     def _is_answer_all_the_same(self, unit_id: int) -> bool:
         """Whether a reply with the right number counts although another unit id stands in it."""
