@@ -164,12 +164,22 @@ def _positions(axes: Mapping[str, Any]) -> Table:
         table.add_column(heading, justify="right")
     table.add_column("units")
     for name, axis in axes.items():
-        keys = ("nominal_setpoint", "corrected_setpoint", "nominal_actual", "corrected_actual")
+        trouble = axis.get("trouble") or {}
+        is_cut_off, last = trouble.get("cuts_off"), axis.get("last_seen")
+        titled = f"[red]{escape(trouble['title'])}[/]" if trouble.get("title") else ""
+        actual = [_number(axis[key], 4) for key in ("nominal_actual", "corrected_actual")]
+        if is_cut_off and last:  # nobody knows where it is: where it was, and how long ago
+            ago = f" ({span(last['age_s'])} ago)"
+            actual = [
+                f"[dim]{_number(last['nominal'], 4)}{ago}[/]",
+                f"[dim]{_number(last['corrected'], 4)}[/]",
+            ]
         table.add_row(
             escape(name),
-            _coloured(axis["compensation"]),
+            titled or _coloured(axis["compensation"]),
             escape(axis["direction"]),
-            *(_number(axis[key], 4) for key in keys),
+            *(_number(axis[key], 4) for key in ("nominal_setpoint", "corrected_setpoint")),
+            *actual,
             escape(axis["units"]),
         )
     return table

@@ -38,7 +38,7 @@ class Trouble:
     entry: TroubleEntry
     place: Place
     where: str
-    """``gateway``, ``line NAME``, ``axis NAME``, ``controller NAME``, ``mqtt``, ``http``, … in words."""
+    """In words: ``gateway``, ``line NAME``, ``line NAME, controller NAME``, ``axis NAME``, ``mqtt``, …"""
     what: str
     axes: tuple[str, ...] = ()
     """Axes whose state it says."""
@@ -197,7 +197,7 @@ def _of_controller(
     line: str, controller: Mapping[str, Any], unit_ids: Mapping[str, Any]
 ) -> Iterator[Trouble]:
     name = controller["name"]
-    place, where = (line, f"controller {name}"), f"controller {name}"
+    place, where = (line, f"controller {name}"), f"line {line}, controller {name}"
     if "whole" in controller:
         whole, damaged = controller["whole"], controller["damaged"]
         minute = controller["minute"]
@@ -270,7 +270,7 @@ def _of_rivals(name: str, rivals: Mapping[str, Any] | None, place: Place) -> Ite
         f"it changed hands {rivals['changes']} times": rivals["changes"],
     }
     counted = ", ".join(part for part, count in parts.items() if count)
-    what = f"{one} and {other} both move axis {name}: {counted} in {span(rivals['since_s'])}"
+    what = f"{one} and {other} both want to move it: {counted} in {span(rivals['since_s'])}"
     yield Trouble(kinds.TWO_WRITERS, place, f"axis {name}", what, (name,), rivals["since_s"])
 
 

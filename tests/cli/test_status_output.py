@@ -2,6 +2,7 @@
 
 import copy
 import io
+from datetime import UTC, datetime
 from typing import Any
 
 from rich.console import Console
@@ -190,3 +191,38 @@ def test_a_gateway_whose_relay_is_away_says_how_old_the_rest_is() -> None:
         "axes": {},
     }
     assert shown(never) == ["gateway mill 1.2.3, its relay is not running"]
+
+
+def test_an_axis_whose_drive_is_silent_says_that_and_where_it_was_seen_last() -> None:
+    model = copy.deepcopy(MODEL)
+    silent = {"kind": "drive-silent", "severity": "error", "title": "Drive silent", "cuts_off": True}
+    last = {"nominal": 49.5, "corrected": 49.55, "age_s": 75.2}
+    model["axes"]["x"] |= {"trouble": silent, "last_seen": last}
+    shown = io.StringIO()
+    show_status(Console(file=shown, width=200), model)
+    [row] = [
+        line for line in shown.getvalue().splitlines() if line.split()[:1] == ["x"] and "forward" in line
+    ]
+    assert row.split() == [
+        *("x", "Drive", "silent", "forward", "50.1990", "50.2490"),
+        *("49.5000", "(1", "min", "15", "s", "ago)", "49.5500", "mm"),
+    ]
+
+
+def test_a_trouble_says_since_when() -> None:
+    model = copy.deepcopy(MODEL)
+    model["troubles"] = [
+        {
+            "severity": "error",
+            "where": "axis x",
+            "what": "its drive (unit id 1) has not answered for 12 s",
+            "remedy": "check power",
+            "since": "2026-05-01T12:00:00+00:00",
+        }
+    ]
+    shown = io.StringIO()
+    show_status(Console(file=shown, width=200), model)
+    first, second = shown.getvalue().splitlines()[:2]
+    assert first == "error axis x: its drive (unit id 1) has not answered for 12 s"
+    then = datetime(2026, 5, 1, 12, tzinfo=UTC).astimezone()
+    assert second == f"  since {then:%Y-%m-%d %H:%M:%S} → check power"

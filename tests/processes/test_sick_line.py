@@ -173,15 +173,16 @@ def test_a_controller_port_from_which_nothing_whole_ever_came_is_named_with_its_
                 lambda: client.read(1),
             )
         trouble = sick.until_trouble("controller-garbled", lambda: client.read(1))
-        assert trouble["where"] == "controller plc"
+        assert trouble["where"] == "line xy, controller plc"
         assert trouble["what"] == f"12 of 12 frames from {sick.plc.path} were damaged, not one was whole"
         assert trouble["remedy"].startswith("compare baud rate and parity of the port")
         assert kinds(sick.status()) == ["controller-garbled"]  # and not that many of them are damaged
         code, body = sick.get("healthz")
-        assert (code, b"controller plc: 12 of 12" in body) == (503, True)
+        assert (code, b"line xy, controller plc: 12 of 12" in body) == (503, True)
         browser_page.goto(sick.address)
         until(browser_page, STATES, ["Compensated", "Compensated"])  # its drives answer others
         assert "12 of 12 frames from" in browser_page.locator("#troubles").inner_text()
+        until(browser_page, CONTROLLERS, ["connected", "not connected", "not understood: port open"])
         shot(browser_page, "garbled-controller")
 
         os.write(sick.plc.fd, bytes.fromhex("01 03 00 C8 00 02 45 F5"))  # a whole one: 1 of 13
@@ -202,7 +203,7 @@ def test_two_controllers_that_want_one_axis_are_named(sick: SickLine, browser_pa
 
         trouble = sick.until_trouble("two-writers", both)
         assert trouble["where"] == "axis x"
-        assert trouble["what"].startswith("cnc (127.0.0.1) and panel (127.0.0.1) both move axis x: ")
+        assert trouble["what"].startswith("cnc (127.0.0.1) and panel (127.0.0.1) both want to move it: ")
         assert "requests were refused in" in trouble["what"]
         assert sick.get("healthz")[0] == 200  # commands reach the drive: those of one
         browser_page.goto(sick.address)
@@ -225,13 +226,13 @@ def test_a_controller_that_no_axis_hears_is_named_with_the_unit_ids(
             assert panel.read(17) == CODE_NO_ANSWER
 
         trouble = sick.until_trouble("unheard-controller", ask)
-        assert trouble["where"] == "controller panel"
+        assert trouble["where"] == "line xy, controller panel"
         assert trouble["what"] == (
             "it talks only to unit id 17, which has no axis, and no axis hears it; "
             "there are axis x (unit id 1), axis y (unit id 2)"
         )
         browser_page.goto(sick.address)
-        browser_page.wait_for_selector("#troubles >> text=Controller panel")
+        browser_page.wait_for_selector("#troubles >> text=Line xy, controller panel")
         shot(browser_page, "unheard-controller")
         cnc.close()
         panel.close()

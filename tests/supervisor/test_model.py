@@ -353,10 +353,10 @@ def test_one_damaged_answer_of_a_hundred_is_too_many(damaged: int, exchanges: in
 def test_a_port_of_which_nothing_was_whole_is_said_with_its_count() -> None:
     minute = {"whole": 0, "damaged": 12}
     found = model(with_controller(whole=0, damaged=12, minute=minute))
-    assert kinds(found) == [("error", "controller-garbled", "controller plc")]
+    assert kinds(found) == [("error", "controller-garbled", "line xyz, controller plc")]
     assert found["troubles"][0]["what"] == "12 of 12 frames from /dev/ttyS1 were damaged, not one was whole"
     some = model(with_controller(whole=188, damaged=12, minute={"whole": 188, "damaged": 12}))
-    assert kinds(some) == [("warning", "controller-damaged", "controller plc")]
+    assert kinds(some) == [("warning", "controller-damaged", "line xyz, controller plc")]
     assert some["troubles"][0]["what"] == "12 of 200 frames from /dev/ttyS1 were damaged in the last minute"
     assert kinds(model(with_controller(whole=200, damaged=12, minute={"whole": 20, "damaged": 0}))) == []
     assert kinds(model(with_controller(whole=0, damaged=2, minute={"whole": 0, "damaged": 2}))) == []
@@ -373,7 +373,7 @@ def test_a_motion_controller_that_no_axis_hears_is_named_and_a_monitor_is_not() 
     unit_ids = snapshot["lines"]["xyz"]["unit_ids"]
     unit_ids |= {"heard": [1, 2, 17], "strangers": [17], "asked_by": {"cnc": [1, 2], "plc": [17]}}
     found = model(snapshot)
-    assert kinds(found) == [("warning", "unheard-controller", "controller plc")]
+    assert kinds(found) == [("warning", "unheard-controller", "line xyz, controller plc")]
     assert found["troubles"][0]["what"] == (
         "it talks only to unit id 17, which has no axis, and no axis hears it; "
         "there are axis x (unit id 1), axis y (unit id 2)"
@@ -396,7 +396,7 @@ def test_two_writers_that_go_on_are_a_trouble(refused: int, changes: int, counte
     found = model(with_axis(rivals=rivals))
     assert kinds(found) == ([("error", "two-writers", "axis x")] if counted else [])
     if counted:
-        assert found["troubles"][0]["what"] == f"cnc and panel both move axis x: {counted} in 20 s"
+        assert found["troubles"][0]["what"] == f"cnc and panel both want to move it: {counted} in 20 s"
 
 
 def test_a_budget_is_for_the_retrofitter_and_takes_no_green_from_an_axis() -> None:

@@ -21,6 +21,14 @@ const COUNTERS = [
 ];
 /** @type {import("./words.js").State} */
 const UNKNOWN = { words: "Not known", sign: "wait", tone: "note" };
+/** @type {import("./words.js").State} */
+const GOOD = { words: "", sign: "ok", tone: "well" };
+/** @type {import("./words.js").State} */
+const AWAY = { words: "", sign: "off", tone: "note" };
+/** @type {import("./words.js").State} */
+const BROKEN = { words: "", sign: "error", tone: "error" };
+/** @type {Record<string, import("./words.js").State>} */
+const OF_SEVERITY = { error: BROKEN, warning: { words: "", sign: "warning", tone: "warning" } };
 const RATE_MS = 3000;
 const FRESH_MS = 60_000;
 
@@ -40,6 +48,7 @@ export class LineCard {
     this.seen = [];
     /** @type {Map<Counter, { value: number, changed: number }>} */
     this.last = new Map();
+    this.name = name;
     this.element = make(
       "article",
       { class: "card line" },
@@ -59,8 +68,9 @@ export class LineCard {
    * @param {Line} line
    * @param {number} now in ms
    * @param {boolean} isKnown whether the gateway says what it is like now
+   * @param {import("./model.js").Trouble[]} troubles
    */
-  show(line, now, isKnown) {
+  show(line, now, isKnown, troubles) {
     const state = isKnown ? stateOfLine(line) : UNKNOWN;
     setAttribute(this.state, "class", `state ${state.tone}`);
     setAttribute(this.element, "data-tone", state.tone);
@@ -76,7 +86,9 @@ export class LineCard {
     const byName = new Map(line.controllers.map((controller) => [controller.name, controller]));
     keepChildren(this.list, this.controllers, [...byName.keys()], () => new ControllerRow(), (row) => row.element);
     for (const [name, controller] of byName) {
-      this.controllers.get(name)?.show(controller, isKnown);
+      const where = `line ${this.name}, controller ${name}`;
+      const trouble = troubles.find((each) => each.where === where);
+      this.controllers.get(name)?.show(controller, isKnown, trouble);
     }
   }
 
@@ -133,16 +145,19 @@ class ControllerRow {
   /**
    * @param {Controller} controller
    * @param {boolean} isKnown
+   * @param {import("./model.js").Trouble} [trouble]
    */
-  show(controller, isKnown) {
+  show(controller, isKnown, trouble) {
     const connections = controller.connections;
     const isUp = connections === undefined ? controller.state === "up" : connections.length > 0;
     const isWrong = connections === undefined && !isUp;
-    setSign(this.sign, !isKnown ? "wait" : isWrong ? "error" : isUp ? "ok" : "off");
-    setAttribute(this.sign, "class", `sign ${!isKnown ? "note" : isWrong ? "error" : isUp ? "well" : "note"}`);
+    const state = !isKnown ? UNKNOWN : isWrong ? BROKEN : trouble ? OF_SEVERITY[trouble.severity] ?? BROKEN : isUp ? GOOD : AWAY;
+    setSign(this.sign, state.sign);
+    setAttribute(this.sign, "class", `sign ${state.tone}`);
     setText(this.name, controller.name);
     setText(this.role, controller.tls ? "by certificate" : controller.role);
-    setText(this.state, isKnown ? stateOf(controller) : "not known");
+    const isGarbled = trouble?.kind === "controller-garbled";
+    setText(this.state, !isKnown ? "not known" : `${isGarbled ? "not understood: " : ""}${stateOf(controller)}`);
     const address = Array.isArray(controller.address) ? controller.address.join(", ") : controller.address;
     setText(this.address, address);
     setAttribute(this.element, "title", `time in the gateway: p99 ${time(controller.gateway_us.p99)}`);

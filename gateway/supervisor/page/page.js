@@ -78,7 +78,7 @@ class Page {
     const lines = Object.keys(model.lines);
     keepChildren(byId("lines"), this.lines, lines, (name) => new LineCard(name), (card) => card.element);
     for (const [name, line] of Object.entries(model.lines)) {
-      this.lines.get(name)?.show(line, now, isFresh(model));
+      this.lines.get(name)?.show(line, now, isFresh(model), model.troubles);
     }
     this.latency.show(model);
     this.showLink();

@@ -209,7 +209,7 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
     ),
     (
         sick(controllers=[PLC]),
-        {"kind": "controller-garbled", "where": "controller plc"},
+        {"kind": "controller-garbled", "where": "line xyz, controller plc"},
         "PitchGatewayControllerGarbled",
     ),
     (
@@ -224,7 +224,7 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
     ),
     (
         sick(unit_ids={"heard": [1, 17], "strangers": [17], "asked_by": {"cnc": [17]}}),
-        {"kind": "unheard-controller", "where": "controller cnc"},
+        {"kind": "unheard-controller", "where": "line xyz, controller cnc"},
         "PitchGatewayUnitIdWithoutAxis",
     ),
     (
