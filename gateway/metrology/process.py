@@ -256,7 +256,12 @@ def jointed(samples: Samples, smooth: Sequence[Process]) -> list[Process]:
 
 def _likely(process: Process, known: list[float], places: list[float]) -> list[Process]:
     """Return the same curve with its joint at each of these places at which it is likely."""
-    found = [_moved(process, place) for place in sorted({*known, *places})]
+    bare = _moved(process, None)
+    gains = {place: _gain(bare, place) / 2 for place in {*known, *places}}
+    most = max(gains.values())
+    # What a change of slope gains costs little to find, and differs little from the likelihood itself.
+    worth = {place for place, gain in gains.items() if gain > most - 2 * JOINT_WORTH}
+    found = [_moved(process, place) for place in sorted({*known, *worth})]
     least = min(each.score for each in found)
     return [each for each in found if each.score < least + JOINT_WORTH]
 
@@ -276,8 +281,8 @@ def _gain(process: Process, place: float) -> float:
     return float((process._weights @ corner) ** 2 / (corner @ whitened))  # noqa: SLF001
 
 
-def _moved(process: Process, place: float) -> Process:
-    """Return the same curve with its joint elsewhere."""
+def _moved(process: Process, place: float | None) -> Process:
+    """Return the same curve with its joint elsewhere, or without."""
     return _with_sizes(process.samples, replace(process.kind, joint=place), process.sizes)
 
 

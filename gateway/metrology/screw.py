@@ -28,6 +28,8 @@ MOST_TARGETS: Final = 2000
 """More make sums that take minutes; so many lie so near that lines between them lose nothing."""
 LEAST_JOINTED: Final = 9
 """Through fewer targets a corner is a bend like any other."""
+MOST_JOINTED: Final = 500
+"""More lie so near that a corner between two of them is nothing, and looking for it takes minutes."""
 DRAWS: Final = 64
 QUANTILES: Final = (0.05, 0.5, 0.95)
 """Of the draws: between the outer two lie nine of ten."""
@@ -329,7 +331,7 @@ def _middle(
 def _fit_all(samples: Samples, periods: tuple[float, ...], *, has_scatter: bool) -> list[Process]:
     shorts = (False, True) if has_scatter or samples.noise_spread < inf else (False,)
     smooth = [fitted(samples, Kind(order, short)) for order in KERNELS for short in shorts]
-    if len(samples.places) >= LEAST_JOINTED:
+    if LEAST_JOINTED <= len(samples.places) <= MOST_JOINTED:
         smooth += jointed(samples, smooth)
     if not periods:
         return smooth
