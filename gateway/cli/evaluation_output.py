@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Final
 import typer
 
 from gateway.cli.table_output import PLAIN_WIDTH
-from gateway.metrology.deviation import small_unit
+from gateway.compensation.units import Units
+from gateway.metrology.deviation import Small, small_unit
 from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.shapes import LeftOut
 from gateway.metrology.standard_asks import missing_line, missing_of, title_of
 from gateway.report.findings import other_stretch
 
@@ -60,14 +62,22 @@ def results_json(found: Evaluation) -> dict[str, object]:
     }
 
 
-def left_out_json(predicted: Evaluation, left_out: float | None) -> dict[str, object]:
-    """Return E as predicted at the targets, and between them by leaving out; null where nothing tells it."""
-    small = small_unit(predicted.units)
-    numbers = {"e": predicted.systematic, "left_out_e": left_out}
+def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> dict[str, object]:
+    """Return E between the targets, predicted by leaving out, and its bounds; null where nothing tells it."""
+    small = small_unit(units)
+    names = (f"left_out_e{when}", f"left_out_e_low{when}", f"left_out_e_high{when}")
+    numbers = (None,) * len(names) if left_out is None else (left_out.e, left_out.low, left_out.high)
     return {
         f"{name}_{small.key}": None if number is None else number * small.factor
-        for name, number in numbers.items()
+        for name, number in zip(names, numbers, strict=True)
     }
+
+
+def predicted_json(predicted: Evaluation, left_out: LeftOut | None) -> dict[str, object]:
+    """Return E as predicted at the targets, and between them."""
+    small = small_unit(predicted.units)
+    at_targets = None if predicted.systematic is None else predicted.systematic * small.factor
+    return {f"e_{small.key}": at_targets, **left_out_json(predicted.units, left_out)}
 
 
 def evidence_json(evidence: "Evidence") -> dict[str, object]:
@@ -106,7 +116,7 @@ def results_text(
     after: Evaluation | None,
     titles: tuple[str, str],
     *,
-    left_out: float | None = None,
+    left_out: LeftOut | None = None,
 ) -> None:
     """Print the results for a person, with the share that is left; ``left_out`` is E between the points."""
     from rich.console import Console
@@ -138,12 +148,18 @@ def results_text(
         typer.echo(left_out_line(before, left_out))
 
 
-def left_out_line(before: Evaluation, left_out: float) -> str:
+def left_out_line(before: Evaluation, left_out: LeftOut) -> str:
     """Say what the table will leave where nobody measured."""
     small = small_unit(before.units)
     was = "" if before.systematic is None else f", of {small.text(before.systematic)} at the targets before"
+    return f"between its points the table will leave {left_out_text(small, left_out)}{was}"
+
+
+def left_out_text(small: Small, left_out: LeftOut) -> str:
+    """Say E between the targets with its bounds."""
     return (
-        f"between its points the table will leave E = {small.text(left_out)}{was} (predicted by leaving out)"
+        f"E = {small.text(left_out.e)} (predicted by leaving out; {small.text(left_out.low)} to "
+        f"{small.text(left_out.high)} in nine of ten cases)"
     )
 
 

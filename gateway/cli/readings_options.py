@@ -15,6 +15,7 @@ from gateway.tabfile import TabFileError
 
 if TYPE_CHECKING:
     from gateway.metrology.readings import Survey
+    from gateway.metrology.shapes import LeftOut
 
 Readings = Annotated[
     list[Path] | None,
@@ -39,7 +40,7 @@ ReadingsRuns = Annotated[
 ]
 
 
-def _left_out(survey: "Survey", table: CorrectionTable) -> float | None:
+def _left_out(survey: "Survey", table: CorrectionTable) -> "LeftOut | None":
     """Return E that a table will leave between the targets; None where there are too few to tell."""
     from gateway.cli.survey_files import periods_of_readings
     from gateway.metrology.screw import LEAST_TARGETS, MOST_TARGETS, screw_of
@@ -47,7 +48,7 @@ def _left_out(survey: "Survey", table: CorrectionTable) -> float | None:
     periods = periods_of_readings(survey, None, None)
     if not LEAST_TARGETS <= len({each.target for each in survey.readings}) <= MOST_TARGETS:
         return None
-    return screw_of(survey.readings, survey.units, periods).leaves(table)
+    return screw_of(survey.readings, survey.units, periods).left_out(table)
 
 
 def with_readings(

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 import typer
 
 from gateway.cli import survey_files as shared
-from gateway.cli.evaluation_output import evidence_json, left_out_json, results_json, results_text
+from gateway.cli.evaluation_output import evidence_json, predicted_json, results_json, results_text
 from gateway.cli.table_options import AsJson, AxisLetter, Counts
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
@@ -21,7 +21,7 @@ from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
 from gateway.metrology.scale import check_scale
-from gateway.metrology.shapes import Fit
+from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
@@ -121,7 +121,7 @@ def build(
         notes = [*built.notes, *notes_of(survey, counts_per_unit), *_one_curve(table, again, target.name)]
         shared.write_file(out, result.text, force=force)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
-    left_out = None if built.screw is None else built.screw.leaves(again.table)
+    left_out = None if built.screw is None else built.screw.left_out(again.table)
     if json:
         extra: dict[str, object] = {
             "fit": None if built.evidence is None else evidence_json(built.evidence),
@@ -144,7 +144,7 @@ def _print(
     written: tuple[Written, LoadedTable, float],
     results: tuple[Evaluation, Evaluation],
     *,
-    left_out: float | None,
+    left_out: LeftOut | None,
 ) -> None:
     print_lines((f"note: {note}" for note in notes), err=True)
     shared.print_written(out, *written)
@@ -157,7 +157,7 @@ def _print_json(
     written: tuple[Written, LoadedTable, float],
     results: tuple[Evaluation, Evaluation],
     *,
-    left_out: float | None,
+    left_out: LeftOut | None,
     extra: dict[str, object],
 ) -> None:
     result, again, difference = written
@@ -173,7 +173,7 @@ def _print_json(
             "read_with": shared.told_to_reader(result, again),
             "lints": [lint.to_json() for lint in again.lints],
             "before": results_json(results[0]),
-            "predicted": {**results_json(results[1]), **left_out_json(results[1], left_out)},
+            "predicted": {**results_json(results[1]), **predicted_json(results[1], left_out)},
             **extra,
         }
     )

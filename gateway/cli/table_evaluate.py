@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli import judgement_output as judged
 from gateway.cli import survey_files as shared
-from gateway.cli.evaluation_output import left_out_json, results_json, results_text
+from gateway.cli.evaluation_output import predicted_json, results_json, results_text
 from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
@@ -22,6 +22,7 @@ from gateway.metrology.lead import Period
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.shapes import LeftOut
 from gateway.metrology.uncertainty import budget_of
 from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
@@ -132,7 +133,7 @@ def evaluate(
 
 def _between(
     survey: Survey, loaded: LoadedTable, periods: tuple[Period, ...]
-) -> tuple[float | None, tuple[str, ...]]:
+) -> tuple[LeftOut | None, tuple[str, ...]]:
     """Return E that a table will leave between the targets, and what they do not show."""
     from gateway.metrology.fitting import warnings_of
     from gateway.metrology.screw import screw_of
@@ -141,7 +142,7 @@ def _between(
         screw = screw_of(survey.readings, survey.units, periods)
     except ReadingsError as error:
         return None, (f"{error}: nothing is said about what the table leaves between its points",)
-    return screw.leaves(loaded.table), warnings_of(screw)
+    return screw.left_out(loaded.table), warnings_of(screw)
 
 
 def _print_json(
@@ -150,13 +151,13 @@ def _print_json(
     notes: tuple[str, ...],
     *,
     is_predicted: bool,
-    left_out: float | None,
+    left_out: LeftOut | None,
     extra: dict[str, object],
 ) -> None:
     before, after = results
     shown = None if after is None else results_json(after)
     if shown is not None and is_predicted and after is not None:
-        shown |= left_out_json(after, left_out)
+        shown |= predicted_json(after, left_out)
     print_json(
         {
             "readings": survey.source,

@@ -8,6 +8,7 @@ import typer
 
 from gateway.cli import survey_files as shared
 from gateway.cli.arguments import TableFile
+from gateway.cli.evaluation_output import left_out_json, left_out_text
 from gateway.cli.table_options import AsJson, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
@@ -133,8 +134,8 @@ def _print(out: Path, refined: Refined, written: tuple[Written, LoadedTable, flo
     if refined.left_out is not None and refined.left_out_before is not None:
         small = small_unit(refined.units)
         typer.echo(
-            f"between its points the table will leave E = {small.text(refined.left_out)}, the old one leaves "
-            f"{small.text(refined.left_out_before)} (predicted by leaving out)"
+            f"between its points the table will leave {left_out_text(small, refined.left_out)}, the old one "
+            f"leaves {left_out_text(small, refined.left_out_before)}"
         )
 
 
@@ -148,7 +149,8 @@ def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written,
             "units": refined.table.units.value,
             "largest_change": refined.change.largest,
             "rms_change": refined.change.rms,
-            **_left_out(refined),
+            **left_out_json(refined.units, refined.left_out_before, "_before"),
+            **left_out_json(refined.units, refined.left_out),
             "notes": list(refined.notes),
             "losses": list(result.losses),
             "largest_difference": difference,
@@ -156,13 +158,3 @@ def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written,
             "lints": [lint.to_json() for lint in again.lints],
         }
     )
-
-
-def _left_out(refined: Refined) -> dict[str, object]:
-    """Return E between the targets, of the old table and of the new one."""
-    small = small_unit(refined.units)
-    numbers = {"left_out_e_before": refined.left_out_before, "left_out_e": refined.left_out}
-    return {
-        f"{name}_{small.key}": None if number is None else number * small.factor
-        for name, number in numbers.items()
-    }

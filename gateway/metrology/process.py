@@ -11,8 +11,8 @@ Numbers are in the units of the readings. This module needs numpy and is importe
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from math import inf, log, pi
+from dataclasses import dataclass, field, replace
+from math import ceil, inf, log, pi
 from typing import Final
 
 import numpy as np
@@ -36,6 +36,13 @@ PAIR: Final = (0.9, 0.44)
 MODULATED: Final = 60
 LOCAL: Final = 1.6
 """Three neighbours are rarely missed by more than so many times what is expected, by scatter alone."""
+JOINT_ROUNDS: Final = 3
+JOINT_WORTH: Final = 3.0
+"""By so much a joint has to explain the samples better, as a logarithm of likelihoods."""
+JOINT_PARTS: Final = 8
+"""Of the way from one target to the next: as finely the place of a joint is told."""
+MOST_JOINTS: Final = 8
+"""So many places stand for all at which a joint may be."""
 _FINEST: Final = 0.08
 _FIRST: Final = 1.2
 _ROUNDS: Final = 60
@@ -69,12 +76,16 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Which parts a curve has. ``periods`` repeat; ``changes``: their sizes change slowly along the screw."""
+    """Which parts a curve has. ``periods`` repeat; ``changes``: their sizes change slowly along the screw.
+
+    ``joint`` is a place at which the slope changes, as where two screws or two scales meet.
+    """
 
     order: float
     has_short: bool = False
     periods: tuple[float, ...] = ()
     changes: bool = False
+    joint: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +140,7 @@ class Process:
 
     def without_periods(self) -> Array:
         """Return the covariance of the samples without what repeats."""
-        bare = Kind(self.kind.order, self.kind.has_short)
+        bare = Kind(self.kind.order, self.kind.has_short, joint=self.kind.joint)
         return _covariance(self.samples, bare, self.sizes, self._free)
 
     def _straight(self, at: Array) -> Array:
@@ -140,7 +151,7 @@ class Process:
     def _reach(self, at: Array) -> Array:
         places = self.samples.places
         distance = at[:, None] - places[None, :]
-        trend = 1.0 + np.outer(_unit(self.samples, at), _unit(self.samples, places))
+        trend = _trend(self.samples, self.kind, at) @ _trend(self.samples, self.kind, places).T
         result: Array = _kernel(self.kind, self.sizes, distance) + self._free * trend
         return result
 
@@ -160,8 +171,8 @@ class Process:
             curves += np.exp(sizes[_period(index)]) * _random_waves(
                 at, 2 * pi / period + shift, count, random
             )
-        level = np.sqrt(self._free) * random.standard_normal((2, count))
-        curves += level[0] + np.outer(_unit(self.samples, at), level[1])
+        trend = _trend(self.samples, kind, at)
+        curves += trend @ (np.sqrt(self._free) * random.standard_normal((trend.shape[1], count)))
         if kind.has_short:
             curves += np.exp(sizes[_SHORT]) * self._short_waves(at, count, random)
         return curves
@@ -178,20 +189,101 @@ class Process:
 
 def fitted(samples: Samples, kind: Kind, start: Mapping[str, float] | None = None) -> Process:
     """Find the sizes with which a kind of curve explains the samples best; ``start`` is where to begin."""
+    _, rest, typical = _about_line(samples)
+    search = _Search(_thinned(samples, rest), kind, typical)
+    starts = [dict(start)] if start else []
+    lengths = (samples.span / 3, samples.span / 8, samples.gap * 1.5)
+    starts += [search.usual(length) for length in (lengths[:1] if start else lengths)]
+    _, sizes = min((search.climb(each) for each in starts), key=lambda found: found[0])
+    return _with_sizes(samples, kind, sizes)
+
+
+def _with_sizes(samples: Samples, kind: Kind, sizes: Mapping[str, float]) -> Process:
+    """Return a process of known sizes, with how well it explains the samples."""
+    line, rest, typical = _about_line(samples)
+    free = TREND * typical**2
+    inverse: Array = np.linalg.inv(_covariance(samples, kind, sizes, free)).astype(np.float64)
+    score = _Search(_thinned(samples, rest), kind, typical).cost(sizes)
+    count = len(sizes) + (kind.joint is not None)
+    score += 0.5 * log(len(samples.places)) * count  # Schwarz's: what is added must be worth it
+    return Process(kind, samples, sizes, score, line, free, inverse, inverse @ rest)
+
+
+def _about_line(samples: Samples) -> tuple[Array, Array, float]:
+    """Return the straight line through the samples, what it leaves of them, and how large that is."""
     middle = samples.places.mean()
     design = np.column_stack((np.ones_like(samples.places), samples.places - middle))
     line, *_ = np.linalg.lstsq(design, samples.values, rcond=None)
     rest = samples.values - design @ line
     typical = max(float(rest.std()), float(np.sqrt(samples.variance.mean())), 1e-12 * samples.span)
-    search = _Search(_thinned(samples, rest), kind, typical)
-    starts = [dict(start)] if start else []
-    lengths = (samples.span / 3, samples.span / 8, samples.gap * 1.5)
-    starts += [search.usual(length) for length in (lengths[:1] if start else lengths)]
-    best, sizes = min((search.climb(each) for each in starts), key=lambda found: found[0])
-    free = TREND * typical**2
-    inverse: Array = np.linalg.inv(_covariance(samples, kind, sizes, free)).astype(np.float64)
-    cost = 0.5 * log(len(samples.places)) * len(sizes)  # Schwarz's: what is added must be worth it
-    return Process(kind, samples, sizes, best + cost, line, free, inverse, inverse @ rest)
+    return line, rest, typical
+
+
+def jointed(samples: Samples, smooth: Sequence[Process]) -> list[Process]:
+    """Return what explains the samples with a joint, one for each place where it may be, or nothing.
+
+    Where the slope changes at one place, a smooth curve goes round the corner and misses its neighbours. The
+    place is looked for where a change of slope explains most of what is left, twice, with the sizes of the
+    smooth part found anew beside it; all places at which it is likely stay, each for itself.
+    """
+    best = min(smooth, key=lambda each: each.score)
+    places = _between(samples)
+    found: dict[float, Process] = {}
+    process = best
+    for _ in range(JOINT_ROUNDS):
+        at = max(places, key=lambda place: _gain(process, place))
+        order = ANALYTIC if process is best else process.kind.order
+        tried = [
+            fitted(samples, Kind(each, best.kind.has_short, joint=at), best.sizes) for each in {order, 1.5}
+        ]
+        process = min(tried, key=lambda each: each.score)
+        found[at] = process
+    chosen = min(found.values(), key=lambda each: each.score)
+    if chosen.score + log(len(places)) > best.score - JOINT_WORTH:
+        return []
+    wide = samples.gap / JOINT_PARTS
+    near = _likely(chosen, [chosen.kind.joint or 0.0], _between(samples, JOINT_PARTS))
+    if len(near) < JOINT_PARTS:
+        around = [each.kind.joint or 0.0 for each in near]
+        finer = np.arange(min(around) - wide, max(around) + wide, wide / JOINT_PARTS).tolist()
+        near = _likely(chosen, around, finer)
+    near = near[:: ceil(len(near) / MOST_JOINTS)]
+    least = min(each.score for each in near)
+    # One joint, which is at one of these places: together they are as likely as it.
+    share = log(sum(np.exp(least - each.score) for each in near)) - (least - chosen.score)
+    return [replace(each, score=each.score + max(share, 0.0) + log(len(places))) for each in near]
+
+
+def _likely(process: Process, known: list[float], places: list[float]) -> list[Process]:
+    """Return the same curve with its joint at each of these places at which it is likely."""
+    bare = _moved(process, None)
+    gains = {place: _gain(bare, place) / 2 for place in {*known, *places}}
+    most = max(gains.values())
+    # What a change of slope gains costs little to find, and differs little from the likelihood itself.
+    worth = {place for place, gain in gains.items() if gain > most - 2 * JOINT_WORTH}
+    found = [_moved(process, place) for place in sorted({*known, *worth})]
+    least = min(each.score for each in found)
+    return [each for each in found if each.score < least + JOINT_WORTH]
+
+
+def _between(samples: Samples, parts: int = 3) -> list[float]:
+    """Return places between the inner samples: a change of slope beyond them nothing shows."""
+    inner = samples.places[1:-1]
+    shares = (np.arange(parts) + 0.5) / parts
+    result: list[float] = (inner[:-1, None] + shares * np.diff(inner)[:, None]).ravel().tolist()
+    return result
+
+
+def _gain(process: Process, place: float) -> float:
+    """Return by how much a change of slope at a place would explain the samples better."""
+    corner = np.maximum(process.samples.places - place, 0.0)
+    whitened = process._inverse @ corner  # noqa: SLF001 - a function of this module
+    return float((process._weights @ corner) ** 2 / (corner @ whitened))  # noqa: SLF001
+
+
+def _moved(process: Process, place: float | None) -> Process:
+    """Return the same curve with its joint elsewhere, or without."""
+    return _with_sizes(process.samples, replace(process.kind, joint=place), process.sizes)
 
 
 def _thinned(samples: Samples, rest: Array) -> Samples:
@@ -238,7 +330,7 @@ class _Search:
     def climb(self, start: Mapping[str, float]) -> tuple[float, dict[str, float]]:
         """Walk along one size after the other, with steps that shrink where they do not help."""
         sizes = {name: self._inside(name, start.get(name, size)) for name, size in self.usual(1.0).items()}
-        best = self._cost(sizes)
+        best = self.cost(sizes)
         steps = dict.fromkeys(sizes, _FIRST)
         for _ in range(_ROUNDS):
             if max(steps.values()) <= _FINEST:
@@ -248,7 +340,7 @@ class _Search:
                     continue
                 for sign in (1, -1):
                     moved = {**sizes, name: self._inside(name, sizes[name] + sign * steps[name])}
-                    cost = self._cost(moved)
+                    cost = self.cost(moved)
                     if cost < best - 1e-9:
                         best, sizes = cost, moved
                         steps[name] = min(steps[name] * 1.3, 1.5)
@@ -261,7 +353,7 @@ class _Search:
         low, high = self._bounds[name]
         return min(max(size, low), high)
 
-    def _cost(self, sizes: Mapping[str, float]) -> float:
+    def cost(self, sizes: Mapping[str, float]) -> float:
         """Return the negative logarithm of the likelihood, with weak beliefs about the sizes of screws."""
         covariance = _covariance(self._samples, self._kind, sizes, self._free)
         try:
@@ -291,8 +383,8 @@ def _belief(size: float, around: float, spread: float) -> float:
 
 def _covariance(samples: Samples, kind: Kind, sizes: Mapping[str, float], free: float) -> Array:
     places = samples.places
-    unit = _unit(samples, places)
-    covariance = _kernel(kind, sizes, places[:, None] - places[None, :]) + free * (1.0 + np.outer(unit, unit))
+    trend = _trend(samples, kind, places)
+    covariance = _kernel(kind, sizes, places[:, None] - places[None, :]) + free * (trend @ trend.T)
     short = np.exp(2 * sizes[_SHORT]) if kind.has_short else 0.0
     # A share that nothing measures keeps the sums solvable where readings have no scatter.
     covariance[np.diag_indices(len(places))] += _noise_variance(samples, sizes) + short + 3e-12 * free
@@ -344,6 +436,16 @@ def _random_waves(at: Array, waves: Array, count: int, random: np.random.Generat
     curves += np.sin(phase) @ random.standard_normal(shape)
     curves /= len(waves) ** 0.5
     return curves
+
+
+def _trend(samples: Samples, kind: Kind, at: Array) -> Array:
+    """Return what is free to be as large as it likes, a column each: offset, slope, and its change."""
+    unit = _unit(samples, at)
+    columns = [np.ones_like(at), unit]
+    if kind.joint is not None:
+        columns.append(np.maximum(unit - _unit(samples, np.array([kind.joint]))[0], 0.0))
+    result: Array = np.column_stack(columns)
+    return result
 
 
 def _unit(samples: Samples, at: Array) -> Array:

@@ -18,7 +18,7 @@ from gateway.metrology.lookup import correction_at
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import APPROACHES, Survey
 from gateway.metrology.residue import predicted_residue
-from gateway.metrology.shapes import Fit
+from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.smooth import Change
 
 if TYPE_CHECKING:
@@ -50,9 +50,9 @@ class Refined:
     table: CorrectionTable
     change: Change
     notes: tuple[str, ...]
-    left_out_before: float | None = None
+    left_out_before: LeftOut | None = None
     """E that the old table leaves between the targets, in the units of the readings; None: not known."""
-    left_out: float | None = None
+    left_out: LeftOut | None = None
     """The same of the new one."""
 
     @property
@@ -132,8 +132,8 @@ def refine_table(
     notes.extend(said)
     before = after = None
     if screw is not None:
-        before, after = screw.leaves(_less(old, old)), screw.leaves(_less(new, old))
-        if after > DONE * before:
+        before, after = screw.left_out(_less(old, old)), screw.left_out(_less(new, old))
+        if after.e > DONE * before.e:
             notes.append(
                 "another round of readings at such targets brings nothing: what is left is the scatter of "
                 "the readings, or shorter than the distance of the targets: tell the lead (--lead), or "

@@ -18,15 +18,23 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period, shown_by
-from gateway.metrology.process import KERNELS, ROUGH, Array, Kind, Process, Samples, fitted
+from gateway.metrology.process import KERNELS, ROUGH, Array, Kind, Process, Samples, fitted, jointed
 from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
-from gateway.metrology.shapes import Shape
+from gateway.metrology.shapes import LeftOut, Shape
 
 LEAST_TARGETS: Final = 5
 """Fewer targets say nothing about what lies between them."""
 MOST_TARGETS: Final = 2000
 """More make sums that take minutes; so many lie so near that lines between them lose nothing."""
+LEAST_JOINTED: Final = 9
+"""Through fewer targets a corner is a bend like any other."""
+MOST_JOINTED: Final = 500
+"""More lie so near that a corner between two of them is nothing, and looking for it takes minutes."""
 DRAWS: Final = 64
+QUANTILES: Final = (0.05, 0.5, 0.95)
+"""Of the draws: between the outer two lie nine of ten."""
+LEAST_SPREAD: Final = 1.5
+"""By so much at least the bounds lie from the middle: the draws know nothing of kinds that were not tried."""
 PLACES: Final = 2000
 MOST_PLACES: Final = 8000
 PLACES_A_PERIOD: Final = 16
@@ -156,9 +164,13 @@ class Screw:
         return float(np.sqrt(np.mean(np.square(errors))))
 
     def leaves(self, table: CorrectionTable) -> float:
+        """Return E of what a table leaves everywhere from the first target to the last, as likely more."""
+        return self.left_out(table).e
+
+    def left_out(self, table: CorrectionTable) -> LeftOut:
         """Return E of what a table leaves everywhere between the first and the last target.
 
-        The median of E over curves that the readings allow, each taken whole: with both directions, and
+        Quantiles of E over curves that the readings allow, each taken whole: with both directions, and
         with the corrections at the places to which the table sends the drive.
         """
         here = table.in_units(self.units)
@@ -171,7 +183,8 @@ class Screw:
             ways = [0] if any(value is not None for value in self.means.forward) else [1]
         drawn = (self._forward, self._backward)
         left = np.vstack([added[way][:, None] - _at(drawn[way], self._places, added[way]) for way in ways])
-        return float(np.median(left.max(axis=0) - left.min(axis=0)))
+        low, middle, high = np.quantile(left.max(axis=0) - left.min(axis=0), QUANTILES).tolist()
+        return LeftOut(middle, min(low, middle / LEAST_SPREAD), max(high, middle * LEAST_SPREAD))
 
 
 def _at(curves: Array, places: Array, moved: Array) -> Array:
@@ -226,25 +239,28 @@ def _counts(readings: Sequence[Reading]) -> dict[tuple[float, Direction], int]:
 
 
 def _scatter(readings: Sequence[Reading]) -> float | None:
-    """Standard deviation of one reading among its runs, without what a whole run is shifted by."""
+    """Standard deviation of one reading among its runs, without what a whole run is shifted and longer by."""
     groups: dict[tuple[float, Direction], list[Reading]] = {}
     for each in readings:
         groups.setdefault((each.target, each.direction), []).append(each)
-    runs: dict[tuple[int, Direction], list[float]] = {}
-    rests: list[tuple[tuple[int, Direction], float]] = []
-    for group in groups.values():
-        if len(group) < 2:
-            continue
+    several = [group for group in groups.values() if len(group) >= 2]
+    runs: dict[tuple[int, Direction], list[tuple[float, float]]] = {}
+    for group in several:
         mean = fmean(each.deviation for each in group)
         for each in group:
-            runs.setdefault((each.run, each.direction), []).append(each.deviation - mean)
-            rests.append(((each.run, each.direction), each.deviation - mean))
-    shifts = {run: fmean(values) for run, values in runs.items() if len(values) >= LEAST_TARGETS}
-    several = sum(len(group) >= 2 for group in groups.values())
-    free = len(rests) - several - max(len(shifts) - 2, 0)
+            runs.setdefault((each.run, each.direction), []).append((each.target, each.deviation - mean))
+    left, lines = 0.0, 0
+    for rests in runs.values():
+        places, values = (np.array(column) for column in zip(*rests, strict=True))
+        if len(rests) >= LEAST_TARGETS:
+            values = values - np.polyval(np.polyfit(places, values, 1), places)
+            lines += 1
+        left += float(values @ values)
+    # The lines of all runs of a direction sum up to nothing, as their rests do.
+    free = sum(map(len, several)) - len(several) - 2 * max(lines - 2, 0)
     if free < LEAST_TARGETS:
         return None
-    return float((sum((rest - shifts.get(run, 0.0)) ** 2 for run, rest in rests) / free) ** 0.5)
+    return float((left / free) ** 0.5)
 
 
 def _reversal(
@@ -315,10 +331,12 @@ def _middle(
 def _fit_all(samples: Samples, periods: tuple[float, ...], *, has_scatter: bool) -> list[Process]:
     shorts = (False, True) if has_scatter or samples.noise_spread < inf else (False,)
     smooth = [fitted(samples, Kind(order, short)) for order in KERNELS for short in shorts]
+    if LEAST_JOINTED <= len(samples.places) <= MOST_JOINTED:
+        smooth += jointed(samples, smooth)
     if not periods:
         return smooth
     orders = [order for order in KERNELS if order != ROUGH]
-    known = {(each.kind.order, each.kind.has_short): each.sizes for each in smooth}
+    known = {(each.kind.order, each.kind.has_short): each.sizes for each in smooth if each.kind.joint is None}
     several = len(samples.places) >= 3 * (3 + 2 * len(periods))
     repeating = [
         fitted(samples, Kind(order, short, periods, changes), _usual(known[order, short], samples))

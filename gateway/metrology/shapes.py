@@ -1,6 +1,7 @@
 """What a table can follow, and what of it is wanted."""
 
 from enum import Enum
+from typing import NamedTuple
 
 
 class Shape(Enum):
@@ -21,6 +22,18 @@ class Shape(Enum):
             Shape.SMOOTH: "a smooth curve",
             Shape.HARMONICS: "a smooth curve with harmonics of the lead",
         }[self]
+
+
+class LeftOut(NamedTuple):
+    """E that a table leaves between the targets, predicted by leaving out, in the units of the readings.
+
+    Of the curves that the readings allow half leave more than ``e``, and nine of ten between ``low`` and
+    ``high``.
+    """
+
+    e: float
+    low: float
+    high: float
 
 
 class Fit(Enum):

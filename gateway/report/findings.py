@@ -145,8 +145,11 @@ def between(found: Findings) -> str:
     left_out = found.story.left_out
     if left_out is None or not found.story.is_predicted:
         return ""
-    left = found.scale.rounded(left_out)
-    return f" Between the targets it is predicted to leave a systematic deviation E of {left}."
+    left, low, high = (found.scale.rounded(each) for each in (left_out.e, left_out.low, left_out.high))
+    return (
+        f" Between the targets it is predicted to leave a systematic deviation E of {left}, in nine of ten "
+        f"cases between {low} and {high}."
+    )
 
 
 def _is(found: Findings) -> str:

@@ -64,9 +64,12 @@ def _between_row(found: Findings, columns: int) -> str:
     left_out = found.story.left_out
     if left_out is None or not found.story.is_predicted or columns < 2:
         return ""
-    value = number(found.scale.of(left_out), ISO_PLACES)
+    value, low, high = (
+        number(found.scale.of(each), ISO_PLACES) for each in (left_out.e, left_out.low, left_out.high)
+    )
     return (
-        '<tr class="total"><th scope="row"><b>E</b> between the targets, predicted by leaving out</th>'
+        '<tr class="total"><th scope="row"><b>E</b> between the targets, predicted by leaving out '
+        f"(nine of ten cases: {low} to {high})</th>"
         f"<td>{NONE}</td><td>{value}</td><td>{NONE}</td></tr>\n"
     )
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.metrology.readings import Survey
+from gateway.metrology.shapes import LeftOut
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +24,7 @@ class AxisStory:
     after: Survey | None = None
     is_predicted: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)
-    left_out: float | None = None
+    left_out: LeftOut | None = None
     """E that ``after``, where it is predicted, is predicted to have between the targets; None: not known."""
     notes: tuple[str, ...] = ()
     """What a reader has to know: outliers that were named, points that were estimated, losses."""

@@ -43,7 +43,12 @@ def test_the_lead_takes_the_turn_out_and_text_and_json_say_what_is_left(
     # What is left at the targets is less than what is left between them.
     assert 0 < data["predicted"]["e_um"] < left_out < 4
     said = run("build", readings, out, "--to", "csv", "--lead", 5, "--force").stdout
-    assert f"between its points the table will leave E = {left_out:.2f} µm" in said
+    low, high = (data["predicted"][f"left_out_e_{bound}_um"] for bound in ("low", "high"))
+    assert low < left_out < high
+    assert (
+        f"between its points the table will leave E = {left_out:.2f} µm (predicted by leaving out; " in said
+    )
+    assert f"{low:.2f} µm to {high:.2f} µm in nine of ten cases)" in said
 
 
 def test_the_lead_may_stand_in_the_readings(tmp_path: Path, screw: screws.Screw) -> None:
@@ -66,6 +71,8 @@ def test_evaluate_and_its_report_say_the_same_of_the_table(readings: Path, tmp_p
     text = page.read_text()
     assert f"<td>{left_out:.2f}</td>" in text
     assert "Between the targets it is predicted to leave a systematic deviation E of" in text
+    assert "in nine of ten cases between" in text
+    assert judged["after"]["left_out_e_high_um"] > left_out
 
 
 def test_an_even_grid_on_whole_turns_is_warned_of_with_what_to_measure(
@@ -103,6 +110,7 @@ def test_refine_says_when_another_round_brings_nothing(
     data = good("refine", table, again, tmp_path / "better.csv")
     assert any("another round of readings at such targets brings nothing" in note for note in data["notes"])
     assert data["left_out_e_um"] > 0.8 * data["left_out_e_before_um"]
+    assert data["left_out_e_low_before_um"] < data["left_out_e_before_um"] < data["left_out_e_high_before_um"]
     told = good("refine", table, again, tmp_path / "best.csv", "--lead", 5)
     # The turn of 3 µm goes: that is 6 µm of E.
     assert told["left_out_e_um"] < data["left_out_e_um"] - 4

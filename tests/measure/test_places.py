@@ -1,11 +1,20 @@
 """Where ``measure`` writes: checked before anything moves, and never over readings."""
 
+from math import sin
 from pathlib import Path
 
 import pytest
 
 from gateway.cli.measuring.errors import FileError
-from gateway.cli.measuring.outcome import check_places, outcome_of, survey_before, write_report, write_table
+from gateway.cli.measuring.outcome import (
+    check_places,
+    json_of,
+    outcome_of,
+    show,
+    survey_before,
+    write_report,
+    write_table,
+)
 from gateway.compensation.direction import Direction
 from gateway.metrology.readings import Reading, Survey
 from tests.measure.test_new_tables import READINGS, configured
@@ -73,3 +82,30 @@ def test_a_report_shows_the_table_that_was_in_use_and_not_the_next_one(tmp_path:
     )
     assert found.table.backward[-1] == pytest.approx(-0.015)
     assert outcome_of(READINGS, axis, is_active=False).active is None
+
+
+@pytest.mark.parametrize(
+    ("is_active", "said"),
+    [
+        (False, "Between the targets it is predicted to leave a systematic deviation E of"),
+        (True, "the next table, made of these readings, will leave between its points E = "),
+    ],
+)
+def test_text_json_and_report_say_what_the_new_table_leaves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], said: str, *, is_active: bool
+) -> None:
+    _, axis = configured(tmp_path, "")
+    readings = [
+        Reading(target, way, target + 0.003 * sin(target / 9) + (run - 2) * 0.0003, run)
+        for run in (1, 2, 3)
+        for way in (Direction.FORWARD, Direction.BACKWARD)
+        for target in (0.0, 9.0, 22.0, 30.0, 41.0, 49.0, 60.0, 73.0, 80.0, 91.0, 100.0)
+    ]
+    found = outcome_of(Survey(tuple(readings), READINGS.units, "x"), axis, is_active=is_active)
+    predicted = json_of(found)["predicted"]
+    assert predicted["left_out_e_low_um"] < predicted["left_out_e_um"] < predicted["left_out_e_high_um"]
+    show(found)
+    assert f"will leave E = {predicted['left_out_e_um']:.2f} µm (predicted" in capsys.readouterr().out
+    report = tmp_path / "x.html"
+    write_report(found, report, "x", None, force=False)
+    assert said in report.read_text()

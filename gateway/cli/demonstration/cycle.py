@@ -18,6 +18,7 @@ from gateway.metrology.build import HomeReference
 from gateway.metrology.cycle import Stop, bidirectional_cycle
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
+from gateway.metrology.shapes import Fit
 from gateway.relay.gateway import Relay
 from gateway.simulator.clock import scaled_clock
 from gateway.simulator.controller import Arrival, AxisController
@@ -151,7 +152,8 @@ class _Round:
         await self._survey(Phase.MEASURING, station, view.before, show)
         home = HomeReference(0.0, axis.spec.home_direction)
         survey = Survey(tuple(view.before), axis.spec.units)
-        view.table = build_from(survey, Recipe(home=home, step=axis.spec.step)).table
+        recipe = Recipe(home=home, step=axis.spec.step, fit=Fit.AUTO)
+        view.table = (await asyncio.to_thread(build_from, survey, recipe)).table
 
     async def measure_with(self, station: _Station) -> None:
         """Read the laser at the same targets with the correction in force. The laser keeps its zero."""

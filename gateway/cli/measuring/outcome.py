@@ -1,14 +1,20 @@
 """What becomes of the readings of a whole run: results of ISO 230-2, a table, what changes, a report."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, Final
 
 import typer
 
-from gateway.cli.evaluation_output import left_out_line, results_json, results_text
+from gateway.cli.evaluation_output import (
+    left_out_json,
+    left_out_line,
+    left_out_text,
+    results_json,
+    results_text,
+)
 from gateway.cli.measuring.errors import FileError, MeasureError
 from gateway.cli.table_writing import reader_lines, write
 from gateway.compensation.backlash import with_backlash
@@ -31,8 +37,9 @@ from gateway.metrology.lead import Period
 from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Built, Recipe, build_from
 from gateway.metrology.refine import Refined, refine_table
+from gateway.metrology.residue import predicted_residue
 from gateway.metrology.scale import scale_of
-from gateway.metrology.shapes import Fit
+from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.whole import notes_of
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 
@@ -62,7 +69,7 @@ class Outcome:
     notes: tuple[str, ...] = field(default=())
     active: CorrectionTable | None = None
     """The table in use while it was measured, with the backlash beside it; None where none was."""
-    left_out: float | None = None
+    left_out: LeftOut | None = None
     """E that the new table will leave between the targets, predicted by leaving out; None: not known."""
 
 
@@ -103,7 +110,7 @@ def outcome_of(
         else:
             recipe = Recipe(home=_home(axis, survey), fit=Fit.AUTO, periods=periods, accepts=accepts)
             built = done = build_from(survey, recipe)
-            left_out = None if built.screw is None else built.screw.leaves(built.table)
+            left_out = None if built.screw is None else built.screw.left_out(built.table)
     except (ReadingsError, TableError) as error:
         raise MeasureError(str(error)) from None
     change = None if active is None else largest_change(active, done.table, axis)
@@ -153,12 +160,10 @@ def show(outcome: Outcome) -> None:
 def json_of(outcome: Outcome) -> dict[str, Any]:
     """Return the results for a program, in units of the axis."""
     table, change = outcome.table, outcome.change
-    small = small_unit(outcome.survey.units)
-    left_out = None if outcome.left_out is None else outcome.left_out * small.factor
     return {
         "units": outcome.survey.units.value,
         "results": results_json(outcome.evaluation),
-        "predicted": {f"left_out_e_{small.key}": left_out},
+        "predicted": left_out_json(outcome.survey.units, outcome.left_out),
         "table": {
             "positions": list(table.positions),
             "forward": list(table.forward),
@@ -314,6 +319,14 @@ def survey_before(path: Path, axis: AxisPlan) -> Survey:
     return survey
 
 
+def _told(outcome: Outcome) -> tuple[str, ...]:
+    """Return what the report has to say beside its figures: of a refined table there are none in it."""
+    if not outcome.is_refined or outcome.left_out is None:
+        return outcome.notes
+    left = left_out_text(small_unit(outcome.survey.units), outcome.left_out)
+    return (*outcome.notes, f"the next table, made of these readings, will leave between its points {left}")
+
+
 def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:
     """Write the report; ``before`` are readings of an earlier run, without a table. Raises FileError."""
     from gateway.report.errors import ReportError
@@ -321,16 +334,13 @@ def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None,
     from gateway.report.writing import write_report as write_file
 
     survey = outcome.survey
-    story = AxisStory(
-        axis=axis,
-        units=survey.units,
+    if outcome.is_refined:
         # beside readings with a table stands that table, not the better one that was made of them
-        table=outcome.active if outcome.is_refined else outcome.table,
-        before=before if outcome.is_refined else survey,
-        after=survey if outcome.is_refined else None,
-        facts=survey.facts,
-        notes=outcome.notes,
-    )
+        story = AxisStory(axis, survey.units, outcome.active, before, survey)
+    else:
+        after = predicted_residue(survey, outcome.table)
+        story = AxisStory(axis, survey.units, outcome.table, survey, after, is_predicted=True)
+    story = replace(story, facts=survey.facts, left_out=outcome.left_out, notes=_told(outcome))
     report = Report(f"Axis {axis}", (story,), survey.facts.get("measured", ""))
     try:
         write_file(report, path, force=force)
