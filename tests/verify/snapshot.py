@@ -158,10 +158,11 @@ class Snapshot(NamedTuple):
 
 
 def names_of(kind: type) -> tuple[str, ...]:
-    """Return the names of the slots of a class and of those that it stands on."""
-    found: dict[str, None] = {}
+    """Return the names of the slots of a class and of those that it stands on; compiled, of its fields."""
+    found: dict[str, None] = dict.fromkeys(getattr(kind, "__mypyc_attrs__", ()))
     for each in reversed(kind.__mro__):
         found.update((k, None) for k, v in vars(each).items() if isinstance(v, MemberDescriptorType))
+    found.pop("__dict__", None)
     return tuple(found)
 
 
