@@ -5,10 +5,10 @@ from dataclasses import replace
 from typing import Final
 
 from gateway.drives.motion import MotionPlan, TriggerPlan
-from gateway.exchange.plan import AxisPlan, Reference
+from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import BITS, DEEDS, RUN, RUN_RELATIVE, TRIGGER
-from tests.verify.world import Design
+from tests.verify.world import TICK_MS, Design
 
 Plan = Callable[..., AxisPlan]
 Make = Callable[..., Design]
@@ -17,6 +17,7 @@ HOMES: Final = MotionPlan(
     triggers=(TriggerPlan(TRIGGER, deeds={v: d for v, d in DEEDS.items() if v not in (RUN, RUN_RELATIVE)}),)
 )
 """A drive that goes to each target as it is written, and can be homed."""
+SERIAL: Final = (ControllerPlan("cnc", timeout_ms=float(TICK_MS), serial=True),)
 STEP_OF_5: Final = replace(COMMAND, scale=5.0)
 STEP_OF_2: Final = replace(ACTUAL, scale=2.0)
 STEP_OF_10: Final = replace(ACTUAL, scale=10.0)
@@ -28,7 +29,7 @@ def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[
     return (
         *_registers(small, small_staged, plan, staged),
         *_functions(small, small_staged, plan),
-        *_wires(small, small_staged),
+        *_wires(small, small_staged, plan),
     )
 
 
@@ -172,7 +173,7 @@ def _functions(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...
     )
 
 
-def _wires(small: Make, small_staged: Make) -> tuple[Design, ...]:
+def _wires(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...]:
     """What comes over a serial wire, and does not belong to the request that is out."""
     return (
         small(
@@ -198,6 +199,79 @@ def _wires(small: Make, small_staged: Make) -> tuple[Design, ...]:
             menu=("to", "run"),
             answers=("ack", "before", "before-deaf"),
             happenings=("arrive",),
+            checks_way_back=False,
+        ),
+        small(
+            "b-rtu",
+            "begins at bytes of RTU: half requests, and their tails at any time, bad check sums",
+            menu=("to", "read"),
+            targets=(9007,),
+            happenings=("arrive", "wait", "half", "spoil"),
+            controllers=SERIAL,
+            is_bytes=True,
+            is_rtu=True,
+        ),
+        small(
+            "b-rtu-pairs",
+            "the same: two requests in one read",
+            menu=("to", "read"),
+            targets=(9007,),
+            happenings=("arrive", "pair"),
+            controllers=SERIAL,
+            is_bytes=True,
+            is_rtu=True,
+        ),
+        small(
+            "b-rtu-replies",
+            "the same: replies with bad check sums, and twice in one read",
+            plan(actual=()),
+            menu=("to",),
+            answers=("ack", "spoil", "twice"),
+            targets=(9007,),
+            happenings=("wait",),
+            controllers=SERIAL,
+            is_answered=False,
+            is_bytes=True,
+            is_rtu=True,
+        ),
+        small(
+            "b-rtu-halves",
+            "the same: replies in halves",
+            plan(actual=()),
+            menu=("to", "status"),
+            targets=(9007,),
+            happenings=("wait", "split"),
+            controllers=SERIAL,
+            is_answered=False,
+            is_bytes=True,
+            is_rtu=True,
+        ),
+        small(
+            "b-rtu-late",
+            "the same: late replies of another function, alone and in one read with the right one",
+            plan(actual=()),
+            menu=("to", "status"),
+            targets=(9007,),
+            answers=("ack", "obey"),
+            happenings=("wait", "late", "late_glued"),
+            controllers=SERIAL,
+            late_ticks=2,
+            is_answered=False,
+            is_bytes=True,
+            is_rtu=True,
+            checks_way_back=False,
+        ),
+        small(
+            "b-rtu-late-size",
+            "the same, of another size",
+            menu=("read", "status"),
+            targets=(9007,),
+            happenings=("wait", "late", "late_glued"),
+            controllers=SERIAL,
+            late_ticks=2,
+            is_answered=False,
+            is_bytes=True,
+            is_rtu=True,
             checks_way_back=False,
         ),
     )

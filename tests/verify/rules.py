@@ -810,6 +810,12 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
 
 
+def judge_answered(world: "World", wire: "Wire") -> None:
+    """What the drive has answered has reached its controller (2, W1). Raises BrokenRuleError."""
+    if wire.owner >= 0 and _find(world, wire.owner, wire.transaction_id) is not None:
+        raise BrokenRuleError(f"the drive has answered, and nobody is told: {wire.pdu.hex(' ')} (2, W1)")
+
+
 def _judge_form(world: "World", request: bytes, reply: bytes) -> None:
     """What is acknowledged is so in the form in which it was asked, with its own words (W4, M1)."""
     if "garble" in world.design.answers or world.design.answers_before or request[0] in (3, BOTH):

@@ -98,6 +98,7 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "block_code": lambda each: each.block.value != "none",
     "_drained_at_last_ns": lambda each: each.is_draining,
     "_steady_map": lambda each: each.is_steady,
+    "_last_byte_ns": lambda each: each._buffer,
 }
 """Attributes that count only while something else holds; else they are taken for nothing."""
 ONLY_OF_A_RECORD: Final = ("_way",)

@@ -315,6 +315,10 @@ class State(NamedTuple):
     """The unit id and the rest of a reply of which a part has come."""
     owed: tuple[tuple[str, str], ...] = ()
     """Axis and event that is told with the next answer."""
+    is_cut_off: bool = False
+    """A silence has come into the middle of that reply."""
+    is_misled: bool = False
+    """A reply of another size has come for the frame on the wire, which may be that of another one."""
     before: bytes = b""
     """What the drive has answered last, where it may say that once more."""
 
@@ -354,6 +358,10 @@ class Design:
     """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
     is_bytes: bool = False
     """It begins at bytes: real ports and decoders of Modbus/TCP (``tests.verify.wires``)."""
+    is_rtu: bool = False
+    """The same of RTU (``tests.verify.wires_rtu``)."""
+    late_ticks: int = DRAIN_TICKS
+    """So long after it was given up a reply may come."""
     is_prompt: bool = True
     """A drive that is told to go has left its place a tick later."""
     most_asked: int = 1
@@ -396,7 +404,7 @@ class Design:
         """Return what stands in the register of a target once a frame is obeyed that writes there."""
         words = bytearray(self.packed(counts))
         at = 2 * (rules.written_at(pdu) - COMMAND.address)
-        data = rules.masked(words[at : at + 2], pdu) if pdu[0] == MASK else rules.words_written(pdu)
+        data = rules.masked(bytes(words[at : at + 2]), pdu) if pdu[0] == MASK else rules.words_written(pdu)
         words[at : at + len(data)] = data
         return self.unpacked(bytes(words))
 
@@ -606,8 +614,12 @@ class World:
             return b"\x06" + address.to_bytes(2, "big") + (data[2:] if name == "high" else data[:2])
         if name == "mask":
             keep, put = self.design.masks[number]
-            address = COMMAND.address.to_bytes(2, "big")
-            return bytes((MASK,)) + address + keep.to_bytes(2, "big") + put.to_bytes(2, "big")
+            return (
+                bytes((MASK,))
+                + COMMAND.address.to_bytes(2, "big")
+                + keep.to_bytes(2, "big")
+                + put.to_bytes(2, "big")
+            )
         if name == "both":
             return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
@@ -1096,13 +1108,17 @@ class World:
             replies, port.replies = port.replies, []
             for transaction_id, pdu in replies:
                 rules.judge_reply(self, number, transaction_id, pdu, answered)
+        if answered is not None:
+            rules.judge_answered(self, answered)
         frames, first.link.sent = first.link.sent, []
         for unit_id, pdu in frames:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
             wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
             rules.judge_phase(self, wire)
-            late = None if self.design.is_serial else self.state.late
+            late = self.state.late
+            if self.design.is_serial and (self.design.late_ticks == DRAIN_TICKS or not _is_done(late)):
+                late = None
             self.state = self.state._replace(wire=wire, late=late)
             facts.left(self, wire)
         if not frames and answered is not None:
@@ -1119,7 +1135,7 @@ class World:
             facts.unanswered(self, wire)
             rules.note_silence(self, wire)
             late = (
-                wire._replace(ticks_left=DRAIN_TICKS)
+                wire._replace(ticks_left=self.design.late_ticks)
                 if not self.state.split and "late" in self.design.happenings
                 else None
             )
@@ -1165,6 +1181,11 @@ class World:
     def is_quiet(self) -> bool:
         """Whether nothing is asked and nothing is on the wire."""
         return self.state.wire is None and not any(self.state.asked)
+
+
+def _is_done(late: Wire | None) -> bool:
+    """Whether nothing but its reply is left of a frame: a drive does one after the other."""
+    return late is not None and (late.is_obeyed or late.pdu[0] == 3)
 
 
 def _tell_nobody(_event: Event) -> None:
