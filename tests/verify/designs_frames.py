@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from gateway.compensation.settings import ThermalSettings
 from gateway.drives.motion import MotionPlan, TriggerPlan
-from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
+from gateway.exchange.plan import AxisPlan, ControllerPlan, Late, Reference, Role
 from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import BITS, DEEDS, RUN, RUN_RELATIVE, TRIGGER
 from tests.verify.world import TICK_MS, Design
@@ -17,6 +18,14 @@ HOMES: Final = MotionPlan(
     triggers=(TriggerPlan(TRIGGER, deeds={v: d for v, d in DEEDS.items() if v not in (RUN, RUN_RELATIVE)}),)
 )
 """A drive that goes to each target as it is written, and can be homed."""
+TRAVEL: Final = (-20.0, 40.0)
+WARMING: Final = ThermalSettings(1e-4, rate_per_min=1e9)
+"""A screw whose correction follows at once what its sensor says."""
+HALF_A_TICK_MS: Final = TICK_MS / 2
+WITH_MONITOR: Final = (
+    ControllerPlan("cnc", timeout_ms=float(TICK_MS)),
+    ControllerPlan("hmi", role=Role.MONITOR, timeout_ms=float(TICK_MS)),
+)
 SERIAL: Final = (ControllerPlan("cnc", timeout_ms=float(TICK_MS), serial=True),)
 STEP_OF_5: Final = replace(COMMAND, scale=5.0)
 STEP_OF_2: Final = replace(ACTUAL, scale=2.0)
@@ -30,6 +39,24 @@ def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[
         *_registers(small, small_staged, plan, staged),
         *_functions(small, small_staged, plan),
         *_wires(small, small_staged, plan),
+        *_lines(small, small_staged, plan, staged),
+    )
+
+
+def large(plan: Plan) -> tuple[Design, ...]:
+    """Return those that do not close: how long an exchange took is a number that only decays."""
+    return (
+        Design(
+            "monitor",
+            "a controller that may only read, and waits for a gap",
+            (plan(actual=()),),
+            menu=("to", "back"),
+            answers=("ack",),
+            happenings=("wait",),
+            targets=(9007,),
+            controllers=WITH_MONITOR,
+            is_answered=True,
+        ),
     )
 
 
@@ -273,5 +300,44 @@ def _wires(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...]:
             is_bytes=True,
             is_rtu=True,
             checks_way_back=False,
+        ),
+    )
+
+
+def _lines(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
+    """What else changes a correction, or decides whether a target still leaves."""
+    return (
+        small(
+            "s-warm",
+            "a screw that is warm and cold in turn: its line comes with different targets only",
+            plan(thermal=WARMING, travel=TRAVEL),
+            menu=("to", "read"),
+            targets=(9007,),
+            happenings=("arrive", "wait", "temperature"),
+        ),
+        small(
+            "s-late-forward",
+            "a target that is late, and sent all the same",
+            plan(deadline_ms=HALF_A_TICK_MS, unseen_ms=10_000.0),
+            menu=("to",),
+            answers=("ack", "obey"),
+            targets=(9007,),
+            is_answered=False,
+        ),
+        small_staged(
+            "s-late-reject",
+            "a staged target or its trigger that is late is refused, and blocks its triggers",
+            staged(deadline_ms=HALF_A_TICK_MS, unseen_ms=10_000.0, late=Late.REJECT),
+            menu=("to", "run"),
+            happenings=("wait",),
+            is_answered=False,
+        ),
+        small_staged(
+            "s-monitor-staged",
+            "the same, with triggers that it may not give",
+            menu=("to", "run"),
+            controllers=WITH_MONITOR,
+            happenings=("wait",),
+            judges_blocks=False,
         ),
     )

@@ -7,6 +7,7 @@ reason that the gateway gives aloud: an axis that is flagged unsure, that is not
 from typing import TYPE_CHECKING, Any, Final
 
 from gateway.exchange.events import EventKind
+from gateway.exchange.plan import ControllerPlan, Late, Role
 from gateway.exchange.transaction import Phase
 from gateway.modbus.pdu import is_exception
 from tests.exchange.line_bench import ACTUAL, COMMAND, write
@@ -38,6 +39,7 @@ OLD_TICKS: Final = 3
 PATIENCE_TICKS: Final = 1
 """So long a controller waits for an answer."""
 NO_PATH: Final = 0x0A
+BUSY: Final = 6
 MASK: Final = 0x16
 BOTH: Final = 0x17
 """Writes, and then reads."""
@@ -93,15 +95,17 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
 
     state = world.state
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
-    is_first = True  # all but stops leave in the order in which they came
-    for port, transaction_id in state.order:
-        request = find(world, port, transaction_id)
+    firsts = dict.fromkeys(Role, True)  # all but stops leave in the order in which they came, by role
+    plans = world.design.controllers
+    for port, transaction_id in sorted(state.order, key=lambda each: plans[each[0]].role is Role.MONITOR):
+        request, plan = find(world, port, transaction_id), plans[port]
         is_stopping = is_stop(request.pdu)
-        rights = world.design.controllers[port].rights  # for who has none nothing leaves (W9)
+        rights = plan.rights  # for who has none nothing leaves (W9)
         has_none = rights.is_read_only or (bool(rights.unit_ids) and unit_id not in rights.unit_ids)
-        if request.is_sent or has_none or not (is_stopping or is_first):
+        has_none |= plan.role is Role.MONITOR and request.pdu[0] != 3
+        if request.is_sent or has_none or not (is_stopping or firsts[plan.role]):
             continue
-        is_first &= is_stopping
+        firsts[plan.role] &= is_stopping
         if request.axis == number and _is_frame_of(pdu, request.pdu):
             return _sent(world, port, request, unit_id, pdu)
     if is_stop(pdu) and state.owed_stops:
@@ -122,6 +126,8 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
         world.tally.stop_ticks = max(world.tally.stop_ticks, request.ticks)
         if request.ticks > STOP_TICKS:
             raise BrokenRuleError(f"a stop had to wait for {request.ticks} ticks (2)")
+    elif _is_late(world, request) and world.design.plans[number].late is Late.REJECT:
+        raise BrokenRuleError(f"sent, and it is late: {pdu.hex(' ')} (2)")
     elif request.ticks > PATIENCE_TICKS:
         raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
     moves_or_reads = pdu in RUNS or writes_target(pdu) or (pdu[0] == 3 and (pdu[1] << 8 | pdu[2]) != STATUS)
@@ -148,6 +154,13 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     if aim is not None and pdu not in RUNS:
         _note_tried(world, number, pdu, aim)
     return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
+
+
+def _is_late(world: "World", request: "Asked") -> bool:
+    """Whether a request that moves an axis, or prepares to, has waited longer than its axis allows."""
+    deadline_ns = world.design.plans[request.axis].deadline_ms * facts.MS
+    is_move = request.pdu in RUNS or writes_target(request.pdu)
+    return bool(deadline_ns) and is_move and request.ticks * world.tick_ns > deadline_ns
 
 
 def run_pdu(world: "World", run: "Run | None") -> bytes:
@@ -723,7 +736,8 @@ def judge_waiting(world: "World") -> None:
         return
     for port, transaction_id in state.order:
         request, plan = find(world, port, transaction_id), world.design.controllers[port]
-        if not (plan.serial and (request.is_sent or plan.rights.unit_ids)):
+        waits_for_gap = plan.role is Role.MONITOR and request.ticks <= PATIENCE_TICKS
+        if not (waits_for_gap or (plan.serial and (request.is_sent or plan.rights.unit_ids))):
             raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
 
 
@@ -780,12 +794,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     plan = world.design.controllers[port]
     if is_exception(pdu):
         world.tally.refusals.add(pdu[1])
-        if plan.serial and not is_own and pdu[1] == NO_PATH:
-            raise BrokenRuleError(f"a serial controller is answered {pdu.hex(' ')}: silence says that (W7)")
-        if plan.rights.is_read_only and request.pdu[0] != 3 and pdu[1] != 1:
-            raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
-        if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
-            raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
+        _judge_refusal(world, plan, request, pdu, is_own=is_own)
         if not is_own:
             note_lost(world, port, request)
             if not request.is_sent:
@@ -808,6 +817,24 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
         step_counts = world.design.plans[number].actual[0].scale
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
+
+
+def _judge_refusal(
+    world: "World", plan: ControllerPlan, request: "Asked", pdu: bytes, *, is_own: bool
+) -> None:
+    """An exception has a reason (2). Raises BrokenRuleError."""
+    axis = world.design.plans[request.axis]
+    is_blocked = request.pdu in RUNS and facts.is_own_blocked(world, request.axis)
+    is_late = axis.late is Late.REJECT and (_is_late(world, request) or is_blocked)
+    if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:
+        raise BrokenRuleError(f"refused as late, and it is not: {request.pdu.hex(' ')} (2)")
+    if plan.serial and not is_own and pdu[1] == NO_PATH:
+        raise BrokenRuleError(f"a serial controller is answered {pdu.hex(' ')}: silence says that (W7)")
+    may_write = not (plan.rights.is_read_only or plan.role is Role.MONITOR)
+    if not may_write and request.pdu[0] != 3 and pdu[1] != 1:
+        raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
+    if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
+        raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
 
 
 def judge_answered(world: "World", wire: "Wire") -> None:

@@ -32,8 +32,10 @@ def test_a_tiny_world_closes_and_has_a_way_back_from_everywhere() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["s-down", "s-carry", "s-stored", "s-killed-within", "s-two-units", "b-requests"]
-    + ["s-scaled-halves", "s-both", "b-rtu", "b-rtu-late-size", "b-rtu-pairs"],
+    [
+        *("s-down", "s-carry", "s-stored", "s-killed-within", "s-two-units", "b-requests"),
+        *("s-scaled-halves", "s-both", "s-warm", "b-rtu", "b-rtu-late-size", "b-rtu-pairs"),
+    ],
 )
 def test_a_small_world_closes_and_breaks_no_rule(name: str) -> None:
     outcome = Walk(BY_NAME[name]).breadth_first()

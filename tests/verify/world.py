@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 from gateway.compensation.settings import Gain
 from gateway.exchange.axis.record_layout import BOOT, HEADER, SLOT_SIZE, SLOTS_AT
-from gateway.exchange.control import Declare, SetGain, SetTables, Switch, TableChange
+from gateway.exchange.control import Declare, SetGain, SetTables, SetTemperature, Switch, TableChange
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
@@ -73,6 +73,9 @@ VENDOR: Final = 0x81
 MOST_STORES: Final = 3
 """Stores within one event that a kill may come before."""
 SCREWS: Final = (WORN, REGROUND)
+WARM: Final = 2
+"""Number of the screw that is warm, where the axis follows its temperature."""
+WARMER_K: Final = 20.0
 Bytes = Callable[[bytes], None]
 Happening = tuple[Any, ...]
 
@@ -452,7 +455,11 @@ class World:
         self.design = design
         self.tally = Tally()
         per_mm = design.plans[0].settings.counts_per_unit
-        self.screws: tuple[Screw, ...] = tuple(screw._replace(counts_per_mm=per_mm) for screw in SCREWS)
+        thermal = design.plans[0].thermal
+        warm = () if thermal is None else (WORN.longer(thermal.alpha * WARMER_K),)
+        self.screws: tuple[Screw, ...] = tuple(
+            screw._replace(counts_per_mm=per_mm) for screw in (*SCREWS, *warm)
+        )
         self._dies_at = 0
         self.now_ns = START_NS
         self.told: list[Event] = []
@@ -989,6 +996,16 @@ class World:
             lambda: SetTables(tuple(TableChange(plan.name, table, "", "", "") for plan in self.design.plans))
         )
 
+    def _on_temperature(self) -> None:
+        """The sensor says that the screw is warm, or as cold as its table."""
+        is_warm = self.state.table != WARM
+        self.state = self.state._replace(table=WARM if is_warm else 0)
+        plan = self.design.plans[0]
+        assert plan.thermal is not None
+        celsius = plan.thermal.reference + (WARMER_K if is_warm else 0.0)
+        self._control(lambda: SetTemperature(plan.name, celsius))
+        self._on_wait()  # what counts follows the sensor by the clock
+
     def _on_gain(self) -> None:
         is_half = not self.state.is_gain_half
         self.state = self.state._replace(is_gain_half=is_half)
@@ -1217,7 +1234,9 @@ TRIGGERS: Final = {
     "stored": STORED,
     "strange": STRANGE,
 }
-TAKES_TIME: Final = frozenset({"wait", "arrive", "arrive_undone", "creep", "jog", "reboot", "plug"})
+TAKES_TIME: Final = frozenset(
+    {"wait", "arrive", "arrive_undone", "creep", "jog", "reboot", "plug", "temperature"}
+)
 OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "arrive": lambda axis: axis.goes_counts is not None,
     "arrive_undone": lambda axis: axis.goes_counts is not None,
@@ -1248,6 +1267,7 @@ OF_WORLD: Final[dict[str, Callable[[State], bool]]] = {
     "kill_half": lambda state: True,
     "table": lambda state: True,
     "gain": lambda state: True,
+    "temperature": lambda state: True,
     "switch": lambda state: True,
     "declare": lambda state: True,
 }
