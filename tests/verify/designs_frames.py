@@ -9,7 +9,7 @@ from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Late, Reference, Role
 from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import BITS, DEEDS, RUN, RUN_RELATIVE, TRIGGER
-from tests.verify.world import TICK_MS, Design
+from tests.verify.world import LIMIT, TICK_MS, Design
 
 Plan = Callable[..., AxisPlan]
 Make = Callable[..., Design]
@@ -314,6 +314,23 @@ def _lines(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[D
             menu=("to", "read"),
             targets=(9007,),
             happenings=("arrive", "wait", "temperature"),
+        ),
+        small(
+            "s-limits",
+            "a position that the drive compares its own with: half-way between the branches, whole",
+            plan(limits=(LIMIT,)),
+            menu=("to", "limit", "limit-low", "limit-back"),
+            targets=(9007,),
+            happenings=("arrive", "table"),
+        ),
+        small(
+            "s-limits-refused",
+            "the same, refused",
+            plan(limits=(LIMIT,), actual=()),
+            menu=("to", "limit", "limit-back"),
+            answers=("ack", "refuse"),
+            targets=(9007,),
+            happenings=("table",),
         ),
         small(
             "s-late-forward",

@@ -144,6 +144,8 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     is_completed = is_half and pdu[0] == 16 and is_old
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
+    if pdu[0] in (6, 16) and _limit_hit(pdu):
+        _judge_limit(world, number, pdu)
     aim = _aim(world, port, number, pdu, request)
     axis = world.state.axes[number]
     is_again = aim is not None and axis.run is not None and axis.run.nominal_counts == aim.nominal_counts
@@ -154,6 +156,26 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     if aim is not None and pdu not in RUNS:
         _note_tried(world, number, pdu, aim)
     return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
+
+
+def _limit_hit(pdu: bytes) -> bool:
+    from tests.verify.world import LIMIT
+
+    return written_at(pdu) in (LIMIT.address, LIMIT.address + 1)
+
+
+def _judge_limit(world: "World", number: int, pdu: bytes) -> None:
+    """A limit leaves half-way between the branches, and whole (1, M1). Raises BrokenRuleError."""
+    from tests.verify.world import LIMIT, LIMIT_COUNTS
+
+    state = world.state
+    if world.said(number).compensation in PASSING:
+        return
+    if pdu[0] == 6:
+        raise BrokenRuleError(f"a part of a limit leaves alone: {pdu.hex(' ')} (M1)")
+    half_way, found = sum(world.screws[state.table].corrected(LIMIT_COUNTS)) / 2, LIMIT.unpack(pdu[6:])
+    if abs(found - half_way) > ROUNDING:
+        raise BrokenRuleError(f"limit {LIMIT_COUNTS} becomes {found}: {half_way:.2f} would be right (1)")
 
 
 def _is_late(world: "World", request: "Asked") -> bool:
@@ -291,6 +313,8 @@ def _is_frame_of(frame: bytes, request: bytes) -> bool:
         return True
     if BOTH in (frame[0], request[0]):
         return frame[:10] == request[:10] and len(frame) == len(request)
+    if frame[0] == request[0] == 16 and _limit_hit(request):
+        return frame[:6] == request[:6]
     if frame[0] != 16 or not writes_target(request):
         return False
     return frame[:6] == b"\x10" + COMMAND.address.to_bytes(2, "big") + b"\0\x02\x04"
@@ -653,6 +677,12 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             _judge_untold(world, number, wire.aim, reply)
             _forget(world, number, wire)
         return
+    if _limit_hit(wire.request) and wire.request[0] == 16:
+        from tests.verify.world import LIMIT
+
+        axes = list(world.state.axes)
+        axes[number] = axes[number]._replace(told_limit_counts=int(LIMIT.unpack(wire.request[6:])))
+        world.state = world.state._replace(axes=tuple(axes))
     if writes_target(wire.request):
         beliefs = [list(own) for own in world.state.beliefs]
         for port, own in enumerate(beliefs):
@@ -808,6 +838,12 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         return  # passed on as it is, and no proof of anything (W4)
     if pdu[0] == 3:
         _note_seen(world, answered, pdu)
+    if pdu[0] == 3 and _limit_hit(request.pdu):
+        told = world.state.axes[request.axis].told_limit_counts
+        found = int(COMMAND.unpack(pdu[2:6]))
+        is_passing = world.said(request.axis).compensation in PASSING  # then it reads as it is (M9)
+        if told is not None and found != told and not is_passing:
+            raise BrokenRuleError(f"a limit was written as {told}, and {found} is read back (3, M1)")
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address:
         belief, found = world.state.beliefs[port][request.axis], int(COMMAND.unpack(pdu[2:6]))
         is_known = world.design.is_answered and world.design.is_staged and not belief.lost

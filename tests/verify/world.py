@@ -16,7 +16,7 @@ from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.exchange.ports import Unmeasured
-from gateway.modbus.registers import PositionField
+from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
 from tests.exchange.record_bench import Records
 from tests.exchange.staged_bench import (
@@ -288,6 +288,10 @@ class Axis(NamedTuple):
     tried: Tried | None = None
     """The last target on its way that was not acknowledged."""
     facts: Facts | None = None
+    limit_counts: int = 0
+    """What stands in the register of a position that the drive compares its own with."""
+    told_limit_counts: int | None = None
+    """What its controller has written there; None: that is not known."""
 
 
 class State(NamedTuple):
@@ -631,6 +635,10 @@ class World:
             return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
             return read(REGISTERS[name])
+        if name == "limit":
+            return write(LIMIT, LIMIT_COUNTS)
+        if name == "limit-low":
+            return b"\x06" + LIMIT.address.to_bytes(2, "big") + LIMIT.pack(LIMIT_COUNTS)[:2]
         if name == "status":
             return b"\x03" + STATUS.to_bytes(2, "big") + b"\0\x01"
         if name == "remap":
@@ -1051,6 +1059,10 @@ class World:
             if not self.design.is_staged:
                 self._go(number, target, wire)
             return self.reply_to(wire)
+        if pdu[0] == 16:
+            counts = int(LIMIT.unpack(pdu[6:]))
+            self._set(number, axis._replace(limit_counts=counts, told_limit_counts=None))
+            return self.reply_to(wire)
         if address == TRIGGER:
             self._act(number, pdu[3] << 8 | pdu[4], wire)
             return pdu
@@ -1220,7 +1232,14 @@ TREMBLES_COUNTS: Final = 7
 """Beside its window, and nearer than a correction is long."""
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
-REGISTERS: Final[dict[str, PositionField]] = {"read": ACTUAL, "back": COMMAND, "commanded": COMMANDED}
+LIMIT: Final = PositionField(0x0610, RegisterType.INT32, WordOrder.LOW_FIRST)
+LIMIT_COUNTS: Final = 9507
+REGISTERS: Final[dict[str, PositionField]] = {
+    "read": ACTUAL,
+    "back": COMMAND,
+    "commanded": COMMANDED,
+    "limit-back": LIMIT,
+}
 BEFORE: Final = ("before", "before-deaf")
 """Answers of a drive that says once more what it has said before: it has obeyed, or heard nothing."""
 MODES: Final = {"mode-absolute": 1, "mode-distance": 2}
@@ -1297,6 +1316,7 @@ def _registers(axis: Axis, plan: AxisPlan, address: int, quantity: int) -> bytes
         (plan.command[0], axis.target_counts),
         (plan.actual[0] if plan.actual else ACTUAL, axis.stands_counts),
         (plan.commanded[0] if plan.commanded else COMMANDED, axis.commanded_counts),
+        (LIMIT, axis.limit_counts),
     ):
         data = place.pack(round(counts / place.scale))
         words[place.address], words[place.address + 1] = data[:2], data[2:]
