@@ -164,6 +164,12 @@ def _limit_hit(pdu: bytes) -> bool:
     return written_at(pdu) in (LIMIT.address, LIMIT.address + 1)
 
 
+def _note_limit(world: "World", number: int, told_counts: int | None) -> None:
+    axes = list(world.state.axes)
+    axes[number] = axes[number]._replace(told_limit_counts=told_counts)
+    world.state = world.state._replace(axes=tuple(axes))
+
+
 def _judge_limit(world: "World", number: int, pdu: bytes) -> None:
     """A limit leaves half-way between the branches, and whole (1, M1). Raises BrokenRuleError."""
     from tests.verify.world import LIMIT, LIMIT_COUNTS
@@ -671,6 +677,8 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == wire.unit_id)
     request = _find(world, wire.owner, wire.transaction_id)
     if not _is_native(wire.pdu, reply):
+        if _limit_hit(wire.request):  # an exception does not prove that nothing was written (M7)
+            _note_limit(world, number, None)
         if request is not None:
             note_lost(world, wire.owner, request)
         if wire.aim is not None:
@@ -678,11 +686,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             _forget(world, number, wire)
         return
     if _limit_hit(wire.request) and wire.request[0] == 16:
-        from tests.verify.world import LIMIT
-
-        axes = list(world.state.axes)
-        axes[number] = axes[number]._replace(told_limit_counts=int(LIMIT.unpack(wire.request[6:])))
-        world.state = world.state._replace(axes=tuple(axes))
+        _note_limit(world, number, int(COMMAND.unpack(wire.request[6:])))
     if writes_target(wire.request):
         beliefs = [list(own) for own in world.state.beliefs]
         for port, own in enumerate(beliefs):
