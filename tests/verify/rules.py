@@ -703,8 +703,13 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             means_nothing = wire.aim.state == "unreferenced" and run.state not in PASSING
             is_word = wire.pdu[0] == 6 and writes_target(wire.pdu)  # the gateway may not know the rest of it
             is_told = not (wire.aim.is_lost or means_nothing or is_word)
-            run = run._replace(is_told=is_told, is_acked=is_told)
-            axes[number] = axes[number]._replace(run=run, tried=None)
+            waits = axes[number].next_run
+            if waits is not None:
+                waits = waits._replace(is_told=is_told, is_acked=is_told)
+                axes[number] = axes[number]._replace(next_run=waits, tried=None)
+            else:
+                run = run._replace(is_told=is_told, is_acked=is_told)
+                axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
 
 
@@ -941,7 +946,7 @@ def _judge_reading(world: "World", number: int, read_counts: float, step_counts:
     """``step_counts``: what the register read can tell; a target between its steps reads rounded."""
     axis, said = world.state.axes[number], world.said(number)
     run, stands = axis.run, axis.stands_counts
-    if axis.goes_counts is not None:
+    if axis.goes_counts is not None or axis.next_run is not None:
         return
     is_told = run is not None and run.is_told and stands == run.end_counts
     if world.design.is_stream and (said.compensation in PASSING or not is_told):

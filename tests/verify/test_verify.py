@@ -156,6 +156,19 @@ def test_a_gateway_dies_before_the_store_that_is_chosen_and_what_had_left_is_car
         assert world.state.axes[0].goes_counts == goes_counts
 
 
+def test_a_drive_that_keeps_the_next_target_until_it_is_at_the_one_before_is_seen_to_come_from_there() -> (
+    None
+):
+    """The gateway knows no such drives: it takes the way from where the axis is (docs/verify.md)."""
+    design = replace(BY_NAME["s-status"], targets=(9007, 5003), is_buffered=True)
+    under_way = (TO_0, ACK, ACK)  # to 9172, at 1501
+    with pytest.raises(BrokenRuleError, match="5108, which is on the wrong branch"):
+        play(design, *under_way, TO_1, ACK, ACK)  # by the reading forward, and it comes from 9172
+    arrived = (("arrive", 0), ("ask", 0, "read", 0), ACK, ("ask", 0, "status", 0), ACK)
+    world = play(design, *under_way, *arrived, TO_1, ACK)
+    assert world.state.axes[0].goes_counts == 4888  # backward
+
+
 def test_the_late_rest_of_half_a_request_is_no_request_and_ends_its_connection() -> None:
     half, tail, wait = ("half", 0, "to", 0, 0), ("tail",), ("wait",)
     world = play(BY_NAME["b-requests"], half, wait, tail)

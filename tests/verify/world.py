@@ -292,6 +292,8 @@ class Axis(NamedTuple):
     """What stands in the register of a position that the drive compares its own with."""
     told_limit_counts: int | None = None
     """What its controller has written there; None: that is not known."""
+    next_run: Run | None = None
+    """Where it goes as soon as it has come where it goes."""
 
 
 class State(NamedTuple):
@@ -365,6 +367,8 @@ class Design:
     """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
     is_bytes: bool = False
     """It begins at bytes: real ports and decoders of Modbus/TCP (``tests.verify.wires``)."""
+    is_buffered: bool = False
+    """The drive keeps a target that comes while it goes to another one, and goes there afterwards."""
     is_rtu: bool = False
     """The same of RTU (``tests.verify.wires_rtu``)."""
     late_ticks: int = DRAIN_TICKS
@@ -1105,6 +1109,13 @@ class World:
 
     def _go(self, number: int, end: int, wire: Wire) -> None:
         axis = self.state.axes[number]
+        if self.design.is_buffered and axis.goes_counts is not None:
+            self._set(number, axis._replace(stands_counts=axis.goes_counts, goes_counts=None))
+            assert wire.aim is not None
+            aim = wire.aim._replace(from_counts=axis.goes_counts, arrived=axis.run)
+            run = rules.judge_motion(self, number, end, wire._replace(aim=aim))
+            self._set(number, axis._replace(next_run=run))
+            return
         run = rules.judge_motion(self, number, end, wire)
         is_there = end == axis.stands_counts
         self._set(
@@ -1298,6 +1309,9 @@ def _can(name: str, axis: Axis) -> bool:
 
 def _older(axis: Axis, design: Design) -> Axis:
     """Let a tick pass: a drive that has begun to move lets done fall, and is on its way if it is prompt."""
+    if axis.goes_counts is None and axis.next_run is not None:
+        run = axis.next_run
+        return axis._replace(goes_counts=run.end_counts, run=run, next_run=None, ticks=0, is_fresh=False)
     if axis.goes_counts is None:
         return axis
     ticks = min(axis.ticks + 1, DONE_DROP_TICKS)
