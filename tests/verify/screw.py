@@ -26,6 +26,13 @@ class Screw(NamedTuple):
         )
         return self._replace(forward_mm=tuple(forward), backward_mm=tuple(backward))
 
+    def beside(self, offset_mm: float) -> "Screw":
+        """Return it where so much more has to be added everywhere."""
+        forward, backward = (
+            tuple(each + offset_mm for each in values) for values in (self.forward_mm, self.backward_mm)
+        )
+        return self._replace(forward_mm=forward, backward_mm=backward)
+
     def table(self) -> CorrectionTable:
         """The same as the gateway has it."""
         return make_table(list(self.positions_mm), list(self.forward_mm), list(self.backward_mm), Units.MM)

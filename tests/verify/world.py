@@ -74,7 +74,7 @@ MOST_STORES: Final = 3
 """Stores within one event that a kill may come before."""
 SCREWS: Final = (WORN, REGROUND)
 WARM: Final = 2
-"""Number of the screw that is warm, where the axis follows its temperature."""
+"""Number of the screw that is warm, or beside which another axis stands, where the axis has such a term."""
 WARMER_K: Final = 20.0
 Bytes = Callable[[bytes], None]
 Happening = tuple[Any, ...]
@@ -465,6 +465,8 @@ class World:
         per_mm = design.plans[0].settings.counts_per_unit
         thermal = design.plans[0].thermal
         warm = () if thermal is None else (WORN.longer(thermal.alpha * WARMER_K),)
+        for cross in design.plans[0].cross:  # a straight line: so much at the target of the other axis
+            warm = (WORN.beside(design.targets[0] / per_mm * cross.corrections[1] / cross.positions[1]),)
         self.screws: tuple[Screw, ...] = tuple(
             screw._replace(counts_per_mm=per_mm) for screw in (*SCREWS, *warm)
         )
