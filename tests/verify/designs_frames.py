@@ -9,7 +9,8 @@ from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Late, Reference, Role
 from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import BITS, DEEDS, RUN, RUN_RELATIVE, TRIGGER
-from tests.verify.world import LIMIT, TICK_MS, Design
+from tests.verify.rules import LIMIT
+from tests.verify.world import TICK_MS, Design
 
 Plan = Callable[..., AxisPlan]
 Make = Callable[..., Design]

@@ -10,6 +10,7 @@ from gateway.exchange.events import EventKind
 from gateway.exchange.plan import ControllerPlan, Late, Role
 from gateway.exchange.transaction import Phase
 from gateway.modbus.pdu import is_exception
+from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, write
 from tests.exchange.staged_bench import COMMANDED, JOG, MODE, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER
 from tests.verify import facts
@@ -38,6 +39,11 @@ OLD_TICKS: Final = 3
 """A word that was lost so long ago belongs to no word that comes now: 200 ms."""
 PATIENCE_TICKS: Final = 1
 """So long a controller waits for an answer."""
+LIMIT: Final = PositionField(0x0610, RegisterType.INT32, WordOrder.LOW_FIRST)
+"""A position that the drive compares its own with."""
+LIMIT_COUNTS: Final = 9507
+WARM: Final = 2
+"""Number of the screw that is warm, or beside which another axis stands, where the axis has such a term."""
 NO_PATH: Final = 0x0A
 BUSY: Final = 6
 MASK: Final = 0x16
@@ -159,8 +165,6 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
 
 
 def _limit_hit(pdu: bytes) -> bool:
-    from tests.verify.world import LIMIT
-
     return written_at(pdu) in (LIMIT.address, LIMIT.address + 1)
 
 
@@ -172,8 +176,6 @@ def _note_limit(world: "World", number: int, told_counts: int | None) -> None:
 
 def _judge_limit(world: "World", number: int, pdu: bytes) -> None:
     """A limit leaves half-way between the branches, and whole (1, M1). Raises BrokenRuleError."""
-    from tests.verify.world import LIMIT, LIMIT_COUNTS
-
     state = world.state
     if world.said(number).compensation in PASSING:
         return
@@ -687,8 +689,6 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         return
     if _limit_hit(wire.request) and wire.request[0] == 16:
         _note_limit(world, number, int(COMMAND.unpack(wire.request[6:])))
-    from tests.verify.world import WARM
-
     if writes_target(wire.request):
         beliefs = [list(own) for own in world.state.beliefs]
         for port, own in enumerate(beliefs):

@@ -16,7 +16,7 @@ from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.exchange.ports import Unmeasured
-from gateway.modbus.registers import PositionField, RegisterType, WordOrder
+from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
 from tests.exchange.record_bench import Records
 from tests.exchange.staged_bench import (
@@ -39,7 +39,7 @@ from tests.exchange.staged_bench import (
 from tests.verify import facts, rules
 from tests.verify.errors import BrokenRuleError
 from tests.verify.facts import Facts
-from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS
+from tests.verify.rules import BOTH, LIMIT, LIMIT_COUNTS, MASK, OLD_TICKS, PATIENCE_TICKS, WARM
 from tests.verify.screw import REGROUND, WORN, Screw
 from tests.verify.snapshot import (
     Lens,
@@ -66,15 +66,11 @@ UNSEEN_TICKS: Final = 2
 LOST_TICKS: Final = 2
 TIMING: Final = LineTiming(response_timeout_ms=RESPONSE_TICKS * TICK_MS, drain_ms=DRAIN_TICKS * TICK_MS)
 EXCEPTION: Final = 4
-MASK: Final = rules.MASK
-BOTH: Final = rules.BOTH
 VENDOR: Final = 0x81
 """The function byte of whatever a certain drive refuses."""
 MOST_STORES: Final = 3
 """Stores within one event that a kill may come before."""
 SCREWS: Final = (WORN, REGROUND)
-WARM: Final = 2
-"""Number of the screw that is warm, or beside which another axis stands, where the axis has such a term."""
 WARMER_K: Final = 20.0
 Bytes = Callable[[bytes], None]
 Happening = tuple[Any, ...]
@@ -1245,8 +1241,6 @@ TREMBLES_COUNTS: Final = 7
 """Beside its window, and nearer than a correction is long."""
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
-LIMIT: Final = PositionField(0x0610, RegisterType.INT32, WordOrder.LOW_FIRST)
-LIMIT_COUNTS: Final = 9507
 REGISTERS: Final[dict[str, PositionField]] = {
     "read": ACTUAL,
     "back": COMMAND,
