@@ -4,11 +4,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from gateway.compensation.settings import ThermalSettings
 from gateway.drives.motion import MotionPlan, TriggerPlan
-from gateway.exchange.plan import AxisPlan, Reference
+from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Late, Reference, Role
 from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import BITS, DEEDS, RUN, RUN_RELATIVE, TRIGGER
-from tests.verify.world import Design
+from tests.verify.rules import LIMIT
+from tests.verify.world import TICK_MS, Design
 
 Plan = Callable[..., AxisPlan]
 Make = Callable[..., Design]
@@ -17,6 +19,17 @@ HOMES: Final = MotionPlan(
     triggers=(TriggerPlan(TRIGGER, deeds={v: d for v, d in DEEDS.items() if v not in (RUN, RUN_RELATIVE)}),)
 )
 """A drive that goes to each target as it is written, and can be homed."""
+TRAVEL: Final = (-20.0, 40.0)
+WARMING: Final = ThermalSettings(1e-4, rate_per_min=1e9)
+"""A screw whose correction follows at once what its sensor says."""
+CROSS: Final = CrossPlan("y", (0.0, 10.0), (0.0, 0.05))
+"""5 µm for each mm of the other axis."""
+HALF_A_TICK_MS: Final = TICK_MS / 2
+WITH_MONITOR: Final = (
+    ControllerPlan("cnc", timeout_ms=float(TICK_MS)),
+    ControllerPlan("hmi", role=Role.MONITOR, timeout_ms=float(TICK_MS)),
+)
+SERIAL: Final = (ControllerPlan("cnc", timeout_ms=float(TICK_MS), serial=True),)
 STEP_OF_5: Final = replace(COMMAND, scale=5.0)
 STEP_OF_2: Final = replace(ACTUAL, scale=2.0)
 STEP_OF_10: Final = replace(ACTUAL, scale=10.0)
@@ -28,7 +41,25 @@ def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[
     return (
         *_registers(small, small_staged, plan, staged),
         *_functions(small, small_staged, plan),
-        *_wires(small, small_staged),
+        *_wires(small, small_staged, plan),
+        *_lines(small, small_staged, plan, staged),
+    )
+
+
+def large(plan: Plan) -> tuple[Design, ...]:
+    """Return those that do not close: how long an exchange took is a number that only decays."""
+    return (
+        Design(
+            "monitor",
+            "a controller that may only read, and waits for a gap",
+            (plan(actual=()),),
+            menu=("to", "back"),
+            answers=("ack",),
+            happenings=("wait",),
+            targets=(9007,),
+            controllers=WITH_MONITOR,
+            is_answered=True,
+        ),
     )
 
 
@@ -172,7 +203,7 @@ def _functions(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...
     )
 
 
-def _wires(small: Make, small_staged: Make) -> tuple[Design, ...]:
+def _wires(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...]:
     """What comes over a serial wire, and does not belong to the request that is out."""
     return (
         small(
@@ -199,5 +230,143 @@ def _wires(small: Make, small_staged: Make) -> tuple[Design, ...]:
             answers=("ack", "before", "before-deaf"),
             happenings=("arrive",),
             checks_way_back=False,
+        ),
+        small(
+            "b-rtu",
+            "begins at bytes of RTU: half requests, and their tails at any time, bad check sums",
+            menu=("to", "read"),
+            targets=(9007,),
+            happenings=("arrive", "wait", "half", "spoil"),
+            controllers=SERIAL,
+            is_bytes=True,
+            is_rtu=True,
+        ),
+        small(
+            "b-rtu-pairs",
+            "the same: two requests in one read",
+            menu=("to", "read"),
+            targets=(9007,),
+            happenings=("arrive", "pair"),
+            controllers=SERIAL,
+            is_bytes=True,
+            is_rtu=True,
+        ),
+        small(
+            "b-rtu-replies",
+            "the same: replies with bad check sums, and twice in one read",
+            plan(actual=()),
+            menu=("to",),
+            answers=("ack", "spoil", "twice"),
+            targets=(9007,),
+            happenings=("wait",),
+            controllers=SERIAL,
+            is_answered=False,
+            is_bytes=True,
+            is_rtu=True,
+        ),
+        small(
+            "b-rtu-halves",
+            "the same: replies in halves",
+            plan(actual=()),
+            menu=("to", "status"),
+            targets=(9007,),
+            happenings=("wait", "split"),
+            controllers=SERIAL,
+            is_answered=False,
+            is_bytes=True,
+            is_rtu=True,
+        ),
+        small(
+            "b-rtu-late",
+            "the same: late replies of another function, alone and in one read with the right one",
+            plan(actual=()),
+            menu=("to", "status"),
+            targets=(9007,),
+            answers=("ack", "obey"),
+            happenings=("wait", "late", "late_glued"),
+            controllers=SERIAL,
+            late_ticks=2,
+            is_answered=False,
+            is_bytes=True,
+            is_rtu=True,
+            checks_way_back=False,
+        ),
+        small(
+            "b-rtu-late-size",
+            "the same, of another size",
+            menu=("read", "status"),
+            targets=(9007,),
+            happenings=("wait", "late", "late_glued"),
+            controllers=SERIAL,
+            late_ticks=2,
+            is_answered=False,
+            is_bytes=True,
+            is_rtu=True,
+            checks_way_back=False,
+        ),
+    )
+
+
+def _lines(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
+    """What else changes a correction, or decides whether a target still leaves."""
+    return (
+        small(
+            "s-warm",
+            "a screw that is warm and cold in turn: its line comes with different targets only",
+            plan(thermal=WARMING, travel=TRAVEL),
+            menu=("to", "read"),
+            targets=(9007,),
+            happenings=("arrive", "wait", "temperature"),
+        ),
+        small(
+            "s-cross",
+            "an axis that is corrected by where another one is, which has no table of its own",
+            plan(cross=(CROSS,)),
+            plan(name="y", unit_id=2, table=None),
+            menu=("to",),
+            targets=(9007,),
+            happenings=("arrive",),
+        ),
+        small(
+            "s-limits",
+            "a position that the drive compares its own with: half-way between the branches, whole",
+            plan(limits=(LIMIT,)),
+            menu=("to", "limit", "limit-low", "limit-back"),
+            targets=(9007,),
+            happenings=("arrive", "table"),
+        ),
+        small(
+            "s-limits-refused",
+            "the same, refused",
+            plan(limits=(LIMIT,), actual=()),
+            menu=("to", "limit", "limit-back"),
+            answers=("ack", "refuse"),
+            targets=(9007,),
+            happenings=("table",),
+        ),
+        small(
+            "s-late-forward",
+            "a target that is late, and sent all the same",
+            plan(deadline_ms=HALF_A_TICK_MS, unseen_ms=10_000.0),
+            menu=("to",),
+            answers=("ack", "obey"),
+            targets=(9007,),
+            is_answered=False,
+        ),
+        small_staged(
+            "s-late-reject",
+            "a staged target or its trigger that is late is refused, and blocks its triggers",
+            staged(deadline_ms=HALF_A_TICK_MS, unseen_ms=10_000.0, late=Late.REJECT),
+            menu=("to", "run"),
+            happenings=("wait",),
+            is_answered=False,
+        ),
+        small_staged(
+            "s-monitor-staged",
+            "the same, with triggers that it may not give",
+            menu=("to", "run"),
+            controllers=WITH_MONITOR,
+            happenings=("wait",),
+            judges_blocks=False,
         ),
     )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.plan import AxisPlan, Reference
+from gateway.exchange.plan import AxisPlan, Reference, Role
 from gateway.exchange.rights import UNLIMITED
 from tests.exchange.line_bench import ACTUAL
 from tests.exchange.staged_bench import (
@@ -210,7 +210,8 @@ def declared(world: "World", number: int) -> None:
 
 def never_sent(world: "World", port: int, request: "Asked", code: int) -> None:
     """A request was lost before it had left; of who may not write nothing is lost (W9)."""
-    if world.design.controllers[port].rights != UNLIMITED:
+    plan = world.design.controllers[port]
+    if plan.rights != UNLIMITED or plan.role is not Role.MOTION:
         return
     number = request.axis
     if _is_mode(request.pdu):

@@ -7,8 +7,10 @@ reason that the gateway gives aloud: an axis that is flagged unsure, that is not
 from typing import TYPE_CHECKING, Any, Final
 
 from gateway.exchange.events import EventKind
+from gateway.exchange.plan import ControllerPlan, Late, Role
 from gateway.exchange.transaction import Phase
 from gateway.modbus.pdu import is_exception
+from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, write
 from tests.exchange.staged_bench import COMMANDED, JOG, MODE, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER
 from tests.verify import facts
@@ -37,7 +39,13 @@ OLD_TICKS: Final = 3
 """A word that was lost so long ago belongs to no word that comes now: 200 ms."""
 PATIENCE_TICKS: Final = 1
 """So long a controller waits for an answer."""
+LIMIT: Final = PositionField(0x0610, RegisterType.INT32, WordOrder.LOW_FIRST)
+"""A position that the drive compares its own with."""
+LIMIT_COUNTS: Final = 9507
+WARM: Final = 2
+"""Number of the screw that is warm, or beside which another axis stands, where the axis has such a term."""
 NO_PATH: Final = 0x0A
+BUSY: Final = 6
 MASK: Final = 0x16
 BOTH: Final = 0x17
 """Writes, and then reads."""
@@ -93,15 +101,17 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
 
     state = world.state
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
-    is_first = True  # all but stops leave in the order in which they came
-    for port, transaction_id in state.order:
-        request = find(world, port, transaction_id)
+    firsts = dict.fromkeys(Role, True)  # all but stops leave in the order in which they came, by role
+    plans = world.design.controllers
+    for port, transaction_id in sorted(state.order, key=lambda each: plans[each[0]].role is Role.MONITOR):
+        request, plan = find(world, port, transaction_id), plans[port]
         is_stopping = is_stop(request.pdu)
-        rights = world.design.controllers[port].rights  # for who has none nothing leaves (W9)
+        rights = plan.rights  # for who has none nothing leaves (W9)
         has_none = rights.is_read_only or (bool(rights.unit_ids) and unit_id not in rights.unit_ids)
-        if request.is_sent or has_none or not (is_stopping or is_first):
+        has_none |= plan.role is Role.MONITOR and request.pdu[0] != 3
+        if request.is_sent or has_none or not (is_stopping or firsts[plan.role]):
             continue
-        is_first &= is_stopping
+        firsts[plan.role] &= is_stopping
         if request.axis == number and _is_frame_of(pdu, request.pdu):
             return _sent(world, port, request, unit_id, pdu)
     if is_stop(pdu) and state.owed_stops:
@@ -122,6 +132,8 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
         world.tally.stop_ticks = max(world.tally.stop_ticks, request.ticks)
         if request.ticks > STOP_TICKS:
             raise BrokenRuleError(f"a stop had to wait for {request.ticks} ticks (2)")
+    elif _is_late(world, request) and world.design.plans[number].late is Late.REJECT:
+        raise BrokenRuleError(f"sent, and it is late: {pdu.hex(' ')} (2)")
     elif request.ticks > PATIENCE_TICKS:
         raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
     moves_or_reads = pdu in RUNS or writes_target(pdu) or (pdu[0] == 3 and (pdu[1] << 8 | pdu[2]) != STATUS)
@@ -138,6 +150,8 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     is_completed = is_half and pdu[0] == 16 and is_old
     if is_completed and belief.ticks - request.ticks >= OLD_TICKS:
         raise BrokenRuleError(f"a word is joined with one that was lost long ago: {pdu.hex(' ')} (4)")
+    if pdu[0] in (6, 16) and _limit_hit(pdu):
+        _judge_limit(world, number, pdu)
     aim = _aim(world, port, number, pdu, request)
     axis = world.state.axes[number]
     is_again = aim is not None and axis.run is not None and axis.run.nominal_counts == aim.nominal_counts
@@ -148,6 +162,35 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     if aim is not None and pdu not in RUNS:
         _note_tried(world, number, pdu, aim)
     return Wire(unit_id, pdu, port, request.transaction_id, aim, request.pdu)
+
+
+def _limit_hit(pdu: bytes) -> bool:
+    return written_at(pdu) in (LIMIT.address, LIMIT.address + 1)
+
+
+def _note_limit(world: "World", number: int, told_counts: int | None) -> None:
+    axes = list(world.state.axes)
+    axes[number] = axes[number]._replace(told_limit_counts=told_counts)
+    world.state = world.state._replace(axes=tuple(axes))
+
+
+def _judge_limit(world: "World", number: int, pdu: bytes) -> None:
+    """A limit leaves half-way between the branches, and whole (1, M1). Raises BrokenRuleError."""
+    state = world.state
+    if world.said(number).compensation in PASSING:
+        return
+    if pdu[0] == 6:
+        raise BrokenRuleError(f"a part of a limit leaves alone: {pdu.hex(' ')} (M1)")
+    half_way, found = sum(world.screws[state.table].corrected(LIMIT_COUNTS)) / 2, LIMIT.unpack(pdu[6:])
+    if abs(found - half_way) > ROUNDING:
+        raise BrokenRuleError(f"limit {LIMIT_COUNTS} becomes {found}: {half_way:.2f} would be right (1)")
+
+
+def _is_late(world: "World", request: "Asked") -> bool:
+    """Whether a request that moves an axis, or prepares to, has waited longer than its axis allows."""
+    deadline_ns = world.design.plans[request.axis].deadline_ms * facts.MS
+    is_move = request.pdu in RUNS or writes_target(request.pdu)
+    return bool(deadline_ns) and is_move and request.ticks * world.tick_ns > deadline_ns
 
 
 def run_pdu(world: "World", run: "Run | None") -> bytes:
@@ -279,6 +322,8 @@ def _is_frame_of(frame: bytes, request: bytes) -> bool:
         return True
     if BOTH in (frame[0], request[0]):
         return frame[:10] == request[:10] and len(frame) == len(request)
+    if frame[0] == request[0] == 16 and _limit_hit(request):
+        return frame[:6] == request[:6]
     if frame[0] != 16 or not writes_target(request):
         return False
     return frame[:6] == b"\x10" + COMMAND.address.to_bytes(2, "big") + b"\0\x02\x04"
@@ -638,12 +683,16 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == wire.unit_id)
     request = _find(world, wire.owner, wire.transaction_id)
     if not _is_native(wire.pdu, reply):
+        if _limit_hit(wire.request):  # an exception does not prove that nothing was written (M7)
+            _note_limit(world, number, None)
         if request is not None:
             note_lost(world, wire.owner, request)
         if wire.aim is not None:
             _judge_untold(world, number, wire.aim, reply)
             _forget(world, number, wire)
         return
+    if _limit_hit(wire.request) and wire.request[0] == 16:
+        _note_limit(world, number, int(COMMAND.unpack(wire.request[6:])))
     if writes_target(wire.request):
         beliefs = [list(own) for own in world.state.beliefs]
         for port, own in enumerate(beliefs):
@@ -652,6 +701,8 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             else:
                 own[number] = own[number]._replace(lost=3)
         world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
+    if wire.aim is not None and number and world.design.plans[0].cross:
+        world.state = world.state._replace(table=WARM)  # it is known from now on where the other axis is
     if wire.aim is not None:
         axes = list(world.state.axes)
         run = axes[number].run
@@ -660,8 +711,13 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             means_nothing = wire.aim.state == "unreferenced" and run.state not in PASSING
             is_word = wire.pdu[0] == 6 and writes_target(wire.pdu)  # the gateway may not know the rest of it
             is_told = not (wire.aim.is_lost or means_nothing or is_word)
-            run = run._replace(is_told=is_told, is_acked=is_told)
-            axes[number] = axes[number]._replace(run=run, tried=None)
+            waits = axes[number].next_run
+            if waits is not None:
+                waits = waits._replace(is_told=is_told, is_acked=is_told)
+                axes[number] = axes[number]._replace(next_run=waits, tried=None)
+            else:
+                run = run._replace(is_told=is_told, is_acked=is_told)
+                axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
 
 
@@ -727,7 +783,8 @@ def judge_waiting(world: "World") -> None:
         return
     for port, transaction_id in state.order:
         request, plan = find(world, port, transaction_id), world.design.controllers[port]
-        if not (plan.serial and (request.is_sent or plan.rights.unit_ids)):
+        waits_for_gap = plan.role is Role.MONITOR and request.ticks <= PATIENCE_TICKS
+        if not (waits_for_gap or (plan.serial and (request.is_sent or plan.rights.unit_ids))):
             raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
 
 
@@ -784,12 +841,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     plan = world.design.controllers[port]
     if is_exception(pdu):
         world.tally.refusals.add(pdu[1])
-        if plan.serial and not is_own and pdu[1] == NO_PATH:
-            raise BrokenRuleError(f"a serial controller is answered {pdu.hex(' ')}: silence says that (W7)")
-        if plan.rights.is_read_only and request.pdu[0] != 3 and pdu[1] != 1:
-            raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
-        if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
-            raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
+        _judge_refusal(world, plan, request, pdu, is_own=is_own)
         if not is_own:
             note_lost(world, port, request)
             if not request.is_sent:
@@ -803,6 +855,12 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         return  # passed on as it is, and no proof of anything (W4)
     if pdu[0] == 3:
         _note_seen(world, answered, pdu)
+    if pdu[0] == 3 and _limit_hit(request.pdu):
+        told = world.state.axes[request.axis].told_limit_counts
+        found = int(COMMAND.unpack(pdu[2:6]))
+        is_passing = world.said(request.axis).compensation in PASSING  # then it reads as it is (M9)
+        if told is not None and found != told and not is_passing:
+            raise BrokenRuleError(f"a limit was written as {told}, and {found} is read back (3, M1)")
     if pdu[0] == 3 and (request.pdu[1] << 8 | request.pdu[2]) == COMMAND.address:
         belief, found = world.state.beliefs[port][request.axis], int(COMMAND.unpack(pdu[2:6]))
         is_known = world.design.is_answered and world.design.is_staged and not belief.lost
@@ -812,6 +870,30 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
         step_counts = world.design.plans[number].actual[0].scale
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
+
+
+def _judge_refusal(
+    world: "World", plan: ControllerPlan, request: "Asked", pdu: bytes, *, is_own: bool
+) -> None:
+    """An exception has a reason (2). Raises BrokenRuleError."""
+    axis = world.design.plans[request.axis]
+    is_blocked = request.pdu in RUNS and facts.is_own_blocked(world, request.axis)
+    is_late = axis.late is Late.REJECT and (_is_late(world, request) or is_blocked)
+    if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:
+        raise BrokenRuleError(f"refused as late, and it is not: {request.pdu.hex(' ')} (2)")
+    if plan.serial and not is_own and pdu[1] == NO_PATH:
+        raise BrokenRuleError(f"a serial controller is answered {pdu.hex(' ')}: silence says that (W7)")
+    may_write = not (plan.rights.is_read_only or plan.role is Role.MONITOR)
+    if not may_write and request.pdu[0] != 3 and pdu[1] != 1:
+        raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
+    if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
+        raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
+
+
+def judge_answered(world: "World", wire: "Wire") -> None:
+    """What the drive has answered has reached its controller (2, W1). Raises BrokenRuleError."""
+    if wire.owner >= 0 and _find(world, wire.owner, wire.transaction_id) is not None:
+        raise BrokenRuleError(f"the drive has answered, and nobody is told: {wire.pdu.hex(' ')} (2, W1)")
 
 
 def _judge_form(world: "World", request: bytes, reply: bytes) -> None:
@@ -872,7 +954,7 @@ def _judge_reading(world: "World", number: int, read_counts: float, step_counts:
     """``step_counts``: what the register read can tell; a target between its steps reads rounded."""
     axis, said = world.state.axes[number], world.said(number)
     run, stands = axis.run, axis.stands_counts
-    if axis.goes_counts is not None:
+    if axis.goes_counts is not None or axis.next_run is not None:
         return
     is_told = run is not None and run.is_told and stands == run.end_counts
     if world.design.is_stream and (said.compensation in PASSING or not is_told):

@@ -18,6 +18,21 @@ class Screw(NamedTuple):
     counts_per_mm: float = COUNTS_PER_MM
     """Negative: the drive counts the other way."""
 
+    def longer(self, share: float) -> "Screw":
+        """Return it by a share longer, held at 0: so much less has to be added."""
+        forward, backward = (
+            [value - share * at for at, value in zip(self.positions_mm, values, strict=True)]
+            for values in (self.forward_mm, self.backward_mm)
+        )
+        return self._replace(forward_mm=tuple(forward), backward_mm=tuple(backward))
+
+    def beside(self, offset_mm: float) -> "Screw":
+        """Return it where so much more has to be added everywhere."""
+        forward, backward = (
+            tuple(each + offset_mm for each in values) for values in (self.forward_mm, self.backward_mm)
+        )
+        return self._replace(forward_mm=forward, backward_mm=backward)
+
     def table(self) -> CorrectionTable:
         """The same as the gateway has it."""
         return make_table(list(self.positions_mm), list(self.forward_mm), list(self.backward_mm), Units.MM)

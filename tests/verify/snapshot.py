@@ -45,7 +45,6 @@ LEFT_OUT: Final = {
     "_link": "the world's",
     "_refusals": "how often was told of a refusal",
     "_told": "how often was told of something",
-    "_gaps": "when monitors may read; no world has one",
     "replies": "the world's",
     "stamps": "figures for the status",
     "asked_ns": "figures for the status",
@@ -98,6 +97,7 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "block_code": lambda each: each.block.value != "none",
     "_drained_at_last_ns": lambda each: each.is_draining,
     "_steady_map": lambda each: each.is_steady,
+    "_last_byte_ns": lambda each: each._buffer,
 }
 """Attributes that count only while something else holds; else they are taken for nothing."""
 ONLY_OF_A_RECORD: Final = ("_way",)
@@ -279,7 +279,7 @@ class Lens:
         self._is_timed = False
         self._now = 0
         self._live: list[int] = []
-        self._live_ns: list[int] = []
+        self._live_ns: list[int | None] = []
         count = len(self.objects)
         self._last: list[tuple[Any, ...]] = [()] * count
         self._last_tokens: list[int] = [0] * count
@@ -608,7 +608,10 @@ class Lens:
         self._is_timed = True
         if not self._live_ns:
             self._live_ns = [self._last[i][at] for i, at in self._live_ns_places]
-        return (self._number(value), tuple((value > lost) - (value < lost) for lost in self._live_ns))
+        return (
+            self._number(value),
+            tuple((value > lost) - (value < lost) for lost in self._live_ns if lost is not None),
+        )
 
 
 # --- what is said of a line ---------------------------------------------------------------------------

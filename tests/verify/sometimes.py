@@ -22,10 +22,10 @@ NOT_MET: Final[dict[str, str]] = {
     "event budget-overrun": "the time budget is measured on a machine, not in a world",
     "event late-reply": "late frames come while the line waits for silence anyway",
     "event stood-still": "told by the process that stood still",
-    "event late-target": "deadlines are in no world",
     "event unknown-unit": "other unit ids are in no world",
     **dict.fromkeys(
-        (f"event term-{each}" for each in ("fades", "follows", "held", "too-large")), "terms are in no world"
+        (f"event term-{each}" for each in ("fades", "held", "too-large")),
+        "no world waits as long as a sensor may be silent, nor has one so warm",
     ),
     **{f"row {place} + unacknowledged": NEVER for place in _ALL - {"unknown"}},
     **{f"row {place} + acknowledged-at-rest": NEVER for place in _ALL - _KNOWN},

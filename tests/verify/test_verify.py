@@ -31,7 +31,11 @@ def test_a_tiny_world_closes_and_has_a_way_back_from_everywhere() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["s-down", "s-carry", "s-stored", "s-killed-within", "s-two-units", "b-requests"]
+    "name",
+    [
+        *("s-down", "s-carry", "s-stored", "s-killed-within", "s-two-units", "b-requests"),
+        *("s-scaled-halves", "s-both", "s-warm", "b-rtu", "b-rtu-late-size", "b-rtu-pairs"),
+    ],
 )
 def test_a_small_world_closes_and_breaks_no_rule(name: str) -> None:
     outcome = Walk(BY_NAME[name]).breadth_first()
@@ -100,6 +104,7 @@ def test_the_lists_of_what_is_left_out_name_only_what_there_is() -> None:
         (recorded, (*arrived, TO_1, ACK, ("kill",), ACK)),
         (BY_NAME["pipelined"], (TO_1, ("ask", 0, "run", 0), ACK, ACK)),
         (BY_NAME["b-requests"], (TO_0, ACK, ACK)),
+        (BY_NAME["b-rtu"], (TO_0, ACK, ACK)),
     ):
         world = world_of(design)
         for event in events:
@@ -151,6 +156,19 @@ def test_a_gateway_dies_before_the_store_that_is_chosen_and_what_had_left_is_car
         assert world.state.axes[0].goes_counts == goes_counts
 
 
+def test_a_drive_that_keeps_the_next_target_until_it_is_at_the_one_before_is_seen_to_come_from_there() -> (
+    None
+):
+    """The gateway knows no such drives: it takes the way from where the axis is (docs/verify.md)."""
+    design = replace(BY_NAME["s-status"], targets=(9007, 5003), is_buffered=True)
+    under_way = (TO_0, ACK, ACK)  # to 9172, at 1501
+    with pytest.raises(BrokenRuleError, match="5108, which is on the wrong branch"):
+        play(design, *under_way, TO_1, ACK, ACK)  # by the reading forward, and it comes from 9172
+    arrived = (("arrive", 0), ("ask", 0, "read", 0), ACK, ("ask", 0, "status", 0), ACK)
+    world = play(design, *under_way, *arrived, TO_1, ACK)
+    assert world.state.axes[0].goes_counts == 4888  # backward
+
+
 def test_the_late_rest_of_half_a_request_is_no_request_and_ends_its_connection() -> None:
     half, tail, wait = ("half", 0, "to", 0, 0), ("tail",), ("wait",)
     world = play(BY_NAME["b-requests"], half, wait, tail)
@@ -168,6 +186,25 @@ def test_a_late_reply_answers_no_other_request_in_a_world_of_bytes() -> None:
     world.happen(("late",))
     assert world.state.wire == wire
     assert world.state.asked[0]
+
+
+def test_the_late_rest_of_half_a_request_of_rtu_is_none_and_the_rest_in_time_is_one() -> None:
+    half, tail, wait = ("half", 0, "to", 0, 0), ("tail",), ("wait",)
+    assert play(BY_NAME["b-rtu"], half, tail).state.wire is not None
+    assert play(BY_NAME["b-rtu"], half, wait, tail).state.wire is None  # 31.75 ms of silence have passed
+    assert play(BY_NAME["b-rtu"], ("spoil", 0, "to", 0, 0)).state.wire is None  # a bad check sum
+
+
+def test_a_late_reply_of_another_size_answers_no_other_request_over_a_serial_wire() -> None:
+    read, status, wait = ("ask", 0, "read", 0), ("ask", 0, "status", 0), ("wait",)
+    late = (read, wait, wait, status, ("late",))  # 03 0520 0002 is given up, and the line was silent since
+    world = play(BY_NAME["b-rtu-late-size"], *late)
+    assert world.state.wire is not None
+    assert world.state.asked[0]
+    world = play(BY_NAME["b-rtu-late-size"], *late, ACK)  # 03 02 0110 behind 03 04 0000 0000
+    assert world.is_quiet
+    world = play(BY_NAME["b-rtu-late-size"], *late[:-1], ("late_glued",))
+    assert world.is_quiet
 
 
 def test_a_trace_is_printed_as_a_test_with_what_went_over_the_wires() -> None:

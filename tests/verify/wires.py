@@ -329,6 +329,10 @@ class BytesWorld(World):
 
 def world_of(design: Design) -> World:
     """Return the world of a design."""
+    if design.is_rtu:
+        from tests.verify.wires_rtu import RtuWorld
+
+        return RtuWorld(design)
     return BytesWorld(design) if design.is_bytes else World(design)
 
 

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 from gateway.compensation.settings import Gain
 from gateway.exchange.axis.record_layout import BOOT, HEADER, SLOT_SIZE, SLOTS_AT
-from gateway.exchange.control import Declare, SetGain, SetTables, Switch, TableChange
+from gateway.exchange.control import Declare, SetGain, SetTables, SetTemperature, Switch, TableChange
 from gateway.exchange.events import Event
 from gateway.exchange.gate import UNSEEN
 from gateway.exchange.line import LineExchange
@@ -40,7 +40,7 @@ from tests.exchange.staged_bench import (
 from tests.verify import facts, rules
 from tests.verify.errors import BrokenRuleError
 from tests.verify.facts import Facts
-from tests.verify.rules import OLD_TICKS, PATIENCE_TICKS
+from tests.verify.rules import BOTH, LIMIT, LIMIT_COUNTS, MASK, OLD_TICKS, PATIENCE_TICKS, WARM
 from tests.verify.screw import REGROUND, WORN, Screw
 from tests.verify.snapshot import (
     Lens,
@@ -67,13 +67,12 @@ UNSEEN_TICKS: Final = 2
 LOST_TICKS: Final = 2
 TIMING: Final = LineTiming(response_timeout_ms=RESPONSE_TICKS * TICK_MS, drain_ms=DRAIN_TICKS * TICK_MS)
 EXCEPTION: Final = 4
-MASK: Final = rules.MASK
-BOTH: Final = rules.BOTH
 VENDOR: Final = 0x81
 """The function byte of whatever a certain drive refuses."""
 MOST_STORES: Final = 3
 """Stores within one event that a kill may come before."""
 SCREWS: Final = (WORN, REGROUND)
+WARMER_K: Final = 20.0
 Bytes = Callable[[bytes], None]
 Happening = tuple[Any, ...]
 
@@ -286,6 +285,12 @@ class Axis(NamedTuple):
     tried: Tried | None = None
     """The last target on its way that was not acknowledged."""
     facts: Facts | None = None
+    limit_counts: int = 0
+    """What stands in the register of a position that the drive compares its own with."""
+    told_limit_counts: int | None = None
+    """What its controller has written there; None: that is not known."""
+    next_run: Run | None = None
+    """Where it goes as soon as it has come where it goes."""
 
 
 class State(NamedTuple):
@@ -316,6 +321,10 @@ class State(NamedTuple):
     """The unit id and the rest of a reply of which a part has come."""
     owed: tuple[tuple[str, str], ...] = ()
     """Axis and event that is told with the next answer."""
+    is_cut_off: bool = False
+    """A silence has come into the middle of that reply."""
+    is_misled: bool = False
+    """A reply of another size has come for the frame on the wire, which may be that of another one."""
     before: bytes = b""
     """What the drive has answered last, where it may say that once more."""
 
@@ -355,6 +364,12 @@ class Design:
     """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
     is_bytes: bool = False
     """It begins at bytes: real ports and decoders of Modbus/TCP (``tests.verify.wires``)."""
+    is_buffered: bool = False
+    """The drive keeps a target that comes while it goes to another one, and goes there afterwards."""
+    is_rtu: bool = False
+    """The same of RTU (``tests.verify.wires_rtu``)."""
+    late_ticks: int = DRAIN_TICKS
+    """So long after it was given up a reply may come."""
     is_prompt: bool = True
     """A drive that is told to go has left its place a tick later."""
     most_asked: int = 1
@@ -445,7 +460,13 @@ class World:
         self.design = design
         self.tally = Tally()
         per_mm = design.plans[0].settings.counts_per_unit
-        self.screws: tuple[Screw, ...] = tuple(screw._replace(counts_per_mm=per_mm) for screw in SCREWS)
+        thermal = design.plans[0].thermal
+        warm = () if thermal is None else (WORN.longer(thermal.alpha * WARMER_K),)
+        for cross in design.plans[0].cross:  # a straight line: so much at the target of the other axis
+            warm = (WORN.beside(design.targets[0] / per_mm * cross.corrections[1] / cross.positions[1]),)
+        self.screws: tuple[Screw, ...] = tuple(
+            screw._replace(counts_per_mm=per_mm) for screw in (*SCREWS, *warm)
+        )
         self._dies_at = 0
         self.now_ns = START_NS
         self.told: list[Event] = []
@@ -613,6 +634,10 @@ class World:
             return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
             return read(REGISTERS[name])
+        if name == "limit":
+            return write(LIMIT, LIMIT_COUNTS)
+        if name == "limit-low":
+            return b"\x06" + LIMIT.address.to_bytes(2, "big") + LIMIT.pack(LIMIT_COUNTS)[:2]
         if name == "status":
             return b"\x03" + STATUS.to_bytes(2, "big") + b"\0\x01"
         if name == "remap":
@@ -996,6 +1021,16 @@ class World:
             lambda: SetTables(tuple(TableChange(plan.name, table, "", "", "") for plan in self.design.plans))
         )
 
+    def _on_temperature(self) -> None:
+        """The sensor says that the screw is warm, or as cold as its table."""
+        is_warm = self.state.table != WARM
+        self.state = self.state._replace(table=WARM if is_warm else 0)
+        plan = self.design.plans[0]
+        assert plan.thermal is not None
+        celsius = plan.thermal.reference + (WARMER_K if is_warm else 0.0)
+        self._control(lambda: SetTemperature(plan.name, celsius))
+        self._on_wait()  # what counts follows the sensor by the clock
+
     def _on_gain(self) -> None:
         is_half = not self.state.is_gain_half
         self.state = self.state._replace(is_gain_half=is_half)
@@ -1041,6 +1076,10 @@ class World:
             if not self.design.is_staged:
                 self._go(number, target, wire)
             return self.reply_to(wire)
+        if pdu[0] == 16:
+            counts = int(LIMIT.unpack(pdu[6:]))
+            self._set(number, axis._replace(limit_counts=counts, told_limit_counts=None))
+            return self.reply_to(wire)
         if address == TRIGGER:
             self._act(number, pdu[3] << 8 | pdu[4], wire)
             return pdu
@@ -1083,6 +1122,13 @@ class World:
 
     def _go(self, number: int, end: int, wire: Wire) -> None:
         axis = self.state.axes[number]
+        if self.design.is_buffered and axis.goes_counts is not None:
+            self._set(number, axis._replace(stands_counts=axis.goes_counts, goes_counts=None))
+            assert wire.aim is not None
+            aim = wire.aim._replace(from_counts=axis.goes_counts, arrived=axis.run)
+            run = rules.judge_motion(self, number, end, wire._replace(aim=aim))
+            self._set(number, axis._replace(next_run=run))
+            return
         run = rules.judge_motion(self, number, end, wire)
         is_there = end == axis.stands_counts
         is_again = axis.run is not None and axis.run.nominal_counts == run.nominal_counts
@@ -1119,13 +1165,17 @@ class World:
             replies, port.replies = port.replies, []
             for transaction_id, pdu in replies:
                 rules.judge_reply(self, number, transaction_id, pdu, answered)
+        if answered is not None:
+            rules.judge_answered(self, answered)
         frames, first.link.sent = first.link.sent, []
         for unit_id, pdu in frames:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
             wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
             rules.judge_phase(self, wire)
-            late = None if self.design.is_serial else self.state.late
+            late = self.state.late
+            if self.design.is_serial and (self.design.late_ticks == DRAIN_TICKS or not _is_done(late)):
+                late = None
             self.state = self.state._replace(wire=wire, late=late)
             facts.left(self, wire)
         if not frames and answered is not None:
@@ -1142,7 +1192,7 @@ class World:
             facts.unanswered(self, wire)
             rules.note_silence(self, wire)
             late = (
-                wire._replace(ticks_left=DRAIN_TICKS)
+                wire._replace(ticks_left=self.design.late_ticks)
                 if not self.state.split and "late" in self.design.happenings
                 else None
             )
@@ -1190,6 +1240,11 @@ class World:
         return self.state.wire is None and not any(self.state.asked)
 
 
+def _is_done(late: Wire | None) -> bool:
+    """Whether nothing but its reply is left of a frame: a drive does one after the other."""
+    return late is not None and (late.is_obeyed or late.pdu[0] == 3)
+
+
 def _tell_nobody(_event: Event) -> None:
     """The second of two sides says the same as the first."""
 
@@ -1206,7 +1261,12 @@ TREMBLES_COUNTS: Final = 7
 """Beside its window, and nearer than a correction is long."""
 REBOOT_TICKS: Final = 14
 """Longer than a homed bit counts, which is a second."""
-REGISTERS: Final[dict[str, PositionField]] = {"read": ACTUAL, "back": COMMAND, "commanded": COMMANDED}
+REGISTERS: Final[dict[str, PositionField]] = {
+    "read": ACTUAL,
+    "back": COMMAND,
+    "commanded": COMMANDED,
+    "limit-back": LIMIT,
+}
 BEFORE: Final = ("before", "before-deaf")
 """Answers of a drive that says once more what it has said before: it has obeyed, or heard nothing."""
 MODES: Final = {"mode-absolute": 1, "mode-distance": 2}
@@ -1220,7 +1280,9 @@ TRIGGERS: Final = {
     "stored": STORED,
     "strange": STRANGE,
 }
-TAKES_TIME: Final = frozenset({"wait", "arrive", "arrive_undone", "creep", "jog", "nudge", "reboot", "plug"})
+TAKES_TIME: Final = frozenset(
+    {"wait", "arrive", "arrive_undone", "creep", "jog", "nudge", "reboot", "plug", "temperature"}
+)
 OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
     "arrive": lambda axis: axis.goes_counts is not None,
     "arrive_undone": lambda axis: axis.goes_counts is not None,
@@ -1254,6 +1316,7 @@ OF_WORLD: Final[dict[str, Callable[[State], bool]]] = {
     "kill_half": lambda state: True,
     "table": lambda state: True,
     "gain": lambda state: True,
+    "temperature": lambda state: True,
     "switch": lambda state: True,
     "declare": lambda state: True,
 }
@@ -1265,6 +1328,9 @@ def _can(name: str, axis: Axis) -> bool:
 
 def _older(axis: Axis, design: Design) -> Axis:
     """Let a tick pass: a drive that has begun to move lets done fall, and is on its way if it is prompt."""
+    if axis.goes_counts is None and axis.next_run is not None:
+        run = axis.next_run
+        return axis._replace(goes_counts=run.end_counts, run=run, next_run=None, ticks=0, is_fresh=False)
     if axis.goes_counts is None:
         return axis
     ticks = min(axis.ticks + 1, DONE_DROP_TICKS)
@@ -1283,6 +1349,7 @@ def _registers(axis: Axis, plan: AxisPlan, address: int, quantity: int) -> bytes
         (plan.command[0], axis.target_counts),
         (plan.actual[0] if plan.actual else ACTUAL, axis.stands_counts),
         (plan.commanded[0] if plan.commanded else COMMANDED, axis.commanded_counts),
+        (LIMIT, axis.limit_counts),
     ):
         data = place.pack(round(counts / place.scale))
         words[place.address], words[place.address + 1] = data[:2], data[2:]

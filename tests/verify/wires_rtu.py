@@ -1,0 +1,323 @@
+"""Worlds that begin at bytes of RTU: the real ports, links and decoders around the same small world.
+
+On a serial line nothing carries a number, and silence ends what is not whole. What is abstracted: the
+silences of a line (1.75 ms, and 31.75 ms until what waits is given up) are shorter than a tick, so all of
+them are over when a tick begins to pass, before anything that happens at its end; the exchange is told of
+what they end at the instant of the last byte. Frames leave at once: the silence before one only delays it.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+from unittest import mock
+
+from gateway.exchange.events import Event
+from gateway.exchange.line import LineExchange
+from gateway.modbus.crc import is_intact
+from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
+from gateway.relay.controller_port import RtuControllerPort
+from gateway.relay.drive_link import RtuDriveLink
+from tests.verify.snapshot import Lens
+from tests.verify.wires import AtOnce, BytesSide, BytesWorld, Door, Pipe
+from tests.verify.world import TICK_NS, TIMING, Design, Happening, Side, Wire, World
+
+NUMBERLESS: Final = -1
+CUT: Final = 4
+"""So many bytes of a frame come first."""
+
+
+class Due:
+    """A timer whose time comes when the world lets it pass."""
+
+    def __init__(self, callback: Callable[[int], None]) -> None:
+        self._callback = callback
+        self.deadline_ns: int | None = None
+
+    def arm(self, deadline_ns: int | None) -> None:
+        """See ``Timer``."""
+        self.deadline_ns = deadline_ns
+
+    def close(self) -> None:
+        """See ``Timer``."""
+        self.deadline_ns = None
+
+    def pass_by(self) -> None:
+        """Let every silence pass that is waited for."""
+        while self.deadline_ns is not None:
+            deadline_ns, self.deadline_ns = self.deadline_ns, None
+            self._callback(deadline_ns)
+
+
+class WirePipe(Pipe):
+    """One end of a serial line, which takes apart what is written to it."""
+
+    def write(self, data: bytes) -> None:
+        """See ``Channel``."""
+        assert is_intact(data), data.hex(" ")
+        self._take(NUMBERLESS, data[0], data[1:-2])
+
+
+class Instant(Door):
+    """Brings whole frames to the line, at the instant that it is in the world."""
+
+    now_ns = 0
+
+    def request(
+        self, port: Any, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int, **why: str
+    ) -> None:
+        """See ``Requests``."""
+        super().request(port, transaction_id, unit_id, pdu, self.now_ns, **why)
+
+    def reply(self, unit_id: int, pdu: bytes, _now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._line.reply(unit_id, pdu, self.now_ns)
+
+    def stray(self, _now_ns: int, *, is_frame: bool = False) -> None:
+        """See ``TimedExchange``."""
+        self._line.stray(self.now_ns, is_frame=is_frame)
+
+    def link_up(self, _now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._line.link_up(self.now_ns)
+
+
+class RtuLink(RtuDriveLink):
+    """The real link, which tells what left over it and what it does not wait for any more."""
+
+    def __init__(self) -> None:
+        super().__init__(0, RtuReplyDecoder())
+        self.sent: list[tuple[int, bytes]] = []
+        self.is_abandoned = False
+        self.pipe = WirePipe(lambda _number, unit_id, pdu: self.sent.append((unit_id, pdu)))
+
+    def abandon(self) -> None:
+        """See ``DriveLink``."""
+        self.is_abandoned |= self._decoder.is_expecting
+        super().abandon()
+
+
+class RtuSide(BytesSide):
+    """One gateway between two serial lines, whose ports and link are the real ones."""
+
+    def __init__(self, design: Design, tell: Callable[[Event], None]) -> None:
+        self.link: Any
+        with (
+            mock.patch("gateway.relay.drive_link.PacedSender", AtOnce),
+            mock.patch("gateway.relay.drive_link.Timer", Due),
+        ):
+            link: Any = RtuLink()
+        self.link = link
+        self.line = LineExchange(design.plans, TIMING, link, tell, design.groups)
+        self.door = Instant(self.line)
+        link.attach(self.door)
+        self.ports, self.pipes = [], []
+        for plan in design.controllers:
+            port: Any = RtuControllerPort(plan, self.door, RtuRequestDecoder(), 0)  # type: ignore[arg-type]
+            port.replies = []
+            self.ports.append(port)
+            self.pipes.append(WirePipe(partial(_keep, port)))
+        for port, pipe in zip(self.ports, self.pipes, strict=True):
+            with (
+                mock.patch("gateway.relay.controller_port.PacedSender", AtOnce),
+                mock.patch("gateway.relay.controller_port.Timer", Due),
+            ):
+                port.opened(pipe, 0)
+        self.lens = Lens([self.line, *self.ports, *self.pipes, link], TICK_NS, design.horizon_ticks)
+
+    def open(self, now_ns: int) -> None:
+        """See ``BytesSide``."""
+        self.door.now_ns = now_ns
+        self.link.opened(self.link.pipe, now_ns)
+
+    def feed(self, port: int, data: bytes, now_ns: int) -> None:
+        """See ``BytesSide``."""
+        self.door.now_ns = now_ns
+        self.ports[port].received(data, now_ns)
+
+    def hear(self, data: bytes, now_ns: int) -> None:
+        """Bytes of the drives."""
+        self.door.now_ns = now_ns
+        self.link.received(data, now_ns)
+
+    def fall_silent(self, now_ns: int) -> None:
+        """Let the silences pass that are waited for."""
+        self.door.now_ns = now_ns
+        for timer in (*(port._timer for port in self.ports), self.link._timer):
+            timer.pass_by()
+
+    def request(self, port: int, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """See ``Side``."""
+        self.feed(port, encode_rtu(unit_id, pdu), now_ns)
+
+    def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """See ``Side``."""
+        self.hear(encode_rtu(unit_id, pdu), now_ns)
+
+    def stray(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """See ``Side``."""
+        self.reply(unit_id, pdu, now_ns)
+
+
+def _keep(port: Any, number: int, _unit_id: int, pdu: bytes) -> None:
+    port.replies.append((number, pdu))
+
+
+class RtuWorld(BytesWorld):
+    """A world whose controller and drives speak RTU, whole frames or not."""
+
+    def side_of(self, ways: dict[str, int], tell: Callable[[Event], None]) -> Side:
+        """See ``World``."""
+        return RtuSide(self.design, tell)
+
+    @property
+    def _wire_side(self) -> RtuSide:
+        side = self.sides[0]
+        assert isinstance(side, RtuSide)
+        return side
+
+    def _number_anew(self) -> None:
+        """There are no numbers."""
+
+    def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:
+        """An answer is for what was asked last: whatever came before it was given up with it."""
+        for number, port in enumerate(self.sides[0].ports):
+            asked = self.state.asked[number]
+            newest = asked[-1].transaction_id if asked else NUMBERLESS
+            port.replies = [(newest, pdu) for _, pdu in port.replies]
+        super()._collect(answered, reply)
+
+    def happenings(self) -> list[Happening]:
+        """See ``World``."""
+        design, state = self.design, self.state
+        found = super().happenings()
+        if "spoil" in design.happenings and not state.half:
+            found += [("spoil", *each[1:]) for each in found if each[0] == "ask"]
+        wire, late = state.wire, state.late
+        if late is not None and wire is not None:
+            found = [each for each in found if each[0] != "late"]
+            if not wire.is_obeyed and self._is_another(wire, self.reply_to(late)):
+                found += [(each,) for each in ("late", "late_glued") if each in design.happenings]
+        if state.is_misled:  # of a reply of another size a line only knows that no other comes in time
+            found = [each for each in found if each[0] in ("drive", "ask") and each[1] != "obey"]
+        return found
+
+    def _on_spoil(self, port: int, name: str, axis: int, number: int = 0) -> None:
+        """A request comes with a bad check sum: its controller gives it up, and nothing of it counts."""
+        data = encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+        self._give_up(port)
+        self._wire_side.feed(port, data[:-1] + bytes((data[-1] ^ 0x5A,)), self.now_ns)
+        self._wire_side.fall_silent(self.now_ns)
+        self._collect()
+
+    def _on_half(self, port: int, name: str, axis: int, number: int = 0) -> None:
+        """The first bytes of a request come; it is its controller's newest one when it is whole."""
+        self.state = self.state._replace(half=(name, axis, number, 0))
+        data = encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+        self._wire_side.feed(port, data[:CUT], self.now_ns)
+        self._collect()
+
+    def _on_tail(self) -> None:
+        """The rest of it comes. After a silence it is no request, and its controller gives it up."""
+        name, axis, number, ticks = self.state.half
+        self.state = self.state._replace(half=())
+        self._give_up(0)
+        if ticks:
+            data = encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+        else:
+            _, data = self._register_rtu(name, axis, number)
+        self._wire_side.feed(0, data[CUT:], self.now_ns)
+        if ticks:
+            self._wire_side.fall_silent(self.now_ns)
+        self._collect()
+
+    def _register_rtu(self, name: str, axis: int, number: int = 0) -> tuple[int, bytes]:
+        transaction_id, _ = self._register(name, axis, number)
+        return transaction_id, encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+
+    def _on_pair(self, one: Happening, other: Happening) -> None:
+        """Two requests come in one read: with the second one its controller gives the first one up (W5)."""
+        self._give_up(0)
+        _, first = self._register_rtu(*one)
+        self._give_up(0)
+        _, second = self._register_rtu(*other)
+        self._wire_side.feed(0, first + second, self.now_ns)
+        self._collect()
+
+    def _on_drive(self, what: str) -> None:
+        wire = self.state.wire
+        assert wire is not None
+        if what == "spoil":  # it obeys, and its reply has a bad check sum
+            self.state = self.state._replace(wire=wire._replace(is_obeyed=True))
+            data = encode_rtu(wire.unit_id, self._obey(wire))
+            self._wire_side.hear(data[:-1] + bytes((data[-1] ^ 0x5A,)), self.now_ns)
+            self._collect()
+            return
+        if what == "twice":
+            self._answer_with(wire, lambda frame: frame + frame)
+            return
+        self.state = self.state._replace(is_misled=False)
+        super()._on_drive(what)
+
+    def _answer_with(self, wire: Wire, bytes_of: Callable[[bytes], bytes]) -> None:
+        """The drive acknowledges, with more bytes in the same read."""
+        self.state = self.state._replace(wire=None, is_misled=False)
+        reply = self._obey(wire)
+        self._wire_side.hear(bytes_of(encode_rtu(wire.unit_id, reply)), self.now_ns)
+        self._collect(answered=wire, reply=reply)
+        if wire.aim is not None:
+            self._on_wait()
+
+    def _on_late(self) -> None:
+        wire, late = self.state.wire, self.state.late
+        assert late is not None
+        if wire is not None:
+            is_misled = self.reply_to(late)[0] == wire.pdu[0]
+            self.state = self.state._replace(is_misled=is_misled)
+        super()._on_late()
+
+    def _on_late_glued(self) -> None:
+        """A late reply comes in one read with the one that is waited for."""
+        wire, late = self.state.wire, self.state.late
+        assert wire is not None
+        assert late is not None
+        before = encode_rtu(late.unit_id, self.reply_to(late))
+        self.state = self.state._replace(late=None)
+        self._answer_with(wire, lambda frame: before + frame)
+
+    def _on_split(self) -> None:
+        """The drive obeys, and the first bytes of its reply come."""
+        wire = self.state.wire
+        assert wire is not None
+        reply = self._obey(wire)
+        self.state = self.state._replace(wire=wire._replace(is_obeyed=True), split=(wire.unit_id, reply))
+        self._wire_side.hear(encode_rtu(wire.unit_id, reply)[:CUT], self.now_ns)
+        self._collect()
+
+    def _on_reply_tail(self) -> None:
+        """The rest of it comes; after a silence it is part of nothing."""
+        wire = self.state.wire
+        assert self.state.split
+        unit_id, reply = self.state.split
+        self.state = self.state._replace(split=())
+        is_whole = wire is not None and wire.is_obeyed and not self.state.is_cut_off
+        if is_whole:
+            self.state = self.state._replace(wire=None)
+        self.state = self.state._replace(is_cut_off=False)
+        self._wire_side.hear(encode_rtu(unit_id, reply)[CUT:], self.now_ns)
+        if not is_whole:
+            self._collect()
+            return
+        assert wire is not None
+        self._collect(answered=wire, reply=reply)
+        if wire.aim is not None:
+            self._on_wait()
+
+    def _on_wait(self, _axis: int = 0) -> None:
+        self._wire_side.fall_silent(self.now_ns)
+        if self.state.split:
+            self.state = self.state._replace(is_cut_off=True)
+        self._wire_side.door.now_ns = self.now_ns + TICK_NS
+        super()._on_wait()
+
+
+__all__ = ["RtuWorld", "World"]
