@@ -112,7 +112,7 @@ class RtuSide(BytesSide):
         link.attach(self.door)
         self.ports, self.pipes = [], []
         for plan in design.controllers:
-            port: Any = RtuControllerPort(plan, self.door, RtuRequestDecoder(), 0)  # type: ignore[arg-type]
+            port: Any = RtuControllerPort(plan, self.door, RtuRequestDecoder(), 0)
             port.replies = []
             self.ports.append(port)
             self.pipes.append(WirePipe(partial(_keep, port)))
