@@ -15,6 +15,8 @@ _write: Final = os.write
 RECEIVE_BYTES: Final = 479
 """More than the largest Modbus/TCP frame (260 bytes), and what the interpreter's own allocator still has room
 for: a larger buffer would come from malloc, and go back to it, with each read."""
+MORE_BYTES: Final = 4096 - RECEIVE_BYTES
+"""Read at once behind a full read: what is left unread when a connection is closed breaks it off."""
 
 
 class FarEnd:
@@ -89,8 +91,18 @@ class DirectSocket:
             self._is_over = True
             self._connection.close()
             return
+        why_broken = ""
+        if len(data) == RECEIVE_BYTES:
+            try:
+                data += _read(self.descriptor, MORE_BYTES)
+            except BlockingIOError:
+                pass
+            except OSError as error:
+                why_broken = str(error)
         self.bytes_received += len(data)
         self._receiver.received(data, now_ns)
+        if why_broken:
+            self._end(why_broken)
 
     def write(self, data: bytes) -> None:
         """See ``Channel``."""

@@ -16,7 +16,7 @@ from typing import Final, cast
 
 from gateway.clock import boot_ns
 from gateway.transport.channel import Receiver
-from gateway.transport.direct import RECEIVE_BYTES, DirectSocket, FarEnd
+from gateway.transport.direct import MORE_BYTES, RECEIVE_BYTES, DirectSocket, FarEnd
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.keeper import Keeper
@@ -68,7 +68,7 @@ class TcpChannel(asyncio.BufferedProtocol):
         _tune(connection)
         if not isinstance(self._loop, RelayLoop):
             self._far_end = FarEnd(connection.fileno())
-            self._buffer = memoryview(bytearray(RECEIVE_BYTES))
+            self._buffer = memoryview(bytearray(RECEIVE_BYTES + MORE_BYTES))
             self._receiver.opened(self, boot_ns())
             return
         self._transport.pause_reading()

@@ -46,7 +46,7 @@ def beside(ground: Ground, text: str) -> str:
     """The controller at work has a plain listener of its own; TLS is on another one of the same line."""
     _make(ground)
     listener = PLAIN.format(port=ground.free("secure")) + TLS
-    return text.replace("\n[axis.x]", f"{listener}\n[axis.x]")
+    return text.replace("\n[axis.x]", f'{listener}\n[axis.x]\nwriters = "any"')
 
 
 def _make(ground: Ground) -> None:
