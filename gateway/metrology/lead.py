@@ -21,6 +21,8 @@ SAME_ANGLES: Final = 0.8
 """Share of the distances that are near multiples, from which on a period is aliased."""
 NARROW: Final = 0.9
 """Mean of the angles as vectors: above it they lie in one place of the turn."""
+LEAST_EVEN: Final = 3
+"""Fewer targets are no grid."""
 FINE_POINTS: Final = 8
 """Of a turn, in a fine run."""
 FINE_TURNS: Final = 2
@@ -89,6 +91,19 @@ def even_step(targets: Sequence[float]) -> float | None:
     return sum(gaps) / len(gaps)
 
 
+def unseen(targets: Sequence[float], periods: Iterable[Period]) -> tuple[Period, ...]:
+    """Return what the targets do not show: of the periods that are told, or of any screw where none is.
+
+    >>> [each.name for each in unseen([0.0, 20.0, 40.0, 60.0], ())]
+    ['the step of 20 and its whole fractions']
+    """
+    known = tuple(periods)
+    step = even_step(targets)
+    if known or step is None or len(targets) < LEAST_EVEN:
+        return shown_by(targets, known)[1]
+    return (Period(step, f"the step of {step:.6g} and its whole fractions"),)
+
+
 def fine_run(targets: Sequence[float], lead: float) -> tuple[float, float, float]:
     """Return where to measure two turns, and in which steps: in the middle, where nothing else ends.
 
@@ -130,7 +145,7 @@ def lead_warnings(targets: Sequence[float], periods: Iterable[Period], unit: str
 def unknown_lead(targets: Sequence[float], unit: str) -> str | None:
     """Say of an even grid, where no lead is told, which screws it does not show; None elsewhere."""
     step = even_step(targets)
-    if step is None or len(targets) < 3:
+    if step is None or len(targets) < LEAST_EVEN:
         return None
     return (
         f"the targets lie {step:.6g} {unit} apart: an error that repeats every {step:.6g}, {step / 2:.6g}, "

@@ -400,7 +400,21 @@ def test_readings_over_gauge_blocks_have_the_blocks_as_targets() -> None:
     assert deviations_um(survey)[:3] == [(0, UP, 1, -1.2), (25, UP, 1, -3.1), (50, UP, 1, -4.4)]
     (remark,) = [each for each in survey.remarks if "gauge blocks" in each]
     assert "3 gauge blocks from 0 to 50" in remark
-    assert "begin at 0.0012 to 0.0077, which counts as scatter" in remark
+    # Run 1 begins at 0.0012, run 2 at 0.0019; that the way back ends elsewhere is lost motion.
+    assert "begin at 0.0012 to 0.0019, which counts as scatter" in remark
+    (alone,) = [each for each in read(one_run(BLOCKS)).remarks if "gauge blocks" in each]
+    assert "scatter" not in alone
+
+
+def test_a_stop_that_is_missing_over_gauge_blocks_is_named_and_the_others_are_used() -> None:
+    survey = read(one_run(BLOCKS).replace("25.0031,up,1,25\n", ""))
+    assert sorted({each.target for each in survey.readings}) == [0, 25, 50]
+    assert len(survey.readings) == 5
+    assert any("no forward reading at 25" in each or "none at 25" in each for each in survey.remarks)
+
+
+def one_run(text: str) -> str:
+    return "".join(line for line in text.splitlines(keepends=True) if ",2," not in line)
 
 
 BOTH_VARY = """target_mm,direction,run,measured_mm
