@@ -30,7 +30,8 @@ class LeftOut(NamedTuple):
     """E that a table leaves between the targets, predicted by leaving out, in the units of the readings.
 
     Of the curves that the readings allow half leave more than ``e``, and nine of ten between ``low`` and
-    ``high``. What repeats with ``unseen`` is not in them, for no target shows it.
+    ``high``. What repeats with ``unseen`` may be in none of them: no target
+    tells it from a slower curve.
     """
 
     e: float
@@ -42,7 +43,9 @@ class LeftOut(NamedTuple):
     def without(self) -> str:
         """What is not in the figures, in words; empty where everything is."""
         names = " and ".join(each.name for each in self.unseen)
-        return f"what repeats with {names} comes on top: no target shows it" if names else ""
+        if not names:
+            return ""
+        return f"what repeats with {names} can come on top: these targets do not tell it from a slower curve"
 
 
 class Fit(Enum):

@@ -94,7 +94,10 @@ def test_a_prediction_says_what_no_target_showed(tmp_path: Path, screw: screws.S
     told = good("build", grid, out, "--to", "csv", "--lead", 5)["predicted"]
     assert told["left_out_e_um"] < 2
     assert told["left_out_unseen_periods"] == [5.0, 2.5]
-    without = "what repeats with lead 5 and half of lead 5 comes on top: no target shows it"
+    without = (
+        "what repeats with lead 5 and half of lead 5 can come on top: these targets do not tell it from a "
+        "slower curve"
+    )
     good("evaluate", grid, "--table", out, "--lead", 5, "--report", page)
     assert page.read_text().count(f"; {without}") == 2  # the sentence and the row
     said = run("build", grid, out, "--to", "csv", "--lead", 5, "--force").stdout
