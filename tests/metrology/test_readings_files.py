@@ -376,6 +376,14 @@ def test_commas_beside_points_are_refused_with_both_lines() -> None:
     assert "a decimal comma would explain" in refused(ISO.replace("50.003", "50,003"))
 
 
+def test_commas_that_may_group_thousands_are_refused_where_nothing_proves_them_decimal() -> None:
+    """Targets of 1 m, 2 m and 3 m as a spreadsheet shows them; as decimals they were 1, 2 and 3 mm."""
+    text = "target_mm;direction;run;deviation_um\n1,000;up;1;12\n2,000;up;1;15\n3,000;up;1;11\n"
+    assert "laser.csv:2: '1,000', which is 1.000 or 1000; allowed: decimal points, or one" in refused(text)
+    proven = read(text.replace("12", "12,5"))
+    assert [each.target for each in proven.readings] == [1.0, 2.0, 3.0]
+
+
 BLOCKS = """target_mm,direction,run,measured_mm
 0.0012,up,1,0
 25.0031,up,1,25
