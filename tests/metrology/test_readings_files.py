@@ -376,6 +376,18 @@ def test_commas_beside_points_are_refused_with_both_lines() -> None:
     assert "a decimal comma would explain" in refused(ISO.replace("50.003", "50,003"))
 
 
+def test_a_column_that_is_no_run_is_named_also_where_the_format_is_told() -> None:
+    noted = "target_mm;forward 1;backward 1;note\n0;0.0;0.01;x\n10;10.0;10.01;y\n"
+    assert "laser.csv:1: 'note' in the heading; allowed: target_mm;forward 1" in refused(noted)
+    assert "'measured_mm' in the heading" in refused("target_mm,measured_mm\n0,0\n", format="wide-csv")
+
+
+def test_target_and_reading_alone_lack_the_directions() -> None:
+    said = refused("target_mm,measured_mm\n0,0\n25,25.01\n")
+    assert "laser.csv:1: no direction and no run in the heading" in said
+    assert "or dro_mm,measured_mm, where the order of the lines tells the directions" in said
+
+
 def test_commas_that_may_group_thousands_are_refused_where_nothing_proves_them_decimal() -> None:
     """Targets of 1 m, 2 m and 3 m as a spreadsheet shows them; as decimals they were 1, 2 and 3 mm."""
     text = "target_mm;direction;run;deviation_um\n1,000;up;1;12\n2,000;up;1;15\n3,000;up;1;11\n"
