@@ -2,7 +2,7 @@
 
 from gateway.compensation.units import Units
 from gateway.metrology.deviation import small_unit
-from gateway.metrology.drift import drift_line, drift_of
+from gateway.metrology.drift import drift_line, drift_of, e_with_and_without
 from gateway.metrology.readings import Survey
 from gateway.metrology.scale import scale_of
 
@@ -32,6 +32,7 @@ def notes_of(survey: Survey, counts_per_unit: float | None = None, *, with_scale
 def json_of(survey: Survey) -> dict[str, object]:
     """Return the same as plain data; null where there is nothing."""
     scale, drift, small = scale_of(survey.readings), drift_of(survey), small_unit(survey.units)
+    was, steady = (0.0, 0.0) if drift is None else e_with_and_without(survey, drift)
     return {
         "scale": None
         if scale is None
@@ -42,5 +43,7 @@ def json_of(survey: Survey) -> dict[str, object]:
             "growth_um_per_m": drift.growth * 1e6,
             "kelvin_of_steel": drift.kelvin_of_steel,
             f"shift_{small.key}": drift.offset * small.factor,
+            f"e_{small.key}": was * small.factor,
+            f"e_without_{small.key}": steady * small.factor,
         },
     }
