@@ -63,14 +63,17 @@ def results_json(found: Evaluation) -> dict[str, object]:
 
 
 def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> dict[str, object]:
-    """Return E between the targets, predicted by leaving out, and its bounds; null where nothing tells it."""
+    """Return E between the targets, predicted by leaving out, and its bounds; null where nothing tells it.
+
+    Beside them the lengths, in the units of the readings, of what repeats unseen and is in none of them.
+    """
     small = small_unit(units)
     names = (f"left_out_e{when}", f"left_out_e_low{when}", f"left_out_e_high{when}")
     numbers = (None,) * len(names) if left_out is None else (left_out.e, left_out.low, left_out.high)
     return {
         f"{name}_{small.key}": None if number is None else number * small.factor
         for name, number in zip(names, numbers, strict=True)
-    }
+    } | {f"left_out_unseen_periods{when}": [each.length for each in left_out.unseen] if left_out else []}
 
 
 def predicted_json(predicted: Evaluation, left_out: LeftOut | None) -> dict[str, object]:
@@ -156,10 +159,11 @@ def left_out_line(before: Evaluation, left_out: LeftOut) -> str:
 
 
 def left_out_text(small: Small, left_out: LeftOut) -> str:
-    """Say E between the targets with its bounds."""
+    """Say E between the targets with its bounds, and what is not in them."""
+    without = f"; {left_out.without}" if left_out.without else ""
     return (
         f"E = {small.text(left_out.e)} (predicted by leaving out; {small.text(left_out.low)} to "
-        f"{small.text(left_out.high)} in nine of ten cases)"
+        f"{small.text(left_out.high)} in nine of ten cases{without})"
     )
 
 

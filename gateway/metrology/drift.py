@@ -140,10 +140,15 @@ def without_drift(survey: Survey, drift: Drift) -> Survey:
     return replace(survey, readings=tuple(steady))
 
 
+def e_with_and_without(survey: Survey, drift: Drift) -> tuple[float, float]:
+    """Return E as it was read and as it would be had nothing changed since the first run, in its units."""
+    return _systematic(survey), _systematic(without_drift(survey, drift))
+
+
 def drift_line(survey: Survey, drift: Drift) -> str:
     """Say what drifts, with E as it was read and as it would be had nothing changed since the first run."""
     small = small_unit(survey.units)
-    was, steady = (_systematic(each) for each in (survey, without_drift(survey, drift)))
+    was, steady = e_with_and_without(survey, drift)
     return (
         f"the readings drift: {drift.describe(small)}. E {small.text(was)} with it, {small.text(steady)} "
         "without: warm the axis up and measure again, or measure faster"

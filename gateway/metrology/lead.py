@@ -17,10 +17,15 @@ HARMONICS: Final = (1, 2)
 """Of the lead: once a turn (a bent or drunken screw), twice a turn (thrust bearing, coupling)."""
 NEAR_MULTIPLE: Final = 0.1
 """Of a turn: distances that are whole turns but for so much meet the same angle again."""
+SLOW: Final = 0.25
+"""Of a turn: on an even grid an error that is so near to whole turns a step looks like a wave of four steps
+and more. As long as it is the same all along the screw it is told from one, no longer."""
 SAME_ANGLES: Final = 0.8
 """Share of the distances that are near multiples, from which on a period is aliased."""
 NARROW: Final = 0.9
 """Mean of the angles as vectors: above it they lie in one place of the turn."""
+LEAST_EVEN: Final = 3
+"""Fewer targets are no grid."""
 FINE_POINTS: Final = 8
 """Of a turn, in a fine run."""
 FINE_TURNS: Final = 2
@@ -89,6 +94,34 @@ def even_step(targets: Sequence[float]) -> float | None:
     return sum(gaps) / len(gaps)
 
 
+def looks_slow(targets: Sequence[float], period: float) -> bool:
+    """Whether targets on an even grid show an error of this period as a slower wave.
+
+    >>> [looks_slow([0, step, 2 * step, 3 * step], 5.0) for step in (6, 7, 2.5)]
+    [True, False, False]
+    """
+    step = even_step(targets)
+    if step is None or len(targets) < LEAST_EVEN:
+        return False
+    turn = step / period
+    return turn > 0.5 and abs(turn - round(turn)) <= SLOW
+
+
+def unseen(targets: Sequence[float], periods: Iterable[Period]) -> tuple[Period, ...]:
+    """Return what targets do not tell from a slower curve: of what is told, or of any screw if nothing is.
+
+    >>> [each.name for each in unseen([0.0, 20.0, 40.0, 60.0], ())]
+    ['the step of 20 and its whole fractions']
+    """
+    known = tuple(periods)
+    step = even_step(targets)
+    if known or step is None or len(targets) < LEAST_EVEN:
+        return tuple(
+            each for each in known if is_aliased(targets, each.length) or looks_slow(targets, each.length)
+        )
+    return (Period(step, f"the step of {step:.6g} and its whole fractions"),)
+
+
 def fine_run(targets: Sequence[float], lead: float) -> tuple[float, float, float]:
     """Return where to measure two turns, and in which steps: in the middle, where nothing else ends.
 
@@ -117,12 +150,30 @@ def aliased_warning(targets: Sequence[float], aliased: Sequence[Period], unit: s
     )
 
 
+def slow_warning(targets: Sequence[float], slow: Sequence[Period], unit: str) -> str:
+    """Say which wave an error looks like, and what to measure instead."""
+    step = even_step(targets) or 0.0
+    looks = []
+    for each in slow:
+        turn = step / each.length
+        looks.append(f"{each.name} like one of {step / abs(turn - round(turn)):.4g} {unit}")
+    spread = max(each.length for each in slow)
+    return (
+        f"the targets lie {step:.6g} {unit} apart: there an error that repeats looks like a slower wave, "
+        f"{' and '.join(looks)}, and is told from it only as long as it is the same all along the screw. "
+        f"Take random targets with --spread {spread:g}"
+    )
+
+
 def lead_warnings(targets: Sequence[float], periods: Iterable[Period], unit: str) -> list[str]:
     """Say what targets will not show, or, where no lead is told, what they may not."""
     known = tuple(periods)
     aliased = shown_by(targets, known)[1]
     if aliased:
         return [aliased_warning(targets, aliased, unit)]
+    slow = tuple(each for each in known if looks_slow(targets, each.length))
+    if slow:
+        return [slow_warning(targets, slow, unit)]
     warning = None if known else unknown_lead(targets, unit)
     return [warning] if warning else []
 
@@ -130,7 +181,7 @@ def lead_warnings(targets: Sequence[float], periods: Iterable[Period], unit: str
 def unknown_lead(targets: Sequence[float], unit: str) -> str | None:
     """Say of an even grid, where no lead is told, which screws it does not show; None elsewhere."""
     step = even_step(targets)
-    if step is None or len(targets) < 3:
+    if step is None or len(targets) < LEAST_EVEN:
         return None
     return (
         f"the targets lie {step:.6g} {unit} apart: an error that repeats every {step:.6g}, {step / 2:.6g}, "

@@ -17,7 +17,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lead import Period, shown_by
+from gateway.metrology.lead import Period, shown_by, unseen
 from gateway.metrology.process import KERNELS, ROUGH, Array, Kind, Process, Samples, fitted, jointed
 from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
 from gateway.metrology.shapes import LeftOut, Shape
@@ -184,7 +184,12 @@ class Screw:
         drawn = (self._forward, self._backward)
         left = np.vstack([added[way][:, None] - _at(drawn[way], self._places, added[way]) for way in ways])
         low, middle, high = np.quantile(left.max(axis=0) - left.min(axis=0), QUANTILES).tolist()
-        return LeftOut(middle, min(low, middle / LEAST_SPREAD), max(high, middle * LEAST_SPREAD))
+        return LeftOut(
+            middle,
+            min(low, middle / LEAST_SPREAD),
+            max(high, middle * LEAST_SPREAD),
+            unseen(self.means.targets, self.periods),
+        )
 
 
 def _at(curves: Array, places: Array, moved: Array) -> Array:

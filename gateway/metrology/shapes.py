@@ -3,6 +3,8 @@
 from enum import Enum
 from typing import NamedTuple
 
+from gateway.metrology.lead import Period
+
 
 class Shape(Enum):
     """What a table follows, the plainest first."""
@@ -28,12 +30,22 @@ class LeftOut(NamedTuple):
     """E that a table leaves between the targets, predicted by leaving out, in the units of the readings.
 
     Of the curves that the readings allow half leave more than ``e``, and nine of ten between ``low`` and
-    ``high``.
+    ``high``. What repeats with ``unseen`` may be in none of them: no target
+    tells it from a slower curve.
     """
 
     e: float
     low: float
     high: float
+    unseen: tuple[Period, ...] = ()
+
+    @property
+    def without(self) -> str:
+        """What is not in the figures, in words; empty where everything is."""
+        names = " and ".join(each.name for each in self.unseen)
+        if not names:
+            return ""
+        return f"what repeats with {names} can come on top: these targets do not tell it from a slower curve"
 
 
 class Fit(Enum):

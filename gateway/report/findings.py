@@ -146,9 +146,10 @@ def between(found: Findings) -> str:
     if left_out is None or not found.story.is_predicted:
         return ""
     left, low, high = (found.scale.rounded(each) for each in (left_out.e, left_out.low, left_out.high))
+    without = f"; {left_out.without}" if left_out.without else ""
     return (
         f" Between the targets it is predicted to leave a systematic deviation E of {left}, in nine of ten "
-        f"cases between {low} and {high}."
+        f"cases between {low} and {high}{without}."
     )
 
 

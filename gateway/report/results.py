@@ -67,9 +67,10 @@ def _between_row(found: Findings, columns: int) -> str:
     value, low, high = (
         number(found.scale.of(each), ISO_PLACES) for each in (left_out.e, left_out.low, left_out.high)
     )
+    without = f"; {escape(left_out.without)}" if left_out.without else ""
     return (
         '<tr class="total"><th scope="row"><b>E</b> between the targets, predicted by leaving out '
-        f"(nine of ten cases: {low} to {high})</th>"
+        f"(nine of ten cases: {low} to {high}{without})</th>"
         f"<td>{NONE}</td><td>{value}</td><td>{NONE}</td></tr>\n"
     )
 

@@ -14,7 +14,8 @@ from gateway.tabfile.errors import TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.text import SourceText, shown
 
-_GROUPED: Final = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:,[0-9]{3})+")
+GROUPED: Final = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:,[0-9]{3})+")
+"""A number whose commas may as well group its thousands."""
 _LONE_ZERO: Final = re.compile(r"[+-]?0[0-9].*")
 REMEDY: Final = "decimal points throughout (1.25), or decimal commas with semicolons between the columns"
 
@@ -74,7 +75,7 @@ def _has_decimal_commas(source: SourceText, rows: Sequence[CsvRow]) -> bool:
         raise source.error(
             f"{shown(cell)} among numbers with decimal {other}", f"one decimal mark: {REMEDY}", line=line
         )
-    if all(_GROUPED.fullmatch(cell) for cell, _ in commas):
+    if all(GROUPED.fullmatch(cell) for cell, _ in commas):
         cell, line = commas[0]
         raise source.error(
             f"{shown(cell)}, which is {cell.replace(',', '.')} or {cell.replace(',', '')}",

@@ -296,31 +296,40 @@ def _between(subject: _Subject, branch: str, left_out: tuple[int, ...], index: i
 
 
 def _odd_reversal(subject: _Subject, named: AbstractSet[float]) -> Iterator[Lint]:
-    """Name the point whose lost motion is not like that of the others."""
+    """Name the point, in a short table perhaps two, whose lost motion is not like that of the others."""
     differences = [row.forward - row.backward for row in subject.rows]
     floor = subject.table.units.from_mm(REVERSAL_FLOOR_MM)
-    found = []
-    is_long = len(differences) > SHORT
-    middle = median(differences)
-    limit = max(OUTLIER_FACTOR * median(abs(each - middle) for each in differences), floor)
-    for index, difference in enumerate(differences):
-        if not is_long:
-            others = differences[:index] + differences[index + 1 :]
-            middle = median(others)
-            limit = max(REVERSAL_FACTOR * max(abs(other - middle) for other in others), floor)
-        if len(differences) > LEAST_LEFT and abs(difference - middle) > limit:
-            found.append((abs(difference - middle), index, middle))
-    if found:
-        _, index, middle = max(found)
+    odd, usual = _odd(differences, floor)
+    for index in odd:
         row = subject.rows[index]
         if row.position not in named:
             yield _warning(
                 "L15",
                 f"forward - backward at {row.position:g} {subject.unit} is {differences[index]:.6g}, at the "
-                f"others {middle:.6g}: one of both corrections there is a slip? Look at the sheet, or "
+                f"others {usual:.6g}: one of both corrections there is a slip? Look at the sheet, or "
                 "measure there again",
                 row.forward_line,
             )
+
+
+def _odd(differences: Sequence[float], floor: float) -> tuple[list[int], float]:
+    """Return which numbers are not like the others, in order, and what is usual among those."""
+    middle = median(differences)
+    farthest = sorted(
+        range(len(differences)), key=lambda index: abs(differences[index] - middle), reverse=True
+    )
+    if len(differences) > SHORT:
+        limit = max(OUTLIER_FACTOR * median(abs(each - middle) for each in differences), floor)
+        return [index for index in farthest[:1] if abs(differences[index] - middle) > limit], middle
+    for many in (1, 2):
+        others = [differences[index] for index in farthest[many:]]
+        if len(others) < LEAST_LEFT + many - 1:
+            break
+        usual = median(others)
+        limit = max(REVERSAL_FACTOR * many * max(abs(each - usual) for each in others), floor)
+        if all(abs(differences[index] - usual) > limit for index in farthest[:many]):
+            return sorted(farthest[:many]), usual
+    return [], middle
 
 
 def _resolution(subject: _Subject) -> Iterator[Lint]:

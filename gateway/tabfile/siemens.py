@@ -11,7 +11,7 @@ the measuring system, ``;`` begins a comment, blanks stand anywhere, words are i
     $AA_ENC_COMP_MAX[e,axis] = position of N = k
     $AA_ENC_COMP_IS_MODULO[e,axis] = 0 | 1
     M17                                             or M02, M30; once, last. A file that is run as a program
-                                                    has M0 or M30 before its M17
+                                                    has M0, M30 or both before its M17
 
 MIN + k x STEP must be MAX. The control would fill a gap, and a parameter that is not in the file, with what
 it was loaded with before; here both are errors, and so is a file without its end.

@@ -14,7 +14,7 @@ error compensation); ``t`` is the number of a table, ``;`` begins a comment, bla
     $AN_CEC_DIRECTION[t] = 0 | 1 | -1               both directions, or only the positive or negative one
     $AN_CEC_MULT_BY_TABLE[t] = 0                    if at all
     $AN_CEC_IS_MODULO[t] = 0 | 1
-    M17                                             or M02, M30; once, last; M0 or M30 may stand before M17
+    M17                                             or M02, M30; once, last; M0, M30 or both may come before
 
 An axis has one table of direction 0, or one of 1 and one of -1 with the
 same points. MIN + k x STEP must be MAX; a gap or a parameter that is missing would keep what was loaded

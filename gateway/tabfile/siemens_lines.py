@@ -1,8 +1,8 @@
 """What both Siemens dialects have in common: lines that assign, numbers, a grid from MIN to MAX, an end.
 
 ``;`` begins a comment, blanks stand anywhere, words are in any case. A file ends with M17, M02 or M30; one
-that is run as a program has M0 or M30 before it. Numbers may be hexadecimal, as the control saves them: 'H0',
-'H1F'.
+that is run as a program has M0, M30 or both before it. Numbers may be hexadecimal, as the control saves them:
+'H0', 'H1F'.
 """
 
 import re
@@ -29,8 +29,8 @@ _GRID_TOLERANCE: Final = 1e-6
 _SHOWN: Final = 10
 _DATA: Final = re.compile(r"(?i)CHANDATA\s*\(\s*[0-9]{1,2}\s*\)")
 _END: Final = re.compile(r"(?i)M(17|0?2|30)")
-_STOP: Final = re.compile(r"(?i)M(0|00|30)")
-"""What stands before M17 in a file that is run as a program: it stops there."""
+_STOPS: Final = (re.compile("(?i)M30"), re.compile("(?i)M00?"))
+"""What may stand before M17 in a file that is run as a program, the last first: it stops there."""
 _HEX: Final = re.compile(r"(?i)'H([0-9A-F]{1,8})'")
 _EXPONENT: Final = re.compile(r"(?i)(?<=[0-9.])EX(?=[+-]?[0-9])")
 _LETTER: Final = re.compile("[A-Z][0-9]{0,2}")
@@ -54,14 +54,17 @@ def assign(
     """
     lines = [(line, text) for line in source.lines if (text := line.text.split(";")[0].strip())]
     end = next((index for index, (_, text) in enumerate(lines) if _END.fullmatch(text)), len(lines))
-    if end == len(lines) - 2 and _STOP.fullmatch(lines[end][1]) and _END.fullmatch(lines[-1][1]):
+    if end == len(lines) - 2 and _STOPS[0].fullmatch(lines[end][1]) and _END.fullmatch(lines[-1][1]):
         end += 1
+    first_stop = end
+    for stop in _STOPS:
+        if 0 < first_stop < len(lines) and stop.fullmatch(lines[first_stop - 1][1]):
+            first_stop -= 1
     problems: list[Problem] = []
     is_above = True
     for index, (line, text) in enumerate(lines):
         is_head = (index == 0 and header.fullmatch(text)) or (is_above and _DATA.fullmatch(text))
-        is_stop = index == end - 1 < len(lines) - 1 and _STOP.fullmatch(text)
-        if is_head or is_stop or index == end:
+        if is_head or first_stop <= index <= end:
             continue
         is_above = False
         found = "a line after the end" if index > end else take(line, text)

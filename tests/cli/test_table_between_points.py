@@ -87,6 +87,29 @@ def test_an_even_grid_on_whole_turns_is_warned_of_with_what_to_measure(
     assert any("Tell the lead of the screw: --lead" in note for note in untold["notes"])
 
 
+def test_a_prediction_says_what_no_target_showed(tmp_path: Path, screw: screws.Screw) -> None:
+    """A grid of 20 mm on a lead of 5: the readings know nothing of the turn, of 3 µm, which is 6 µm of E."""
+    grid = written(tmp_path / "grid.csv", [20.0 * index for index in range(21)], screw)
+    out, page = tmp_path / "t.csv", tmp_path / "page.html"
+    told = good("build", grid, out, "--to", "csv", "--lead", 5)["predicted"]
+    assert told["left_out_e_um"] < 2
+    assert told["left_out_unseen_periods"] == [5.0, 2.5]
+    without = (
+        "what repeats with lead 5 and half of lead 5 can come on top: these targets do not tell it from a "
+        "slower curve"
+    )
+    good("evaluate", grid, "--table", out, "--lead", 5, "--report", page)
+    assert page.read_text().count(f"; {without}") == 2  # the sentence and the row
+    said = run("build", grid, out, "--to", "csv", "--lead", 5, "--force").stdout
+    assert f"in nine of ten cases; {without})" in said
+    untold = good("build", grid, tmp_path / "u.csv", "--to", "csv")["predicted"]
+    assert untold["left_out_unseen_periods"] == [20.0]
+    # Targets that meet every angle leave nothing out.
+    every = written(tmp_path / "every.csv", screws.targets_of(ISSUE, 41, 3), screw)
+    shown = good("build", every, tmp_path / "e.csv", "--to", "csv", "--lead", 5)["predicted"]
+    assert shown["left_out_unseen_periods"] == []
+
+
 def test_refine_says_when_another_round_brings_nothing(
     readings: Path, tmp_path: Path, screw: screws.Screw
 ) -> None:

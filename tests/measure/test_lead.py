@@ -46,7 +46,7 @@ def test_a_lead_that_leaves_no_room_is_no_spread(tmp_path: Path) -> None:
 
 def test_the_first_recipe_of_the_page_shows_a_lead_of_5_and_its_old_one_did_not(tmp_path: Path) -> None:
     axis, _ = loaded(tmp_path)
-    new = plan_of(Grid(0.0, 300.0, step=12.0), axis).targets
+    new = plan_of(Grid(0.0, 300.0, targets=26, lead=5.0), axis).targets
     assert lead_warnings(new, periods_of(5.0), "mm") == []
     old = plan_of(Grid(0.0, 300.0, step=25.0), axis).targets
     for lead in (5.0, 12.5, 25.0):

@@ -14,6 +14,7 @@ from gateway.metrology.formats import parse_survey
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.scale import ScaleError, check_scale, scale_of
 from gateway.metrology.standard_asks import missing_line, missing_of, title_of
+from gateway.metrology.whole import json_of
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
 TARGETS = [0.0, 97.0, 203.0, 301.0, 400.0]
@@ -43,7 +44,20 @@ def test_a_screw_that_warms_up_is_named_with_e_with_and_without() -> None:
     said = drift_line(warming(), found)
     assert "+28 µm/m over the runs, as +2.4 K of steel make" in said
     assert "E 7.00 µm with it, 0.00 µm without" in said
+    drift = json_of(warming())["drift"]
+    assert isinstance(drift, dict)
+    assert (drift["e_um"], drift["e_without_um"]) == (pytest.approx(7.0), pytest.approx(0.0, abs=1e-6))
     assert evaluate(without_drift(warming(), found)).systematic == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_rotary_axis_has_no_scale_to_put_right() -> None:
+    """A turn is a turn: counts_per_unit of 360 degrees is no measured number, and has no µm/m."""
+    readings = tuple(Reading(x, way, x * 1.0001, 1) for way in (UP, DOWN) for x in (0.0, 90.0, 180.0))
+    assert json_of(Survey(readings, Units.MM))["scale"] == {
+        "um_per_m": pytest.approx(100.0),
+        "counts_per_unit_factor": pytest.approx(1 / 1.0001),
+    }
+    assert json_of(Survey(readings, Units.DEGREE))["scale"] is None
 
 
 def test_a_shift_of_the_whole_axis_is_named_too() -> None:

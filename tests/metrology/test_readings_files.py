@@ -376,6 +376,26 @@ def test_commas_beside_points_are_refused_with_both_lines() -> None:
     assert "a decimal comma would explain" in refused(ISO.replace("50.003", "50,003"))
 
 
+def test_a_column_that_is_no_run_is_named_also_where_the_format_is_told() -> None:
+    noted = "target_mm;forward 1;backward 1;note\n0;0.0;0.01;x\n10;10.0;10.01;y\n"
+    assert "laser.csv:1: 'note' in the heading; allowed: target_mm;forward 1" in refused(noted)
+    assert "'measured_mm' in the heading" in refused("target_mm,measured_mm\n0,0\n", format="wide-csv")
+
+
+def test_target_and_reading_alone_lack_the_directions() -> None:
+    said = refused("target_mm,measured_mm\n0,0\n25,25.01\n")
+    assert "laser.csv:1: no direction and no run in the heading" in said
+    assert "or dro_mm,measured_mm, where the order of the lines tells the directions" in said
+
+
+def test_commas_that_may_group_thousands_are_refused_where_nothing_proves_them_decimal() -> None:
+    """Targets of 1 m, 2 m and 3 m as a spreadsheet shows them; as decimals they were 1, 2 and 3 mm."""
+    text = "target_mm;direction;run;deviation_um\n1,000;up;1;12\n2,000;up;1;15\n3,000;up;1;11\n"
+    assert "laser.csv:2: '1,000', which is 1.000 or 1000; allowed: decimal points, or one" in refused(text)
+    proven = read(text.replace("12", "12,5"))
+    assert [each.target for each in proven.readings] == [1.0, 2.0, 3.0]
+
+
 BLOCKS = """target_mm,direction,run,measured_mm
 0.0012,up,1,0
 25.0031,up,1,25
@@ -400,7 +420,21 @@ def test_readings_over_gauge_blocks_have_the_blocks_as_targets() -> None:
     assert deviations_um(survey)[:3] == [(0, UP, 1, -1.2), (25, UP, 1, -3.1), (50, UP, 1, -4.4)]
     (remark,) = [each for each in survey.remarks if "gauge blocks" in each]
     assert "3 gauge blocks from 0 to 50" in remark
-    assert "begin at 0.0012 to 0.0077, which counts as scatter" in remark
+    # Run 1 begins at 0.0012, run 2 at 0.0019; that the way back ends elsewhere is lost motion.
+    assert "begin at 0.0012 to 0.0019, which counts as scatter" in remark
+    (alone,) = [each for each in read(one_run(BLOCKS)).remarks if "gauge blocks" in each]
+    assert "scatter" not in alone
+
+
+def test_a_stop_that_is_missing_over_gauge_blocks_is_named_and_the_others_are_used() -> None:
+    survey = read(one_run(BLOCKS).replace("25.0031,up,1,25\n", ""))
+    assert sorted({each.target for each in survey.readings}) == [0, 25, 50]
+    assert len(survey.readings) == 5
+    assert any("no forward reading at 25" in each or "none at 25" in each for each in survey.remarks)
+
+
+def one_run(text: str) -> str:
+    return "".join(line for line in text.splitlines(keepends=True) if ",2," not in line)
 
 
 BOTH_VARY = """target_mm,direction,run,measured_mm

@@ -11,7 +11,16 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lead import aliased_warning, is_aliased, periods_of, shown_by, unknown_lead
+from gateway.metrology.lead import (
+    Period,
+    aliased_warning,
+    is_aliased,
+    lead_warnings,
+    periods_of,
+    shown_by,
+    unknown_lead,
+    unseen,
+)
 from gateway.metrology.process import ANALYTIC, Kind, Samples, fitted
 from gateway.metrology.program import random_targets
 from gateway.metrology.readings import Reading, Survey
@@ -78,6 +87,35 @@ def test_the_warning_names_what_to_measure() -> None:
     assert told is not None
     assert "every 10, 5, 3.33333… mm" in told
     assert unknown_lead(RANDOM_TARGETS, "mm") is None
+
+
+def test_an_even_grid_may_show_a_turn_as_a_slower_wave() -> None:
+    """A step of 6 mm is 1.2 turns of 5 mm: the angle comes back after five steps, a wave of 30 mm."""
+    targets = [6.0 * index for index in range(67)]
+    assert not is_aliased(targets, 5.0)
+    (said,) = lead_warnings(targets, [Period(5.0, "lead 5")], "mm")
+    assert "lead 5 like one of 30 mm" in said
+    assert "--spread 5" in said
+    assert [each.name for each in unseen(targets, periods_of(5.0))] == ["lead 5"]
+    # 7 mm are 1.4 turns of 5 and 2.8 of 2.5: the second looks like a wave of five steps.
+    assert [each.name for each in unseen([7.0 * index for index in range(50)], periods_of(5.0))] == [
+        "half of lead 5"
+    ]
+    # Steps of a quarter turn, and random targets, leave nothing open.
+    assert unseen([0.625 * index for index in range(50)], periods_of(5.0)) == ()
+    assert unseen(RANDOM_TARGETS, periods_of(5.0)) == ()
+
+
+def test_what_such_a_grid_hides_is_told_beside_the_prediction() -> None:
+    """The error of the issue comes and goes along the screw: its table leaves more than the bounds say."""
+    kind = next(each for each in screws.KINDS if "lead 5 told" in each.name)
+    screw = screws.screw_of(kind, 2)[0]
+    targets = [6.0 * index for index in range(67)]
+    chosen = screws.built(screw.survey(targets, 0.4, Random(2)), kind, Fit.AUTO)
+    assert chosen.screw is not None
+    left_out = chosen.screw.left_out(chosen.table)
+    assert screw.leaves_um(chosen.table, 0.0, targets[-1]) > 1000 * left_out.high
+    assert [each.name for each in left_out.unseen] == ["lead 5"]
 
 
 @pytest.mark.parametrize("lead", [0.0, -5.0, float("nan"), float("inf")])

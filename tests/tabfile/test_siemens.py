@@ -252,7 +252,9 @@ def test_what_cannot_be_written() -> None:
         siemens.write(make_table([0, 5, 11], [0, 0, 0], [0, 0, 0], Units.MM), WriteOptions(axis="X"))
 
 
-@pytest.mark.parametrize("end", ["m0\nM17", "M0\nm17", "m30\nM17", "M30\nM17", "M00 ; stop\nM17"])
+@pytest.mark.parametrize(
+    "end", ["m0\nM17", "M0\nm17", "m30\nM17", "M30\nM17", "M00 ; stop\nM17", "m0\nm30\nM17"]
+)
 def test_a_file_that_is_run_as_a_program_stops_before_its_end(end: str) -> None:
     whole = program([0.001, 0.002, 0.003])
     loaded = parse(f"{whole}\n{end}\n")
@@ -265,6 +267,8 @@ def test_a_file_that_is_run_as_a_program_stops_before_its_end(end: str) -> None:
         ("M17\nM30", "a line after the end in 'M30'"),
         ("m0", "something else in 'm0'"),
         ("M0\nM0\nM17", "something else in 'M0'"),
+        ("M30\nM0\nM17", "a line after the end in 'M0'"),
+        ("m0\nm30\nm30\nM17", "a line after the end in 'm30'"),
         ("M30\n$AA_ENC_COMP[0,3,C1]=0\nM17", "a line after the end"),
     ],
 )

@@ -209,6 +209,21 @@ def test_l15_a_lost_motion_that_only_one_point_has() -> None:
     assert "forward - backward at 30 mm is -0.012, at the others 0.012" in lint.message
 
 
+def test_l15_two_rows_with_digits_exchanged_in_one_direction() -> None:
+    """Neither stands out of its own curve: the one is too small beside the other."""
+    forward = [0.0, 0.0110, 0.0251, 0.0231, 0.0430, 0.0528, 0.0641]  # 0.0215 and 0.0321
+    back = [-0.0120, -0.0012, 0.0097, 0.0201, 0.0311, 0.0411, 0.0522]
+    found = [lint for lint in microns(forward, back).lints if lint.code == "L15"]
+    # 25.1 - 9.7 and 23.1 - 20.1 µm; elsewhere 11.7, 11.7, 11.9, 12 and 12.2.
+    assert len(found) == 2
+    assert "at 20 mm is 0.0154, at the others 0.0119" in found[0].message
+    assert "at 30 mm is 0.003, at the others 0.0119" in found[1].message
+    # A lost motion that two of seven points have from wear, and a third half of it, is none.
+    lost = [0.012, 0.012, 0.014, 0.018, 0.018, 0.014, 0.012]
+    worn = [c - each for c, each in zip(forward, lost, strict=True)]
+    assert "L15" not in codes(microns(forward, worn))
+
+
 def test_l6_rounding_of_a_straight_line_is_no_outlier() -> None:
     straight = [round(i / 3, 4) for i in range(10)]
     assert "L6" not in codes(tenths(straight, straight))

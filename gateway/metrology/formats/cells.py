@@ -7,6 +7,7 @@ from typing import Final
 
 from gateway.compensation.units import Units
 from gateway.metrology.circumstances import STATED
+from gateway.tabfile.csv_numbers import GROUPED
 from gateway.tabfile.csv_text import split_cells
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
@@ -99,11 +100,13 @@ def _with_points(
     """Take decimal commas for points, where commas separate nothing and no number of the file has a point.
 
     Raises:
-        TabFileError: numbers with commas beside numbers with points: one of them may separate thousands.
+        TabFileError: numbers with commas beside numbers with points: one of them may separate thousands; or
+            no comma that cannot.
     """
     if separator == ",":
         return tuple(lines)
-    comma = next(((line, c) for line, cells in lines for c in cells if _WITH_COMMA.fullmatch(c)), None)
+    commas = [(line, c) for line, cells in lines for c in cells if _WITH_COMMA.fullmatch(c)]
+    comma = next(iter(commas), None)
     point = next(((line, c) for line, cells in lines for c in cells if _WITH_POINT.fullmatch(c)), None)
     if comma is None:
         return tuple(lines)
@@ -111,6 +114,12 @@ def _with_points(
         raise source.error(
             f"{shown(comma[1])} with a decimal comma, and {shown(point[1])} with a point in line {point[0]}",
             "one of both in a file: the other may separate thousands",
+            line=comma[0],
+        )
+    if all(GROUPED.fullmatch(text) for _, text in commas):
+        raise source.error(
+            f"{shown(comma[1])}, which is {comma[1].replace(',', '.')} or {comma[1].replace(',', '')}",
+            "decimal points, or one number at least that cannot be grouped by thousands, such as 0,5",
             line=comma[0],
         )
     return tuple(

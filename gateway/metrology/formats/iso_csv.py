@@ -54,12 +54,16 @@ WARMEST_C: Final = 80.0
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the heading has a target and a direction."""
+    """Whether the heading has a target and a direction or a reading."""
     found = heading_of(source)
     cells = [words(cell) for cell in found[0].text.split(found[1])] if found else []
     names = {name for cell in cells for name in cell}
     # "run 1" is one of several columns.
-    return "target" in names and ("direction" in names or ("run",) in cells)
+    return (
+        "target" in names
+        and "dro" not in names
+        and (not names.isdisjoint({"direction", "measured", "deviation"}) or ("run",) in cells)
+    )
 
 
 def read(source: SourceText, context: ReadingsContext) -> Survey:
@@ -119,7 +123,10 @@ def _places(source: SourceText, sheet: Sheet) -> dict[str, int]:
     missing = [what for what in ("target", "direction", "run") if what not in places]
     if missing or ("measured" in places) == ("deviation" in places):
         found = f"no {' and no '.join(missing)}" if missing else "not one of measured and deviation"
-        raise source.error(f"{found} in the heading", HEADING, line=sheet.heading.number)
+        in_order = "; or dro_mm,measured_mm, where the order of the lines tells the directions"
+        raise source.error(
+            f"{found} in the heading", f"{HEADING}{in_order if missing else ''}", line=sheet.heading.number
+        )
     if "deviation" in places and unit_of(sheet.names[places["deviation"]]) is None:
         raise source.error(
             f"{shown(sheet.names[places['deviation']])} in the heading, without a unit",

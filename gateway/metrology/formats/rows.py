@@ -78,9 +78,10 @@ def _at_blocks(rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
     deviation stays what it is; it belongs to the block instead of to a place a few micrometres beside it.
     Returns what was done, in words; empty where nothing was.
     """
-    count = max(Counter((row.direction, row.run) for row in rows).values())
+    stops = Counter((row.direction, row.run) for row in rows)
+    count = max(stops.values())
     targets = sorted({row.target for row in rows})
-    if count < LEAST_BLOCKS or len(targets) <= count or len(rows) < 2 * count:
+    if count < LEAST_BLOCKS or len(targets) <= count or len(stops) < 2:
         return rows, ""
     groups = _nearest(targets, count)
     between = min(after[0] - before[-1] for before, after in pairwise(groups))
@@ -101,8 +102,9 @@ def _at_blocks(rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
         f"readings over {len(sizes)} gauge blocks from {sizes[0]:.9g} to {sizes[-1]:.9g}: the blocks "
         "are the targets, and each reading is of the nearest"
     )
-    starts = groups[0]
-    if len(starts) > 1:
+    first = {row.run: row.target for row in sorted(rows, key=lambda row: row.line, reverse=True)}
+    starts = sorted(first.values())
+    if starts[0] < starts[-1]:
         said += f"; the runs begin at {starts[0]:.9g} to {starts[-1]:.9g}, which counts as scatter"
     return moved, said
 
@@ -144,7 +146,8 @@ def _check_spelling(source: SourceText, rows: Sequence[Row]) -> None:
             one, two = sorted((first[low], first[high]), key=lambda row: row.line)
             raise source.error(
                 f"target {two.target:.9g}, which is {one.target:.9g} in line {one.line}",
-                "the same number for one target in every run: a rounding makes two targets of one",
+                "the same number for one target in every run: a rounding makes two targets of one; or, over "
+                "gauge blocks, no more places than a run has stops, and the stops of one block near together",
                 line=two.line,
             )
 

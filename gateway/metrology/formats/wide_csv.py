@@ -38,17 +38,12 @@ CLEARLY: Final = 100.0
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the heading has a target and runs as columns."""
+    """Whether the heading has a target and a run as columns; the reader names what is neither."""
     found = heading_of(source)
     if found is None:
         return False
     names = split_cells(found[0].text, found[1])
-    others = [name for name in names[1:] if name]
-    return (
-        len(others) > 0
-        and bool(_TARGET & set(words(names[0])))
-        and all(_run(name) is not None for name in others)
-    )
+    return bool(_TARGET & set(words(names[0]))) and any(_run(name) is not None for name in names[1:])
 
 
 def read(source: SourceText, context: ReadingsContext) -> Survey:
@@ -106,7 +101,8 @@ def _runs(source: SourceText, sheet: Sheet, told: Runs | None) -> dict[int, tupl
     found: dict[int, tuple[Direction, int]] = {}
     for at, name in enumerate(sheet.names[1:], start=1):
         run = _run(name)
-        assert run is not None, "the heading was recognised by its runs"
+        if run is None:
+            raise source.error(f"{shown(name)} in the heading", HEADING, line=sheet.heading.number)
         way, number = run
         if way is None:
             if told is None:
