@@ -454,7 +454,13 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     if aim.is_unsure and not is_passing and aim.base is None and not world.design.is_stream:
         _judge_doubt(world, number, aim)
     is_certain = aim.base is None or aim.base[1]
-    is_unsure = aim.is_unsure or not is_certain
+    # What it is told again is no surer than it was, though it was moved by something else since.
+    kept = axis.run
+    is_flagged = kept is None and world.said(number).direction == "unsure"
+    is_flagged |= (
+        kept is not None and kept.is_unsure and (kept.nominal_counts, kept.end_counts) == (nominal, end)
+    )
+    is_unsure = aim.is_unsure or is_flagged or not is_certain
     made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
     if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
         is_unsure = True
@@ -542,9 +548,11 @@ def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
         return base + distance
     forward, backward = _branches(world, base, aim)
     low, high = sorted((2 * base - forward, 2 * base - backward))
-    for nominal in range(int(low - SLOPE_COUNTS) + distance, int(high + SLOPE_COUNTS) + distance + 1):
-        if any(abs(end - each) <= ONE * world.design.step_counts for each in _branches(world, nominal, aim)):
-            return nominal
+    places = range(int(low - SLOPE_COUNTS) + distance, int(high + SLOPE_COUNTS) + distance + 1)
+    far = {each: min(abs(end - branch) for branch in _branches(world, each, aim)) for each in places}
+    nominal = min(far, key=lambda each: far[each])
+    if far[nominal] <= ONE * world.design.step_counts:
+        return nominal
     raise BrokenRuleError(f"a distance of {distance} from {base} ends at {end}, which is on no branch (1)")
 
 
