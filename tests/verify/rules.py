@@ -457,9 +457,8 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     # What it is told again is no surer than it was, though it was moved by something else since.
     kept = axis.run
     is_flagged = kept is None and world.said(number).direction == "unsure"
-    is_flagged |= (
-        kept is not None and kept.is_unsure and (kept.nominal_counts, kept.end_counts) == (nominal, end)
-    )
+    if "nudge" in world.design.happenings and kept is not None and kept.is_unsure:
+        is_flagged |= (kept.nominal_counts, kept.end_counts) == (nominal, end)
     is_unsure = aim.is_unsure or is_flagged or not is_certain
     made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
     if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
