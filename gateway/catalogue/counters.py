@@ -44,6 +44,13 @@ LINE: Final = (
         "look at the log: `refused-value`, `request-refused` and `second-writer` say why",
     ),
     CounterEntry(
+        "backed_off",
+        "answered for silent drives",
+        "requests that were answered with 0x0B at once because their drive had left three in a row "
+        "unanswered",
+        "look at the drive: power, cable, unit id; see `drive-backed-off`",
+    ),
+    CounterEntry(
         "withdrawn",
         "withdrawn",
         "requests that were not sent: their controller had given up on them, or a stop came after them",

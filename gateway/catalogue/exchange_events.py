@@ -37,6 +37,15 @@ UNKNOWN_UNIT: Final = EventEntry(
     "another device behind the same connection, or a wrong `unit_id` in the configuration or the controller",
     "name the device in `other_units`, or mend the `unit_id`",
 )
+DRIVE_BACKED_OFF: Final = EventEntry(
+    "drive-backed-off",
+    Severity.WARNING,
+    "a drive left three requests in a row unanswered: what is for it, or for its group, is answered with "
+    "exception 0x0B at once, and only a trial goes there from time to time; the others are not kept waiting",
+    "as of `drive-silent`",
+    "look at the drive and its wires; it is asked as before with the first frame that comes from it. "
+    "`retry_ms` says how often it is tried, and `retry_ms = 0` turns this off",
+)
 DRIVE_ANSWERS: Final = EventEntry(
     "drive-answers",
     Severity.INFO,

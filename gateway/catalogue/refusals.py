@@ -232,5 +232,12 @@ REFUSALS: Final = (
         "the drive did not answer in time. On a serial controller's port silence instead",
         "see `drive-silent`",
     ),
+    RefusalEntry(
+        0x0B,
+        "",
+        "the drive, or another one of its group, left three requests in a row unanswered and is only tried "
+        "from time to time: answered at once, on a serial controller's port too",
+        "see `drive-backed-off`",
+    ),
 )
 """In the order of their codes."""

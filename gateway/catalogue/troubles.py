@@ -86,7 +86,8 @@ TWO_WRITERS: Final = TroubleEntry(
 UNIT_SILENT: Final = TroubleEntry(
     "unit-silent",
     Severity.WARNING,
-    "controllers ask a unit id that has no axis, and nobody answers: each such request costs the others time",
+    "controllers ask a unit id that has no axis, and nobody answers: trials cost the others time, with "
+    "`retry_ms = 0` each request",
     "a device that is off, or a wrong unit id in the controller",
     "switch the device on, or have the controller not ask for it",
 )

@@ -66,6 +66,7 @@ def line_plan(
         timing=LineTiming(
             response_timeout_ms=line.response_timeout_ms,
             drain_ms=line.response_timeout_ms if line.drain_ms is None else line.drain_ms,
+            retry_ms=line.retry_ms,
             turnaround_ms=line.turnaround_ms,
             # Drives share the wire: the one that needs the longest silence sets the pace.
             gap_ms=max([line.gap_ms, *(_registers(axis).gap_ms for axis in axes.values())]),

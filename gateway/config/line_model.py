@@ -187,6 +187,11 @@ class LineSection(StrictModel):
         description="milliseconds of silence after a time-out before the next request, on RTU drives; "
         "response_timeout_ms when not given",
     )
+    retry_ms: MillisecondsOrZero = Field(
+        default=_TIMING.retry_ms,
+        description="milliseconds after which a unit id that left three requests unanswered is tried again, "
+        "doubling to 10 s; 0: it is always asked",
+    )
     turnaround_ms: MillisecondsOrZero = Field(
         default=_TIMING.turnaround_ms, description="milliseconds of pause after a broadcast"
     )

@@ -3,8 +3,9 @@
 Reads: the actual position, where nothing else tells the direction of a move or the offset in force; the
 drive's command words, when a controller writes a part of a position whose rest is not known; the homed bit;
 a mode register whose content decides what a target means; the place from which a relative move starts, and
-whether the axis stands there; at the start, where an axis with a record of the run before stands. One kind of
-write: a staged target once more, corrected for its trigger (M2).
+whether the axis stands there; anything of a drive that did not answer, before what may move it (W11); at the
+start, where an axis with a record of the run before stands. One kind of write: a staged target once more,
+corrected for its trigger (M2).
 """
 
 from collections.abc import Sequence
@@ -45,6 +46,8 @@ class Purpose(Enum):
     STANDING = "standing"
     RULE = "rule"
     RESTAGE = "restage"
+    TRIAL = "trial"
+    """Something of a drive that does not answer: whether it is there again."""
 
 
 _WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.RULE})
@@ -147,6 +150,23 @@ def homed_read(axis: Axis) -> AddedFrame | None:
     return read_bit(axis, Purpose.HOMED, bit)
 
 
+def trial_read(axes: Sequence[Axis]) -> AddedFrame | None:
+    """Return a read by which the drive of some axes shows that it is there again; None: none is allowed."""
+    for axis in axes:
+        if not axis.may_read:
+            continue
+        plan = axis.plan
+        for field in (axis.asked_actual, axis.asked_commanded):
+            if field is not None:
+                return read_field(axis, Purpose.TRIAL, field)
+        for bit in plan.bits.values():
+            return read_bit(axis, Purpose.TRIAL, bit)
+        for field in plan.command:
+            if field.is_readable and plan.reads_with is not Form.FC04:
+                return read_field(axis, Purpose.TRIAL, field)
+    return None
+
+
 def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
     """Return what is read when the line comes up: every homed bit, then where axes with a record stand."""
     reads: list[AddedFrame | None] = []
@@ -203,6 +223,8 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
 
     A drive that will not tell whether it is homed is taken as not homed.
     """
+    if read.purpose is Purpose.TRIAL:
+        return  # that it came is all
     axis, name, words = read.axis, read.axis.plan.name, read.words_of(reply)
     if read.purpose is Purpose.HOMED:
         known.references.add(name)

@@ -1,52 +1,274 @@
-"""Which unit ids of a line answer, and since when one does not: for the status, no frame goes by it.
+"""Which unit ids of a line answer, and what one that does not answer costs the others (W6, W11).
 
-An answer costs one store. A unit id is silent from the first request that it left unanswered to its next
-answer.
+A unit id is silent from the first request that it left unanswered to the next frame of it. After three in a
+row it is *dead*: nothing is sent to it any more but a trial from time to time. How far it has come is one
+:class:`Reach`, and goes from one to the next only as :data:`REACH_AFTER` says. Nothing else writes it.
+
+On a serial line a reply that comes late would answer whatever was asked next. Until ``drain_ms`` have passed
+without a frame of it, the silent unit itself is asked nothing; whoever else may be asked meanwhile is said by
+:meth:`Answers.free_ns`.
+
+A drive that answers costs one store, and a look at whether anything is silent on its line.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import Enum
 from typing import Final
 
-from gateway.times import NS_PER_S
+from gateway.exchange.plan import LineTiming
+from gateway.exchange.rest import LONGEST_DRAIN
+from gateway.times import NS_PER_MS, NS_PER_S
 
 UNIT_IDS: Final = 0x100
+LONGEST_RETRY_NS: Final = 10 * NS_PER_S
+"""Between two trials; a drive that was switched on again is waited for no longer."""
+LATE_FOR_NS: Final = 600 * NS_PER_S
+"""So long the whole line waits after each time-out of a unit that was late once."""
+STOPS_KNOWN: Final = 16
+"""Different stops of one silent unit that are told apart; all others count as new."""
+
+
+class Reach(Enum):
+    """How far a unit id is from answering."""
+
+    __hash__ = object.__hash__
+
+    ANSWERS = "answers"
+    """It left nothing unanswered since its last frame; or nobody has asked it."""
+    UNHEARD = "unheard"
+    """It was silent when the link was lost or came up, and was not asked since."""
+    MISSED_ONE = "missed-one"
+    MISSED_TWO = "missed-two"
+    DEAD = "dead"
+    """Three in a row, or more."""
+
+
+class Sign(Enum):
+    """What is seen of a unit id."""
+
+    __hash__ = object.__hash__
+
+    TIME_OUT = "time-out"
+    """A request was not answered."""
+    FRAME = "frame"
+    """A whole frame of it came: an answer, an exception, or what comes too late."""
+    LINK_UP = "link-up"
+
+
+REACH_AFTER: Final = {
+    Sign.TIME_OUT: {
+        Reach.ANSWERS: Reach.MISSED_ONE,
+        Reach.UNHEARD: Reach.MISSED_ONE,
+        Reach.MISSED_ONE: Reach.MISSED_TWO,
+        Reach.MISSED_TWO: Reach.DEAD,
+        Reach.DEAD: Reach.DEAD,
+    },
+    Sign.FRAME: {
+        Reach.ANSWERS: Reach.ANSWERS,
+        Reach.UNHEARD: Reach.ANSWERS,
+        Reach.MISSED_ONE: Reach.ANSWERS,
+        Reach.MISSED_TWO: Reach.ANSWERS,
+        Reach.DEAD: Reach.ANSWERS,
+    },
+    Sign.LINK_UP: {
+        Reach.ANSWERS: Reach.ANSWERS,
+        Reach.UNHEARD: Reach.UNHEARD,
+        Reach.MISSED_ONE: Reach.UNHEARD,
+        Reach.MISSED_TWO: Reach.UNHEARD,
+        Reach.DEAD: Reach.UNHEARD,
+    },
+}
+"""Where each sign leads."""
 
 
 @dataclass(slots=True)
 class Silence:
-    """What a unit id has left unanswered since its last answer."""
+    """What a unit id has left unanswered since its last frame, and until when that counts."""
 
-    since_ns: int
+    unit_id: int
+    reach: Reach = Reach.ANSWERS
+    since_ns: int = 0
     """When the first request was sent that it did not answer."""
-    timeouts: int
+    timeouts: int = 0
     """How many there were, all in a row."""
+    quiet_ns: int = 0
+    """Until then a frame of it may come that answers nothing any more."""
+    quiet_at_last_ns: int = 0
+    """No such frame puts that off for longer."""
+    due_ns: int = 0
+    """While it is dead: it is tried again from then on."""
+    retry_ns: int = 0
+    """So long after the trial before."""
+    stops: dict[bytes, int] = field(default_factory=dict)
+    """Stops that it did not answer, each with when the same may be sent again."""
+    turns: set[int] = field(default_factory=set)
+    """Controllers that get an exchange before the next of these stops; see ``LineExchange``."""
 
 
 class Answers:
-    """Answers and silences of one line, by unit id."""
+    """Answers and silences of one line, by unit id. ``is_serial``: replies carry no number (W6)."""
 
-    def __init__(self) -> None:
+    def __init__(self, timing: LineTiming, *, is_serial: bool) -> None:
+        self._drain_ns = int((timing.drain_ms or timing.response_timeout_ms) * NS_PER_MS) * is_serial
+        self._retry_ns = int(timing.retry_ms * NS_PER_MS)
+        self.backs_off = self._retry_ns > 0
+        """Whether dead units are not asked any more, but for trials."""
         self.answered_ns = [0] * UNIT_IDS
-        """When each unit id answered last; 0: never."""
-        self.silent: dict[int, Silence] = {}
-        """Unit ids whose last request was not answered."""
+        """When each unit id answered last; 0: never. For the status."""
         self.askers: set[tuple[str, int]] = set()
-        """Controllers, each with a unit id that did not answer it or that nobody knows."""
+        """Controllers, each with a unit id that did not answer it or that nobody knows. For the status."""
+        self.silences: dict[int, Silence] = {}
+        """Unit ids that are silent, or of which a late frame may come: nothing on the line is as usual."""
+        self._late_ns: dict[int, int] = {}
+        """Unit ids that were ever late, with when they were the last time."""
 
-    def miss(self, unit_id: int, sent_ns: int) -> bool:
-        """Note a request without an answer; return whether the one before it was answered."""
-        silence = self.silent.get(unit_id)
+    # --- what is seen ----------------------------------------------------------------------------------
+
+    def miss(self, unit_id: int, sent_ns: int, now_ns: int) -> tuple[Silence, bool]:
+        """Note a request without an answer; return its unit id's silence, and whether that is dead now."""
+        silence = self.silences.get(unit_id)
         if silence is None:
-            self.silent[unit_id] = Silence(sent_ns, 1)
-            return True
+            silence = self.silences[unit_id] = Silence(unit_id)
+        if silence.reach is Reach.ANSWERS:
+            silence.since_ns = sent_ns
         silence.timeouts += 1
-        return False
+        was_dead = silence.reach is Reach.DEAD
+        silence.reach = REACH_AFTER[Sign.TIME_OUT][silence.reach]
+        if self._drain_ns:
+            silence.quiet_ns = now_ns + self._drain_ns
+            silence.quiet_at_last_ns = now_ns + LONGEST_DRAIN * self._drain_ns
+        silence.retry_ns = min(2 * silence.retry_ns, LONGEST_RETRY_NS) if was_dead else self._retry_ns
+        silence.due_ns = max(now_ns + silence.retry_ns, silence.quiet_ns)
+        return silence, silence.reach is Reach.DEAD and not was_dead
+
+    def hear(self, unit_id: int, now_ns: int) -> Reach:
+        """Note a whole frame of a unit id; return how far away it was before."""
+        silence = self.silences.get(unit_id)
+        if silence is None:
+            return Reach.ANSWERS
+        before, silence.reach = silence.reach, REACH_AFTER[Sign.FRAME][silence.reach]
+        silence.timeouts = 0
+        silence.stops.clear()
+        silence.turns.clear()
+        self._forget(silence, now_ns)
+        return before
+
+    def disturb(self, unit_id: int, now_ns: int) -> bool:
+        """Note bytes that answer nothing; return whether a silence that something waits for begins anew.
+
+        ``unit_id``: of the whole frame that they are; less than 0: they are none, and may be of any unit
+        that owes an answer. It was late, or was understood too late: that is remembered of it.
+        """
+        if unit_id >= 0:
+            self._late_ns[unit_id] = now_ns
+        is_awaited = False
+        for silence in self.silences.values():
+            if silence.quiet_ns > now_ns and unit_id in (silence.unit_id, -1):
+                is_awaited = True
+                self._late_ns[silence.unit_id] = now_ns
+                silence.quiet_ns = min(now_ns + self._drain_ns, silence.quiet_at_last_ns)
+                silence.due_ns = max(silence.due_ns, silence.quiet_ns)
+        return is_awaited
+
+    def link_up(self) -> None:
+        """The link has come up: what was silent is asked again. What it owes begins anew (``Rest.owe``)."""
+        for silence in self.silences.values():
+            silence.reach = REACH_AFTER[Sign.LINK_UP][silence.reach]
+            silence.quiet_ns = 0
+            silence.stops.clear()
+            silence.turns.clear()
+        self.settle(0)
+
+    def settle(self, now_ns: int) -> None:
+        """Forget what does not matter any more."""
+        for silence in tuple(self.silences.values()):
+            self._forget(silence, now_ns)
+
+    def _forget(self, silence: Silence, now_ns: int) -> None:
+        if silence.reach is Reach.ANSWERS and silence.quiet_ns <= now_ns:
+            del self.silences[silence.unit_id]
+
+    # --- whom it costs what ----------------------------------------------------------------------------
+
+    def dead(self, unit_ids: tuple[int, ...]) -> Silence | None:
+        """Return the one of some unit ids that is not asked any more, and is tried again last."""
+        found: Silence | None = None
+        if self.backs_off:
+            for unit_id in unit_ids:
+                silence = self.silences.get(unit_id)
+                if silence is not None and silence.reach is Reach.DEAD:
+                    found = silence if found is None or silence.due_ns > found.due_ns else found
+        return found
+
+    def try_again(self, silence: Silence, now_ns: int) -> None:
+        """A dead unit is tried now: until it has answered nothing else goes there."""
+        silence.due_ns = now_ns + silence.retry_ns
+
+    def free_ns(self, unit_id: int, now_ns: int, *, is_read: bool) -> int:
+        """Return until when a request to a unit id waits for late frames; 0: it need not.
+
+        A late frame of another unit answers nothing of this one, but may meet its answer on the wire. Only a
+        read takes that chance, with a unit that was never late in the last ten minutes; with one that is
+        dead and was never late there is none.
+        """
+        until_ns = 0
+        for silence in self.silences.values():
+            quiet_ns = silence.quiet_ns
+            if quiet_ns <= now_ns or quiet_ns <= until_ns:
+                continue
+            if silence.unit_id != unit_id:
+                late_ns = self._late_ns.get(silence.unit_id)
+                if late_ns is None and (is_read or silence.reach is Reach.DEAD):
+                    continue
+                if is_read and late_ns is not None and now_ns - late_ns >= LATE_FOR_NS:
+                    continue
+            until_ns = quiet_ns
+        return until_ns
+
+    def owes(self, now_ns: int) -> bool:
+        """Whether a late frame may come from anybody."""
+        return any(silence.quiet_ns > now_ns for silence in self.silences.values())
+
+    def owes_of(self, unit_id: int, now_ns: int) -> bool:
+        """Whether a late frame may come from a unit id."""
+        silence = self.silences.get(unit_id)
+        return silence is not None and silence.quiet_ns > now_ns
+
+    # --- stops -----------------------------------------------------------------------------------------
+
+    def miss_stop(self, unit_id: int, pdu: bytes, turns: set[int], now_ns: int) -> None:
+        """Note a stop that was not answered, after :meth:`miss`, and who waits while it may not be sent."""
+        silence = self.silences[unit_id]
+        if len(silence.stops) >= STOPS_KNOWN:
+            silence.stops.clear()
+        silence.stops[pdu] = now_ns + self._retry_ns
+        silence.turns = turns
+
+    def stop_due_ns(self, unit_id: int, pdu: bytes) -> int:
+        """Return from when on a stop may be sent again; 0: it was not, or it was answered."""
+        silence = self.silences.get(unit_id)
+        return 0 if silence is None else silence.stops.get(pdu, 0)
+
+    def had_turn(self, port: int) -> None:
+        """A controller gets an exchange."""
+        for silence in self.silences.values():
+            silence.turns.discard(port)
+
+    # --- status ----------------------------------------------------------------------------------------
 
     def status(self, unit_id: int, now_ns: int) -> dict[str, object]:
         """Return what is known of one unit id: ages in s, null where there is nothing to measure."""
-        answered_ns, silence = self.answered_ns[unit_id], self.silent.get(unit_id)
+        answered_ns, silence = self.answered_ns[unit_id], self.silences.get(unit_id)
+        if silence is not None and silence.reach is Reach.ANSWERS:
+            silence = None
+        is_dead = silence is not None and silence.reach is Reach.DEAD and self.backs_off
         return {
             "answered_s": round((now_ns - answered_ns) / NS_PER_S, 3) if answered_ns else None,
             "silent_s": None if silence is None else round((now_ns - silence.since_ns) / NS_PER_S, 3),
             "timeouts_in_a_row": 0 if silence is None else silence.timeouts,
+            "tried_again_s": (
+                round(max(silence.due_ns - now_ns, 0) / NS_PER_S, 3)
+                if silence is not None and is_dead
+                else None
+            ),
         }

@@ -19,6 +19,8 @@ class LineCounters:
     refused: int = 0
     refused_by: dict[str, int] = field(default_factory=dict)
     """The same by the name of the controller."""
+    backed_off: int = 0
+    """Requests that were answered at once because their drive had left three in a row unanswered."""
     withdrawn: int = 0
     broadcasts: int = 0
     added_reads: int = 0

@@ -53,6 +53,10 @@ class Units:
             unit_id: tuple(axis for unit in reached for axis in unit.axes)
             for unit_id, reached in self._reached.items()
         }
+        self._partners = {unit_id: _partners(own) for unit_id, own in self._axes.items()}
+        if is_serial:
+            grouped = [axis for axis in axes if axis.peers]
+            self._partners[BROADCAST_UNIT_ID] = _partners(grouped)
         self.have_rules = any(unit.has_rules for unit in self._units.values())
         """Whether any frame may mean something else than positions to be gone to at once."""
         self.broadcast_unit_ids = frozenset(unit_ids) if is_serial else None
@@ -98,6 +102,13 @@ class Units:
     def axes_of(self, unit_id: int) -> tuple[Axis, ...]:
         """Return the axes that a request to a unit id reaches."""
         return self._axes.get(unit_id, ())
+
+    def partners(self, unit_id: int) -> tuple[int, ...]:
+        """Return the unit ids that have to answer for a request to one of them: itself and its group (M11).
+
+        Of a broadcast all that are in a group: what only one of two drives on a beam hears moves that one.
+        """
+        return self._partners.get(unit_id) or (unit_id,)
 
     def frames_of(self, transaction: Transaction) -> tuple[Frame, ...]:
         """Return a request as each mapped unit has it that it reaches: parsed once, the first time."""
@@ -156,6 +167,10 @@ class Units:
         rewritings = tuple([prepare(request) for request in requests])
         transaction.prepare(rewritings)
         return None, rewritings[0].sent_pdu if len(rewritings) == 1 else transaction.pdu
+
+
+def _partners(axes: Sequence[Axis]) -> tuple[int, ...]:
+    return tuple(dict.fromkeys(each.plan.unit_id for axis in axes for each in (axis, *axis.peers)))
 
 
 def is_acting_on(units: Units, transaction: Transaction, axes: Sequence[Axis]) -> bool:

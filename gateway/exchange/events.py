@@ -10,6 +10,7 @@ class EventKind(Enum):
     LINE_UP = "line-up"
     LINE_DOWN = "line-down"
     DRIVE_SILENT = "drive-silent"
+    DRIVE_BACKED_OFF = "drive-backed-off"
     DRIVE_ANSWERS = "drive-answers"
     AXIS_REFERENCED = "axis-referenced"
     REFERENCE_LOST = "reference-lost"

@@ -5,16 +5,27 @@ States of the line:
 - *down*: no link to the drives; requests are answered 0x0A (serial controllers: silence).
 - *free*: the next request is sent in the same call in which it arrives.
 - *busy*: one transaction is on the wire (W6); others wait, stops at their head (M3).
-- *resting*: nothing is sent until an instant passes: the turnaround after a broadcast, or the silence after a
-  time-out, so that a late reply never answers the next request (W6).
+- *resting*: nothing but stops is sent until an instant passes: the turnaround after a broadcast (no stops
+  either), or the silence after a frame that nobody asked for (W6).
+
+While a unit id is silent each request waits for what :class:`~gateway.exchange.answers.Answers` says of it: a
+late reply never answers the next request (W6), a dead unit is answered for (W11).
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
-from gateway.exchange.added_frames import AddedFrame, Purpose, learn, note_restaged, reads_at_start
+from gateway.exchange.access import only_reads
+from gateway.exchange.added_frames import (
+    AddedFrame,
+    Purpose,
+    learn,
+    note_restaged,
+    reads_at_start,
+    trial_read,
+)
 from gateway.exchange.admission import Admission, judge
-from gateway.exchange.answers import Answers
+from gateway.exchange.answers import Answers, Reach, Silence
 from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.events import Outcome
 from gateway.exchange.axis.groups import join
@@ -48,6 +59,10 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 EXCEPTION: Final = Outcome.EXCEPTION
+HAS_NO_TURN: Final = 1 << 62
+"""Instant of what waits for somebody else's turn and not for time."""
+FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
+"""Function codes whose reply repeats the whole request: no other one has the same."""
 REFUSALS_TOLD: Final = 10
 """So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
@@ -85,11 +100,12 @@ class LineExchange:
         self.is_up = False
         """Whether there is a link to the drives."""
         self._is_stopping = False
-        self.answers = Answers()
+        self.answers = Answers(timing, is_serial=link.is_serial)
         self._refusals = Throttle(NS_PER_S, REFUSALS_TOLD)
         self._arrived_ns = 0
         self._gaps = Gaps(timing)
-        self._monitor_due_ns: int | None = None
+        self._waits_until_ns: int | None = None
+        """When something that waits may go: a monitor's, or what waits for late frames."""
         self.meter = LineMeter(self.axes, link, on_event, what_ran)
         self._deadlines = Deadlines(self.axes, self._units, self.counters, on_event)
 
@@ -98,7 +114,14 @@ class LineExchange:
         """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
         if self._current is not None:
             return self._current.deadline_ns
-        return self._monitor_due_ns if self.rest.until_ns is None else self.rest.until_ns
+        rests_until_ns, waits_until_ns = self.rest.until_ns, self._waits_until_ns
+        if rests_until_ns is None or waits_until_ns is None:
+            return waits_until_ns if rests_until_ns is None else rests_until_ns
+        return min(rests_until_ns, waits_until_ns)
+
+    def owes_silence(self, now_ns: int) -> bool:
+        """Whether a reply may still come that is not for whoever uses the line next."""
+        return self.rest.owes_silence or self.answers.owes(now_ns)
 
     @property
     def unit_ids(self) -> dict[str, Any]:
@@ -167,7 +190,7 @@ class LineExchange:
         is_motion = port.is_motion
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
-        is_free = self._current is None and self.rest.until_ns is None
+        is_free = self._current is None and self.rest.until_ns is None and not self.answers.silences
         if why_given_up and not (self.is_up and self._units.stops_of(self._units.frames_of(transaction))):
             self._withdraw(transaction, why_given_up, now_ns)
         elif is_free and is_motion and self.is_up:
@@ -190,6 +213,8 @@ class LineExchange:
             self._overtake(transaction, stops, now_ns)
         elif self._waiting.count(port) >= QUEUE_LIMIT:
             self._admission.deny_queue(transaction, now_ns)
+        elif self._is_answered_for(transaction, now_ns) and not self._is_behind(port):
+            self._answer_for_dead(transaction, now_ns)
         else:
             self._gaps.is_watching |= not transaction.is_motion
             self._waiting.add(transaction)
@@ -205,9 +230,14 @@ class LineExchange:
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
             current.overtake(reason)
         stop.become_stop()
+        if self.answers.stop_due_ns(stop.unit_id, stop.pdu):  # of one that repeats it the newest waits
+            same = self._waiting.withdraw(lambda each: each.is_same_stop(stop) and each.port is stop.port)
+            for older in same:
+                self._answer_for_dead(older, now_ns)
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
             self._refuse(stop, busy, now_ns, is_lost=False)
+        self._next(now_ns)
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
@@ -249,10 +279,15 @@ class LineExchange:
             self._gaps.ended(transaction, now_ns)
             self._next(now_ns)
             return
+        if transaction.is_early and not self._is_answer(transaction, pdu, now_ns):
+            self.answers.disturb(unit_id, now_ns)
+            self._current = None
+            self._send_once_more(transaction, now_ns)
+            self._next(now_ns)
+            return
         self.answers.answered_ns[unit_id] = now_ns
-        if unit_id in self.answers.silent:
-            del self.answers.silent[unit_id]
-            self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
+        if self.answers.silences:
+            self._hear(unit_id, now_ns)
         path = transaction.path
         turned = None if path is None else path.answered(transaction, pdu, now_ns)
         if path is None or turned is None:
@@ -337,19 +372,44 @@ class LineExchange:
         frame.axis.lose_restaged(rendering, code, why)
         return code
 
-    def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
+    def _is_answer(self, stop: Transaction, reply: bytes, now_ns: int) -> bool:
+        """Whether a reply to a stop that left early is its own: a late one may come in its place."""
+        unit_id, pdu = stop.unit_id, stop.pdu
+        if pdu[0] in FULL_ECHOES:
+            return reply == pdu
+        # Of several registers only their addresses come back, as they do for any other write there.
+        return reply == pdu[:5] and not (self.rest.is_draining or self.answers.owes_of(unit_id, now_ns))
+
+    def _hear(self, unit_id: int, now_ns: int) -> None:
+        """Take note of a frame of a unit id, while something on the line is silent."""
+        before = self.answers.hear(unit_id, now_ns)
+        if before is Reach.ANSWERS:
+            return
+        self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
+        if before is Reach.DEAD:  # it was not asked, so nobody knows since when it is there again
+            axes = self._units.axes_of(unit_id)
+            for axis in axes:
+                axis.end_silence(is_answer=True, until_ns=now_ns)
+            self._report(axes)
+
+    def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
         """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).
 
         A whole frame that nobody asked for means that a drive answers late or twice, and that the next reply
         may be that of another request: a serial line is left alone until it is silent.
         """
         self.counters.late += 1
+        is_awaited = self.answers.disturb(unit_id, now_ns)
         if self.rest.is_draining:
             self.rest.disturb(now_ns)
-        elif is_frame and self._link.is_serial and self._current is None:
+        elif unit_id >= 0 and self._link.is_serial and self._current is None and not is_awaited:
             self.rest.drain(now_ns)
             detail = f"a frame that answers nothing: waiting for {self.rest.drain_ms:g} ms of silence"
             self._on_event(Event(EventKind.LATE_REPLY, None, detail))
+        if unit_id >= 0 and self.answers.silences:
+            self._hear(unit_id, now_ns)
+        if is_awaited and self._current is None:
+            self._next(now_ns)
 
     def link_up(self, now_ns: int) -> None:
         """Note that the drives can be reached."""
@@ -358,6 +418,7 @@ class LineExchange:
         self.is_up = True
         self._on_event(Event(EventKind.LINE_UP))
         self.rest.resume(now_ns)
+        self.answers.link_up()
         for axis in self.axes:
             axis.end_silence(is_answer=True, until_ns=now_ns)
         for read in reads_at_start(self.axes):
@@ -373,7 +434,7 @@ class LineExchange:
         if not self._is_stopping:  # closing it ourselves is no event
             self._on_event(Event(EventKind.LINE_DOWN))
         current, self._current = self._current, None
-        is_busy = current is not None or self.rest.is_draining
+        is_busy = current is not None or self.rest.is_draining or self.answers.owes(now_ns)
         self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
         for axis in self.axes:
             axis.lose_link(now_ns)
@@ -392,8 +453,6 @@ class LineExchange:
             return
         if self._current is not None:
             self._time_out(self._current, now_ns)
-        elif self.rest.until_ns is not None:  # else it is a monitor's turn
-            self.rest.end()
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
@@ -412,16 +471,158 @@ class LineExchange:
 
     def _next(self, now_ns: int) -> None:
         """Start what waits, as long as the line is free."""
-        self._monitor_due_ns = None
-        while self._waiting.total and self._current is None and self.rest.until_ns is None:
-            if not self._waiting.only_others:
+        self._waits_until_ns = None
+        if self.rest.until_ns is not None and now_ns >= self.rest.until_ns:
+            self.rest.end()
+        while self._waiting.total and self._current is None:
+            if self.rest.until_ns is not None or self.answers.silences:
+                chosen = self._choose(now_ns)
+            elif not self._waiting.only_others:
                 self._start(self._waiting.pop(), now_ns)
                 continue
-            transaction, self._monitor_due_ns = self._gaps.choose(self._waiting.first_of_others(), now_ns)
-            if transaction is None:
+            else:
+                first = self._waiting.first_of_others()
+                chosen, self._waits_until_ns = self._gaps.choose(first, now_ns)
+            if chosen is None:
                 return
-            self._waiting.take(transaction)
-            self._start(transaction, now_ns)
+            self._waiting.take(chosen)
+            self._start(chosen, now_ns)
+
+    def _choose(self, now_ns: int) -> Transaction | None:
+        """Return what may go now although the line rests or somebody is silent; None: nothing may.
+
+        Requests of one controller keep their order; its stops wait for none of them.
+        """
+        self.answers.settle(now_ns)
+        until_ns = HAS_NO_TURN
+        held: set[int] = set()
+        others: list[Transaction] = []
+        for transaction in self._waiting:
+            port = transaction.port
+            is_in_order = port is not None and not transaction.is_stop
+            if is_in_order and id(port) in held:
+                continue
+            from_ns = self._from_ns(transaction, now_ns)
+            if from_ns <= now_ns and (port is None or port.is_motion or transaction.is_stop):
+                return transaction
+            if from_ns <= now_ns:
+                others.append(transaction)
+            else:
+                until_ns = min(until_ns, from_ns)
+            if is_in_order:
+                held.add(id(port))
+        chosen: Transaction | None = None
+        if others:
+            chosen, monitor_due_ns = self._gaps.choose(others, now_ns)
+            if monitor_due_ns is not None:
+                until_ns = min(until_ns, monitor_due_ns)
+        self._waits_until_ns = None if until_ns == HAS_NO_TURN else until_ns
+        return chosen
+
+    def _from_ns(self, transaction: Transaction, now_ns: int) -> int:
+        """Return from when on something that waits may be started, be it to end at once."""
+        unit_id, rests_until_ns = transaction.unit_id, self.rest.until_ns
+        if transaction.is_stop:
+            from_ns = self._stop_from_ns(transaction)
+            if rests_until_ns is not None and (transaction.is_again or self.rest.is_turning):
+                from_ns = max(from_ns, rests_until_ns)
+            if transaction.is_again:
+                from_ns = max(from_ns, self.answers.free_ns(unit_id, now_ns, is_read=False))
+            return from_ns
+        if rests_until_ns is not None:
+            return rests_until_ns
+        if transaction.why_given_up(now_ns) or self._is_answered_for(transaction, now_ns):
+            return now_ns
+        return self.answers.free_ns(unit_id, now_ns, is_read=only_reads(transaction.pdu))
+
+    def _stop_from_ns(self, stop: Transaction) -> int:
+        """Return from when on a stop may leave: the same stop to a silent unit starves nobody."""
+        silence = self.answers.silences.get(stop.unit_id)
+        if silence is None:
+            return 0
+        if silence.turns and any(
+            id(each.port) in silence.turns for each in self._waiting if not each.is_stop
+        ):
+            return HAS_NO_TURN if stop.pdu in silence.stops else 0
+        return 0 if stop.is_again else silence.stops.get(stop.pdu, 0)
+
+    # --- dead units ------------------------------------------------------------------------------------
+
+    def _dead(self, unit_id: int) -> Silence | None:
+        """Return the silence because of which a unit id is not asked; None: it is."""
+        return self.answers.dead(self._units.partners(unit_id)) if self.answers.silences else None
+
+    def _is_answered_for(self, transaction: Transaction, now_ns: int) -> bool:
+        """Whether a request is answered by the gateway because its drive, or one of its group, is dead."""
+        dead = self._dead(transaction.unit_id)
+        return dead is not None and now_ns < dead.due_ns
+
+    def _is_behind(self, port: ControllerPort) -> bool:
+        """Whether a controller is owed another answer first."""
+        return (self._current is not None and self._current.port is port) or self._waiting.has(port)
+
+    def _answer_for_dead(self, transaction: Transaction, now_ns: int) -> None:
+        """Answer in the place of a drive that is not asked: that counts as unanswered (W11)."""
+        answer = Answer.BACK_OFF
+        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
+        if transaction.unit_id == BROADCAST_UNIT_ID:
+            return
+        axes = self._units.axes_of(transaction.unit_id)
+        for axis in axes:
+            axis.fall_silent(now_ns, now_ns)
+        self._report(axes)
+
+    def _answer_waiting(self, now_ns: int) -> None:
+        """Answer what waits for a unit that is dead now, in the order of each controller."""
+        behind: set[int] = set()
+        for transaction in tuple(self._waiting):
+            port = transaction.port
+            if transaction.is_stop or port is None or id(port) in behind:
+                continue
+            if self._is_answered_for(transaction, now_ns) and not transaction.why_given_up(now_ns):
+                self._waiting.take(transaction)
+                self._answer_for_dead(transaction, now_ns)
+            else:
+                behind.add(id(port))
+
+    def _try_dead(self, transaction: Transaction, dead: Silence, now_ns: int) -> bool:
+        """Take a request for the trial of a dead unit; return whether nothing else is to be done with it now.
+
+        Where it might move something a read goes first, if one is allowed: nobody knows what the drive was
+        through. For a drive of which nothing may be read the request itself is the trial.
+        """
+        if now_ns < dead.due_ns:
+            self._answer_for_dead(transaction, now_ns)
+            return True
+        axes = self._units.axes_of(dead.unit_id)
+        is_own = transaction.unit_id == dead.unit_id
+        read = None
+        if not is_own or is_acting_on(self._units, transaction, axes):
+            read = trial_read(axes)
+        if read is None and not is_own:
+            self._answer_for_dead(transaction, now_ns)
+            return True
+        self.answers.try_again(dead, now_ns)
+        if read is not None:
+            transaction.need(read)
+            self._put_on_wire(transaction, read.pdu, dead.unit_id, now_ns)
+            return True
+        for axis in axes:
+            axis.end_silence(is_answer=False, until_ns=now_ns)
+        return False
+
+    # --- stops to silent units -------------------------------------------------------------------------
+
+    def _is_early(self, stop: Transaction, now_ns: int) -> bool:
+        """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
+        if stop.is_again or not self._link.is_serial:
+            return False
+        return self.rest.is_draining or self.answers.free_ns(stop.unit_id, now_ns, is_read=False) > now_ns
+
+    def _send_once_more(self, stop: Transaction, now_ns: int) -> None:
+        """End a stop that left early and was not answered; its controller waits for the next one."""
+        self._waiting.add_again(stop.once_more())
+        self._ends.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
 
     def _start(self, transaction: Transaction, now_ns: int) -> None:
         """Send a transaction, or the frame that it needs first; or withdraw or refuse it."""
@@ -431,12 +632,18 @@ class LineExchange:
             self._withdraw(transaction, reason, now_ns)
         elif transaction.overtaken_by:
             self._overtaken(transaction, transaction.overtaken_by, now_ns)
+        elif transaction.port is None and self._is_answered_for(transaction, now_ns):
+            self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns)
         elif transaction.port is None:
             self._put_on_wire(transaction, transaction.pdu, transaction.unit_id, now_ns)
         else:
             self._start_request(transaction, now_ns)
 
     def _start_request(self, transaction: Transaction, now_ns: int) -> None:
+        if self.answers.silences and not transaction.is_stop:
+            dead = self._dead(transaction.unit_id)
+            if dead is not None and self._try_dead(transaction, dead, now_ns):
+                return
         if transaction.known is None and not self._deadlines.may_be_late(transaction, now_ns):
             path = self._units.path_of(transaction.unit_id, transaction.pdu)
             sent_pdu = None if path is None else path.sent(transaction, now_ns)
@@ -491,6 +698,10 @@ class LineExchange:
         port = transaction.port
         if port is not None and port.patience_ns > patience_ns and transaction.added is None:
             patience_ns = port.patience_ns
+        if port is not None and self.answers.silences and not transaction.is_stop:
+            self.answers.had_turn(id(port))
+        if transaction.is_stop and self._is_early(transaction, now_ns):
+            transaction.leave_early()
         transaction.leave(now_ns, unit_id, patience_ns)
         if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
             self._link.send_request(unit_id, pdu)
@@ -504,6 +715,8 @@ class LineExchange:
         self.counters.broadcasts += 1
         self.rest.turn_around(now_ns)
         self._gaps.ended(transaction, now_ns, self.rest.until_ns)
+        if transaction.is_early:
+            self._waiting.add_again(transaction.once_more())
         self._ends.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
 
@@ -564,13 +777,21 @@ class LineExchange:
         unit_id = transaction.wire_unit_id
         if transaction.port is not None:
             self.answers.askers.add((transaction.port.plan.name, unit_id))
-        if self.answers.miss(unit_id, transaction.sent_ns):
+        silence, has_died = self.answers.miss(unit_id, transaction.sent_ns, now_ns)
+        if silence.timeouts == 1:
             self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {unit_id}"))
-        self._end_unanswered(transaction, now_ns)
+        if self._units.have_rules and self._units.stops_of(self._units.frames_of(transaction)):
+            others = {id(each.port) for each in self._waiting if each.port not in (None, transaction.port)}
+            self.answers.miss_stop(unit_id, transaction.pdu, others, now_ns)
+        if transaction.is_early:
+            self._send_once_more(transaction, now_ns)
+        else:
+            self._end_unanswered(transaction, now_ns)
         axes = self._units.axes_of(unit_id)
         for axis in axes:
-            axis.fall_silent(now_ns)
+            axis.fall_silent(transaction.sent_ns, now_ns)
         self._report(axes)
-        if self._link.is_serial:
-            self.rest.drain(now_ns)
-        self._gaps.ended(transaction, now_ns, self.rest.until_ns)
+        if has_died and self.answers.backs_off:
+            self._on_event(Event(EventKind.DRIVE_BACKED_OFF, None, f"unit id {unit_id}"))
+            self._answer_waiting(now_ns)
+        self._gaps.ended(transaction, now_ns, silence.quiet_ns or None)

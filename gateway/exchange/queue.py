@@ -29,6 +29,10 @@ class WaitingQueue:
         """Whether nothing waits but what monitors and operators read."""
         return self.total == len(self._others)
 
+    def has(self, port: ControllerPort) -> bool:
+        """Whether anything of a connection waits."""
+        return any(transaction.port is port for transaction in self)
+
     def first_of_others(self) -> list[Transaction]:
         """Return the first one of each monitor or operator, oldest first."""
         first: dict[int, Transaction] = {}
@@ -37,9 +41,12 @@ class WaitingQueue:
         return list(first.values())
 
     def take(self, transaction: Transaction) -> None:
-        """Take out one that is known to wait among the others."""
-        self._others.remove(transaction)
-        self.total -= 1
+        """Take out one that is known to wait."""
+        for queue in self._queues:
+            if transaction in queue:
+                queue.remove(transaction)
+                self.total -= 1
+                return
 
     def __len__(self) -> int:
         return self.total
@@ -75,12 +82,19 @@ class WaitingQueue:
 
         It takes the place of those like it whose controllers have given up.
         """
-        self.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan)
+        taken = self.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan)
+        if any(each.is_again for each in taken):
+            stop.become_again()
         if self.count(stop.port) >= QUEUE_LIMIT and any(each.is_same_stop(stop) for each in self):
             return False
         self._stops.append(stop)
         self.total += 1
         return True
+
+    def add_again(self, stop: Transaction) -> None:
+        """Queue a stop that left once already."""
+        self._stops.append(stop)
+        self.total += 1
 
     def put_back(self, transaction: Transaction) -> None:
         """Queue a transaction before those of its rank: it was its turn already."""

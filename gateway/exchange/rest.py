@@ -1,4 +1,7 @@
-"""The pauses of a line (W6): the turnaround after a broadcast, the silence that must follow a time-out."""
+"""The pauses of a whole line (W6): the turnaround after a broadcast, the silence after what nobody asked for.
+
+The silence after a time-out belongs to the unit id that did not answer: ``exchange.answers``.
+"""
 
 from enum import Enum
 from typing import Final
@@ -41,14 +44,21 @@ class Rest:
         return self._resting is Resting.SILENCE
 
     @property
+    def is_turning(self) -> bool:
+        """Whether the drives get the time to obey a broadcast."""
+        return self._resting is Resting.TURNAROUND
+
+    @property
     def owes_silence(self) -> bool:
         """Whether a reply may still come that is not for whoever uses the line next."""
         return self._resting is Resting.SILENCE or self._resting is Resting.OWED
 
     def turn_around(self, now_ns: int) -> None:
-        """Give the drives time to obey a broadcast."""
-        self._resting = Resting.TURNAROUND
-        self.until_ns = now_ns + self._turnaround_ns
+        """Give the drives time to obey a broadcast; a silence that lasts longer goes on."""
+        until_ns = now_ns + self._turnaround_ns
+        if self.until_ns is None or until_ns > self.until_ns:
+            self._resting = Resting.TURNAROUND
+            self.until_ns = until_ns
 
     def drain(self, now_ns: int) -> None:
         """Wait for silence, so that a late reply never answers the next request."""

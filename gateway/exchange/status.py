@@ -42,6 +42,7 @@ def line_status(line: LineExchange, now_ns: int) -> dict[str, Any]:
         "late": counters.late,
         "late_targets": counters.late_targets,
         "refused": counters.refused,
+        "backed_off": counters.backed_off,
         "withdrawn": counters.withdrawn,
         "broadcasts": counters.broadcasts,
         "added_reads": counters.added_reads,

@@ -80,6 +80,8 @@ class Answer(Enum):
     """An exception of the gateway's own, on serial lines too; counted."""
     DENIAL = "denial"
     """The same, but what may not be reached is as good as absent: 0x0A is silence on a serial line."""
+    BACK_OFF = "back-off"
+    """An exception at once, on serial lines too: the drive left three requests unanswered; counted apart."""
     ABSENCE = "absence"
     """An exception on TCP, silence on a serial line: the drive cannot be had."""
     NOTHING = "nothing"
@@ -149,6 +151,10 @@ class Transaction:
     overtaken_by = ""
     """Why it must not be sent any more, although its controller waits for it."""
     is_stop = False
+    is_early = False
+    """A stop that left although a late frame might come: only its exact echo is an answer."""
+    is_again = False
+    """A stop that was sent early and not answered: it goes once more, when no late frame can come."""
     added: AddedFrame | None = None
     """A frame of the gateway's own that goes first, or alone."""
     frames: tuple[Frame, ...] | None = None
@@ -203,6 +209,23 @@ class Transaction:
     def become_stop(self) -> None:
         """Note that it stops an axis: it goes before everything else, and is never given up."""
         self.is_stop = True
+
+    def leave_early(self) -> None:
+        """Note that it is a stop, and that a late frame may come in the place of its reply."""
+        self.is_early = True
+
+    def become_again(self) -> None:
+        """Note that the same stop was sent early and not answered: this one takes its place."""
+        self.is_again = True
+
+    def once_more(self) -> "Transaction":
+        """Return the same stop, to go once more when no late frame can come in the place of its reply."""
+        again = Transaction(self.port, self.transaction_id, self.unit_id, self.pdu, self.arrived_ns)
+        again.become_stop()
+        again.become_again()
+        if self.is_orphan:
+            again.give_up()
+        return again
 
     def rendering(self) -> Rendering:
         """Return the target that it carries on the fast path: always the same object."""
@@ -376,7 +399,9 @@ class Endings:
 
     def _answer(self, transaction: Transaction, code: int, answer: Answer) -> None:
         port = transaction.port
-        if answer is not Answer.ABSENCE:
+        if answer is Answer.BACK_OFF:
+            self._counters.backed_off += 1
+        elif answer is not Answer.ABSENCE:
             self._counters.note_refusal(None if port is None else port.plan.name)
         is_absent = answer is Answer.ABSENCE or (
             answer is Answer.DENIAL and code == ExceptionCode.GATEWAY_PATH_UNAVAILABLE

@@ -76,6 +76,8 @@ class Stray(_Input, frozen=True, tag="stray"):
     """Bytes from the drives that answer nothing."""
 
     is_frame: bool
+    unit: int = -1
+    """Of the whole frame that they are; recordings of older releases do not say it."""
 
 
 class RestFirst(_Input, frozen=True, tag="rest-first"):

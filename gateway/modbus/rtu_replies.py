@@ -60,6 +60,7 @@ class RtuReplyDecoder(RtuDecoder):
         "_request",
         "_stray",
         "_unit_id",
+        "late_unit_id",
     )
 
     def __init__(
@@ -80,6 +81,8 @@ class RtuReplyDecoder(RtuDecoder):
         self._request = b""
         self._stray = b""
         self._is_answered = False
+        self.late_unit_id = -1
+        """Unit id of the newest whole frame that answered nothing; less than 0: none was met."""
 
     @property
     def is_expecting(self) -> bool:
@@ -248,6 +251,7 @@ class RtuReplyDecoder(RtuDecoder):
 
     def _skip_foreign(self, start: int, length: int) -> None:
         self._drop(start)
+        self.late_unit_id = self._buffer[0]
         self._buffer = self._buffer[length:]
         self.counters.foreign += 1
 
@@ -260,6 +264,7 @@ class RtuReplyDecoder(RtuDecoder):
         self._stray = (self._stray + data)[-MAX_ADU:]
         if len(self._stray) >= MIN_ADU and is_intact(self._stray):
             self.counters.stray_frames += 1
+            self.late_unit_id = self._stray[0]
             self._stray = b""
 
     def _expect_nothing(self) -> None:

@@ -135,10 +135,11 @@ class RtuDriveLink(Link):
         """See ``Receiver``."""
         self._sender.heard(now_ns)
         counters = self._decoder.counters
-        stray_bytes, stray_frames = counters.stray_bytes, counters.stray_frames
+        stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
         replies = self._decoder.feed(data, now_ns)
-        if counters.stray_bytes != stray_bytes:
-            self._to_exchange().stray(now_ns, is_frame=counters.stray_frames != stray_frames)
+        is_frame = counters.stray_frames + counters.foreign != frames
+        if is_frame or counters.stray_bytes != stray_bytes:
+            self._to_exchange().stray(now_ns, unit_id=self._decoder.late_unit_id if is_frame else -1)
         self._pass_on(replies, now_ns)
 
     def closed(self, reason: str, now_ns: int) -> None:
@@ -223,7 +224,8 @@ class MbapDriveLink(Link):
         self._last_id = 0
         self._awaited_id: int | None = None
         self._awaited_unit_id = 0
-        self._unanswered: dict[int, None] = {}
+        self._unanswered: dict[int, int] = {}
+        """Unit ids that were asked with these numbers."""
         self._late = 0
         self._malformed = 0
         self.stamps = self._sender.stamps
@@ -243,7 +245,7 @@ class MbapDriveLink(Link):
         """See ``DriveLink``."""
         if self._awaited_id is None:
             return
-        self._unanswered[self._awaited_id] = None
+        self._unanswered[self._awaited_id] = self._awaited_unit_id
         if len(self._unanswered) > UNANSWERED_LIMIT:
             del self._unanswered[next(iter(self._unanswered))]
         self._awaited_id = None
@@ -299,9 +301,9 @@ class MbapDriveLink(Link):
 
     def _take(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
         if transaction_id != self._awaited_id:
-            self._unanswered.pop(transaction_id, None)
+            asked_unit_id = self._unanswered.pop(transaction_id, -1)
             self._late += 1
-            self._to_exchange().stray(now_ns)
+            self._to_exchange().stray(now_ns, unit_id=asked_unit_id)
         elif unit_id == self._awaited_unit_id or self._is_answer_all_the_same(unit_id):
             self._awaited_id = None
             self._to_exchange().reply(self._awaited_unit_id, pdu, now_ns)

@@ -105,10 +105,10 @@ class RecordedExchange(TimedExchange):
         self._recorder.put(traffic.Reply(self._line, now_ns, unit_id, pdu.hex()))
         super().reply(unit_id, pdu, now_ns)
 
-    def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
+    def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
         """See ``TimedExchange``."""
-        self._recorder.put(traffic.Stray(self._line, now_ns, is_frame))
-        super().stray(now_ns, is_frame=is_frame)
+        self._recorder.put(traffic.Stray(self._line, now_ns, unit_id >= 0, unit_id))
+        super().stray(now_ns, unit_id=unit_id)
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """See ``TimedExchange``. A port that never asked for anything has not been here."""

@@ -117,7 +117,7 @@ class _Line(DriveLink):
             case traffic.Reply():
                 exchange.reply(entry.unit, bytes.fromhex(entry.pdu), entry.t)
             case traffic.Stray():
-                exchange.stray(entry.t, is_frame=entry.is_frame)
+                exchange.stray(entry.t, unit_id=max(entry.unit, 0) if entry.is_frame else -1)
             case traffic.Gone():
                 if entry.port in self._ports:
                     exchange.controller_gone(self._ports.pop(entry.port), entry.t)

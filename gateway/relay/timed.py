@@ -53,9 +53,9 @@ class TimedExchange(Requests):
         self._exchange.reply(unit_id, pdu, now_ns)
         self._settle()
 
-    def stray(self, now_ns: int, *, is_frame: bool = False) -> None:
-        """Note bytes from the drives that answer nothing; ``is_frame``: a whole frame among them."""
-        self._exchange.stray(now_ns, is_frame=is_frame)
+    def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
+        """Note bytes from the drives that answer nothing; ``unit_id``: of the whole frame among them."""
+        self._exchange.stray(now_ns, unit_id=unit_id)
         self._settle()
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:

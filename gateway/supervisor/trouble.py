@@ -152,15 +152,16 @@ def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
             continue
         axes = tuple(name for name, of in unit_ids["axes"].items() if str(of) == unit_id)
         place = (line, unit_id)
+        tried = "" if drive.get("tried_again_s") is None else ": only a trial goes there from time to time"
         if not axes:
-            what = f"nobody has answered at unit id {unit_id}, which has no axis, for {span(silent_s)}"
+            what = f"nobody has answered at unit id {unit_id}, which has no axis, for {span(silent_s)}{tried}"
             if asked >= FEWEST_ASKED:
                 yield Trouble(kinds.UNIT_SILENT, place, f"line {line}, unit id {unit_id}", what, (), silent_s)
             continue
         whose, where = f"its drive (unit id {unit_id})", _axes_named(axes)
         never = drive["answered_s"] is None
         not_answered = "has never answered" if never else "has not answered"
-        what = f"{whose} {not_answered} for {span(silent_s)}"
+        what = f"{whose} {not_answered} for {span(silent_s)}{tried}"
         yield Trouble(kinds.DRIVE_SILENT, place, where, what, axes, silent_s)
         damaged, of = drive["damaged_in_a_row"], min(asked, NEWEST)
         if damaged and damaged >= GARBLED_SHARE * of:

@@ -46,16 +46,21 @@ def test_a_late_reply_begins_the_silence_anew_and_a_line_that_is_never_silent_is
     assert bench.link.sent == [(1, FIRST)]
 
 
-def test_m3_a_stop_waits_for_the_silence_and_is_not_refused_and_takes_queued_moves_away() -> None:
+def test_m3_a_stop_does_not_wait_for_the_silence_and_goes_again_after_it_and_takes_queued_moves_away() -> (
+    None
+):
     bench = StagedBench(serial=False, timing=TIMING, before_up=owes)
     bench.send(FIRST, Port(PATIENT))
     bench.send(RUN_PDU)
     panel = Port(ControllerPlan("panel", timeout_ms=20.0))
     bench.send(STOP_PDU, panel)
-    assert bench.link.sent == []
+    assert bench.link.sent == [(1, STOP_PDU)]
+    bench.line.reply(1, bytes.fromhex("86 04"), bench.now_ns)  # it may answer whoever was here before
     assert panel.replies == []
     bench.wait(50)
-    assert bench.link.sent == [(1, STOP_PDU)]
+    assert bench.link.sent == [(1, STOP_PDU)] * 2
+    bench.line.reply(1, STOP_PDU, bench.now_ns)
+    assert panel.take() == STOP_PDU
     assert bench.port.take() == bytes.fromhex("86 06")  # the move that the stop has overtaken
 
 

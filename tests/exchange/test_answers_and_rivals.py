@@ -27,24 +27,42 @@ def controller(name: str) -> Port:
 
 def test_a_unit_id_that_nobody_asked_is_neither_silent_nor_has_it_answered() -> None:
     bench = Bench(axis_plan(actual=()), serial=False, tcp_drive=True)
-    assert drives(bench) == {"1": {"answered_s": None, "silent_s": None, "timeouts_in_a_row": 0}}
+    assert drives(bench) == {
+        "1": {"answered_s": None, "silent_s": None, "timeouts_in_a_row": 0, "tried_again_s": None}
+    }
 
 
 def test_silence_lasts_from_the_first_request_without_an_answer_to_the_next_answer() -> None:
     bench = Bench(axis_plan(actual=()), serial=False, tcp_drive=True)
     bench.ask(OTHER)
     bench.wait(5_000)
-    assert drives(bench)["1"] == {"answered_s": 5.0, "silent_s": None, "timeouts_in_a_row": 0}
+    assert drives(bench)["1"] == {
+        "answered_s": 5.0,
+        "silent_s": None,
+        "timeouts_in_a_row": 0,
+        "tried_again_s": None,
+    }
     for _ in range(3):
         bench.send(OTHER)
         bench.link.take()
         bench.wait(TIME_OUT_MS)
     bench.wait(500)
     # 5 s without a request, three time-outs of 1 s, half a second more.
-    assert drives(bench)["1"] == {"answered_s": 8.5, "silent_s": 3.5, "timeouts_in_a_row": 3}
+    assert drives(bench)["1"] == {
+        "answered_s": 8.5,
+        "silent_s": 3.5,
+        "timeouts_in_a_row": 3,
+        "tried_again_s": 0.5,  # a second after the third
+    }
+    bench.wait(500)
     bench.port.replies.clear()
     bench.ask(OTHER)
-    assert drives(bench)["1"] == {"answered_s": 0.0, "silent_s": None, "timeouts_in_a_row": 0}
+    assert drives(bench)["1"] == {
+        "answered_s": 0.0,
+        "silent_s": None,
+        "timeouts_in_a_row": 0,
+        "tried_again_s": None,
+    }
 
 
 def test_an_exception_is_an_answer() -> None:

@@ -565,6 +565,7 @@ def test_m9_a_retained_target_moves_nothing_after_a_silence_in_which_the_referen
         bench.wait(1001)
         bench.wait(2)
         bench.port.replies.clear()
+    bench.wait(1000)  # then it is tried again
     bench.ask(write(COMMAND, 60_000))
     assert told(bench) == 59_740
     assert not bench.line.axes[0].is_referenced
@@ -595,6 +596,7 @@ def be_silent(bench: Bench, times: int) -> None:
         bench.wait(1001)
         bench.wait(2)
         bench.port.replies.clear()
+    bench.wait(1000)  # then it is tried again
 
 
 def cut(bench: Bench, ms: float) -> None:

@@ -112,6 +112,7 @@ def silence(bench: StagedBench, ms: float) -> None:
         bench.link.sent.clear()
         bench.wait(1000)
         bench.wait(1000)  # drained
+    bench.wait(10_000)  # and tried again
     bench.port.replies.clear()
 
 

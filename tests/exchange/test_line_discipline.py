@@ -317,10 +317,11 @@ def test_silence_is_reported_once_per_change() -> None:
     for _ in range(3):
         bench.send(OTHER)
         bench.wait(1000)
+    bench.wait(1000)
     bench.link.sent.clear()
     bench.port.replies.clear()
     bench.ask(OTHER)
-    assert bench.kinds() == ["line-up", "drive-silent", "drive-answers"]
+    assert bench.kinds() == ["line-up", "drive-silent", "drive-backed-off", "drive-answers"]
 
 
 def test_deadlines_lie_ahead_and_end_with_the_exchange() -> None:

@@ -77,7 +77,7 @@ def test_silence_is_counted_for_each_unit_by_itself() -> None:
         bench.link.sent.clear()
         bench.port.replies.clear()
         bench.ask(bytes.fromhex("03 0700 0001"))
-    assert bench.kinds() == ["line-up", "drive-silent"]
+    assert bench.kinds() == ["line-up", "drive-silent", "drive-backed-off"]
 
 
 def test_a_serial_link_that_comes_back_first_falls_silent_when_something_was_outstanding() -> None:
@@ -235,7 +235,7 @@ def test_nobody_answers_a_broadcast_on_a_controllers_serial_line() -> None:
 def test_a_frame_that_nobody_asked_for_makes_the_line_fall_silent_first() -> None:
     bench = Bench(timing=LineTiming(drain_ms=50))
     bench.ask(bytes.fromhex("03 0700 0001"))
-    bench.line.stray(bench.now_ns, is_frame=True)  # the drive answered twice
+    bench.line.stray(bench.now_ns, unit_id=1)  # the drive answered twice
     bench.send(bytes.fromhex("03 0701 0001"))
     bench.wait(49)
     assert bench.link.sent == []

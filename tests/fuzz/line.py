@@ -205,10 +205,11 @@ class Drives(DriveLink):
                 self.line.link_up(now_ns)
             return
         counters = self._rtu.counters
-        stray_bytes, stray_frames = counters.stray_bytes, counters.stray_frames
+        stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
         replies = self._rtu.feed(data, now_ns)
-        if counters.stray_bytes != stray_bytes:
-            self.line.stray(now_ns, is_frame=counters.stray_frames != stray_frames)
+        is_frame = counters.stray_frames + counters.foreign != frames
+        if is_frame or counters.stray_bytes != stray_bytes:
+            self.line.stray(now_ns, unit_id=self._rtu.late_unit_id if is_frame else -1)
         for unit_id, pdu in replies:
             self._answered(unit_id, pdu, now_ns)
 

@@ -209,10 +209,11 @@ class RtuWire(Wire):
     def _received(self, data: bytes) -> None:
         assert self.line is not None
         counters, now_ns = self._decoder.counters, self._clock.now_ns
-        stray_bytes, stray_frames = counters.stray_bytes, counters.stray_frames
+        stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
         replies = self._decoder.feed(data, now_ns)
-        if counters.stray_bytes != stray_bytes:
-            self.line.stray(now_ns, is_frame=counters.stray_frames != stray_frames)
+        is_frame = counters.stray_frames + counters.foreign != frames
+        if is_frame or counters.stray_bytes != stray_bytes:
+            self.line.stray(now_ns, unit_id=self._decoder.late_unit_id if is_frame else -1)
         self._pass_on(replies)
 
     def _pass_on(self, replies: list[tuple[int, bytes]]) -> None:

@@ -48,7 +48,10 @@ LEFT_OUT: Final = {
     "replies": "the world's",
     "stamps": "figures for the status",
     "asked_ns": "figures for the status",
-    "answers": "figures for the status",
+    "answered_ns": "figures for the status",
+    "askers": "the same",
+    "since_ns": "the same",
+    "timeouts": "the same",
     "rivals": "figures for the status",
     "damage": "figures for the status",
     "whole": "the same",
@@ -654,7 +657,7 @@ def said(line: LineExchange) -> tuple[Said, ...]:
 
 def is_resting(line: LineExchange) -> bool:
     """Whether a line falls silent before anything else leaves."""
-    return line.rest.until_ns is not None
+    return line.rest.until_ns is not None or getattr(line, "_waits_until_ns", None) is not None
 
 
 class OnItsWay(NamedTuple):

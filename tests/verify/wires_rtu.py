@@ -72,9 +72,9 @@ class Instant(Door):
         """See ``TimedExchange``."""
         self._line.reply(unit_id, pdu, self.now_ns)
 
-    def stray(self, _now_ns: int, *, is_frame: bool = False) -> None:
+    def stray(self, _now_ns: int, *, unit_id: int = -1) -> None:
         """See ``TimedExchange``."""
-        self._line.stray(self.now_ns, is_frame=is_frame)
+        self._line.stray(self.now_ns, unit_id=unit_id)
 
     def link_up(self, _now_ns: int) -> None:
         """See ``TimedExchange``."""

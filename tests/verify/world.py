@@ -128,7 +128,7 @@ class Side:
 
     def stray(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """The drive answers something else."""
-        self.line.stray(now_ns, is_frame=True)
+        self.line.stray(now_ns, unit_id=unit_id)
 
     def gone(self, port: int, now_ns: int) -> None:
         """A controller closes its connection, and opens another one."""

@@ -13,10 +13,22 @@ LINE: Final[Texts] = {
     ),
     "drain_ms": Said(
         meaning=(
-            "RTU drives: silence that must follow a time-out before the next request, so that a late "
-            "reply answers nothing else. Refused with `tcp` drives, whose replies carry a number"
+            "RTU drives: silence that must follow a time-out before its unit id is asked again, so that a "
+            "late reply answers nothing else. Reads of other unit ids need not wait for it, writes do, "
+            "unless the silent drive has left three requests in a row unanswered and was never late; one "
+            "that was late keeps everybody waiting for ten minutes after. Refused with `tcp` drives, "
+            "whose replies carry a number"
         ),
         default="`response_timeout_ms`",
+    ),
+    "retry_ms": Said(
+        meaning=(
+            "requests to a unit id that left three in a row unanswered, and to its group, are answered "
+            "with 0x0B at once, on RTU too. After `retry_ms`, then after twice as long each time up to 10 "
+            "s, the next one is sent as a trial, behind a read where it might move something; any frame "
+            "of the drive ends that. The same stop to a silent drive goes once in `retry_ms` at most. "
+            "`0`: it is always asked, and the others wait for each time-out"
+        ),
     ),
     "turnaround_ms": Said(
         more="As in Modbus over serial line V1.02, 2.4.1",

@@ -529,10 +529,13 @@ class Axis(AxisState):
 
     # --- silence ---------------------------------------------------------------------------------------
 
-    def fall_silent(self, now_ns: int) -> None:
-        """The drive left a request unanswered, and may have lost its reference."""
+    def fall_silent(self, since_ns: int, now_ns: int) -> None:
+        """The drive left a request unanswered, and may have lost its reference.
+
+        ``since_ns``: when the first one was sent that it has not answered.
+        """
         if self.silent_since_ns is None:
-            self.silent_since_ns = now_ns
+            self.silent_since_ns = since_ns
         self.silent_until_ns = now_ns
         if not self.follows_homed_bit:
             return
@@ -569,7 +572,7 @@ class Axis(AxisState):
             self.record.pause()
         self._lose_reach()
         self.actual = None
-        self.fall_silent(now_ns)
+        self.fall_silent(now_ns, now_ns)
 
     # --- a target on its way ---------------------------------------------------------------------------
 

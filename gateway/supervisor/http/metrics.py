@@ -31,6 +31,7 @@ LINE_COUNTERS: Final = (
     "late_replies",
     "late_targets",
     "refused",
+    "backed_off",
     "withdrawn",
     "broadcasts",
     "added_reads",

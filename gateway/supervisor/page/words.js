@@ -46,6 +46,7 @@ const EVENTS = {
   "line-down": "Line down",
   "drives-not-reached": "Drives not reached",
   "drive-silent": "Drive does not answer",
+  "drive-backed-off": "Drive not asked any more",
   "drive-answers": "Drive answers again",
   "axis-referenced": "Axis referenced",
   "reference-lost": "Reference lost",

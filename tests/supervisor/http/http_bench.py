@@ -50,6 +50,7 @@ LINE = {
     "late": 0,
     "late_targets": 0,
     "refused": 2,
+    "backed_off": 0,
     "withdrawn": 0,
     "broadcasts": 0,
     "added_reads": 0,

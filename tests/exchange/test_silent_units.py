@@ -1,0 +1,493 @@
+"""What a unit id that does not answer costs: it, its group, and the others on its line (W6, W11)."""
+
+from itertools import product
+from typing import Any, Final
+
+import pytest
+
+from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
+from gateway.exchange.answers import REACH_AFTER, Reach, Sign
+from gateway.exchange.plan import ControllerPlan, LineTiming, Reference
+from gateway.modbus.registers import BitField, BitTable
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
+
+OTHER: Final = bytes.fromhex("03 0700 0001")
+ANSWER: Final = bytes.fromhex("03 02 0005")
+SILENT: Final = bytes.fromhex("83 0B")
+WALK: Final = """
+            answers    unheard    missed-one missed-two dead
+time-out    missed-one missed-one missed-two dead       dead
+frame       answers    answers    answers    answers    answers
+link-up     answers    unheard    unheard    unheard    unheard
+"""
+"""By hand: three time-outs in a row, and what ends them."""
+
+
+def line(*plans: Any, tcp_drive: bool = False, serial: bool = False, **timing: float) -> Bench:
+    """Time-outs of 100 ms, silences of 50 ms; the first trial after 200 ms."""
+    times = {"response_timeout_ms": 100.0, "drain_ms": 50.0, "retry_ms": 200.0, **timing}
+    bench = Bench(*plans, timing=LineTiming(**times), serial=serial, tcp_drive=tcp_drive)
+    bench.port = controller("plc", serial=serial)
+    return bench
+
+
+def controller(name: str, *, serial: bool = False, timeout_ms: float = 100.0) -> Port:
+    return Port(ControllerPlan(name, timeout_ms=timeout_ms, serial=serial))
+
+
+def leave_unanswered(bench: Bench, times: int = 1, unit_id: int = 2) -> None:
+    """Let so many requests to a unit id meet with nothing, each after the silence that it needs."""
+    for _ in range(times):
+        bench.send(OTHER, unit_id=unit_id)
+        assert bench.link.sent.pop() == (unit_id, OTHER)
+        bench.wait(100)
+        bench.port.replies.clear()
+        bench.wait(50)
+
+
+def ask(bench: Bench, pdu: bytes, unit_id: int = 2) -> bytes:
+    bench.send(pdu, unit_id=unit_id)
+    bench.serve()
+    return bench.port.take()
+
+
+@pytest.mark.parametrize(("state", "sign"), list(product(Reach, Sign)))
+def test_each_sign_leads_from_each_state_to_the_one_that_the_rule_says(state: Reach, sign: Sign) -> None:
+    head, *rows = (row.split() for row in WALK.strip("\n").splitlines())
+    [after] = [cells[1:][head.index(state.value)] for cells in rows if cells[0] == sign.value]
+    assert REACH_AFTER[sign][state].value == after
+
+
+# --- back-off ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("serial", [False, True])
+@pytest.mark.parametrize("tcp_drive", [False, True])
+def test_w11_after_three_time_outs_a_request_is_answered_at_once(*, serial: bool, tcp_drive: bool) -> None:
+    bench = line(serial=serial, tcp_drive=tcp_drive)
+    leave_unanswered(bench, 3)
+    assert ask(bench, OTHER) == SILENT
+    assert ask(bench, bytes.fromhex("06 0700 0001")) == bytes.fromhex("86 0B")
+    assert bench.link.sent == []
+    assert bench.seen == []
+    assert bench.line.counters.backed_off == 2
+    assert bench.line.counters.refused == 0
+    assert bench.kinds() == ["line-up", "drive-silent", "drive-backed-off"]
+
+
+def test_w11_two_time_outs_are_not_enough() -> None:
+    bench = line()
+    leave_unanswered(bench, 2)
+    assert ask(bench, OTHER) == bytes.fromhex("03 02 0000")
+
+
+def test_w11_with_retry_ms_0_it_is_asked_for_ever() -> None:
+    bench = line(retry_ms=0.0)
+    leave_unanswered(bench, 9)
+    assert bench.kinds() == ["line-up", "drive-silent"]
+
+
+def test_w11_trials_come_after_retry_ms_then_twice_as_late_up_to_10_s() -> None:
+    bench = line(retry_ms=2000.0)
+    leave_unanswered(bench, 3)
+    pauses_ms = []
+    waited_ms = 50.0  # since the third time-out
+    for _ in range(4):
+        while not bench.link.sent:
+            bench.wait(10)
+            waited_ms += 10
+            bench.send(OTHER, unit_id=2)
+        pauses_ms.append(waited_ms)
+        bench.link.sent.clear()
+        bench.wait(100)
+        waited_ms = 0.0
+    assert pauses_ms == [2000, 4000, 8000, 10_000]
+
+
+def test_w11_while_a_trial_is_on_the_wire_the_others_are_answered() -> None:
+    bench, panel = line(), controller("panel")
+    leave_unanswered(bench, 3)
+    bench.wait(150)
+    bench.send(OTHER, unit_id=2)
+    bench.send(OTHER, panel, unit_id=2)
+    assert bench.link.take() == OTHER
+    assert panel.take() == SILENT
+    bench.line.reply(2, ANSWER, bench.now_ns)
+    assert bench.port.take() == ANSWER
+    assert bench.kinds()[-1] == "drive-answers"
+    bench.send(OTHER, panel, unit_id=2)
+    assert bench.link.take() == OTHER
+
+
+def test_w11_a_trial_waits_for_the_silence_after_the_last_time_out_and_after_a_late_frame() -> None:
+    bench = line(retry_ms=1.0)
+    leave_unanswered(bench, 2)
+    bench.send(OTHER, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(100)
+    bench.port.replies.clear()
+    bench.wait(30)
+    assert ask(bench, OTHER) == SILENT
+    bench.line.stray(bench.now_ns)  # of nobody knows whom: 50 ms from here
+    bench.wait(49)
+    assert ask(bench, OTHER) == SILENT
+    bench.wait(1)
+    assert ask(bench, OTHER) == bytes.fromhex("03 02 0000")
+
+
+def test_w11_a_late_frame_ends_it_and_the_next_request_waits_for_the_silence() -> None:
+    bench = line()
+    leave_unanswered(bench, 2)
+    bench.send(OTHER, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(100)
+    bench.line.stray(bench.now_ns, unit_id=2)
+    bench.send(OTHER, unit_id=2)
+    assert bench.link.sent == []
+    bench.wait(50)
+    assert bench.link.take() == OTHER
+
+
+def test_w11_the_link_that_comes_up_ends_it_and_the_unit_stays_silent_until_it_answers() -> None:
+    bench = line()
+    leave_unanswered(bench, 3)
+    bench.line.link_down(bench.now_ns)
+    bench.line.link_up(bench.now_ns)
+    bench.send(OTHER, unit_id=2)
+    assert bench.link.take() == OTHER
+    status = bench.line.unit_ids_status(bench.now_ns)["drives"]["2"]
+    assert (status["timeouts_in_a_row"], status["tried_again_s"]) == (3, None)
+
+
+def test_w11_a_controller_that_waits_for_another_answer_first_gets_that_first() -> None:
+    bench = line()
+    leave_unanswered(bench, 3)
+    bench.send(OTHER, unit_id=1, transaction_id=1)
+    bench.send(OTHER, unit_id=2, transaction_id=2)
+    assert bench.port.replies == []
+    bench.line.reply(1, ANSWER, bench.now_ns)
+    assert bench.port.replies == [(1, 1, ANSWER), (2, 2, SILENT)]
+
+
+def two_axes(**changes: Any) -> tuple[Any, Any]:
+    return axis_plan(name="x", unit_id=1, **changes), axis_plan(name="y", unit_id=2, **changes)
+
+
+def test_m11_the_group_of_a_dead_drive_is_answered_too_and_a_read_of_that_drive_is_the_trial() -> None:
+    timing = LineTiming(response_timeout_ms=100, drain_ms=50, retry_ms=200)
+    bench = Bench(*two_axes(), timing=timing, serial=False, groups=[["x", "y"]])
+    bench.port = controller("plc")
+    leave_unanswered(bench, 3)
+    assert ask(bench, write(COMMAND, 5000), unit_id=1) == bytes.fromhex("90 0B")
+    assert ask(bench, read(ACTUAL), unit_id=1) == SILENT
+    assert bench.link.sent == []
+    assert bench.seen == []
+    bench.wait(150)
+    bench.send(read(ACTUAL), unit_id=1)
+    assert bench.link.sent == [(2, read(ACTUAL))]
+    bench.serve()
+    assert bench.port.take() == bytes.fromhex("03 04 0000 0000")
+    assert bench.seen == [read(ACTUAL)] * 2
+
+
+def homing_line(retry_ms: float = 200.0, **changes: Any) -> Bench:
+    """An axis whose reference somebody has declared, corrected at 60 mm on the forward branch."""
+    plan = axis_plan(unit_id=2, referenced=Reference.HOMING, lost_ms=1000.0, **changes)
+    bench = line(plan, retry_ms=retry_ms)
+    bench.line.axes[0].declare_referenced()
+    for counts in (30_000, 60_000):
+        ask(bench, write(COMMAND, counts))
+        bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
+        bench.wait(1000)
+    assert bench.line.axes[0].is_referenced
+    bench.seen.clear()
+    return bench
+
+
+def test_w11_before_a_write_that_moves_a_named_read_is_the_trial_and_the_silence_is_judged() -> None:
+    """The drive was off for 8 s, of which the gateway saw three time-outs of 0.1 s: its zero is another."""
+    bench = homing_line()
+    leave_unanswered(bench, 3)
+    bench.wait(8000)
+    bench.send(write(COMMAND, 70_000), unit_id=2)
+    assert bench.link.sent == [(2, read(ACTUAL))]
+    bench.serve()
+    assert bench.port.take() == write(COMMAND, 70_000)[:5]
+    assert bench.seen[-1] == write(COMMAND, 70_000)  # 1:1, not 70 010
+    assert "reference-lost" in bench.kinds()
+
+
+def test_w11_what_was_answered_for_the_drive_counts_as_unanswered() -> None:
+    bench = homing_line(retry_ms=2000.0)
+    leave_unanswered(bench, 3)  # 0.45 s
+    for _ in range(7):
+        bench.wait(100)
+        assert ask(bench, OTHER) == SILENT
+    bench.line.stray(bench.now_ns, unit_id=2)  # it starts and says something
+    bench.wait(150)
+    ask(bench, write(COMMAND, 70_000))
+    assert bench.seen[-1] == write(COMMAND, 70_000)
+
+
+def test_w11_a_short_back_off_keeps_the_reference() -> None:
+    bench = homing_line()
+    leave_unanswered(bench, 3)  # 0.45 s
+    bench.wait(200)
+    ask(bench, write(COMMAND, 70_000))
+    assert bench.seen[-1] == write(COMMAND, 70_010)
+    assert bench.seen[0] == read(ACTUAL)
+
+
+def test_w11_where_nothing_may_be_read_the_write_itself_is_the_trial() -> None:
+    bench = homing_line(added_frames=False)
+    leave_unanswered(bench, 3)
+    bench.wait(8000)
+    bench.send(write(COMMAND, 70_000), unit_id=2)
+    assert bench.link.sent == [(2, write(COMMAND, 70_000))]
+
+
+def test_w11_the_homed_bit_is_read_before_a_write_passes_again() -> None:
+    homed = BitField(0x0100, 0, BitTable.REGISTER)
+    plan = axis_plan(unit_id=2, referenced=Reference.DRIVE_BIT, bits={"homed": homed}, lost_ms=1000.0)
+    bench = line(plan)
+    bench.memory.words[homed.address] = 1
+    ask(bench, write(COMMAND, 60_000))
+    assert bench.memory.get(COMMAND) == 60_010
+    leave_unanswered(bench, 3)
+    bench.wait(200)
+    bench.memory.words[homed.address] = 0
+    bench.seen.clear()
+    ask(bench, write(COMMAND, 70_000))
+    assert bench.seen == [read(ACTUAL), bytes.fromhex("03 0100 0001"), write(COMMAND, 70_000)]
+
+
+# --- silence only where it is needed -----------------------------------------------------------------------
+
+
+def test_w6_a_read_of_another_unit_goes_without_the_silence_and_a_write_waits_for_it() -> None:
+    bench, panel = line(), controller("panel")
+    bench.send(OTHER, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(100)
+    bench.send(OTHER, unit_id=1)
+    assert bench.link.sent.pop() == (1, OTHER)
+    bench.line.reply(1, ANSWER, bench.now_ns)
+    bench.send(bytes.fromhex("06 0700 0001"), unit_id=1)
+    bench.send(OTHER, unit_id=1)  # of the same controller: behind its write
+    bench.send(OTHER, panel, unit_id=2)  # another function or size would be no proof either
+    assert bench.link.sent == []
+    bench.wait(49)
+    assert bench.link.sent == []
+    bench.wait(1)
+    assert bench.link.take() == bytes.fromhex("06 0700 0001")
+
+
+@pytest.mark.parametrize("pdu", ["04 0700 0001", "03 0700 0002", "01 0700 0001"])
+def test_w6_the_silent_unit_itself_is_asked_nothing_before_the_silence(pdu: str) -> None:
+    bench = line()
+    bench.send(OTHER, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(100)
+    bench.send(bytes.fromhex(pdu), unit_id=2)
+    assert bench.link.sent == []
+    bench.wait(50)
+    assert bench.link.take() == bytes.fromhex(pdu)
+
+
+@pytest.mark.parametrize(("unit_id", "pdu"), [(1, "06 0700 0001"), (0, "06 0700 0001"), (1, "65 00")])
+def test_w6_writes_and_broadcasts_do_not_wait_for_a_dead_unit(unit_id: int, pdu: str) -> None:
+    bench = line()
+    for missed in range(3):
+        bench.send(OTHER, unit_id=2)
+        bench.link.sent.clear()
+        bench.wait(100)
+        if missed < 2:
+            bench.wait(50)
+    bench.send(bytes.fromhex(pdu), unit_id=unit_id)
+    assert bench.link.sent == [(unit_id, bytes.fromhex(pdu))]
+
+
+def test_w6_after_a_unit_that_was_late_once_everybody_waits_for_ten_minutes() -> None:
+    bench = line()
+    bench.send(OTHER, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(100)
+    bench.line.stray(bench.now_ns, unit_id=2)
+
+    def waits_ms() -> float:
+        """How long a read of unit 1 waits after a time-out of unit 2."""
+        bench.wait(1000)
+        bench.send(OTHER, unit_id=2)
+        bench.link.sent.clear()
+        bench.wait(100)
+        bench.send(OTHER, unit_id=1)
+        waited_ms = 0.0
+        while not bench.link.sent:
+            bench.wait(10)
+            waited_ms += 10
+        assert bench.link.sent.pop() == (1, OTHER)
+        bench.line.reply(1, ANSWER, bench.now_ns)
+        bench.wait(1000)
+        bench.send(OTHER, unit_id=2)
+        bench.serve()  # it answers again
+        return waited_ms
+
+    assert waits_ms() == 50
+    bench.wait(597_000)
+    assert waits_ms() == 0
+
+
+def test_w6_a_dead_unit_that_was_ever_late_keeps_writes_waiting_for_good() -> None:
+    bench = line()
+    bench.line.stray(bench.now_ns, unit_id=2)
+    bench.wait(700_000)
+    for missed in range(3):
+        bench.send(OTHER, unit_id=2)
+        bench.link.sent.clear()
+        bench.wait(100)
+        if missed < 2:
+            bench.wait(50)
+    bench.send(bytes.fromhex("06 0700 0001"), unit_id=1)
+    assert bench.link.sent == []
+    bench.wait(50)
+    assert bench.link.take() == bytes.fromhex("06 0700 0001")
+
+
+def test_w6_a_late_frame_of_the_silent_unit_in_the_middle_of_another_exchange_is_remembered() -> None:
+    bench = line()
+    bench.send(OTHER, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(100)
+    bench.send(OTHER, unit_id=1)
+    bench.link.sent.clear()
+    bench.wait(40)
+    bench.line.stray(bench.now_ns, unit_id=2)
+    bench.line.reply(1, ANSWER, bench.now_ns)
+    assert bench.port.replies[-1][2] == ANSWER
+    bench.send(OTHER, unit_id=1)
+    bench.wait(49)
+    assert bench.link.sent == []
+    bench.wait(1)
+    assert bench.link.take() == OTHER
+
+
+# --- stops -------------------------------------------------------------------------------------------------
+
+STOP: Final = bytes.fromhex("06 0900 0001")
+STOP_16: Final = bytes.fromhex("10 0900 0001 02 0001")
+MOTION: Final = MotionPlan(
+    is_staged=False, triggers=(TriggerPlan(0x0900, deeds={1: Deed(Action.STOP)}, otherwise=Action.IGNORE),)
+)
+
+
+def stoppable() -> Bench:
+    return line(*two_axes(motion=MOTION))
+
+
+def time_out(bench: Bench) -> None:
+    """Unit 2 does not answer, and the line waits for its late reply."""
+    bench.send(OTHER, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(100)
+    bench.port.replies.clear()
+
+
+@pytest.mark.parametrize("unit_id", [1, 2])
+def test_m3_a_stop_goes_at_once_on_a_line_that_waits_for_a_late_reply(unit_id: int) -> None:
+    bench = stoppable()
+    time_out(bench)
+    bench.send(STOP, unit_id=unit_id)
+    assert bench.link.sent.pop() == (unit_id, STOP)
+    bench.line.reply(unit_id, STOP, bench.now_ns)
+    assert bench.port.take() == STOP
+    bench.wait(1000)
+    assert bench.link.sent == []
+
+
+@pytest.mark.parametrize("reply", ["86 04", "03 02 0005", "06 0900 0000", "10 0900 0001"])
+def test_m3_only_an_exact_echo_answers_it_else_it_goes_once_more_after_the_silence(reply: str) -> None:
+    bench = stoppable()
+    time_out(bench)
+    bench.send(STOP, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(20)
+    bench.line.reply(2, bytes.fromhex(reply), bench.now_ns)
+    assert bench.port.replies == []
+    bench.wait(49)
+    assert bench.link.sent == []
+    bench.wait(1)
+    assert bench.link.sent.pop() == (2, STOP)
+    bench.line.reply(2, bytes.fromhex("86 04"), bench.now_ns)  # now it is its own
+    assert bench.port.take() == bytes.fromhex("86 04")
+    bench.wait(1000)
+    assert bench.link.sent == []
+
+
+def test_m3_the_acknowledgement_of_several_registers_may_be_that_of_a_write_before() -> None:
+    bench = stoppable()
+    time_out(bench)
+    bench.send(STOP_16, unit_id=2)
+    bench.link.sent.clear()
+    bench.line.reply(2, STOP_16[:5], bench.now_ns)
+    assert bench.port.replies == []
+    bench.wait(50)
+    assert bench.link.sent.pop() == (2, STOP_16)
+
+
+def test_m3_a_stop_that_nobody_answers_goes_twice_and_then_its_controller_is_told() -> None:
+    bench = stoppable()
+    time_out(bench)
+    bench.send(STOP, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(100)
+    assert bench.port.replies == []
+    bench.wait(50)
+    assert bench.link.sent.pop() == (2, STOP)
+    bench.wait(100)
+    assert bench.port.take() == bytes.fromhex("86 0B")
+    bench.wait(1000)
+    assert bench.link.sent == []
+
+
+def test_m3_a_panel_that_repeats_its_stop_to_a_dead_drive_starves_nobody() -> None:
+    """Each 100 ms a stop to unit 2, which is dead; unit 1 answers in 1 ms and is read each 20 ms."""
+    bench, panel = stoppable(), controller("panel")
+    leave_unanswered(bench, 3)
+    stops, answered, asked = 0, 0, 0
+    for ms in range(0, 3000, 1):
+        if ms % 100 == 0:
+            bench.send(STOP, panel, unit_id=2)
+        if ms % 20 == 0:
+            bench.send(OTHER, unit_id=1)
+            asked += 1
+        for unit_id, pdu in tuple(bench.link.sent):
+            bench.link.sent.remove((unit_id, pdu))
+            stops += pdu == STOP
+            if unit_id == 1:
+                bench.line.reply(1, ANSWER, bench.now_ns)
+        answered += len(bench.port.replies)
+        bench.port.replies.clear()
+        bench.wait(1)
+    # A stop takes the line for 100 ms, the same comes 200 ms later at the earliest.
+    assert 9 <= stops <= 10
+    assert answered >= asked - 5
+
+
+def test_m3_between_two_of_these_stops_each_other_controller_gets_an_exchange() -> None:
+    bench = line(*two_axes(motion=MOTION), retry_ms=1.0)
+    panel, others = controller("panel", timeout_ms=900), [controller(n, timeout_ms=2000) for n in "abc"]
+    bench.send(STOP, panel, unit_id=2)
+    bench.link.sent.clear()
+    for port in others:
+        bench.send(OTHER, port, unit_id=1)
+    bench.send(STOP, panel, unit_id=2)
+    bench.wait(900)
+    order = []
+    for _ in range(4):
+        [(unit_id, pdu)] = bench.link.sent
+        bench.link.sent.clear()
+        order.append((unit_id, pdu))
+        bench.wait(1)
+        if unit_id == 1:
+            bench.line.reply(1, ANSWER, bench.now_ns)
+    assert order == [(1, OTHER)] * 3 + [(2, STOP)]
