@@ -244,11 +244,6 @@ class Answers:
         silence.stops[pdu] = now_ns + self._retry_ns
         silence.turns = turns
 
-    def stop_due_ns(self, unit_id: int, pdu: bytes) -> int:
-        """Return from when on a stop may be sent again; 0: it was not, or it was answered."""
-        silence = self.silences.get(unit_id)
-        return 0 if silence is None else silence.stops.get(pdu, 0)
-
     def had_turn(self, port: int) -> None:
         """A controller gets an exchange."""
         for silence in self.silences.values():

@@ -230,13 +230,11 @@ class LineExchange:
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
             current.overtake(reason)
         stop.become_stop()
-        if self.answers.stop_due_ns(stop.unit_id, stop.pdu):  # of one that repeats it the newest waits
-            same = self._waiting.withdraw(lambda each: each.is_same_stop(stop) and each.port is stop.port)
-            for older in same:
-                self._answer_for_dead(older, now_ns)
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
             self._refuse(stop, busy, now_ns, is_lost=False)
+        elif self._stop_from_ns(stop) > now_ns:
+            self._thin_out(stop, now_ns)
         self._next(now_ns)
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
@@ -619,6 +617,21 @@ class LineExchange:
             return False
         return self.rest.is_draining or self.answers.free_ns(stop.unit_id, now_ns, is_read=False) > now_ns
 
+    def _thin_out(self, stop: Transaction, now_ns: int) -> None:
+        """Of a stop that its drive does not answer the newest of each controller waits, for all before it."""
+        newest: dict[int, Transaction] = {}
+        older = []
+        for each in self._waiting:
+            if each.is_same_stop(stop):
+                before = newest.get(id(each.port))
+                newest[id(each.port)] = each
+                if before is not None:
+                    older.append(before)
+                    each.become_again(before)
+        for each in older:
+            self._waiting.take(each)
+            self._answer_for_dead(each, now_ns)
+
     def _send_once_more(self, stop: Transaction, now_ns: int) -> None:
         """End a stop that left early and was not answered; its controller waits for the next one."""
         self._waiting.add_again(stop.once_more())
@@ -783,6 +796,8 @@ class LineExchange:
         if self._units.have_rules and self._units.stops_of(self._units.frames_of(transaction)):
             others = {id(each.port) for each in self._waiting if each.port not in (None, transaction.port)}
             self.answers.miss_stop(unit_id, transaction.pdu, others, now_ns)
+            if self.answers.backs_off:
+                self._thin_out(transaction, now_ns)
         if transaction.is_early:
             self._send_once_more(transaction, now_ns)
         else:

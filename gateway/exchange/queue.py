@@ -83,8 +83,8 @@ class WaitingQueue:
         It takes the place of those like it whose controllers have given up.
         """
         taken = self.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan)
-        if any(each.is_again for each in taken):
-            stop.become_again()
+        for each in taken:
+            stop.become_again(each)
         if self.count(stop.port) >= QUEUE_LIMIT and any(each.is_same_stop(stop) for each in self):
             return False
         self._stops.append(stop)

@@ -214,15 +214,15 @@ class Transaction:
         """Note that it is a stop, and that a late frame may come in the place of its reply."""
         self.is_early = True
 
-    def become_again(self) -> None:
-        """Note that the same stop was sent early and not answered: this one takes its place."""
-        self.is_again = True
+    def become_again(self, before: "Transaction") -> None:
+        """Take the place of the same stop, which may have been sent early and not answered."""
+        self.is_again |= before.is_again
 
     def once_more(self) -> "Transaction":
         """Return the same stop, to go once more when no late frame can come in the place of its reply."""
         again = Transaction(self.port, self.transaction_id, self.unit_id, self.pdu, self.arrived_ns)
         again.become_stop()
-        again.become_again()
+        again.is_again = True
         if self.is_orphan:
             again.give_up()
         return again
@@ -283,7 +283,7 @@ class Transaction:
         self.phase = _ENDED
 
     def is_same_stop(self, other: "Transaction") -> bool:
-        """Whether both are stops that say the same to the same drive."""
+        """Whether this is a stop that says the same to the same drive."""
         return self.is_stop and self.unit_id == other.unit_id and self.pdu == other.pdu
 
     def why_given_up(self, now_ns: int) -> str:

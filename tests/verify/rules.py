@@ -7,7 +7,7 @@ reason that the gateway gives aloud: an axis that is flagged unsure, that is not
 from typing import TYPE_CHECKING, Any, Final
 
 from gateway.exchange.events import EventKind
-from gateway.exchange.plan import ControllerPlan, Late, Role
+from gateway.exchange.plan import Late, Role
 from gateway.exchange.transaction import Phase
 from gateway.modbus.pdu import is_exception
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
@@ -45,6 +45,7 @@ LIMIT_COUNTS: Final = 9507
 WARM: Final = 2
 """Number of the screw that is warm, or beside which another axis stands, where the axis has such a term."""
 NO_PATH: Final = 0x0A
+NO_ANSWER: Final = 0x0B
 BUSY: Final = 6
 MASK: Final = 0x16
 BOTH: Final = 0x17
@@ -782,6 +783,19 @@ def note_silence(world: "World", wire: "Wire") -> None:
         end(world, wire.owner, request)
 
 
+def owe_early_stop(world: "World", wire: "Wire") -> None:
+    """A stop that left early and was not answered leaves once more, for whoever waits for it still (M3)."""
+    if not wire.is_early:
+        return
+    request = None if wire.owner < 0 else _find(world, wire.owner, wire.transaction_id)
+    if request is None:
+        world.state = world.state._replace(owed_stops=min(world.state.owed_stops + 1, 2))
+        return
+    asked = list(world.state.asked)
+    asked[wire.owner] = tuple(a._replace(is_sent=False) if a is request else a for a in asked[wire.owner])
+    world.state = world.state._replace(asked=tuple(asked))
+
+
 def judge_waiting(world: "World") -> None:
     """Where nothing is on the wire and the line is at rest nobody waits (2). Raises BrokenRuleError."""
     state = world.state
@@ -845,10 +859,9 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         raise BrokenRuleError(f"an answer that nobody waits for: {pdu.hex(' ')}")
     end(world, port, request)
     is_own = answered is not None and answered.owner == port and answered.transaction_id == transaction_id
-    plan = world.design.controllers[port]
     if is_exception(pdu):
         world.tally.refusals.add(pdu[1])
-        _judge_refusal(world, plan, request, pdu, is_own=is_own)
+        _judge_refusal(world, port, request, pdu, is_own=is_own)
         if not is_own:
             note_lost(world, port, request)
             if not request.is_sent:
@@ -879,11 +892,9 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
 
 
-def _judge_refusal(
-    world: "World", plan: ControllerPlan, request: "Asked", pdu: bytes, *, is_own: bool
-) -> None:
+def _judge_refusal(world: "World", port: int, request: "Asked", pdu: bytes, *, is_own: bool) -> None:
     """An exception has a reason (2). Raises BrokenRuleError."""
-    axis = world.design.plans[request.axis]
+    axis, plan = world.design.plans[request.axis], world.design.controllers[port]
     is_blocked = request.pdu in RUNS and facts.is_own_blocked(world, request.axis)
     is_late = axis.late is Late.REJECT and (_is_late(world, request) or is_blocked)
     if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:
@@ -893,7 +904,10 @@ def _judge_refusal(
     may_write = not (plan.rights.is_read_only or plan.role is Role.MONITOR)
     if not may_write and request.pdu[0] != 3 and pdu[1] != 1:
         raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
-    if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
+    # The newest of a stop that is repeated stands for those before it: they count as unanswered.
+    same = [each for each in world.state.asked[port] if each.pdu == request.pdu]
+    is_repeated = pdu[1] == NO_ANSWER and bool(same) and world.design.retry_ms > 0
+    if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH and not is_repeated:
         raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
 
 

@@ -655,9 +655,15 @@ def said(line: LineExchange) -> tuple[Said, ...]:
     )
 
 
-def is_resting(line: LineExchange) -> bool:
-    """Whether a line falls silent before anything else leaves."""
-    return line.rest.until_ns is not None or getattr(line, "_waits_until_ns", None) is not None
+def is_resting(line: LineExchange, now_ns: int) -> bool:
+    """Whether a line, or the drive on it that was silent last, falls silent before anything else leaves."""
+    return line.rest.until_ns is not None or line.answers.owes(now_ns)
+
+
+def is_sent_early(line: LineExchange) -> bool:
+    """Whether the frame on the wire is a stop that left although a late reply may come."""
+    current = getattr(line, "_current", None)
+    return current is not None and current.is_early
 
 
 class OnItsWay(NamedTuple):

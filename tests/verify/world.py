@@ -49,6 +49,7 @@ from tests.verify.snapshot import (
     Snapshot,
     is_resting,
     is_sending_unsure,
+    is_sent_early,
     on_its_way,
     said,
     watch_stores,
@@ -65,7 +66,9 @@ DRAIN_TICKS: Final = 1
 DONE_DROP_TICKS: Final = 1
 UNSEEN_TICKS: Final = 2
 LOST_TICKS: Final = 2
-TIMING: Final = LineTiming(response_timeout_ms=RESPONSE_TICKS * TICK_MS, drain_ms=DRAIN_TICKS * TICK_MS)
+TIMING: Final = LineTiming(
+    response_timeout_ms=RESPONSE_TICKS * TICK_MS, drain_ms=DRAIN_TICKS * TICK_MS, retry_ms=0.0
+)
 EXCEPTION: Final = 4
 VENDOR: Final = 0x81
 """The function byte of whatever a certain drive refuses."""
@@ -112,7 +115,8 @@ class Side:
     def __init__(self, design: "Design", ways: dict[str, int], tell: Callable[[Event], None]) -> None:
         self.link = Link(is_serial=design.is_serial)
         self.ports = [Port(plan) for plan in design.controllers]
-        timing = replace(TIMING, response_timeout_ms=design.response_ticks * TICK_MS)
+        timeout_ms = design.response_ticks * TICK_MS
+        timing = replace(TIMING, response_timeout_ms=timeout_ms, retry_ms=design.retry_ms)
         self.line = LineExchange(design.plans, timing, self.link, tell, design.groups, **ways)  # type: ignore[arg-type]
         self.lens = Lens(
             [self.line, *self.ports], TICK_NS, design.horizon_ticks, has_record=design.has_record
@@ -179,6 +183,8 @@ class Wire(NamedTuple):
     ticks_left: int = 0
     """Of a frame that nobody waits for any more: so long it may still be answered."""
     sent_ns: int = 0
+    is_early: bool = False
+    """A stop that left while a late reply might come: only its exact echo is its answer."""
 
 
 class Asked(NamedTuple):
@@ -368,6 +374,8 @@ class Design:
     """The drive keeps a target that comes while it goes to another one, and goes there afterwards."""
     is_rtu: bool = False
     """The same of RTU (``tests.verify.wires_rtu``)."""
+    retry_ms: float = 0.0
+    """After so long a drive is tried again that left three requests unanswered; 0: it is always asked."""
     late_ticks: int = DRAIN_TICKS
     """So long after it was given up a reply may come."""
     is_prompt: bool = True
@@ -738,6 +746,14 @@ class World:
     def _answer(self, wire: Wire, reply: bytes) -> None:
         if self.design.answers_before:
             self.state = self.state._replace(before=reply)
+        if wire.is_early and reply != wire.pdu:
+            for side in self.sides:
+                side.reply(wire.unit_id, reply, self.now_ns)
+            rules.owe_early_stop(self, wire)
+            facts.unanswered(self, wire)
+            rules.note_silence(self, wire)
+            self._collect()
+            return
         for side in self.sides:
             side.reply(wire.unit_id, reply, self.now_ns)
         self._collect(answered=wire, reply=reply)
@@ -1171,7 +1187,8 @@ class World:
         for unit_id, pdu in frames:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
-            wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
+            is_early = rules.is_stop(pdu) and is_sent_early(self.sides[0].line)
+            wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns, is_early=is_early)
             rules.judge_phase(self, wire)
             late = self.state.late
             if self.design.is_serial and (self.design.late_ticks == DRAIN_TICKS or not _is_done(late)):
@@ -1189,6 +1206,7 @@ class World:
         if wire is not None:
             if self.now_ns - wire.sent_ns < self.design.response_ticks * TICK_NS:
                 raise BrokenRuleError(f"given up before its time: {wire.pdu.hex(' ')} (W7)")
+            rules.owe_early_stop(self, wire)
             facts.unanswered(self, wire)
             rules.note_silence(self, wire)
             late = (
@@ -1227,7 +1245,7 @@ class World:
 
     def is_resting(self) -> bool:
         """Whether the line is silent for a while, whatever waits."""
-        return is_resting(self.sides[0].line)
+        return is_resting(self.sides[0].line, self.now_ns)
 
     def _lose(self, port: int, request: Asked) -> None:
         rules.note_lost(self, port, request)
