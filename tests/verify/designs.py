@@ -292,6 +292,10 @@ DESIGNS: Final = (
 )
 
 
+WAIT: Final = ("wait",)
+ASK_TO_Y: Final = ("ask", 0, "to", 1, 0)
+
+
 def _small(name: str, about: str, *plans: AxisPlan, **changes: Any) -> Design:
     """A world that closes: one family of events beside targets and time; the drive answers in time."""
     parts: dict[str, Any] = {
@@ -690,6 +694,33 @@ CLOSING: Final = (
         _plan(name="y", unit_id=2),
         menu=("to",),
         targets=(9007,),
+    ),
+    _small(
+        "s-two-silent",
+        "the same, silent; a dead one is tried again",
+        _plan(),
+        _plan(name="y", unit_id=2),
+        menu=("to", "read"),
+        answers=("ack", "obey"),
+        targets=(9007,),
+        is_answered=False,
+        retry_ms=2.0 * TICK_MS,
+        checks_way_back=False,
+        ways=((ASK_TO_Y, WAIT, WAIT, ASK_TO_Y, WAIT, WAIT, ASK_TO_Y, WAIT, WAIT, ASK_TO_Y, WAIT, ASK_TO_Y),),
+    ),
+    _small(
+        "s-two-group-silent",
+        "the same, on one beam",
+        _plan(),
+        _plan(name="y", unit_id=2),
+        menu=("to",),
+        answers=("ack", "obey"),
+        targets=(9007,),
+        groups=(("x", "y"),),
+        is_answered=False,
+        retry_ms=2.0 * TICK_MS,
+        checks_way_back=False,
+        ways=((ASK_TO_Y, WAIT, WAIT, ASK_TO_Y, WAIT, WAIT, ASK_TO_Y, WAIT, ASK_TO_Y),),
     ),
     _small(
         "s-down", "a drive that counts the other way", _plan(counts_per_unit=-1000.0), targets=(-7003, 9007)

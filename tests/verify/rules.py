@@ -225,12 +225,13 @@ def _judge_own_read(world: "World", number: int, pdu: bytes) -> None:
     if (pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4]) not in READABLE:
         raise BrokenRuleError(f"a read that nothing names: {pdu.hex(' ')} (W8)")
     waiting = [find(world, port, transaction_id) for port, transaction_id in world.state.order]
-    unsent = [each for each in waiting if not each.is_sent and each.axis == number]
+    has_trials = world.design.retry_ms > 0  # read as well before what is read then, and for its group (W11)
+    unsent = [each for each in waiting if not each.is_sent and (each.axis == number or has_trials)]
     if not (unsent or world.state.is_starting):
         raise BrokenRuleError(f"a read for nothing: {pdu.hex(' ')} (W8)")
-    if not world.state.is_starting:
+    if not (world.state.is_starting or has_trials):
         _judge_need(world, number, pdu, unsent)
-    if pdu[1] << 8 | pdu[2] == STATUS and unsent:
+    if pdu[1] << 8 | pdu[2] == STATUS and unsent and unsent[0].axis == number:
         _note_bit_asked(world, number)
 
 
