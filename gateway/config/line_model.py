@@ -142,7 +142,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
     )
     connects_per_s: Annotated[float, Field(gt=0.0, le=1e6)] = Field(
         default=DEFAULT_LIMITS.connects_per_s,
-        description="connections that one host may open in a second over tcp, in the mean",
+        description="connections without an answer that one host may open in a second over tcp, in the mean",
     )
     idle_timeout_s: Annotated[float, Field(gt=0.0, le=1e6)] | None = Field(
         default=None,

@@ -11,7 +11,7 @@ from gateway.exchange.meaning import Meaning
 from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.ports import ControllerPort
-from gateway.exchange.queue import QUEUE_LIMIT
+from gateway.exchange.queue import WAITING_BYTES
 from gateway.exchange.rights import UNLIMITED
 from gateway.exchange.throttle import Throttle, times
 from gateway.exchange.transaction import Answer, Endings, Transaction
@@ -84,7 +84,7 @@ class Admission:
 
     def deny_queue(self, transaction: Transaction, now_ns: int) -> None:
         """Refuse what has no room left to wait in."""
-        detail = f"{QUEUE_LIMIT} of its requests wait already"
+        detail = f"{WAITING_BYTES >> 10} KiB of requests of its host wait already"
         self._deny(transaction, Denial(ExceptionCode.SERVER_DEVICE_BUSY, "", detail), now_ns, is_lost=True)
 
     def _deny(self, transaction: Transaction, denial: Denial, now_ns: int, *, is_lost: bool) -> None:

@@ -40,7 +40,7 @@ from gateway.exchange.meter import LineMeter
 from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits
 from gateway.exchange.ports import ControllerPort, DriveLink
-from gateway.exchange.queue import QUEUE_LIMIT, WaitingQueue
+from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import Known
 from gateway.exchange.rest import Rest
@@ -211,14 +211,22 @@ class LineExchange:
             self._start(transaction, now_ns)
         elif stops:
             self._overtake(transaction, stops, now_ns)
-        elif self._waiting.count(port) >= QUEUE_LIMIT:
+        elif self._waiting.is_full(port) and not self._may_be_denied_later(port):
             self._admission.deny_queue(transaction, now_ns)
         elif self._is_answered_for(transaction, now_ns) and not self._is_behind(port):
             self._answer_for_dead(transaction, now_ns)
         else:
             self._gaps.is_watching |= not transaction.is_motion
+            if self._waiting.is_full(port):
+                transaction.deny()
+            is_behind = self._waiting.has(port)
             self._waiting.add(transaction)
-            self._next(now_ns)
+            if not is_behind:  # else nothing has changed for those before it
+                self._next(now_ns)
+
+    def _may_be_denied_later(self, port: ControllerPort) -> bool:
+        """Whether what has no room waits for its refusal: answers keep their order, but not in a flood."""
+        return self._is_behind(port) and not self._waiting.is_full(port, 2)
 
     def _overtake(self, stop: Transaction, stops: list[Meaning], now_ns: int) -> None:
         """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3)."""
@@ -495,7 +503,8 @@ class LineExchange:
         until_ns = HAS_NO_TURN
         held: set[int] = set()
         others: list[Transaction] = []
-        for transaction in self._waiting:
+        rests = self.rest.until_ns is not None
+        for transaction in self._waiting.stops if rests else self._waiting:
             port = transaction.port
             is_in_order = port is not None and not transaction.is_stop
             if is_in_order and id(port) in held:
@@ -519,17 +528,18 @@ class LineExchange:
 
     def _from_ns(self, transaction: Transaction, now_ns: int) -> int:
         """Return from when on something that waits may be started, be it to end at once."""
-        unit_id, rests_until_ns = transaction.unit_id, self.rest.until_ns
+        unit_id = transaction.unit_id
         if transaction.is_stop:
+            rests_until_ns = self.rest.until_ns
             from_ns = self._stop_from_ns(transaction)
             if rests_until_ns is not None and (transaction.is_again or self.rest.is_turning):
                 from_ns = max(from_ns, rests_until_ns)
             if transaction.is_again:
                 from_ns = max(from_ns, self.answers.free_ns(unit_id, now_ns, is_read=False))
             return from_ns
-        if rests_until_ns is not None:
-            return rests_until_ns
-        if transaction.why_given_up(now_ns) or self._is_answered_for(transaction, now_ns):
+        if transaction.is_denied or transaction.why_given_up(now_ns):
+            return now_ns
+        if self._is_answered_for(transaction, now_ns):
             return now_ns
         return self.answers.free_ns(unit_id, now_ns, is_read=only_reads(transaction.pdu))
 
@@ -643,6 +653,8 @@ class LineExchange:
         reason = "the gateway stops" if self._is_stopping else transaction.why_given_up(now_ns)
         if reason:
             self._withdraw(transaction, reason, now_ns)
+        elif transaction.is_denied:
+            self._admission.deny_queue(transaction, now_ns)
         elif transaction.overtaken_by:
             self._overtaken(transaction, transaction.overtaken_by, now_ns)
         elif transaction.port is None and self._is_answered_for(transaction, now_ns):

@@ -1,15 +1,17 @@
 """The transactions of a line that wait: stops first, then the gateway's own, then motion, then the others."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import Transaction
 
-QUEUE_LIMIT: Final = 32
-"""Requests of one connection that may wait; the next gets exception 6 (Messaging guide V1.0b, p. 29)."""
+WAITING_BYTES: Final = 1 << 16
+"""Of the requests of one host that wait; what is more gets exception 6 (Messaging guide V1.0b, p. 29)."""
+REQUEST_BYTES: Final = 64
+"""What a request counts beside its PDU: 240 of the longest have room, 949 that read registers."""
 
 
 class WaitingQueue:
@@ -21,6 +23,10 @@ class WaitingQueue:
         self._motion: deque[Transaction] = deque()
         self._others: deque[Transaction] = deque()
         self._queues = (self._stops, self._own, self._motion, self._others)
+        self._host_bytes: dict[str, int] = {}
+        """Bytes that wait, by host."""
+        self._port_counts: dict[ControllerPort, int] = {}
+        """Requests that wait, by connection; none is 0."""
         self.total = 0
         """How many wait: a number of its own, for it is looked at with each request."""
 
@@ -31,7 +37,7 @@ class WaitingQueue:
 
     def has(self, port: ControllerPort) -> bool:
         """Whether anything of a connection waits."""
-        return any(transaction.port is port for transaction in self)
+        return port in self._port_counts
 
     def first_of_others(self) -> list[Transaction]:
         """Return the first one of each monitor or operator, oldest first."""
@@ -45,7 +51,7 @@ class WaitingQueue:
         for queue in self._queues:
             if transaction in queue:
                 queue.remove(transaction)
-                self.total -= 1
+                self._left(transaction)
                 return
 
     def __len__(self) -> int:
@@ -57,7 +63,7 @@ class WaitingQueue:
 
     def add(self, transaction: Transaction) -> None:
         """Queue a transaction behind those of its rank."""
-        self.total += 1
+        self._came(transaction)
         if transaction.port is None:
             self._own.append(transaction)
         elif transaction.port.is_motion:
@@ -73,6 +79,11 @@ class WaitingQueue:
             self.add(transaction)
 
     @property
+    def stops(self) -> Iterable[Transaction]:
+        """The stops among what waits."""
+        return self._stops
+
+    @property
     def has_stops(self) -> bool:
         """Whether a stop waits."""
         return bool(self._stops)
@@ -85,34 +96,55 @@ class WaitingQueue:
         taken = self.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan)
         for each in taken:
             stop.become_again(each)
-        if self.count(stop.port) >= QUEUE_LIMIT and any(each.is_same_stop(stop) for each in self):
+        port = stop.port
+        if port is not None and self.is_full(port) and any(each.is_same_stop(stop) for each in self):
             return False
-        self._stops.append(stop)
-        self.total += 1
+        self.add_again(stop)
         return True
 
     def add_again(self, stop: Transaction) -> None:
-        """Queue a stop that left once already."""
+        """Queue a stop in front of everything, behind those that wait."""
         self._stops.append(stop)
-        self.total += 1
+        self._came(stop)
 
     def put_back(self, transaction: Transaction) -> None:
         """Queue a transaction before those of its rank: it was its turn already."""
         is_motion = transaction.port is not None and transaction.port.is_motion
-        self.total += 1
+        self._came(transaction)
         (self._motion if is_motion else self._others).appendleft(transaction)
 
     def pop(self) -> Transaction:
         """Take the next one."""
         for queue in self._queues:
             if queue:
-                self.total -= 1
-                return queue.popleft()
+                transaction = queue.popleft()
+                self._left(transaction)
+                return transaction
         raise IndexError("nothing waits")
 
-    def count(self, port: ControllerPort | None) -> int:
-        """Return how many requests of one connection wait."""
-        return sum(1 for transaction in self if transaction.port is port)
+    def is_full(self, port: ControllerPort, times: int = 1) -> bool:
+        """Whether as much of the host of a connection waits as may, or so many times as much."""
+        return self._host_bytes.get(_host(port), 0) >= times * WAITING_BYTES
+
+    def _came(self, transaction: Transaction) -> None:
+        self.total += 1
+        if transaction.port is not None:
+            host = _host(transaction.port)
+            self._host_bytes[host] = self._host_bytes.get(host, 0) + len(transaction.pdu) + REQUEST_BYTES
+            self._port_counts[transaction.port] = self._port_counts.get(transaction.port, 0) + 1
+
+    def _left(self, transaction: Transaction) -> None:
+        self.total -= 1
+        if transaction.port is not None:
+            host = _host(transaction.port)
+            held = self._host_bytes[host] - len(transaction.pdu) - REQUEST_BYTES
+            if held:
+                self._host_bytes[host] = held
+            else:
+                del self._host_bytes[host]
+            count = self._port_counts.pop(transaction.port) - 1
+            if count:
+                self._port_counts[transaction.port] = count
 
     def give_up(self, port: ControllerPort) -> list[Transaction]:
         """Take out and return what a controller does not wait for any more; its stops stay, without it."""
@@ -133,5 +165,11 @@ class WaitingQueue:
                 taken += [transaction for transaction in queue if condition(transaction)]
                 queue.clear()
                 queue.extend(kept)
-        self.total -= len(taken)
+        for transaction in taken:
+            self._left(transaction)
         return taken
+
+
+def _host(port: ControllerPort) -> str:
+    """Return what the requests of a connection are counted by: serial ports have no host."""
+    return port.peer or port.name

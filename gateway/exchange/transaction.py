@@ -148,6 +148,8 @@ class Transaction:
     """How much of that no deadline counts: a look at where the axis stands."""
     is_orphan = False
     """Its controller has gone or gone on: the reply is taken note of and then dropped."""
+    is_denied = False
+    """There was no room for it: it is refused when the answers before it have been given."""
     overtaken_by = ""
     """Why it must not be sent any more, although its controller waits for it."""
     is_stop = False
@@ -209,6 +211,10 @@ class Transaction:
     def become_stop(self) -> None:
         """Note that it stops an axis: it goes before everything else, and is never given up."""
         self.is_stop = True
+
+    def deny(self) -> None:
+        """Note that it has no room, and is refused in its turn."""
+        self.is_denied = True
 
     def leave_early(self) -> None:
         """Note that it is a stop, and that a late frame may come in the place of its reply."""

@@ -74,6 +74,11 @@ class MbapControllerPort(ControllerPort):
         self.unfinished_ns = 0
         """Since when a request is not whole; 0: none is."""
 
+    @property
+    def is_served(self) -> bool:
+        """Whether it got an answer."""
+        return self.stamps.sent_ns > 0
+
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
         self._channel = channel

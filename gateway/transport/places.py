@@ -44,6 +44,11 @@ class Asking(Protocol):
     unfinished_ns: int
     """Since when a request is not whole; 0: none is."""
 
+    @property
+    def is_served(self) -> bool:
+        """Whether it got an answer; where getting one costs more than an exchange, it never is."""
+        ...
+
 
 class Guest(Protocol):
     """An accepted connection."""

@@ -119,6 +119,11 @@ class SecuredConnection:
         """Since when records bring nothing that can be read; 0: the last ones did."""
 
     @property
+    def is_served(self) -> bool:
+        """A handshake costs more than what is asked after it."""
+        return False
+
+    @property
     def asked_ns(self) -> int:
         """See ``places.Asking``."""
         receiver: object = self._receiver

@@ -302,6 +302,8 @@ class TcpListener:
 
     def forget(self, channel: _AcceptedChannel) -> None:
         """Note that a connection is gone."""
+        if channel in self._channels and channel.asking is not None and channel.asking.is_served:
+            self._rate.give_back(channel.host, boot_ns())
         self._channels.discard(channel)
         self._places.leave(channel)
 

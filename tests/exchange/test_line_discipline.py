@@ -1,8 +1,11 @@
 """Who may send, what happens when nobody answers, and what is never sent."""
 
+from typing import Final
+
 import pytest
 
 from gateway.exchange.plan import ControllerPlan, LineTiming
+from gateway.exchange.queue import WAITING_BYTES
 from tests.exchange.line_bench import (
     ACTUAL,
     COMMAND,
@@ -14,6 +17,7 @@ from tests.exchange.line_bench import (
     read,
     write,
 )
+from tests.exchange.staged_bench import STOP_PDU, StagedBench
 
 OTHER = bytes.fromhex("03 0700 0001")
 
@@ -178,11 +182,58 @@ def test_a_monitor_may_read(pdu: str) -> None:
     assert bench.link.take() == bytes.fromhex(pdu)
 
 
-def test_too_many_waiting_requests_are_answered_busy() -> None:
+def test_a_hundred_requests_at_once_are_answered_in_order() -> None:
+    """As modbus-serial sends them."""
     bench = Bench(serial=False)
-    for number in range(34):
+    for number in range(100):
         bench.send(OTHER, transaction_id=number)
-    assert bench.port.replies == [(33, 1, bytes.fromhex("83 06"))]
+    bench.serve()
+    assert bench.port.replies == [(n, 1, bytes.fromhex("03 02 0000")) for n in range(100)]
+
+
+FEW: Final = -(-WAITING_BYTES // (64 + 5))
+"""Reads of registers that have room: 950."""
+
+
+def test_what_has_no_room_is_answered_busy_behind_the_answers_before_it() -> None:
+    bench = Bench(serial=False)
+    for number in range(FEW + 3):
+        bench.send(OTHER, transaction_id=number)  # the first is on the wire
+    assert bench.port.replies == []
+    for _ in range(FEW + 1):
+        bench.line.reply(*bench.link.sent.pop()[:1], bytes.fromhex("03 02 0000"), bench.now_ns)
+    assert [number for number, _, _ in bench.port.replies] == list(range(FEW + 3))
+    assert [pdu.hex() for _, _, pdu in bench.port.replies[-3:]] == ["03020000", "8306", "8306"]
+
+
+def test_the_room_is_that_of_a_host_and_others_have_their_own() -> None:
+    bench = Bench(serial=False)
+    ports = [Port(ControllerPlan("plc")) for _ in range(3)]
+    for port, host in zip(ports, ("10.0.0.1", "10.0.0.1", "10.0.0.2"), strict=True):
+        port.peer = host
+    for number in range(FEW + 1):
+        bench.send(OTHER, ports[0], transaction_id=number)
+    bench.send(OTHER, ports[1])  # it waits for nothing before
+    assert ports[1].take() == bytes.fromhex("83 06")
+    bench.send(OTHER, ports[2])
+    assert ports[2].replies == []
+
+
+def test_m3_a_stop_goes_first_where_nothing_has_room() -> None:
+    bench = StagedBench(serial=False)
+    for number in range(FEW + 2):
+        bench.send(OTHER, transaction_id=number)
+    bench.send(STOP_PDU, transaction_id=9999)
+    bench.link.sent.clear()
+    bench.line.reply(1, bytes.fromhex("03 02 0000"), bench.now_ns)
+    assert bench.link.sent == [(1, STOP_PDU)]
+
+
+def test_a_flood_is_answered_busy_at_once() -> None:
+    bench = Bench(serial=False)
+    for number in range(2 * FEW + 10):
+        bench.send(OTHER, transaction_id=number)
+    assert bench.port.replies[0] == (2 * FEW + 1, 1, bytes.fromhex("83 06"))
 
 
 def test_a_line_that_is_down_answers_0x0a_on_tcp_and_nothing_on_a_serial_line() -> None:

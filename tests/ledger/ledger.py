@@ -60,8 +60,6 @@ from tests.ledger.stillness import Stillness
 from tests.ledger.witness import Witness
 
 NO_CONNECTION = b"\x0a"
-QUEUE_LIMIT = 32
-"""Requests of one connection that may wait."""
 
 
 class Ledger:
@@ -409,8 +407,7 @@ class Ledger:
         if len(pdu) != 2 or pdu[0] != request.pdu[0] | 0x80:
             self._wrong(request, pdu, "it was never sent")
             return
-        is_full = len(controller.pending) > QUEUE_LIMIT
-        if controller.is_motion and not self._is_stopped(request) and not is_full:
+        if controller.is_motion and not self._is_stopped(request):
             self._pass_over(request)
         controller.pending.remove(request)
         self.book.seen[f"refused with {pdu[1]:#04x}"] += 1

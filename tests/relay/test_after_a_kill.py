@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.exchange.plan import LineTiming
-from gateway.exchange.queue import QUEUE_LIMIT
+from gateway.exchange.queue import REQUEST_BYTES, WAITING_BYTES
 from gateway.ipc import traffic
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import Ping
@@ -59,10 +59,11 @@ async def test_the_line_rests_first_and_what_comes_meanwhile_waits(
 ) -> None:
     leave_a_dead_socket(tmp_path)
     near, far, _ = await pair(bench, tmp_path, replace(tools.timing, drain_ms=FOR_EVER_MS), drives)
-    for number in range(QUEUE_LIMIT):
-        near.write(encode_mbap(number, 1, READ))
-    near.write(encode_mbap(QUEUE_LIMIT, 1, READ))  # as many as may wait do wait
-    await near.receives(encode_mbap(QUEUE_LIMIT, 1, BUSY))
+    number = -(-2 * WAITING_BYTES // (REQUEST_BYTES + len(READ)))
+    for each in range(number):
+        near.write(encode_mbap(each, 1, READ))
+    near.write(encode_mbap(number, 1, READ))  # as many as may wait do wait, and as many for their refusal
+    await near.receives(encode_mbap(number, 1, BUSY))
     assert far.data == b""
     [note] = [note for note in bench.notes if note.event == "line-rests"]
     assert str(note.fields["detail"]).endswith("waiting for 3.6e+06 ms of silence")

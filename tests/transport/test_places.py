@@ -15,6 +15,7 @@ class Seen:
 
     asked_ns: int = 0
     unfinished_ns: int = 0
+    is_served: bool = False
 
 
 @dataclass(eq=False)
@@ -194,6 +195,28 @@ def test_each_host_has_a_rate_of_its_own() -> None:
     assert not rate.takes("10.0.0.9", now_ns + NS_PER_S // 2 - 1)
     assert rate.takes("10.0.0.9", now_ns + NS_PER_S // 2)
     assert not rate.takes("10.0.0.9", now_ns + NS_PER_S // 2)
+
+
+def test_a_host_that_connects_for_each_request_and_gets_its_answer_is_no_flood() -> None:
+    rate = ConnectRate(ConnectionLimits(max_connections=3, connects_per_s=2.0))
+    now_ns = START_NS
+    for _ in range(500):  # one each 4 ms
+        assert rate.takes("10.0.0.9", now_ns)
+        now_ns += NS_PER_S // 250
+        rate.give_back("10.0.0.9", now_ns)
+    assert [rate.takes("10.0.0.9", now_ns) for _ in range(5)] == [True] * 3 + [False] * 2
+
+
+def test_more_answers_than_a_line_carries_are_a_flood_all_the_same() -> None:
+    rate = ConnectRate(ConnectionLimits(max_connections=3, connects_per_s=2.0))
+    taken = 0
+    for number in range(10_000):  # within a second
+        now_ns = START_NS + number * (NS_PER_S // 10_000)
+        if rate.takes("10.0.0.9", now_ns):
+            taken += 1
+            rate.give_back("10.0.0.9", now_ns)
+    # 1000 a second that are given back, and of the others three at once and two a second.
+    assert 1000 <= taken <= 2510
 
 
 def test_very_many_hosts_share_a_bucket_and_are_forgotten_when_theirs_is_full() -> None:

@@ -50,6 +50,8 @@ LEFT_OUT: Final = {
     "asked_ns": "figures for the status",
     "answered_ns": "figures for the status",
     "askers": "the same",
+    "_host_bytes": "how much of what is compared waits",
+    "_port_counts": "the same",
     "since_ns": "the same",
     "timeouts": "the same",
     "rivals": "figures for the status",

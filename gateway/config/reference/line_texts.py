@@ -151,7 +151,8 @@ CONTROLLERS: Final[Texts] = {
     "connects_per_s": Said(
         meaning=(
             "connections that one host may open in a second, in the mean; after a pause as many at once as "
-            "`max_connections`. Only with `tcp`"
+            "`max_connections`. One that got an answer before it ended is not counted, up to a thousand a "
+            "second; with `tls` each is. Only with `tcp`"
         ),
     ),
     "idle_timeout_s": Said(
