@@ -85,6 +85,7 @@ class Frame:
         "connection",
         "has_moved",
         "intent",
+        "is_early",
         "is_interruption",
         "may_be_added",
         "parsed",
@@ -100,6 +101,8 @@ class Frame:
         self.unit = unit
         self.pdu = pdu
         self.parsed = parse(pdu)
+        self.is_early = False
+        """A stop that left while a late reply might come: only its exact echo is its answer (M3)."""
         self.request: Request | None = None
         """Whose it is; None: the gateway's own, or not certain yet."""
         self.candidates: list[Request] = []

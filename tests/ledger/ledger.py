@@ -77,6 +77,8 @@ class Ledger:
         self._delivering: Frame | None = None
         self._expiring: Frame | None = None
         self._troubled_ns = self._stopped_ns = -1
+        self._missed_stops: set[tuple[int, bytes]] = set()
+        """Stops that their drives have not answered."""
         self.is_down = False
         """There is no connection to the drives."""
 
@@ -192,9 +194,10 @@ class Ledger:
 
     # --- towards the drives ------------------------------------------------------------------------------
 
-    def sent(self, unit: int, pdu: bytes) -> Frame:
+    def sent(self, unit: int, pdu: bytes, *, is_early: bool = False) -> Frame:
         """The gateway sends a frame: find out whose it is, and whether it is what it has to be."""
         frame = Frame(unit, pdu)
+        frame.is_early = is_early
         if self.on_wire is not None:
             self.book.violation("W6-two-at-a-time", pdu.hex(" "), self.witness(unit).journal)
         self.on_wire = frame
@@ -245,6 +248,8 @@ class Ledger:
     def _check_stops(self, frame: Frame) -> None:
         """A stop that waits goes before everything else (M3)."""
         stops = [r for c in self.controllers if c.may_write for r in c.pending if r.is_stop]
+        # The same again, which its drive did not answer, lets the others have an exchange between.
+        stops = [r for r in stops if (r.unit, r.pdu) not in self._missed_stops]
         if stops and not any((r.unit, r.pdu) == (frame.unit, frame.pdu) for r in stops):
             detail = f"{frame.pdu.hex(' ')} went before {stops[0].pdu.hex(' ')}"
             self.book.violation("M3-stop-waits", detail, self.witness(stops[0].unit).journal)
@@ -293,6 +298,14 @@ class Ledger:
             controller.unanswered.pop(old.transaction_id, None)
             self._lost(old, "too old")
 
+    def _goes_again(self, frame: Frame) -> None:
+        """A stop that left early and was not answered leaves once more when the line has been silent (M3)."""
+        self._missed_stops.add((frame.unit, frame.pdu))
+        request = frame.request
+        if request is not None:
+            request.controller.pending.insert(0, request)
+            frame.request = None
+
     def did(self, frame: Frame, deeds: list[Deed]) -> None:
         """A drive has taken a frame."""
         witness = self.witness(frame.unit)
@@ -321,6 +334,10 @@ class Ledger:
         frame.reply = pdu
         self.witness(frame.unit).journal.note("from the drive", pdu)
         is_native = native_success(frame.pdu, pdu)
+        if frame.is_early and pdu != frame.pdu:
+            self._goes_again(frame)
+        else:
+            self._missed_stops -= {each for each in self._missed_stops if each[0] == frame.unit}
         if not is_native:
             self._troubled_ns = self.clock.now_ns
         if frame.unit in self.judges:
@@ -340,6 +357,10 @@ class Ledger:
         self._expiring = frame
         self._troubled_ns = self.clock.now_ns
         self.book.seen["time-outs"] += 1
+        if frame.request is not None and frame.request.is_stop:
+            self._missed_stops.add((frame.unit, frame.pdu))
+        if frame.is_early:
+            self._goes_again(frame)
         self.witness(frame.unit).journal.note("given up on", frame.pdu)
         if frame.unit in self.judges:
             self.judges[frame.unit].answered(frame, is_native=False, is_exception=False)

@@ -72,7 +72,8 @@ class Wire(DriveLink):
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``."""
-        frame = self._ledger.sent(unit_id, pdu)
+        current = getattr(self.line, "_current", None)
+        frame = self._ledger.sent(unit_id, pdu, is_early=current is not None and current.is_early)
         frame.connection = self._connection
         drive = self._drive(unit_id)
         fault = choose(
