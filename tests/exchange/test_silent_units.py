@@ -491,3 +491,51 @@ def test_m3_between_two_of_these_stops_each_other_controller_gets_an_exchange() 
         if unit_id == 1:
             bench.line.reply(1, ANSWER, bench.now_ns)
     assert order == [(1, OTHER)] * 3 + [(2, STOP)]
+
+
+# --- what it comes to --------------------------------------------------------------------------------------
+
+
+def polled_in_turn(bench: Bench, seconds: float) -> list[tuple[bool, int, float | None]]:
+    """Let one controller read unit 1, which answers in 1 ms, and unit 2, which is dead, in turn.
+
+    It waits for each answer as long as its time-out is, then goes on. Returns for each request whether unit 2
+    had left three unanswered before, the unit id, and the ms that its answer took; None: it did not come.
+    """
+    asked: list[tuple[bool, int, float | None]] = []
+    patience_ms, until_ns, unit_id = bench.port.plan.timeout_ms, bench.now_ns + seconds * 1e9, 1
+    while bench.now_ns < until_ns:
+        is_third, number, took_ms = "drive-backed-off" in bench.kinds()[:5], len(asked), 0.0
+        bench.port.replies.clear()
+        bench.send(OTHER, unit_id=unit_id, transaction_id=number)
+        while (is_open := number not in [n for n, _, _ in bench.port.replies]) and took_ms < patience_ms:
+            is_answered = (1, OTHER) in bench.link.sent
+            bench.link.sent.clear()
+            bench.wait(1)
+            took_ms += 1
+            if is_answered:
+                bench.line.reply(1, ANSWER, bench.now_ns)
+        asked.append((is_third, unit_id, None if is_open else took_ms))
+        unit_id = 3 - unit_id
+    return asked
+
+
+@pytest.mark.parametrize("serial", [False, True])
+@pytest.mark.parametrize("ms", [1000.0, 300.0])
+def test_w11_polled_in_turn_with_a_dead_drive_the_other_answers_within_20_ms_and_loses_nothing(
+    *, ms: float, serial: bool
+) -> None:
+    bench = Bench(timing=LineTiming(response_timeout_ms=ms, drain_ms=ms), serial=serial)
+    bench.port = controller("plc", serial=serial, timeout_ms=ms)
+    asked = polled_in_turn(bench, 12)  # two trials at least
+    of_unit_1 = [took_ms for is_third, unit_id, took_ms in asked if is_third and unit_id == 1]
+    assert len(of_unit_1) > 1000
+    assert None not in of_unit_1
+    assert max(took_ms for took_ms in of_unit_1 if took_ms is not None) <= 20
+
+
+def test_w11_without_it_each_poll_of_the_dead_drive_costs_its_time_out() -> None:
+    bench = Bench(timing=LineTiming(retry_ms=0.0), serial=False)
+    bench.port = controller("plc", timeout_ms=1000.0)
+    asked = polled_in_turn(bench, 12)
+    assert len([unit_id for _, unit_id, _ in asked if unit_id == 1]) < 12
