@@ -57,7 +57,9 @@ RUN_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN.to_bytes(2, "big")
 RELATIVE_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN_RELATIVE.to_bytes(2, "big")
 ODD_PDUS: Final = frozenset(RUN_PDU[:3] + value.to_bytes(2, "big") for value in (JOG, STORED, 999))
 """What makes an axis move in another way than to a target."""
-RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU})
+COIL_RUN_PDU: Final = b"\x05" + TRIGGER.to_bytes(2, "big") + b"\xff\0"
+COIL_IDLE_PDU: Final = b"\x05" + TRIGGER.to_bytes(2, "big") + b"\0\0"
+RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU, COIL_RUN_PDU})
 ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
 
 
@@ -142,7 +144,7 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
             f"sent before the bit was read on which the reference hangs: {pdu.hex(' ')} (M9)"
         )
     if pdu[0] != 3:
-        _note_run(world, number, is_recalled=False)
+        note_run(world, number, is_recalled=False)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
@@ -279,7 +281,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
         raise BrokenRuleError(f"a read for nothing, {why}: {pdu.hex(' ')} (W8)")
 
 
-def _note_run(world: "World", number: int, **changes: Any) -> None:
+def note_run(world: "World", number: int, **changes: Any) -> None:
+    """Note something of the last motion of an axis."""
     axis = world.state.axes[number]
     if axis.run is not None:
         axes = list(world.state.axes)
@@ -539,6 +542,11 @@ def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
     base, is_certain = aim.base
     distance = aim.nominal_counts
     if aim.state in PASSING:
+        # Switched off with the next target: where it stands corrected, still through its nominal position.
+        low, high = _band(world, base)
+        is_through = low - SLOPE_COUNTS <= end - distance <= high + SLOPE_COUNTS
+        if "switch" in world.design.happenings and (end == base + distance if is_certain else is_through):
+            return end
         if end - axis.commanded_counts != distance:
             raise BrokenRuleError(f"a distance of {distance} becomes {end - axis.commanded_counts} (M9)")
         return end
@@ -650,7 +658,7 @@ def _judge_record(world: "World", number: int) -> None:
         )
     # The same target again is the same words, and needs no read: the record says what the drive holds.
     is_acked = axis.goes_counts is None and not world.design.plans[number].has_rules and not run.doubt
-    _note_run(world, number, is_told=True, is_recalled=False, is_acked=is_acked)
+    note_run(world, number, is_told=True, is_recalled=False, is_acked=is_acked)
 
 
 # --- answers ------------------------------------------------------------------------------------------
@@ -678,7 +686,7 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if run is not None and run.lost_ns and axis.stands_counts == run.end_counts:
             plan = world.design.plans[number]
             if axis.goes_counts is None and wire.sent_ns - run.lost_ns >= plan.done_drop_ms * facts.MS:
-                _note_run(world, number, is_told=True, lost_ns=0, seen=3 if run.is_done_since else 1)
+                note_run(world, number, is_told=True, lost_ns=0, seen=3 if run.is_done_since else 1)
         if axis.run is not None and axis.run.is_recalled:
             _judge_record(world, number)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
@@ -708,6 +716,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             else:
                 own[number] = own[number]._replace(lost=3)
         world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
+    is_doubtful = _is_doubtful_edge(world, number, wire)
     if wire.aim is not None and number and world.design.plans[0].cross:
         world.state = world.state._replace(table=WARM)  # it is known from now on where the other axis is
     if wire.aim is not None:
@@ -717,7 +726,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             # Words of before that go out again without a reference mean nothing to the gateway (M9).
             means_nothing = wire.aim.state == "unreferenced" and run.state not in PASSING
             is_word = wire.pdu[0] == 6 and writes_target(wire.pdu)  # the gateway may not know the rest of it
-            is_told = not (wire.aim.is_lost or means_nothing or is_word)
+            is_told = not (wire.aim.is_lost or means_nothing or is_word or is_doubtful)
             waits = axes[number].next_run
             if waits is not None:
                 waits = waits._replace(is_told=is_told, is_acked=is_told)
@@ -726,6 +735,17 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
                 run = run._replace(is_told=is_told, is_acked=is_told)
                 axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
+
+
+def _is_doubtful_edge(world: "World", number: int, wire: "Wire") -> bool:
+    """Whether a trigger that acts as it rises may have been up already: the gateway never was told."""
+    axis = world.state.axes[number]
+    if not world.design.edge or wire.pdu[:3] not in (RUN_PDU[:3], COIL_RUN_PDU[:3]):
+        return False
+    axes = list(world.state.axes)
+    axes[number] = axis._replace(is_trigger_known=True)
+    world.state = world.state._replace(axes=tuple(axes))
+    return not axis.is_trigger_known
 
 
 def _judge_untold(world: "World", number: int, aim: "Aim", reply: bytes) -> None:
@@ -936,12 +956,12 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     is_done = address == STATUS and axis.is_done and axis.goes_counts is None
     if is_done and run is not None and run.lost_ns:
         dropped = read.sent_ns - run.lost_ns >= world.design.plans[number].done_drop_ms * facts.MS
-        _note_run(world, number, is_done_since=dropped or run.is_done_since)
+        note_run(world, number, is_done_since=dropped or run.is_done_since)
     if run is not None and address == STATUS and world.design.is_done_doubtful:
         is_early = axis.is_done and axis.stands_counts != run.end_counts
         is_late = not axis.is_done and run.doubt > 0
         run = run._replace(doubt=2 if is_early or is_late else max(run.doubt, int(axis.is_done)))
-        _note_run(world, number, doubt=run.doubt)
+        note_run(world, number, doubt=run.doubt)
     if run is None or not run.is_told or axis.stands_counts != run.end_counts:
         return
     seen = run.seen

@@ -291,6 +291,14 @@ class Axis(NamedTuple):
     """What its controller has written there; None: that is not known."""
     next_run: Run | None = None
     """Where it goes as soon as it has come where it goes."""
+    trigger: int = 0
+    """What stands in its trigger, where that acts only as it rises."""
+    is_trigger_known: bool = False
+    """The gateway was told what that holds."""
+    held: Tried | None = None
+    """The target that it was told, over being switched off and on, until something is written to it."""
+    read_counts: int | None = None
+    """Where it was read last; None: never, or another zero counts since."""
 
 
 class State(NamedTuple):
@@ -364,6 +372,10 @@ class Design:
     """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
     is_bytes: bool = False
     """It begins at bytes: real ports and decoders of Modbus/TCP (``tests.verify.wires``)."""
+    edge: str = ""
+    """Its trigger acts only as it rises: a ``register``, or a ``coil``; else each write acts."""
+    is_up_at_start: bool = False
+    """Such a trigger is up when the gateway starts, which does not know that."""
     is_buffered: bool = False
     """The drive keeps a target that comes while it goes to another one, and goes there afterwards."""
     is_rtu: bool = False
@@ -482,7 +494,8 @@ class World:
         self._fresh = [side.lens.take(self.now_ns) for side in self.sides]
         self.records = Records()
         ports, axes = len(design.controllers), len(design.plans)
-        beginning = tuple(Axis(facts=facts.first(plan)) for plan in design.plans)
+        up = int(design.is_up_at_start)
+        beginning = tuple(Axis(facts=facts.first(plan), trigger=up) for plan in design.plans)
         self.state = State(beginning, ((Belief(),) * axes,) * ports, ((),) * ports)
         self._attach()
         self._call("link_up", self.now_ns)
@@ -634,6 +647,10 @@ class World:
             return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
             return read(REGISTERS[name])
+        if name == "other":
+            return b"\x03" + OTHER.to_bytes(2, "big") + b"\0\x01"
+        if self.design.edge == "coil" and name in ("run", "idle"):
+            return rules.COIL_RUN_PDU if name == "run" else rules.COIL_IDLE_PDU
         if name == "limit":
             return write(LIMIT, LIMIT_COUNTS)
         if name == "limit-low":
@@ -1070,6 +1087,12 @@ class World:
         address = pdu[1] << 8 | pdu[2]
         if pdu[0] == 3:
             return self.reply_to(wire)
+        if axis.held is not None:
+            axis = axis._replace(held=None)
+            self._set(number, axis)
+        if pdu[0] == 5:
+            self._act(number, int(pdu[3] == 0xFF), wire)
+            return pdu
         if rules.writes_target(pdu):
             target = self.design.written(axis.target_counts, pdu)
             self._set(number, axis._replace(target_counts=target))
@@ -1091,6 +1114,12 @@ class World:
 
     def _act(self, number: int, value: int, wire: Wire) -> None:
         axis = self.state.axes[number]
+        if self.design.edge:
+            is_rising = value == RUN and not axis.trigger
+            axis = axis._replace(trigger=int(value == RUN))
+            self._set(number, axis)
+            if not is_rising and value in (RUN, 0):
+                return
         if value == RUN and axis.mode == 1:
             self._go(number, axis.target_counts, wire)
         elif value in (RUN, RUN_RELATIVE):
@@ -1253,6 +1282,8 @@ ON_THE_WAY_COUNTS: Final = (1501, 9060)
 """Where an axis is seen on its way, the first of them that lies there."""
 JOGGED_COUNTS: Final = 3001
 NUDGED_COUNTS: Final = 300
+OTHER: Final = 0x0740
+"""A register that no map knows, and that only reads are of."""
 STRANGE: Final = 999
 """A value of the trigger that no register map knows."""
 REMAPPING: Final = 0x0900
@@ -1279,6 +1310,7 @@ TRIGGERS: Final = {
     "jog-on": JOG,
     "stored": STORED,
     "strange": STRANGE,
+    "idle": 0,
 }
 TAKES_TIME: Final = frozenset(
     {"wait", "arrive", "arrive_undone", "creep", "jog", "nudge", "reboot", "plug", "temperature"}

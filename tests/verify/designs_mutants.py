@@ -1,0 +1,99 @@
+"""Small worlds made for mutants that no other world had noticed (``mutants``)."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from gateway.compensation.settings import Setpoints
+from gateway.drives.motion import MotionPlan, TriggerPlan
+from gateway.exchange.plan import AxisPlan, Reference
+from tests.exchange.staged_bench import BITS, DEEDS, RUN, TRIGGER
+from tests.verify.designs_rules import SETTLE, ask, go
+from tests.verify.world import Design
+
+Plan = Callable[..., AxisPlan]
+Make = Callable[..., Design]
+HOMED_TOO: Final = {"done": BITS["done"], "homed": BITS["homed"]}
+TIME: Final = ("arrive", "wait")
+RISING: Final = MotionPlan(is_staged=True, triggers=(TriggerPlan(TRIGGER, rising=1, deeds=DEEDS),))
+"""A drive that runs its target when the lowest bit of its trigger rises."""
+COIL: Final = MotionPlan(
+    is_staged=True,
+    triggers=(TriggerPlan(TRIGGER, is_coil=True, rising=1, deeds={1: DEEDS[RUN], 0: DEEDS[0]}),),
+)
+
+
+def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
+    """Return the worlds, made of the two axes of ``designs`` and of what makes a world small there."""
+    return (*_records(small, small_staged, plan, staged), *_motions(small, small_staged, plan, staged))
+
+
+def _records(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
+    return (
+        small(
+            "s-killed-onward",
+            "killed while it goes on and on in one direction",
+            menu=("to", "read", "status"),
+            targets=(203, 5003, 9007),
+            answers=("ack", "obey"),
+            happenings=(*TIME, "kill"),
+            has_record=True,
+            ways=(
+                (
+                    *go(0, is_staged=False),
+                    ("ask", 0, "to", 0, 1),
+                    ("drive", "obey"),
+                    ("kill",),
+                    SETTLE,
+                    *ask("read"),
+                ),
+            ),
+        ),
+    )
+
+
+def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
+    edges = tuple(
+        small_staged(
+            f"s-edge-{edge}{'-up' if is_up else ''}",
+            f"runs its target when a {edge} rises{', which is up at the start' if is_up else ''}",
+            staged(motion=RISING if edge == "register" else COIL),
+            menu=("to", "run", "idle", "read"),
+            targets=(-7003, 9007),
+            edge=edge,
+            is_up_at_start=is_up,
+        )
+        for edge in ("register", "coil")
+        for is_up in (False, True)
+    )
+    return (
+        *edges,
+        small_staged(
+            "s-edge-blind",
+            "the same of a register that is up at the start, where only the done bit is told",
+            staged(motion=RISING, actual=(), commanded=()),
+            menu=("to", "run", "idle", "status"),
+            targets=(-7003, 9007, 9019),
+            edge="register",
+            is_up_at_start=True,
+        ),
+        small(
+            "p-other-silent",
+            "a register that no map knows, silent; a person declares where the axis is",
+            plan(referenced=Reference.HOMING, bits=HOMED_TOO),
+            menu=("to", "other"),
+            targets=(9007,),
+            answers=("ack", "obey"),
+            happenings=("wait", "declare"),
+            is_answered=False,
+        ),
+        small_staged(
+            "s-distance-off",
+            "distances while the compensation is off, and targets when it is on again",
+            menu=("to", "by", "run", "distance"),
+            targets=(9007, -7003),
+            distances=(-4003,),
+            happenings=(*TIME, "switch"),
+            checks_way_back=False,
+        ),
+    )
