@@ -135,8 +135,8 @@ def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int) -> Requ
         is_object = axis.plan.addressing is Addressing.OBJECTS
         fields: list[CommandWrite] = []
         cut: list[FieldImage] = []
-        # A cyclic image with several fields is a repeat as a whole; one field rewritten alone is a target. The
-        # words of a distance say nothing of a place.
+        # A cyclic image with several fields is a repeat as a whole; one field rewritten alone is a target.
+        # The words of a distance say nothing of a place.
         is_distance = action.is_relative or axis.last_run.is_relative
         is_again = not (axis.plan.motion.waits_for_trigger or is_distance)
         has_last = False

@@ -10,8 +10,8 @@ from gateway.drives.motion import Action, ModePlan, MotionPlan
 from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, axis_plan, write
 from tests.exchange.staged_bench import COMMANDED, MODE
 from tests.verify.designs import BY_NAME
-from tests.verify.screw import WORN
 from tests.verify.explore import play, replay
+from tests.verify.screw import WORN
 from tests.verify.world import Happening, World
 
 ACK = ("drive", "ack")

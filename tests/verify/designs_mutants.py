@@ -1,14 +1,12 @@
 """Small worlds made for mutants that no other world had noticed (``mutants``)."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
 
-from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, Reference
 from tests.exchange.staged_bench import BITS, DEEDS, RUN, TRIGGER
-from tests.verify.designs_rules import SETTLE, ask, go
+from tests.verify.designs_rules import SETTLE, ask, go, seen
 from tests.verify.world import Design
 
 Plan = Callable[..., AxisPlan]
@@ -25,10 +23,10 @@ COIL: Final = MotionPlan(
 
 def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
     """Return the worlds, made of the two axes of ``designs`` and of what makes a world small there."""
-    return (*_records(small, small_staged, plan, staged), *_motions(small, small_staged, plan, staged))
+    return (*_records(small), *_proofs(small), *_motions(small, small_staged, plan, staged))
 
 
-def _records(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
+def _records(small: Make) -> tuple[Design, ...]:
     return (
         small(
             "s-killed-onward",
@@ -45,6 +43,59 @@ def _records(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
                     ("drive", "obey"),
                     ("kill",),
                     SETTLE,
+                    *ask("read"),
+                ),
+            ),
+        ),
+    )
+
+
+def _proofs(small: Make) -> tuple[Design, ...]:
+    proven = (("ask", 0, "to", 0, 1), ("drive", "ack"), ("drive", "obey"), ("wait",), ("arrive", 0))
+    return (
+        small(
+            "s-proven",
+            "targets that nobody acknowledged, and an axis that is seen to come there",
+            menu=("to", "read", "status"),
+            answers=("ack", "obey"),
+            targets=(-7003, 9007),
+            is_answered=False,
+            judges_proof=True,
+            ways=((*proven, *seen(), *ask("to", 0), ("arrive", 0), *ask("read")),),
+        ),
+        small(
+            "s-proven-back",
+            "the same, and read back from the register",
+            menu=("to", "read", "back"),
+            answers=("ack", "obey"),
+            targets=(-7003, 9007),
+            is_answered=False,
+            judges_proof=True,
+            ways=((*proven, *ask("back"), *ask("read"), *ask("to", 0)),),
+        ),
+        small(
+            "s-proven-killed",
+            "the same, and killed on the way to the next one",
+            menu=("to", "read", "status"),
+            answers=("ack", "obey"),
+            happenings=(*TIME, "kill"),
+            targets=(-7003, 9007),
+            has_record=True,
+            is_answered=False,
+            judges_proof=True,
+            ways=(
+                (
+                    *go(0, is_staged=False),
+                    ("ask", 0, "to", 0, 1),
+                    ("drive", "obey"),
+                    ("wait",),
+                    ("arrive", 0),
+                    ("ask", 0, "to", 0, 0),
+                    ("drive", "ack"),
+                    ("drive", "obey"),
+                    ("kill",),
+                    SETTLE,
+                    ("arrive", 0),
                     *ask("read"),
                 ),
             ),

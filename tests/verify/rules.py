@@ -640,7 +640,8 @@ def is_of_record(world: "World", number: int, wire: "Wire | None") -> bool:
     if wire.aim is None or was is None or not wire.is_obeyed or wire.aim.is_unsure or plan.has_rules:
         return False
     is_far = abs(was.end_counts - run.end_counts) > CORRECTION_COUNTS
-    return was.is_told and was.seen == 3 and was.state == "active" and is_far and (is_there or is_going)
+    was_there = was.seen == 3 or (world.design.judges_proof and was.seen & 1 == 1)
+    return was.is_told and was_there and was.state == "active" and is_far and (is_there or is_going)
 
 
 def _judge_record(world: "World", number: int) -> None:
@@ -689,7 +690,29 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
                 note_run(world, number, is_told=True, lost_ns=0, seen=3 if run.is_done_since else 1)
         if axis.run is not None and axis.run.is_recalled:
             _judge_record(world, number)
+    if is_read and world.design.judges_proof:
+        _note_proof(world, wire)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
+
+
+def _note_proof(world: "World", wire: "Wire") -> None:
+    """A target that was not acknowledged is told once it is read back, or the axis is seen to come there (M7)."""
+    number, address = facts.number_of(world, wire.unit_id), wire.pdu[1] << 8 | wire.pdu[2]
+    axis = world.state.axes[number]
+    run, tried, before = axis.run, axis.tried, axis.read_counts
+    is_tried = run is not None and tried is not None and tried[:2] == (run.nominal_counts, run.end_counts)
+    if address == ACTUAL.address:
+        axes = list(world.state.axes)
+        axes[number] = axis._replace(read_counts=axis.stands_counts)
+        world.state = world.state._replace(axes=tuple(axes))
+    if run is None or not is_tried or run.is_told:
+        return
+    near, end = world.design.beside_counts, run.end_counts
+    is_proven = address == COMMAND.address and wire.owner >= 0 and axis.target_counts == end
+    if address == ACTUAL.address and before is not None:
+        is_proven = abs(axis.stands_counts - end) <= near < abs(before - end)
+    if is_proven:
+        note_run(world, number, is_told=True, seen=int(address == ACTUAL.address))
 
 
 def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:

@@ -390,6 +390,8 @@ class Design:
     depth: int = 0
     """To which it is walked unless it closes before; 0: until it closes."""
     checks_way_back: bool = True
+    judges_proof: bool = False
+    """A reading that proves a target which nobody acknowledged makes it told (M7): nothing else forgets it."""
     judges_blocks: bool = True
     """It is known at any moment whether a target was lost: nothing passes 1:1, and is refused unjudged."""
     ways: tuple[tuple[Happening, ...], ...] = ()
@@ -1021,7 +1023,9 @@ class World:
         self, *, is_restart: bool = False, is_recalled: bool = False, wire: Wire | None = None
     ) -> None:
         """Nobody knows of the motions any more. ``is_recalled``: but from the records."""
-        for number, axis in enumerate(self.state.axes):
+        for number, was in enumerate(self.state.axes):
+            axis = was._replace(read_counts=None)
+            self._set(number, axis)
             run = axis.run
             if run is not None:
                 is_known = is_recalled and run.table == 0 and rules.is_of_record(self, number, wire)
