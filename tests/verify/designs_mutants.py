@@ -23,7 +23,7 @@ COIL: Final = MotionPlan(
 
 def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
     """Return the worlds, made of the two axes of ``designs`` and of what makes a world small there."""
-    return (*_records(small), *_proofs(small), *_motions(small, small_staged, plan, staged))
+    return (*_records(small), _kept(small), *_proofs(small), *_motions(small, small_staged, plan, staged))
 
 
 def _records(small: Make) -> tuple[Design, ...]:
@@ -47,6 +47,18 @@ def _records(small: Make) -> tuple[Design, ...]:
                 ),
             ),
         ),
+    )
+
+
+def _kept(small: Make) -> Design:
+    return small(
+        "s-killed-hair",
+        "killed where it stands, between targets nearer than the hysteresis: that it has arrived is kept",
+        menu=("to", "read", "status"),
+        targets=(9007, 9008),
+        happenings=(*TIME, "kill"),
+        has_record=True,
+        ways=((*go(0, is_staged=False), ("kill",), SETTLE, *ask("to", 1)),),
     )
 
 
@@ -117,8 +129,43 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
         for edge in ("register", "coil")
         for is_up in (False, True)
     )
+    cut = (*ask("to", 1), ("arrive", 0), *ask("read"), ("unplug",), ("reboot", 0), ("plug",), SETTLE)
+    to_stop = (*ask("to", 1), *ask("run"), *ask("stop"), *ask("read"))
     return (
         *edges,
+        small(
+            "s-link-homed",
+            "a drive whose homed bit counts and whose link is lost, while it is switched off and on",
+            plan(referenced=Reference.DRIVE_BIT, bits=HOMED_TOO),
+            targets=(-7003, 9007),
+            happenings=(*TIME, "unplug", "plug", "reboot", "homed"),
+            horizon_ticks=14,
+            judges_proof=True,
+            ways=((*cut, *ask("to", 1)), (*cut, *ask("read"), ("homed", 0), *ask("to", 1))),
+        ),
+        small_staged(
+            "s-stopped-near",
+            "stopped on its way, beside its next target",
+            menu=("to", "run", "stop", "read"),
+            targets=(1551, 9007),
+            ways=((*to_stop, *ask("to", 0), *ask("run"), ("arrive", 0), *ask("read")),),
+        ),
+        small_staged(
+            "s-stopped-onward",
+            "stopped on its way, told to go on, and told a nearer target on that way",
+            menu=("to", "run", "stop", "read"),
+            targets=(9007, 9019),
+            ways=((*to_stop, *ask("to", 1), *ask("run"), *ask("to", 0), *ask("run")),),
+        ),
+        small_staged(
+            "s-stopped-killed",
+            "the same, and killed",
+            menu=("to", "run", "stop", "read"),
+            targets=(1551, 9007),
+            happenings=(*TIME, "kill"),
+            has_record=True,
+            ways=((*to_stop, ("kill",), SETTLE, *ask("to", 0), *ask("run"), ("arrive", 0), *ask("read")),),
+        ),
         small_staged(
             "s-edge-blind",
             "the same of a register that is up at the start, where only the done bit is told",

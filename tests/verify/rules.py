@@ -466,7 +466,9 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
     if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
         is_unsure = True
+    is_set_out = axis.stopped is not None and not axis.stopped.is_recalled
     run = Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
+    run = run._replace(is_set_out=is_set_out)
     before = axis.run
     is_again = before is not None and (before.nominal_counts, before.end_counts) == (nominal, end)
     return run._replace(doubt=before.doubt) if before is not None and is_again else run
@@ -483,6 +485,9 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
         return
     low, high = sorted(_branches(world, aim.nominal_counts, aim))
     beside = world.design.beside_counts
+    for way in (axis.stopped, axis.run):
+        if way is not None and (way is axis.stopped or way.is_set_out):
+            _judge_side(world, axis, way, aim)
     if not any(low - beside <= each <= high + beside for each in (aim.from_counts, axis.stands_counts)):
         raise BrokenRuleError(
             f"target {aim.nominal_counts} is taken for unsure, and the axis stands at {aim.from_counts}, "
@@ -490,8 +495,30 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
         )
 
 
+def _judge_side(world: "World", axis: "Axis", way: "Run", aim: "Aim") -> None:
+    """On a way of which it was known where it began a reading tells the nominal place exactly (M6)."""
+    is_same = (way.table, way.is_gain_half) == (aim.table, aim.is_gain_half) and way.state == aim.state
+    if way.is_recalled or way.is_unsure or not is_same or way.doubt:
+        return
+    ends = _branches(world, way.nominal_counts, aim)
+    is_forward = abs(way.end_counts - ends[0]) <= abs(way.end_counts - ends[1])
+    for stands in (aim.from_counts, axis.stands_counts):
+        place = 2 * stands - _branches(world, stands, aim)[0 if is_forward else 1]
+        if abs(place - aim.nominal_counts) <= world.design.beside_counts + SLOPE_COUNTS:
+            return
+    raise BrokenRuleError(
+        f"target {aim.nominal_counts} is taken for unsure, and the axis is on its way to "
+        f"{way.nominal_counts}, at nominal {place:.1f} (M6)"
+    )
+
+
 def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
     run, nominal = axis.run, aim.nominal_counts
+    if axis.held is not None and axis.held.nominal_counts == nominal and end != axis.held.end_counts:
+        raise BrokenRuleError(
+            f"target {nominal} was told as {axis.held.end_counts}, which its drive holds over a reference that "
+            f"was lost, and becomes {end} (0, M4)"
+        )
     if run is not None and run.nominal_counts == nominal and not aim.is_lost:
         if end == run.end_counts:
             return
@@ -659,7 +686,18 @@ def _judge_record(world: "World", number: int) -> None:
         )
     # The same target again is the same words, and needs no read: the record says what the drive holds.
     is_acked = axis.goes_counts is None and not world.design.plans[number].has_rules and not run.doubt
-    note_run(world, number, is_told=True, is_recalled=False, is_acked=is_acked)
+    seen = run.kept_seen if axis.goes_counts is None else 0
+    note_run(world, number, is_told=True, is_recalled=False, is_acked=is_acked, seen=seen)
+
+
+def _recall_stop(world: "World", number: int) -> None:
+    """A record that counts says on which way the axis was stopped, too."""
+    axis, name = world.state.axes[number], world.design.plans[number].name
+    is_told = any(event.kind is EventKind.RESTORED and event.axis == name for event in world.told)
+    if axis.stopped is not None and axis.stopped.is_recalled and is_told:
+        axes = list(world.state.axes)
+        axes[number] = axis._replace(stopped=axis.stopped._replace(is_recalled=False))
+        world.state = world.state._replace(axes=tuple(axes))
 
 
 # --- answers ------------------------------------------------------------------------------------------
@@ -690,6 +728,7 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
                 note_run(world, number, is_told=True, lost_ns=0, seen=3 if run.is_done_since else 1)
         if axis.run is not None and axis.run.is_recalled:
             _judge_record(world, number)
+        _recall_stop(world, number)
     if is_read and world.design.judges_proof:
         _note_proof(world, wire)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
@@ -755,7 +794,8 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
                 waits = waits._replace(is_told=is_told, is_acked=is_told)
                 axes[number] = axes[number]._replace(next_run=waits, tried=None)
             else:
-                run = run._replace(is_told=is_told, is_acked=is_told)
+                is_set_out = run.is_set_out and is_told
+                run = run._replace(is_told=is_told, is_acked=is_told, is_held=is_told, is_set_out=is_set_out)
                 axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
 

@@ -247,6 +247,12 @@ class Run(NamedTuple):
     """When a distance from its end went without an answer; 0: none did."""
     is_acked: bool = False
     """It is told, whatever its done bit says."""
+    is_held: bool = False
+    """Its drive acknowledged it, and nothing else than a reference that was lost can have come since."""
+    is_set_out: bool = False
+    """It was known where the axis stood, and on which side, when it set out."""
+    kept_seen: int = 0
+    """Of ``seen``, what its record keeps over a kill."""
     doubt: int = 0
     """1: its drive has said done; 2: and that where it did not stand, or not any more: a look tells more
     (M6). Over repeats, too; kept only where a done bit may do so."""
@@ -291,6 +297,8 @@ class Axis(NamedTuple):
     """What its controller has written there; None: that is not known."""
     next_run: Run | None = None
     """Where it goes as soon as it has come where it goes."""
+    stopped: Run | None = None
+    """The motion on whose way it was stopped: so the side from which it came there is known (M6)."""
     trigger: int = 0
     """What stands in its trigger, where that acts only as it rises."""
     is_trigger_known: bool = False
@@ -879,7 +887,7 @@ class World:
             self._set(number, self.state.axes[number]._replace(run=run))
 
     def _put(self, number: int, at: int) -> None:
-        axis = self.state.axes[number]
+        axis = self.state.axes[number]._replace(stopped=None)
         self._set(
             number,
             axis._replace(
@@ -899,7 +907,11 @@ class World:
         if run is not None and run.end_counts == axis.target_counts:
             tried = Tried(run.nominal_counts, run.end_counts, run.table, run.state, run.is_gain_half)
         held_counts, facts = axis.target_counts, axis.facts
-        self._set(number, Axis(target_counts=held_counts, is_homed=False, tried=tried, facts=facts))
+        is_held = run is not None and run.is_held and run.end_counts == held_counts
+        held = tried if is_held and self.design.judges_proof else axis.held
+        self._set(
+            number, Axis(target_counts=held_counts, is_homed=False, tried=tried, facts=facts, held=held)
+        )
 
     def _on_alarm(self, number: int) -> None:
         """The drive gives up: it stands where it is."""
@@ -1024,14 +1036,20 @@ class World:
     ) -> None:
         """Nobody knows of the motions any more. ``is_recalled``: but from the records."""
         for number, was in enumerate(self.state.axes):
-            axis = was._replace(read_counts=None)
+            stopped = was.stopped  # from its record, if that counts
+            if stopped is not None:
+                is_kept = is_recalled and wire is None and stopped.table == 0
+                stopped = stopped._replace(is_recalled=True) if is_kept else None
+            axis = was._replace(read_counts=None, stopped=stopped)
             self._set(number, axis)
             run = axis.run
             if run is not None:
                 is_known = is_recalled and run.table == 0 and rules.is_of_record(self, number, wire)
+                seen = run.seen if is_known and wire is None else 0
                 run = run._replace(
-                    is_told=False, is_acked=False, seen=0, is_restarted=run.is_restarted or is_restart
-                )
+                    is_told=False, is_acked=False, seen=0, is_restarted=run.is_restarted or is_restart,
+                    kept_seen=seen, is_held=run.is_held and not is_restart,
+                )  # fmt: skip
                 self._set(number, axis._replace(run=run._replace(is_recalled=is_known)))
 
     def _on_table(self) -> None:
@@ -1091,7 +1109,7 @@ class World:
         address = pdu[1] << 8 | pdu[2]
         if pdu[0] == 3:
             return self.reply_to(wire)
-        if axis.held is not None:
+        if axis.held is not None and wire.aim is None:
             axis = axis._replace(held=None)
             self._set(number, axis)
         if pdu[0] == 5:
@@ -1117,7 +1135,7 @@ class World:
         return pdu
 
     def _act(self, number: int, value: int, wire: Wire) -> None:
-        axis = self.state.axes[number]
+        axis = self.state.axes[number]._replace(stopped=None)
         if self.design.edge:
             is_rising = value == RUN and not axis.trigger
             axis = axis._replace(trigger=int(value == RUN))
@@ -1130,6 +1148,10 @@ class World:
             self._set(number, axis._replace(mode=1))
             self._go(number, axis.commanded_counts + axis.target_counts, wire)
         elif value == STOP:
+            run = axis.run
+            is_known = axis.goes_counts is not None and run is not None and run.is_told
+            if is_known and run is not None and not run.is_unsure and run.state == "active":
+                axis = axis._replace(stopped=run)
             self._set(
                 number,
                 axis._replace(
@@ -1155,6 +1177,8 @@ class World:
 
     def _go(self, number: int, end: int, wire: Wire) -> None:
         axis = self.state.axes[number]
+        if axis.stopped is not None:
+            axis = axis._replace(stopped=None)
         if self.design.is_buffered and axis.goes_counts is not None:
             self._set(number, axis._replace(stands_counts=axis.goes_counts, goes_counts=None))
             assert wire.aim is not None
@@ -1173,7 +1197,7 @@ class World:
                 is_owed_look=axis.is_owed_look and is_again,
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
                 is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
-                is_fresh=False, is_lost_distance=False, is_known_moving=False,
+                is_fresh=False, is_lost_distance=False, is_known_moving=False, held=None,
             ),
         )  # fmt: skip
 
