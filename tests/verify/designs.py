@@ -503,6 +503,20 @@ CLOSING: Final = (
         refuses_reads=True,
         happenings=(*TIME, "kill"),
         checks_way_back=False,
+        ways=(
+            (
+                ("ask", 0, "to", 0, 0),
+                ("drive", "ack"),
+                ("ask", 0, "run", 0),
+                ("drive", "refuse"),
+                ("drive", "ack"),
+                ("arrive", 0),
+                ("kill",),
+                ("drive", "refuse"),
+                ("ask", 0, "jog-on", 0),
+                ("drive", "ack"),
+            ),
+        ),
     ),
     _small(
         "s-killed-bare",

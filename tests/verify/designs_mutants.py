@@ -23,7 +23,7 @@ COIL: Final = MotionPlan(
 
 def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
     """Return the worlds, made of the two axes of ``designs`` and of what makes a world small there."""
-    return (*_records(small), _kept(small), *_proofs(small), *_motions(small, small_staged, plan, staged))
+    return (*_records(small), _run(small_staged), _kept(small), *_proofs(small), *_motions(small, small_staged, plan, staged))
 
 
 def _records(small: Make) -> tuple[Design, ...]:
@@ -47,6 +47,21 @@ def _records(small: Make) -> tuple[Design, ...]:
                 ),
             ),
         ),
+    )
+
+
+def _run(staged: Make) -> Design:
+    obeyed = (*ask("to", 1), ("ask", 0, "run", 0), ("drive", "obey"), ("arrive", 0))
+    return staged(
+        "s-killed-run",
+        "killed after a target ran that nobody acknowledged, and where it has come",
+        menu=("to", "run", "read"),
+        targets=(-7003, 9020),
+        answers=("ack", "obey"),
+        happenings=(*TIME, "kill"),
+        has_record=True,
+        is_answered=False,
+        ways=((*ask("to", 0), *ask("run"), ("arrive", 0), *ask("read"), *obeyed, ("kill",), SETTLE),),
     )
 
 

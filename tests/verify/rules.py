@@ -45,6 +45,7 @@ LIMIT_COUNTS: Final = 9507
 WARM: Final = 2
 """Number of the screw that is warm, or beside which another axis stands, where the axis has such a term."""
 NO_PATH: Final = 0x0A
+NO_ANSWER: Final = 0x0B
 BUSY: Final = 6
 MASK: Final = 0x16
 BOTH: Final = 0x17
@@ -516,8 +517,8 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
     run, nominal = axis.run, aim.nominal_counts
     if axis.held is not None and axis.held.nominal_counts == nominal and end != axis.held.end_counts:
         raise BrokenRuleError(
-            f"target {nominal} was told as {axis.held.end_counts}, which its drive holds over a reference that "
-            f"was lost, and becomes {end} (0, M4)"
+            f"target {nominal} was told as {axis.held.end_counts}, which its drive holds over a reference "
+            f"that was lost, and becomes {end} (0, M4)"
         )
     if run is not None and run.nominal_counts == nominal and not aim.is_lost:
         if end == run.end_counts:
@@ -691,9 +692,18 @@ def _judge_record(world: "World", number: int) -> None:
 
 
 def _recall_stop(world: "World", number: int) -> None:
-    """A record that counts says on which way the axis was stopped, too."""
+    """A record that counts says where the axis is, and on which way it was stopped. Raises BrokenRuleError."""
     axis, name = world.state.axes[number], world.design.plans[number].name
-    is_told = any(event.kind is EventKind.RESTORED and event.axis == name for event in world.told)
+    found = [e for e in world.told if e.kind is EventKind.RESTORED and e.axis == name]
+    is_told, run = bool(found), axis.run
+    is_there = run is not None and axis.goes_counts is None and axis.stands_counts == run.end_counts
+    if is_told and run is not None and is_there and run.state == "active" and not run.is_unsure:
+        told_mm = float(found[0].detail.split(": nominal ")[1].split()[0])
+        if abs(told_mm * world.screws[0].counts_per_mm - run.nominal_counts) > 1:
+            raise BrokenRuleError(
+                f"the axis goes on from its record at {told_mm} mm, and target {run.nominal_counts} has sent "
+                "it there (5)"
+            )
     if axis.stopped is not None and axis.stopped.is_recalled and is_told:
         axes = list(world.state.axes)
         axes[number] = axis._replace(stopped=axis.stopped._replace(is_recalled=False))
@@ -734,8 +744,16 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
 
 
+def forget_stop(world: "World", number: int) -> None:
+    """Nobody knows where the axis was stopped: something else may move it."""
+    axes = list(world.state.axes)
+    if axes[number].stopped is not None:
+        axes[number] = axes[number]._replace(stopped=None)
+        world.state = world.state._replace(axes=tuple(axes))
+
+
 def _note_proof(world: "World", wire: "Wire") -> None:
-    """A target that was not acknowledged is told once it is read back, or the axis is seen to come there (M7)."""
+    """A target without an answer is told once it is read back, or the axis is seen to come there (M7)."""
     number, address = facts.number_of(world, wire.unit_id), wire.pdu[1] << 8 | wire.pdu[2]
     axis = world.state.axes[number]
     run, tried, before = axis.run, axis.tried, axis.read_counts
@@ -767,6 +785,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if wire.aim is not None:
             _judge_untold(world, number, wire.aim, reply)
             _forget(world, number, wire)
+        forget_stop(world, number)
         return
     if _limit_hit(wire.request) and wire.request[0] == 16:
         _note_limit(world, number, int(COMMAND.unpack(wire.request[6:])))
@@ -921,6 +940,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     if request is None and (port, transaction_id) in world.state.given_up:
         given_up = tuple(each for each in world.state.given_up if each != (port, transaction_id))
         world.state = world.state._replace(given_up=given_up)
+        world.refusals.append(pdu[1])
         if not is_exception(pdu):
             raise BrokenRuleError(f"what its controller had given up was carried out: {pdu.hex(' ')} (2, W5)")
         return  # to one that its controller has given up meanwhile
@@ -931,6 +951,8 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     plan = world.design.controllers[port]
     if is_exception(pdu):
         world.tally.refusals.add(pdu[1])
+        if not is_own:
+            world.refusals.append(pdu[1])
         _judge_refusal(world, plan, request, pdu, is_own=is_own)
         if not is_own:
             note_lost(world, port, request)
@@ -978,6 +1000,21 @@ def _judge_refusal(
         raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
     if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
         raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
+
+
+def judge_refusals(world: "World", counted: int) -> None:
+    """Each request that the gateway refused is counted once (8). Raises BrokenRuleError.
+
+    That a drive cannot be had is none. On a serial line what may not be reached is as silent as that, and of
+    a controller that has gone nobody hears what it was refused.
+    """
+    absent = [each for each in world.refusals if each in (NO_PATH, NO_ANSWER)]
+    refused = len(world.refusals) - len(absent)
+    is_unclear = (
+        any(plan.serial for plan in world.design.controllers) or "disconnect" in world.design.happenings
+    )
+    if counted < refused or (counted > refused and not (absent or is_unclear)):
+        raise BrokenRuleError(f"{refused} requests were refused, and {counted} were counted (8)")
 
 
 def judge_answered(world: "World", wire: "Wire") -> None:

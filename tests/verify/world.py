@@ -50,6 +50,7 @@ from tests.verify.snapshot import (
     is_resting,
     is_sending_unsure,
     on_its_way,
+    refused,
     said,
     watch_stores,
 )
@@ -399,7 +400,7 @@ class Design:
     """To which it is walked unless it closes before; 0: until it closes."""
     checks_way_back: bool = True
     judges_proof: bool = False
-    """A reading that proves a target which nobody acknowledged makes it told (M7): nothing else forgets it."""
+    """A reading that proves a target without an answer makes it told (M7): nothing else forgets it."""
     judges_blocks: bool = True
     """It is known at any moment whether a target was lost: nothing passes 1:1, and is refused unjudged."""
     ways: tuple[tuple[Happening, ...], ...] = ()
@@ -493,6 +494,8 @@ class World:
         self.now_ns = START_NS
         self.told: list[Event] = []
         """What was told since the last event of the world began."""
+        self.refusals: list[int] = []
+        """Exceptions since then that were the gateway's own."""
         self.before: tuple[Said, ...] = ()
         """What was said of each axis then."""
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
@@ -679,8 +682,12 @@ class World:
         """Let an event happen. Raises BrokenRuleError."""
         before = self.before = said(self.sides[0].line)
         self.told.clear()
+        self.refusals.clear()
+        refused_before = refused(self.sides[0].line)
         getattr(self, "_on_" + event[0])(*event[1:])
         rules.judge_waiting(self)
+        if not event[0].startswith("kill"):
+            rules.judge_refusals(self, refused(self.sides[0].line) - refused_before)
         facts.judge(self, before, self.told, is_restart=event[0].startswith("kill"))
 
     def _call(self, name: str, *args: Any) -> None:
@@ -1248,6 +1255,7 @@ class World:
                 raise BrokenRuleError(f"given up before its time: {wire.pdu.hex(' ')} (W7)")
             facts.unanswered(self, wire)
             rules.note_silence(self, wire)
+            rules.forget_stop(self, facts.number_of(self, wire.unit_id))
             late = (
                 wire._replace(ticks_left=self.design.late_ticks)
                 if not self.state.split and "late" in self.design.happenings
