@@ -5,9 +5,10 @@ from typing import Final
 
 from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, Reference
-from tests.exchange.staged_bench import BITS, DEEDS, RUN, TRIGGER
+from gateway.modbus.registers import BitField
+from tests.exchange.staged_bench import ALARM_BIT, BITS, DEEDS, RUN, TRIGGER
 from tests.verify.designs_rules import SETTLE, ask, go, seen
-from tests.verify.world import Design
+from tests.verify.world import ALARMS, TICK_MS, Design
 
 Plan = Callable[..., AxisPlan]
 Make = Callable[..., Design]
@@ -23,7 +24,13 @@ COIL: Final = MotionPlan(
 
 def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
     """Return the worlds, made of the two axes of ``designs`` and of what makes a world small there."""
-    return (*_records(small), _run(small_staged), _kept(small), *_proofs(small), *_motions(small, small_staged, plan, staged))
+    return (
+        *_records(small),
+        _run(small_staged),
+        _kept(small),
+        *_proofs(small),
+        *_motions(small, small_staged, plan, staged),
+    )
 
 
 def _records(small: Make) -> tuple[Design, ...]:
@@ -157,6 +164,41 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
             horizon_ticks=14,
             judges_proof=True,
             ways=((*cut, *ask("to", 1)), (*cut, *ask("read"), ("homed", 0), *ask("to", 1))),
+        ),
+        small(
+            "s-alarm-apart",
+            "a drive whose homed bit counts, and whose alarm bit stands in another register",
+            plan(referenced=Reference.DRIVE_BIT, bits={**HOMED_TOO, "alarm": BitField(ALARMS, ALARM_BIT)}),
+            menu=("to", "status", "alarms"),
+            targets=(9007,),
+            happenings=(*TIME, "alarm", "calm"),
+            horizon_ticks=14,
+            judges_blocks=False,
+            checks_way_back=False,
+            ways=(
+                (*ask("to", 0), ("arrive", 0), *ask("status"), ("alarm", 0), *ask("alarms"), *ask("to", 0)),
+            ),
+        ),
+        small(
+            "s-drops-late",
+            "a drive whose done bit stays up for two ticks after it was told to go, and tells nothing else",
+            plan(actual=(), done_drop_ms=2.0 * TICK_MS),
+            menu=("to", "status"),
+            targets=(-7003, 5003, 9107),
+            drop_ticks=2,
+            ways=(
+                (*ask("to", 0), ("arrive", 0), *ask("status"), *ask("to", 2), *ask("status"), *ask("to", 1)),
+            ),
+        ),
+        small_staged(
+            "s-link-homed-staged",
+            "the same of a target that waits for its trigger",
+            staged(referenced=Reference.DRIVE_BIT, bits=HOMED_TOO),
+            menu=("to", "run"),
+            targets=(9007,),
+            happenings=(*TIME, "unplug", "plug", "reboot", "homed"),
+            horizon_ticks=14,
+            ways=((*ask("to", 0), ("unplug",), ("reboot", 0), ("plug",), SETTLE, *ask("run")),),
         ),
         small_staged(
             "s-stopped-near",

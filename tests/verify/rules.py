@@ -46,6 +46,7 @@ WARM: Final = 2
 """Number of the screw that is warm, or beside which another axis stands, where the axis has such a term."""
 NO_PATH: Final = 0x0A
 NO_ANSWER: Final = 0x0B
+LOST: Final = 4
 BUSY: Final = 6
 MASK: Final = 0x16
 BOTH: Final = 0x17
@@ -139,7 +140,8 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
         raise BrokenRuleError(f"sent, and it is late: {pdu.hex(' ')} (2)")
     elif request.ticks > PATIENCE_TICKS:
         raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
-    moves_or_reads = pdu in RUNS or writes_target(pdu) or (pdu[0] == 3 and (pdu[1] << 8 | pdu[2]) != STATUS)
+    reads_place = pdu[0] == 3 and (pdu[1] << 8 | pdu[2], 2) in READABLE
+    moves_or_reads = pdu in RUNS or writes_target(pdu) or reads_place
     if moves_or_reads and not request.is_bit_asked and facts.has_to_ask(world, number, is_target=pdu[0] != 3):
         raise BrokenRuleError(
             f"sent before the bit was read on which the reference hangs: {pdu.hex(' ')} (M9)"
@@ -692,7 +694,7 @@ def _judge_record(world: "World", number: int) -> None:
 
 
 def _recall_stop(world: "World", number: int) -> None:
-    """A record that counts says where the axis is, and on which way it was stopped. Raises BrokenRuleError."""
+    """A record that counts says where the axis is, and on which way it was stopped. BrokenRuleError."""
     axis, name = world.state.axes[number], world.design.plans[number].name
     found = [e for e in world.told if e.kind is EventKind.RESTORED and e.axis == name]
     is_told, run = bool(found), axis.run
@@ -991,6 +993,8 @@ def _judge_refusal(
     axis = world.design.plans[request.axis]
     is_blocked = request.pdu in RUNS and facts.is_own_blocked(world, request.axis)
     is_late = axis.late is Late.REJECT and (_is_late(world, request) or is_blocked)
+    if request.pdu == RUN_PDU and pdu[1] == LOST and not is_own:
+        _judge_refused_run(world, request)
     if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:
         raise BrokenRuleError(f"refused as late, and it is not: {request.pdu.hex(' ')} (2)")
     if plan.serial and not is_own and pdu[1] == NO_PATH:
@@ -1000,6 +1004,14 @@ def _judge_refusal(
         raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
     if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
         raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
+
+
+def _judge_refused_run(world: "World", request: "Asked") -> None:
+    """A trigger is refused only where its target, or that of its group, may have been lost (4, M3)."""
+    design = world.design
+    is_simple = "low" in design.menu and design.answers == ("ack",) and len(design.targets) == 1
+    if is_simple and not world.state.beliefs[0][request.axis].lost:
+        raise BrokenRuleError("a trigger is refused, and its target came whole and was acknowledged (4, M3)")
 
 
 def judge_refusals(world: "World", counted: int) -> None:
@@ -1067,8 +1079,8 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     seen = run.seen
     if address == ACTUAL.address:
         seen |= 1
-    elif address == STATUS and axis.is_done:
-        seen |= 2
+    elif address == STATUS and axis.is_done and world.design.drop_ticks == 1:
+        seen |= 2  # of a bit that drops later nobody knows at once of which motion it is
     plan = world.design.plans[number]
     if not (plan.actual or plan.done_is_in_position) and seen & 2:
         seen = 3

@@ -381,6 +381,8 @@ class Design:
     """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
     is_bytes: bool = False
     """It begins at bytes: real ports and decoders of Modbus/TCP (``tests.verify.wires``)."""
+    drop_ticks: int = DONE_DROP_TICKS
+    """So long after it was told to go its done bit may still be that of the motion before."""
     edge: str = ""
     """Its trigger acts only as it rises: a ``register``, or a ``coil``; else each write acts."""
     is_up_at_start: bool = False
@@ -660,6 +662,8 @@ class World:
             return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
             return read(REGISTERS[name])
+        if name == "alarms":
+            return b"\x03" + ALARMS.to_bytes(2, "big") + b"\0\x01"
         if name == "other":
             return b"\x03" + OTHER.to_bytes(2, "big") + b"\0\x01"
         if self.design.edge == "coil" and name in ("run", "idle"):
@@ -1203,7 +1207,8 @@ class World:
             axis._replace(
                 is_owed_look=axis.is_owed_look and is_again,
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
-                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
+                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False,
+                ticks=axis.ticks if end == axis.goes_counts else 0, run=run,
                 is_fresh=False, is_lost_distance=False, is_known_moving=False, held=None,
             ),
         )  # fmt: skip
@@ -1318,6 +1323,8 @@ ON_THE_WAY_COUNTS: Final = (1501, 9060)
 """Where an axis is seen on its way, the first of them that lies there."""
 JOGGED_COUNTS: Final = 3001
 NUDGED_COUNTS: Final = 300
+ALARMS: Final = 0x0741
+"""Where a drive may keep its alarm bit, apart from the others."""
 OTHER: Final = 0x0740
 """A register that no map knows, and that only reads are of."""
 STRANGE: Final = 999
@@ -1401,8 +1408,8 @@ def _older(axis: Axis, design: Design) -> Axis:
         return axis._replace(goes_counts=run.end_counts, run=run, next_run=None, ticks=0, is_fresh=False)
     if axis.goes_counts is None:
         return axis
-    ticks = min(axis.ticks + 1, DONE_DROP_TICKS)
-    is_late = ticks == DONE_DROP_TICKS and axis.ticks < DONE_DROP_TICKS
+    ticks = min(axis.ticks + 1, design.drop_ticks)
+    is_late = ticks == design.drop_ticks and axis.ticks < design.drop_ticks
     stands = axis.stands_counts
     if design.is_prompt and not axis.ticks:
         low, high = min(stands, axis.goes_counts), max(stands, axis.goes_counts)
@@ -1430,4 +1437,5 @@ def _registers(axis: Axis, plan: AxisPlan, address: int, quantity: int) -> bytes
         | is_moving << MOVING_BIT
     )
     words[STATUS] = status.to_bytes(2, "big")
+    words[ALARMS] = (axis.is_alarmed << ALARM_BIT).to_bytes(2, "big")
     return b"".join(words.get(address + i, b"\0\0") for i in range(quantity))
