@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
+from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
@@ -25,7 +26,7 @@ COIL: Final = MotionPlan(
 def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
     """Return the worlds, made of the two axes of ``designs`` and of what makes a world small there."""
     return (
-        *_records(small),
+        *_records(small, plan),
         _run(small_staged),
         _kept(small),
         *_proofs(small),
@@ -33,8 +34,33 @@ def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[
     )
 
 
-def _records(small: Make) -> tuple[Design, ...]:
+def _records(small: Make, plan: Plan) -> tuple[Design, ...]:
     return (
+        small(
+            "s-killed-stream",
+            "killed in a stream of setpoints that goes on in one direction",
+            plan(setpoints=Setpoints.STREAM, reload_distance=3.0, fresh_ms=1.0),
+            menu=("to",),
+            targets=(1003, 5003, 9007, 9047),
+            answers=("ack", "obey"),
+            happenings=(*TIME, "kill"),
+            has_record=True,
+            is_stream=True,
+            is_answered=False,
+            checks_way_back=False,
+            ways=(
+                (
+                    *(*ask("to", 0), ("arrive", 0)),
+                    *(*ask("to", 1), ("arrive", 0)),
+                    *(*ask("to", 2), ("arrive", 0)),
+                    ("ask", 0, "to", 0, 3),
+                    ("drive", "obey"),
+                    ("arrive", 0),
+                    ("kill",),
+                    *ask("to", 3),
+                ),
+            ),
+        ),
         small(
             "s-killed-onward",
             "killed while it goes on and on in one direction",

@@ -148,6 +148,9 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
         )
     if pdu[0] != 3:
         note_run(world, number, is_recalled=False)
+    run = world.state.axes[number].run
+    if world.design.is_stream and pdu[0] != 3 and run is not None and not run.is_told:
+        note_run(world, number, is_set_out=False)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
@@ -470,6 +473,8 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
         is_unsure = True
     is_set_out = axis.stopped is not None and not axis.stopped.is_recalled
+    if world.design.is_stream:
+        is_set_out = axis.run is not None and axis.run.is_told and axis.run.nominal_counts != nominal
     run = Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
     run = run._replace(is_set_out=is_set_out)
     before = axis.run
@@ -657,9 +662,12 @@ def is_of_record(world: "World", number: int, wire: "Wire | None") -> bool:
     """
     axis, plan = world.state.axes[number], world.design.plans[number]
     run = axis.run
-    if run is None or world.design.is_stream:
+    if run is None:
         return False
     is_there = axis.goes_counts is None and axis.stands_counts == run.end_counts
+    if world.design.is_stream:
+        is_sent = wire is None or wire.pdu[0] == 3 or wire.is_obeyed
+        return is_there and is_sent and (run.is_told or run.is_set_out)
     is_going = axis.goes_counts == run.end_counts and not plan.has_rules
     if wire is None or wire.pdu[0] == 3 or wire.unit_id != plan.unit_id:
         is_known = run.is_told or run.is_recalled

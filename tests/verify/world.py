@@ -1060,6 +1060,7 @@ class World:
                 run = run._replace(
                     is_told=False, is_acked=False, seen=0, is_restarted=run.is_restarted or is_restart,
                     kept_seen=seen, is_held=run.is_held and not is_restart,
+                    is_set_out=run.is_set_out and (is_known or not is_restart),
                 )  # fmt: skip
                 self._set(number, axis._replace(run=run._replace(is_recalled=is_known)))
 
