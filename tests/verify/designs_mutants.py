@@ -8,6 +8,7 @@ from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.staged_bench import ALARM_BIT, BITS, DEEDS, RUN, TRIGGER
+from tests.verify.designs_frames import SERIAL
 from tests.verify.designs_rules import SETTLE, ask, go, seen
 from tests.verify.world import ALARMS, TICK_MS, Design
 
@@ -225,6 +226,14 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
             happenings=(*TIME, "unplug", "plug", "reboot", "homed"),
             horizon_ticks=14,
             ways=((*ask("to", 0), ("unplug",), ("reboot", 0), ("plug",), SETTLE, *ask("run")),),
+        ),
+        small_staged(
+            "s-broadcast",
+            "targets and triggers to all drives of the line, which nobody answers, without a reference",
+            staged(referenced=Reference.HOMING, bits=HOMED_TOO),
+            menu=("to", "to-all", "run", "run-all", "read"),
+            controllers=SERIAL,
+            checks_way_back=False,
         ),
         small_staged(
             "s-stopped-near",

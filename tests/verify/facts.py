@@ -122,7 +122,9 @@ def note(world: "World", number: int, facts: Facts) -> None:
 
 
 def number_of(world: "World", unit_id: int) -> int:
-    """Return which axis has a unit id."""
+    """Return which axis has a unit id; worlds with broadcasts have one."""
+    if not unit_id:
+        return 0
     return next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
 
 

@@ -104,7 +104,7 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     from tests.verify.world import Wire
 
     state = world.state
-    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
+    number = facts.number_of(world, unit_id)
     firsts = dict.fromkeys(Role, True)  # all but stops leave in the order in which they came, by role
     plans = world.design.controllers
     for port, transaction_id in sorted(state.order, key=lambda each: plans[each[0]].role is Role.MONITOR):
@@ -785,7 +785,7 @@ def _note_proof(world: "World", wire: "Wire") -> None:
 def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     if wire.owner < 0 or wire.pdu[0] == 3:
         return
-    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == wire.unit_id)
+    number = facts.number_of(world, wire.unit_id)
     request = _find(world, wire.owner, wire.transaction_id)
     if not _is_native(wire.pdu, reply):
         if _limit_hit(wire.request):  # an exception does not prove that nothing was written (M7)
@@ -902,6 +902,10 @@ def judge_waiting(world: "World") -> None:
         return
     for port, transaction_id in state.order:
         request, plan = find(world, port, transaction_id), world.design.controllers[port]
+        is_passing = world.said(0).compensation in PASSING and not facts.is_own_blocked(world, 0)
+        if request.is_broadcast and not is_passing:
+            refuse_broadcast(world, port, request)
+            continue
         waits_for_gap = plan.role is Role.MONITOR and request.ticks <= PATIENCE_TICKS
         if not (waits_for_gap or (plan.serial and (request.is_sent or plan.rights.unit_ids))):
             raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
@@ -989,7 +993,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         if is_known and found != belief.steps:
             raise BrokenRuleError(f"{belief.steps} was written, and {found} is read back (3, M1)")
     if pdu[0] in (3, BOTH) and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
-        number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
+        number = facts.number_of(world, answered.unit_id)
         step_counts = world.design.plans[number].actual[0].scale
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
 
@@ -1005,7 +1009,8 @@ def _judge_refusal(
         _judge_refused_run(world, request)
     if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:
         raise BrokenRuleError(f"refused as late, and it is not: {request.pdu.hex(' ')} (2)")
-    if plan.serial and not is_own and pdu[1] == NO_PATH:
+    is_as_lost = is_blocked and "to-all" in world.design.menu  # triggers are refused as their target was (M3)
+    if plan.serial and not is_own and pdu[1] == NO_PATH and not is_as_lost:
         raise BrokenRuleError(f"a serial controller is answered {pdu.hex(' ')}: silence says that (W7)")
     may_write = not (plan.rights.is_read_only or plan.role is Role.MONITOR)
     if not may_write and request.pdu[0] != 3 and pdu[1] != 1:
@@ -1037,6 +1042,24 @@ def judge_refusals(world: "World", counted: int) -> None:
         raise BrokenRuleError(f"{refused} requests were refused, and {counted} were counted (8)")
 
 
+def refuse_broadcast(world: "World", port: int, request: "Asked") -> None:
+    """A broadcast carries no position that each axis corrects differently, and nobody hears that (W7)."""
+    end(world, port, request)
+    note_lost(world, port, request)
+    facts.never_sent(world, port, request, NO_PATH)
+
+
+def note_broadcast(world: "World", wire: "Wire") -> None:
+    """All drives have heard a frame, and none of them answers: its controller waits for nothing."""
+    end(world, wire.owner, find(world, wire.owner, wire.transaction_id))
+    if writes_target(wire.pdu):
+        beliefs = [list(own) for own in world.state.beliefs]
+        beliefs[wire.owner][0] = _written(beliefs[wire.owner][0], wire.request, wire.pdu)
+        world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
+    if wire.aim is not None:
+        note_run(world, 0, is_told=False, is_acked=False)
+
+
 def judge_answered(world: "World", wire: "Wire") -> None:
     """What the drive has answered has reached its controller (2, W1). Raises BrokenRuleError."""
     if wire.owner >= 0 and _find(world, wire.owner, wire.transaction_id) is not None:
@@ -1054,7 +1077,7 @@ def _judge_form(world: "World", request: bytes, reply: bytes) -> None:
 
 def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     """Take note of what shows that an axis has arrived."""
-    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == read.unit_id)
+    number = facts.number_of(world, read.unit_id)
     axis, address = world.state.axes[number], read.pdu[1] << 8 | read.pdu[2]
     run = axis.run
     if address == ACTUAL.address and axis.is_owed_look:

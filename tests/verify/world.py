@@ -17,6 +17,7 @@ from gateway.exchange.gate import UNSEEN
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
 from tests.exchange.record_bench import Records
@@ -195,6 +196,7 @@ class Asked(NamedTuple):
     is_bit_asked: bool = False
     """The bit on which its reference hangs was read for it."""
     axis: int = 0
+    is_broadcast: bool = False
 
 
 class Belief(NamedTuple):
@@ -633,7 +635,7 @@ class World:
     def _requests(self) -> Iterable[tuple[Any, ...]]:
         for name in self.design.menu:
             for axis in range(len(self.design.plans)):
-                if name in ("to", "low", "high"):
+                if name in ("to", "to-all", "low", "high"):
                     yield from ((name, axis, i) for i in range(len(self.design.targets)))
                 elif name == "mask":
                     yield from ((name, axis, i) for i in range(len(self.design.masks)))
@@ -645,7 +647,8 @@ class World:
                     yield (name, axis)
 
     def pdu(self, name: str, number: int = 0) -> bytes:
-        """Return the PDU of a request of the menu."""
+        """Return the PDU of a request of the menu; ``-all``: it is broadcast."""
+        name = name.removesuffix("-all")
         if name == "to":
             return write(COMMAND, self.design.targets[number] // self.design.step_counts)
         if name == "by":
@@ -706,10 +709,11 @@ class World:
         if self.design.controllers[port].serial:
             self._give_up(port)  # what it asked before is withdrawn, or is answered for nobody
         asked = list(self.state.asked)
-        asked[port] = (*asked[port], Asked(pdu, transaction_id, axis=axis))
+        is_broadcast = name.endswith("-all")
+        asked[port] = (*asked[port], Asked(pdu, transaction_id, axis=axis, is_broadcast=is_broadcast))
         order = (*self.state.order, (port, transaction_id))
         self.state = self.state._replace(asked=tuple(asked), order=order)
-        unit_id = self.design.plans[axis].unit_id
+        unit_id = BROADCAST_UNIT_ID if is_broadcast else self.design.plans[axis].unit_id
         for side in self.sides:
             side.request(port, transaction_id, unit_id, pdu, self.now_ns)
         self._collect()
@@ -1108,7 +1112,7 @@ class World:
         pdu = wire.pdu
         if pdu[0] not in (3, BOTH):
             return pdu[:5] if pdu[0] == 16 else pdu
-        number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
+        number = facts.number_of(self, wire.unit_id)
         plan = self.design.plans[number]
         data = _registers(self.state.axes[number], plan, pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
         return bytes((pdu[0], len(data))) + data
@@ -1116,7 +1120,7 @@ class World:
     def _obey(self, wire: Wire) -> bytes:
         """Let the drive do what a frame says; return its answer."""
         pdu = wire.pdu
-        number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
+        number = facts.number_of(self, wire.unit_id)
         axis = self.state.axes[number]
         address = pdu[1] << 8 | pdu[2]
         if pdu[0] == 3:
@@ -1242,6 +1246,11 @@ class World:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
             wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
+            if unit_id == BROADCAST_UNIT_ID:
+                facts.left(self, wire)
+                self._obey(wire)
+                rules.note_broadcast(self, wire)
+                continue
             rules.judge_phase(self, wire)
             late = self.state.late
             if self.design.is_serial and (self.design.late_ticks == DRAIN_TICKS or not _is_done(late)):
