@@ -17,7 +17,7 @@ import multiprocessing
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
@@ -386,15 +386,22 @@ def breaks_unbroken(world: str, how: str, trace: tuple[Any, ...]) -> bool:
 
 
 class Judge:
-    """Tries one mutant after the other; the worlds that have killed most go first."""
+    """Tries one mutant after the other; the worlds that have killed most go first.
 
-    def __init__(self, worlds: Sequence[str], seconds: float) -> None:
+    Before them the one that has killed a mutant in an earlier run (``before``: by file and what is broken).
+    """
+
+    def __init__(
+        self, worlds: Sequence[str], seconds: float, before: Mapping[tuple[str, str], str] | None = None
+    ) -> None:
         self._worlds, self._seconds = tuple(worlds), seconds
         self._kills: Counter[str] = Counter()
+        self._before = before or {}
 
     def __call__(self, mutant: Mutant) -> Verdict:
         """Judge one mutant."""
-        worlds = sorted(self._worlds, key=lambda world: -self._kills[world])
+        first = self._before.get((mutant.file, mutant.what))
+        worlds = sorted(self._worlds, key=lambda world: (world != first, -self._kills[world]))
         verdict = judged(mutant, worlds, self._seconds)
         if verdict.is_killed:
             self._kills[verdict.world] += 1
@@ -427,7 +434,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--only", nargs="*", default=(), metavar="FILE:NUMBER", help="of these the ones named so"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write what was found there too")
+    parser.add_argument(
+        "--json",
+        type=Path,
+        metavar="FILE",
+        help="write what was found there too; worlds that killed a mutant in what stands there go first",
+    )
     parser.add_argument("--list", action="store_true", help="say what mutants there are")
     asked = parser.parse_args(arguments)
     if asked.sample:
@@ -441,7 +453,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{mutant.file}:{mutant.line}: {mutant.what}  ({mutant.number})")
         return 0
     verdicts: list[Verdict] = []
-    judge = Judge(asked.worlds or _all_worlds(), asked.seconds)
+    judge = Judge(asked.worlds or _all_worlds(), asked.seconds, _killers(asked.json))
     with ThreadPoolExecutor(asked.jobs) as pool:
         for verdict in pool.map(judge, mutants):
             verdicts.append(verdict)
@@ -452,6 +464,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     killed = sum(verdict.is_killed for verdict in verdicts)
     print(f"{killed} of {len(verdicts)} killed, {100.0 * killed / max(1, len(verdicts)):.1f} %")
     return 0
+
+
+def _killers(path: Path | None) -> dict[tuple[str, str], str]:
+    """Return which world killed each mutant, as an earlier run has written it down."""
+    if path is None or not path.exists():
+        return {}
+    found = json.loads(path.read_text())["mutants"]
+    return {(each["file"], each["what"]): each["world"] for each in found if each["is_killed"]}
 
 
 def _write(path: Path | None, verdicts: Sequence[Verdict]) -> None:
