@@ -314,7 +314,7 @@ class _Finder:
         exec(compile(self._tree, self._module, "exec"), module.__dict__)
 
 
-def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> None:
+def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str, answer: Any) -> None:
     """Walk the worlds with a mutant; runs in a process that has loaded nothing of the gateway."""
     module = ".".join(Path(mutant.file).with_suffix("").parts)
     sys.meta_path.insert(0, _Finder(module, mutant.tree()))  # type: ignore[arg-type]
@@ -323,8 +323,9 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> 
         from tests.verify.running import walked
 
         left = list(worlds)
-        for each in (*FIRST_SECONDS, seconds):
-            for world in left[:]:
+        rounds = [(seconds, [first] if first else []), *((each, left) for each in (*FIRST_SECONDS, seconds))]
+        for each, of in rounds:
+            for world in of[:]:
                 outcome = walked(world, 0, each / 2, ENDLESS, 1)
                 if outcome.broken:
                     answer.send((world, outcome.broken[0].what, outcome.broken[0].trace))
@@ -338,13 +339,13 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> 
     answer.send(None)
 
 
-def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
-    """Find out whether the worlds notice a mutant."""
+def judged(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str = "") -> Verdict:
+    """Find out whether the worlds notice a mutant; ``first``: the world that is asked before the others."""
     began = time.monotonic()
     verdict = Verdict(mutant.file, mutant.number, mutant.line, mutant.what)
     ours, theirs = multiprocessing.Pipe()
     context = multiprocessing.get_context("spawn")
-    process = context.Process(target=_try, args=(mutant, worlds, seconds, theirs))
+    process = context.Process(target=_try, args=(mutant, worlds, seconds, first, theirs))
     process.start()
     theirs.close()
     limit = (seconds + sum(FIRST_SECONDS) + 3.0) * len(worlds) + LOAD_SECONDS
@@ -400,9 +401,9 @@ class Judge:
 
     def __call__(self, mutant: Mutant) -> Verdict:
         """Judge one mutant."""
-        first = self._before.get((mutant.file, mutant.what))
-        worlds = sorted(self._worlds, key=lambda world: (world != first, -self._kills[world]))
-        verdict = judged(mutant, worlds, self._seconds)
+        worlds = sorted(self._worlds, key=lambda world: -self._kills[world])
+        first = self._before.get((mutant.file, mutant.what), "")
+        verdict = judged(mutant, worlds, self._seconds, first)
         if verdict.is_killed:
             self._kills[verdict.world] += 1
         return verdict
