@@ -461,7 +461,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             fate = f"killed in {verdict.world or 'no world'}" if verdict.is_killed else "SURVIVED"
             where = f"{Path(verdict.file).stem}:{verdict.number} (line {verdict.line})"
             print(f"{fate:22} {verdict.seconds:5.1f} s  {where}: {verdict.what}", flush=True)
-            _write(asked.json, verdicts)
+    _write(asked.json, verdicts)
     killed = sum(verdict.is_killed for verdict in verdicts)
     print(f"{killed} of {len(verdicts)} killed, {100.0 * killed / max(1, len(verdicts)):.1f} %")
     return 0
