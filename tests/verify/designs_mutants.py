@@ -183,6 +183,25 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
     return (
         *edges,
         small(
+            "s-blinks-table",
+            "another table while the done bit falls and rises where the axis stands",
+            menu=("to", "read", "status"),
+            targets=(9007,),
+            happenings=(*TIME, "blink", "done", "table"),
+            checks_way_back=False,
+            ways=(
+                (
+                    *go(0, is_staged=False),
+                    ("blink", 0),
+                    *ask("status"),
+                    ("done", 0),
+                    *ask("status"),
+                    ("table",),
+                    *ask("to", 0),
+                ),
+            ),
+        ),
+        small(
             "s-link-homed",
             "a drive whose homed bit counts and whose link is lost, while it is switched off and on",
             plan(referenced=Reference.DRIVE_BIT, bits=HOMED_TOO),

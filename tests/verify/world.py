@@ -250,6 +250,8 @@ class Run(NamedTuple):
     """When a distance from its end went without an answer; 0: none did."""
     is_acked: bool = False
     """It is told, whatever its done bit says."""
+    has_blinked: bool = False
+    """It was told, and its done bit fell since where it stands."""
     is_held: bool = False
     """Its drive acknowledged it, and nothing else than a reference that was lost can have come since."""
     is_set_out: bool = False
@@ -856,7 +858,8 @@ class World:
         axis = self.state.axes[number]
         run = axis.run
         is_sure = run is not None and run.is_told and bool(run.seen & 2) and run.doubt < 2
-        run = None if run is None else run._replace(seen=0, is_told=False)
+        if run is not None:
+            run = run._replace(seen=0, is_told=False, has_blinked=is_sure or run.has_blinked)
         was_done = axis.was_done or is_sure
         self._set(number, axis._replace(is_done=False, run=run, was_done=was_done))
 
