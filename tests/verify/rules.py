@@ -533,9 +533,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         is_other = (run.table, run.is_gain_half) != (aim.table, aim.is_gain_half)
         is_other |= (run.state in PASSING) is not (aim.state in PASSING)
         is_away = axis.stands_counts != run.end_counts  # it was looked for, and not found there (M6)
-        is_known = run.has_blinked or (
-            run.is_told and run.doubt < 2
-        )  # else it may be anywhere
+        is_known = run.has_blinked or (run.is_told and run.doubt < 2)  # else it may be anywhere
         is_excused = (
             run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away or not is_known))
         )
