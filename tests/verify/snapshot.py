@@ -657,6 +657,11 @@ def said(line: LineExchange) -> tuple[Said, ...]:
     )
 
 
+def refused(line: LineExchange) -> int:
+    """Return how many requests a line has refused, as its status says."""
+    return line.counters.refused
+
+
 def is_resting(line: LineExchange, now_ns: int) -> bool:
     """Whether a line, or the drive on it that was silent last, falls silent before anything else leaves."""
     return line.rest.until_ns is not None or line.answers.owes(now_ns)
