@@ -50,10 +50,6 @@ LEFT_OUT: Final = {
     "asked_ns": "figures for the status",
     "answered_ns": "figures for the status",
     "askers": "the same",
-    "_host_bytes": "how much of what is compared waits",
-    "_port_counts": "the same",
-    "since_ns": "the same",
-    "timeouts": "the same",
     "rivals": "figures for the status",
     "damage": "figures for the status",
     "whole": "the same",
@@ -68,6 +64,10 @@ LEFT_OUT: Final = {
 }
 """Attributes that are neither kept nor compared, by name."""
 NOT_COMPARED: Final = {
+    "_host_bytes": "how much of what is compared waits",
+    "_port_counts": "the same",
+    "since_ns": "only told: axes keep their own",
+    "timeouts": "only told: how many there were in a row is in the state",
     "_map": "a cache",
     "_map_key": "the key of a cache",
     "_arrived_ns": "only keeps the instants of requests apart",
