@@ -241,7 +241,7 @@ class LineExchange:
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
             self._refuse(stop, busy, now_ns, is_lost=False)
-        elif self._stop_from_ns(stop) > now_ns:
+        elif self.answers.backs_off and self._stop_from_ns(stop) > now_ns:
             self._thin_out(stop, now_ns)
         self._next(now_ns)
 
