@@ -223,7 +223,8 @@ class BytesWorld(World):
         buffer = link._decoder._buffer
         split = int.from_bytes(buffer[:2], "big") if state.split else 0
         late = link.number(is_late=True) if state.late is not None else 0
-        kept = [each for each in link._unanswered if each in (split, late)]
+        asked = dict(link._unanswered)
+        kept = [each for each in asked if each in (split, late)]
         if link._awaited_id is not None:
             kept.append(link._awaited_id)
         numbers = {before: number for number, before in enumerate(kept, 1)}
@@ -231,7 +232,9 @@ class BytesWorld(World):
         if link._awaited_id is not None:
             link._awaited_id = numbers[link._awaited_id]
         link._unanswered.clear()
-        link._unanswered.update((numbers[each], None) for each in kept if numbers[each] != link._awaited_id)
+        link._unanswered.update(
+            (numbers[each], asked[each]) for each in kept if numbers[each] != link._awaited_id
+        )
         if state.split:
             link._decoder._buffer = numbers.get(split, NOBODY).to_bytes(2, "big") + buffer[2:]
 
