@@ -39,6 +39,7 @@ def build_plan(
         sections.gateway.name,
         tuple(_with_crosses(line, crosses) for line in lines),
         sections.relay.options,
+        0 if sections.status_unit is None else sections.status_unit.id,
     )
 
 

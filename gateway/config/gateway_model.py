@@ -1,4 +1,4 @@
-"""``[gateway]``."""
+"""``[gateway]`` and ``[status_unit]``."""
 
 from typing import Annotated
 
@@ -22,4 +22,12 @@ class GatewaySection(StrictModel):
         default=DEFAULT_STATE,
         description="folder of what the gateway keeps: the compiled configuration and tables, the records of "
         "the axes, and its socket while it runs; relative to the configuration file",
+    )
+
+
+class StatusUnitSection(StrictModel):
+    """The unit id at which the gateway answers for itself."""
+
+    id: Annotated[int, Field(ge=1, le=254)] = Field(
+        description="unit id at which controllers read the state of the gateway; of no drive"
     )

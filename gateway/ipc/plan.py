@@ -88,3 +88,5 @@ class GatewayPlan:
     name: str
     lines: tuple[LinePlan, ...]
     relay: RelayOptions = RelayOptions()
+    status_unit: int = 0
+    """Unit id at which the gateway itself answers (``relay.status_unit``); 0: at none."""

@@ -15,6 +15,7 @@ from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import ClearTable, Control, Limits, SetGain, SetLimits, SetTables, limits_of
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
+from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc.plan import LinePlan
 from gateway.relay.activity import Activity
@@ -46,7 +47,12 @@ class Line:
     """A bus of drives with its controllers, from the configuration to open sockets and ports."""
 
     def __init__(
-        self, plan: LinePlan, journal: Journal, activity: Activity, recorder: Recorder | None = None
+        self,
+        plan: LinePlan,
+        journal: Journal,
+        activity: Activity,
+        recorder: Recorder | None = None,
+        own_unit: OwnUnit | None = None,
     ) -> None:
         self.plan = plan
         self._journal = journal
@@ -60,6 +66,7 @@ class Line:
             groups=plan.groups,
             other_units=plan.other_units,
             what_ran=activity.between,
+            own_unit=own_unit,
         )
         self._latency = LatencyStatus(self._exchange.meter)
         self._minute = LastMinute(self._frames)
@@ -83,6 +90,11 @@ class Line:
     def addresses(self) -> dict[str, tuple[TcpEndpoint, ...]]:
         """Where each controller that connects over TCP finds its listener."""
         return {front.plan.name: front.addresses for front in self._fronts if front.addresses}
+
+    @property
+    def exchange(self) -> LineExchange:
+        """What it knows of its drives and axes, to be looked at."""
+        return self._exchange
 
     @property
     def axes(self) -> Sequence[Axis]:

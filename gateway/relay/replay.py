@@ -12,7 +12,7 @@ from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import WrongTableError
 from gateway.ipc.plan import GatewayPlan, LinePlan
@@ -56,7 +56,7 @@ class ReplayResult:
 
 
 class _Port(ControllerPort):
-    """A controller's connection; its replies are outputs."""
+    """A controller's connection; its replies are outputs, but for what the gateway says of itself."""
 
     def __init__(self, plan: ControllerPlan, peer: str, number: int, line: "_Line") -> None:
         super().__init__(plan, peer)
@@ -65,16 +65,27 @@ class _Port(ControllerPort):
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
+        if unit_id == self._line.own_unit_id:
+            return
         name = self._line.plan.name
         self._line.outputs.append(traffic.Answered(name, self._number, transaction_id, unit_id, pdu.hex()))
+
+
+class _Mute(OwnUnit):
+    """What the gateway says of itself depends on more than one line has seen, and is not compared."""
+
+    def answer(self, pdu: bytes, now_ns: int) -> bytes:
+        """See ``OwnUnit``."""
+        return b""
 
 
 class _Line(DriveLink):
     """One line's exchange; it is the link to the drives too, and what goes there is output."""
 
-    def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None]) -> None:
+    def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None], own_unit_id: int) -> None:
         super().__init__(is_serial=not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu)
         self.plan = plan
+        self.own_unit_id = own_unit_id
         self.outputs: deque[traffic.Output] = deque()
         self._controllers = {link.plan.name: link for link in plan.controllers}
         self._ports: dict[int, _Port] = {}
@@ -85,6 +96,7 @@ class _Line(DriveLink):
             lambda event: on_event(plan.name, event),
             plan.groups,
             other_units=plan.other_units,
+            own_unit=_Mute(own_unit_id) if own_unit_id else None,
         )
 
     @property
@@ -186,8 +198,9 @@ class Replay:
             raise ReplayError(f"there is no line {only}; there are {', '.join(names)}")
         self.result = ReplayResult(is_cut_off=True)
         tell = on_event or _tell_nobody
-        self._lines = {line.name: _Line(line, tell) for line in plan.lines if only in (None, line.name)}
-        self._others = {line.name: _Line(line, _tell_nobody) for line in _acting_on(plan, only)}
+        own = self._own_unit_id = plan.status_unit
+        self._lines = {line.name: _Line(line, tell, own) for line in plan.lines if only in (None, line.name)}
+        self._others = {line.name: _Line(line, _tell_nobody, own) for line in _acting_on(plan, only)}
         """Lines that do not count, with axes that act on one that does."""
         lines = (*self._lines.values(), *self._others.values())
         join_terms(axis for line in lines for axis in line.axes)
@@ -206,6 +219,8 @@ class Replay:
             case traffic.End():
                 self._settle()
                 self.result.is_cut_off = False
+                return False
+            case traffic.Answered(unit=unit) if unit and unit == self._own_unit_id:
                 return False
             case traffic.Sent() | traffic.Abandoned() | traffic.Answered():
                 if self._line(entry.line) is None:

@@ -14,16 +14,12 @@ from gateway.times import span
 
 STALE_S: Final = 2.0
 """Snapshots come five times a second: after this the relay is there but says nothing."""
-SILENT_S: Final = 2.0
-"""A drive whose requests have been left unanswered for so long is silent; one lost answer is not."""
 GARBLED_SHARE: Final = 0.5
 """Of the unanswered requests so many met with bytes that are no frame: the drive speaks another way."""
 FEWEST_DAMAGED: Final = 3
 """Less in a minute, or ever, is chance."""
 DAMAGED_SHARE: Final = 0.01
 """Of the frames of a minute; on a good wire there is none in days."""
-FEWEST_ASKED: Final = 3
-"""A unit id without an axis that left fewer requests unanswered was only looked for."""
 FEWEST_TRIES: Final = 3
 """Times that another one wanted an axis within a minute: once is a mistake, more are two programs."""
 
@@ -148,13 +144,13 @@ def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
     """Say which unit ids do not answer, and which of them cannot be understood."""
     for unit_id, drive in unit_ids.get("drives", {}).items():
         silent_s, asked = drive["silent_s"], drive["timeouts_in_a_row"]
-        if silent_s is None or silent_s < SILENT_S:
+        if silent_s is None or silent_s < kinds.SILENT_S:
             continue
         axes = tuple(name for name, of in unit_ids["axes"].items() if str(of) == unit_id)
         place = (line, unit_id)
         if not axes:
             what = f"nobody has answered at unit id {unit_id}, which has no axis, for {span(silent_s)}"
-            if asked >= FEWEST_ASKED:
+            if asked >= kinds.FEWEST_ASKED:
                 yield Trouble(kinds.UNIT_SILENT, place, f"line {line}, unit id {unit_id}", what, (), silent_s)
             continue
         whose, where = f"its drive (unit id {unit_id})", _axes_named(axes)

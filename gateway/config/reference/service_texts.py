@@ -121,6 +121,16 @@ MQTT: Final[Texts] = {
     ),
 }
 
+STATUS_UNIT: Final[Texts] = {
+    "id": Said(
+        more=(
+            "Nor of another device on any line: what is asked there never reaches one. Read-only "
+            "([registers](status-registers.md)). 248 and above are reserved on serial lines and free in "
+            "practice; some panels reach 247 at most"
+        ),
+    ),
+}
+
 GROUP: Final[Texts] = {
     "axes": Said(
         more="At least two",
