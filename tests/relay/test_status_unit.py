@@ -43,7 +43,7 @@ async def test_a_client_reads_the_gateway_on_any_port_and_no_drive_hears_of_it(
     heard = bytes(drive.data)
     head = await client.read_holding_registers(0, count=10, device_id=OWN)
     # Layout 1; then alarm, lines, lines up, axes, silent drives, and three without a name.
-    assert head.registers[:1] + head.registers[2:] == [1, 0, 1, 1, 1, 0, 0, 0, 0]
+    assert [*head.registers[:1], *head.registers[2:]] == [1, 0, 1, 1, 1, 0, 0, 0, 0]
     again = await client.read_input_registers(1, count=1, device_id=OWN)
     assert 0 <= (again.registers[0] - head.registers[1]) % 65536 < PATIENCE_S * 10
     assert (await client.write_register(0, 1, device_id=OWN)).exception_code == 1
