@@ -71,7 +71,7 @@ def replay(
 
 def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) -> "ReplayResult":
     from gateway.cli.recordings import for_any_writer, plan_of
-    from gateway.ipc.traffic import WITHOUT_PEERS, End, Header
+    from gateway.ipc.traffic import WITHOUT_PEERS, End, Header, Port
     from gateway.relay.readable import Reader
     from gateway.relay.replay import Replay, ReplayError
 
@@ -87,7 +87,7 @@ def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) 
     for number, entry in entries:
         different = again.result.different
         is_ours = again.feed(number, entry)
-        if show and is_ours and not isinstance(entry, Header | End):
+        if show and is_ours and not isinstance(entry, Header | End | Port):
             mark = "≠" if again.result.different > different else " "
             typer.echo(f"{mark}{reader.line(entry)}")
     return again.result

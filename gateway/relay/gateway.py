@@ -322,6 +322,9 @@ class Relay:
                 )
             )
 
+    def _tapes(self) -> dict[str, int]:
+        return {line.plan.name: line.tape.descriptor for line in self._lines if line.tape is not None}
+
     def _exchanges(self) -> list[LineExchange]:
         return [line.exchange for line in self._lines]
 
@@ -348,6 +351,7 @@ class Relay:
                 answer=partial(self._named, "a command", partial(answer, self)),
                 hand_over=partial(hand_over, self, partial(self._activity.of, "a table")),
                 status=self.status,
+                tapes=self._tapes,
                 complain=lambda detail: self._journal.note(processes.SOCKET_REFUSED, detail=detail),
             )
             self._control = ControlServer(self._state, desk)

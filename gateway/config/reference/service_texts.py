@@ -131,6 +131,23 @@ STATUS_UNIT: Final[Texts] = {
     ),
 }
 
+CAPTURE: Final[Texts] = {
+    "size_mb": Said(
+        more=(
+            "An exchange takes about 130 bytes: 4 MB are five minutes of a hundred exchanges in a second, "
+            "or half a minute of a thousand. Changed at the next start"
+        ),
+    ),
+    "on": Said(
+        more=(
+            'As in `["drive-silent", "axis-blocked"]`; `pitch-gateway explain` knows all. The supervisor '
+            "writes `capture-TIME-EVENT.jsonl` into the folder of the state, 2 s after the event, once a "
+            "minute at most"
+        ),
+        kind="list of events",
+    ),
+}
+
 GROUP: Final[Texts] = {
     "axes": Said(
         more="At least two",
