@@ -32,6 +32,7 @@ from gateway.ipc.notes import Note, note_of
 from gateway.ipc.place import socket_path
 from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book
+from gateway.supervisor.capturing import Capturing
 from gateway.supervisor.chronicle import Chronicle
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.service import HttpService
@@ -93,6 +94,7 @@ class Supervisor:
         self._http = HttpService(window)
         orders = Orders(self.reload, partial(ask, socket_path(state)))
         self._temperatures = Temperatures(orders.ask, self._say)
+        self._capturing = Capturing(state, self._say)
         self._mqtt = MqttService(self.feeds, self._say, orders, state, hear=self._temperatures.hear)
 
     async def run(self) -> None:
@@ -108,6 +110,7 @@ class Supervisor:
             self._http.run(),
             self._mqtt.run(),
             self._temperatures.run(),
+            self._capturing.run(),
         )
 
     async def reload(self) -> Outcome:
@@ -224,6 +227,7 @@ class Supervisor:
         mqtt = loaded.sections.mqtt
         folder = loaded.path.parent
         self._temperatures.follow(loaded.sections)
+        self._capturing.follow(loaded)
         topics = self._temperatures.topics
         self._mqtt.follow(None if mqtt is None else settings_of(mqtt, loaded.plan.name, folder, topics))
 
@@ -324,6 +328,7 @@ class Supervisor:
         fields = {**happened.fields, "process": "relay"}
         note = Note(Severity(happened.severity), happened.event, fields, happened.wall_s)
         self.feeds.tell(note)
+        self._capturing.happened(note.event)
         if self._tells_events:
             self._write(note)
 
@@ -331,4 +336,5 @@ class Supervisor:
         note = note_of(event, {**fields, "process": "supervisor"}, time.time(), severity)
         self.feeds.tell(note)
         self._write(note)
+        self._capturing.happened(note.event)
         self._publish()  # whoever hears of it finds it in the status

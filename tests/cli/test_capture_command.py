@@ -145,14 +145,12 @@ def site(folder: Path, *, serial: bool = False) -> Iterator[Site]:
         with started(arguments, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
             made = Site(config)
             assert process.stderr is not None
-            for line in process.stderr:
-                note = json.loads(line)
+            awaited = {"ready", "line-up"}
+            while awaited:
+                note = json.loads(process.stderr.readline())
+                awaited.discard(note["event"])
                 if note["event"] == "ready":
                     made.port = int(note["addresses"]["xyz/cnc"][0].rpartition(":")[2])
-                if note["event"] == "line-up":
-                    break
-            else:
-                raise AssertionError("the gateway did not start")
             try:
                 yield made
             finally:
@@ -214,8 +212,10 @@ def test_who_follows_sees_what_comes_and_ends_it_with_ctrl_c(tmp_path: Path) -> 
             stop = threading.Event()
 
             def go_on() -> None:
-                while not stop.is_set():
-                    made.ask(READ)
+                with socket.create_connection(("127.0.0.1", made.port), timeout=SECONDS) as controller:
+                    while not stop.is_set():
+                        controller.sendall(encode_mbap(1, 1, READ))
+                        assert controller.recv(300)
 
             asking = threading.Thread(target=go_on)
             asking.start()
