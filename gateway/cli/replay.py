@@ -71,8 +71,8 @@ def replay(
 
 def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) -> "ReplayResult":
     from gateway.cli.recordings import for_any_writer, plan_of
+    from gateway.ipc.readable import Reader
     from gateway.ipc.traffic import WITHOUT_PEERS, End, Header, Port
-    from gateway.relay.readable import Reader
     from gateway.relay.replay import Replay, ReplayError
 
     entries = _entries(file)
@@ -160,8 +160,8 @@ def _as_json(difference: "Difference") -> dict[str, object]:
 
 
 def _shown(output: "Output | None") -> str:
+    from gateway.ipc.readable import pdu_name
     from gateway.ipc.traffic import Abandoned, Answered
-    from gateway.relay.readable import pdu_name
 
     if output is None:
         return "nothing"

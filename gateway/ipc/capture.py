@@ -51,6 +51,10 @@ class _Line:
         raws, is_lost = self.look.new()
         return list(self._entries(raws)), is_lost
 
+    def newest(self, count: int) -> list[Timed]:
+        """Return the newest entries."""
+        return list(self._entries(self.look.newest(count)))[-count:]
+
     def _entries(self, raws: Iterable[Raw]) -> Iterator[Timed]:
         for raw in raws:
             if raw.kind == TEXT:
@@ -96,6 +100,10 @@ class Capture:
         read = [line.new() for line in self._lines]
         merged = heapq.merge(*(entries for entries, _ in read), key=lambda each: each[0])
         return list(merged), any(is_lost for _, is_lost in read)
+
+    def newest(self, count: int) -> list[Timed]:
+        """Return the newest entries of the first line, oldest first."""
+        return self._lines[0].newest(count)
 
     def wall_ns(self, t_ns: int) -> int:
         """Return the time of day of an entry, in ns since 1970."""

@@ -154,6 +154,14 @@ class Look:
             self._number, self._read = number, len(data)
         return found, is_lost
 
+    def newest(self, count: int) -> list[Raw]:
+        """Return the newest entries, ``count`` of them and the texts before them, of two segments at most."""
+        found: list[Raw] = []
+        for number, begin in sorted(self._segments())[-2:]:
+            found += _entries(self._copy(number, begin) or b"")
+        texts = [raw for raw in found[:-count] if raw.kind == TEXT]
+        return texts + found[-count:]
+
     def close(self) -> None:
         """Let go of the memory."""
         self._map.close()

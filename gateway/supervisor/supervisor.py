@@ -30,6 +30,7 @@ from gateway.ipc.folder_problems import FolderProblem, identity_of, why_not_usab
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, note_of
 from gateway.ipc.place import socket_path
+from gateway.ipc.plan import GatewayPlan
 from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book
 from gateway.supervisor.capturing import Capturing
@@ -90,7 +91,9 @@ class Supervisor:
         self._state_problem: FolderProblem | None = None
         self._rejected: dict[str, str] = {}
         self._waker: asyncio.Task[None] | None = None
-        window = Window(self.feeds, state, self._settings_of, self.reload, self._say, self._history)
+        window = Window(
+            self.feeds, state, self._settings_of, self.reload, self._say, self._history, self._plan
+        )
         self._http = HttpService(window)
         orders = Orders(self.reload, partial(ask, socket_path(state)))
         self._temperatures = Temperatures(orders.ask, self._say)
@@ -295,9 +298,12 @@ class Supervisor:
     def _history(self, axis: str) -> Mapping[str, Any] | None:
         return self._chronicle.history(axis, time.monotonic())
 
-    def _settings_of(self, axis: str) -> AxisSettings | None:
+    def _plan(self) -> GatewayPlan | None:
         loaded = self._keeper.loaded
-        return settings_in(None if loaded is None else loaded.plan, axis)
+        return None if loaded is None else loaded.plan
+
+    def _settings_of(self, axis: str) -> AxisSettings | None:
+        return settings_in(self._plan(), axis)
 
     def _own_status(self) -> dict[str, Any]:
         silent_s = self._watch.silent_s

@@ -26,6 +26,7 @@ FILES: Final = (
     "dom.js",
     "event_list.js",
     "figures.js",
+    "frames.js",
     "histogram.js",
     "history.js",
     "latency.js",
