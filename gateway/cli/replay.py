@@ -90,6 +90,11 @@ def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) 
         if show and is_ours and not isinstance(entry, Header | End | Port):
             mark = "≠" if again.result.different > different else " "
             typer.echo(f"{mark}{reader.line(entry)}")
+    if again.result.before and not again.result.inputs:
+        raise ReplayError(
+            "nothing in this capture says what held while its line was idle, and no replay can begin; look "
+            "at the frames with capture --pcapng, or let size_mb in [capture] be larger"
+        )
     return again.result
 
 
@@ -126,6 +131,7 @@ def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:
                     "outputs": result.outputs,
                     "different": result.different,
                     "is_cut_off": result.is_cut_off,
+                    "before": result.before,
                     "first": [_as_json(difference) for difference in result.first],
                 }
             )
@@ -133,6 +139,8 @@ def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:
         return
     if result.is_cut_off:
         typer.echo(f"warning: {file} was cut off: it is replayed as far as it goes", err=True)
+    if result.before:
+        typer.echo(f"{result.before} entries of {file} are from before what is known: not compared", err=True)
     if not result.different:
         typer.echo(f"{result.inputs} inputs, {result.outputs} outputs: all as recorded")
         return

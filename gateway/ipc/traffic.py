@@ -10,7 +10,7 @@ import msgspec
 
 FORMAT: Final = 2
 CAPTURED: Final = 3
-"""Format of a capture: it begins anywhere, and is replayed from the first :class:`Known` of each line on."""
+"""Format of a capture: it begins anywhere, and is replayed from the first beginning of each line on."""
 WITHOUT_PEERS: Final = 1
 """Format of recordings that do not tell hosts apart: they were made before an axis had one writer."""
 
@@ -160,7 +160,7 @@ class AxisAt(msgspec.Struct, frozen=True):
     is_referenced: bool = False
 
 
-class Known(_Input, frozen=True, tag="known"):
+class Beginning(_Input, frozen=True, tag="beginning"):
     """The line was idle, and this is what holds: a replay may begin here. The rest is as after a restart."""
 
     axes: tuple[AxisAt, ...]
@@ -213,7 +213,7 @@ class End(_Entry, frozen=True, tag="end"):
 
 ControlInput = Control | Tables | Share | Limits | Temperature
 """What somebody outside asked of a line (``exchange.control``)."""
-Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Known | ControlInput
+Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Beginning | ControlInput
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | Port | End
 

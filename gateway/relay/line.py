@@ -8,7 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from gateway.catalogue.line_events import DRIVES_NOT_REACHED, LINE_RESTS, SERIAL_LATENCY, WRONG_UNIT
+from gateway.catalogue.line_events import (
+    DRIVES_NOT_REACHED,
+    FRAMES_NOT_KEPT,
+    LINE_RESTS,
+    SERIAL_LATENCY,
+    WRONG_UNIT,
+)
 from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
 from gateway.exchange.axis.record import FindTable
@@ -67,7 +73,7 @@ class Line:
         own_unit: OwnUnit | None = None,
     ) -> None:
         self.plan = plan
-        self.tape = _make_tape(plan) if recorder is None else None
+        self.tape = _make_tape(plan, journal) if recorder is None and plan.tape_bytes else None
         """What is kept of its last minutes."""
         self._journal = journal
         self._link = _make_link(plan, self._wrong_unit)
@@ -307,9 +313,9 @@ class Line:
     def _make_sink(self, recorder: Recorder | None) -> Sink | None:
         if recorder is not None:
             return FileSink(self.plan.name, recorder)
-        return None if self.tape is None else TapeSink(self.plan.name, self.tape, self._known)
+        return None if self.tape is None else TapeSink(self.plan.name, self.tape, self._beginning)
 
-    def _known(self, now_ns: int) -> traffic.Known:
+    def _beginning(self, now_ns: int) -> traffic.Beginning:
         """Return what a replay has to know that begins here."""
         records = {record.axis_name: record.content() for record in self._records}
         axes = tuple(
@@ -322,7 +328,7 @@ class Line:
             for axis in self._exchange.axes
         )
         in_force = tuple(self._in_force.values())
-        return traffic.Known(self.plan.name, now_ns, axes, self._exchange.is_up, boot_id(), in_force)
+        return traffic.Beginning(self.plan.name, now_ns, axes, self._exchange.is_up, boot_id(), in_force)
 
     def _keep_in_force(self, entry: traffic.ControlInput) -> None:
         """Keep what was changed last, of each kind for each axis."""
@@ -357,8 +363,13 @@ class Line:
         return max(self.plan.timing.response_timeout_ms, *patience_ms, 0.0) / 1000.0
 
 
-def _make_tape(plan: LinePlan) -> Tape | None:
-    return Tape(plan.name, plan.tape_bytes, boot_ns(), time.time_ns()) if plan.tape_bytes else None
+def _make_tape(plan: LinePlan, journal: Journal) -> Tape | None:
+    try:
+        return Tape(plan.name, plan.tape_bytes, boot_ns(), time.time_ns())
+    except OSError as error:
+        why = error.strerror or str(error)
+        journal.note(FRAMES_NOT_KEPT, line=plan.name, detail=f"no memory for them: {why}")
+        return None
 
 
 def _configured(limits: Limits, gain: Gain) -> dict[str, Any]:

@@ -79,15 +79,15 @@ class FileSink(Sink):
 class TapeSink(Sink):
     """Onto the tape of a line: bytes over the oldest ones.
 
-    Each segment of the tape tells by itself who asks, and once what holds (``known``), so that a replay may
-    begin in any of them.
+    Each segment of the tape tells by itself who asks, and once what holds (``beginning``): a replay may begin
+    in any of them.
     """
 
-    def __init__(self, line: str, tape: Tape, known: Callable[[int], traffic.Known]) -> None:
+    def __init__(self, line: str, tape: Tape, beginning: Callable[[int], traffic.Beginning]) -> None:
         self._line = line
         self._tape = tape
-        self._known = known
-        self._known_in = 0
+        self._beginning = beginning
+        self._begun_in = 0
         self._ports: dict[int, traffic.Port] = {}
         self._told_in: dict[int, int] = {}
         self._t_ns = 0
@@ -117,10 +117,10 @@ class TapeSink(Sink):
 
     def may_begin(self, exchange: LineExchange, now_ns: int) -> None:
         """See ``Sink``. Something holds only where nothing is on the wire, waits, or is due."""
-        if self._known_in != self._tape.number and exchange.deadline_ns is None:
+        if self._begun_in != self._tape.number and exchange.deadline_ns is None:
             self._t_ns = now_ns
-            self.entry(self._known(now_ns))
-            self._known_in = self._tape.number
+            self.entry(self._beginning(now_ns))
+            self._begun_in = self._tape.number
 
 
 class RecordedLink(DriveLink):

@@ -146,12 +146,12 @@ class _Line(DriveLink):
                 exchange.tick(entry.t)
             case traffic.Stop():
                 exchange.stop(entry.t)
-            case traffic.Known():
+            case traffic.Beginning():
                 pass  # it has begun already
             case _:
                 self._control(entry)
 
-    def begin(self, known: traffic.Known) -> None:
+    def begin(self, known: traffic.Beginning) -> None:
         """Go on from what is known at one moment, as a gateway goes on after a restart.
 
         What the gateway asks at a start is answered by what its axes are known to be; nothing of it counts.
@@ -304,7 +304,7 @@ class Replay:
         Raises:
             ReplayError: the configuration has no such line or controller.
         """
-        if isinstance(entry, traffic.Known) and self._is_capture and entry.line not in self._begun:
+        if isinstance(entry, traffic.Beginning) and self._is_capture and entry.line not in self._begun:
             self._begin(entry)
             return False
         if not isinstance(entry, traffic.Header | traffic.End) and self._is_early(entry.line):
@@ -340,7 +340,7 @@ class Replay:
                 line.feed(entry)
         return True
 
-    def _begin(self, known: traffic.Known) -> None:
+    def _begin(self, known: traffic.Beginning) -> None:
         self._begun.add(known.line)
         line = self._others.get(known.line) or self._line(known.line)
         if line is not None:

@@ -108,7 +108,7 @@ async def test_a_capture_has_the_frames_of_both_sides(bench: "Bench", tools: "To
     plan, relay, controller = await running(bench, tools, tmp_path, tools.axis(), Memory())
     assert await ask(controller, 7, write(50_000)) == write(50_000)[:5]
     timed = await captured(relay)
-    frames = [(t_ns, entry) for t_ns, entry in timed if not isinstance(entry, traffic.Up | traffic.Known)]
+    frames = [(t_ns, entry) for t_ns, entry in timed if not isinstance(entry, traffic.Up | traffic.Beginning)]
     asked_ns, _, replied_ns, _ = [t_ns for t_ns, _ in frames]
     assert [entry for _, entry in frames] == [
         traffic.Request("line", asked_ns, 1, "cnc", 7, 1, write(50_000).hex(), "127.0.0.1"),
@@ -166,7 +166,7 @@ async def test_what_somebody_has_changed_since_the_start_is_known_where_the_capt
     timed = await captured(relay)
     assert not any(isinstance(entry, traffic.Share) for _, entry in timed)
     assert replayed(plan, timed).different == 0
-    [first, *_] = [entry for _, entry in timed if isinstance(entry, traffic.Known)]
+    [first, *_] = [entry for _, entry in timed if isinstance(entry, traffic.Beginning)]
     assert [type(each) for each in first.controls] == [traffic.Share]
 
 

@@ -146,7 +146,7 @@ class _Showing:
         self._console = Console(highlight=False, soft_wrap=True)
 
     def show(self, t_ns: int, entry: traffic.Entry) -> None:
-        if isinstance(entry, traffic.Header | traffic.End | traffic.Port | traffic.Known):
+        if isinstance(entry, traffic.Header | traffic.End | traffic.Port | traffic.Beginning):
             return
         text = self._reader.line(entry)
         if self._as_json:

@@ -64,7 +64,7 @@ def read_frames(state: Path, plan: GatewayPlan, line: str) -> list[dict[str, Any
     try:
         reader, frames = Reader(plan), []
         for t_ns, entry in capture.newest(SHOWN):
-            if isinstance(entry, traffic.Header | traffic.End | traffic.Port | traffic.Known):
+            if isinstance(entry, traffic.Header | traffic.End | traffic.Port | traffic.Beginning):
                 continue
             kind = type(entry).__name__.lower()
             time_s = capture.wall_ns(t_ns) / NS_PER_S
