@@ -18,7 +18,7 @@ def capture(
     config: Config,
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="[FILE]", help="A new file, which replay runs.", show_default=False),
+        typer.Argument(metavar="FILE", help="A new file, which replay runs.", show_default=False),
     ] = None,
     *,
     pcapng: Annotated[
@@ -37,7 +37,7 @@ def capture(
 ) -> None:
     """Take the last minutes of the lines out of the gateway that runs CONFIG.
 
-    The gateway keeps what passed on its lines in memory of a fixed size ([capture] size_mb). This looks into
+    The gateway keeps what passed on its lines in memory of a fixed size (size_mb of capture). This looks into
     it: the gateway does nothing for that, and goes on. FILE holds it as record does, with what was known of
     the axes, so that replay runs it. --pcapng has it for Wireshark, an interface for each controller and one
     for the drives: Modbus/TCP as such, RTU as mbrtu, and nothing has to be set there. Without a file the

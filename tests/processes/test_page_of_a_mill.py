@@ -83,11 +83,12 @@ def test_frames_are_shown_in_words_to_whoever_asks_for_them(mill: Mill, page: Pa
             pass
         assert not [url for url in asked if "/frames/" in url]
         page.locator("#frames-room summary").click()
-        page.wait_for_selector("#frames >> text=[x command -20 mm]")
+        page.wait_for_selector("#frames >> text=[x actual -20 mm]")
         words = page.locator("#frames").inner_text()
-        # The controller says -20 mm, the drive is told where that is on its scale.
         assert "read holding registers" in words
-        assert "[x command -19.998" in words
+        assert {"from controller", "to drive", "from drive", "to controller"} <= set(words.split("\n"))
+        # The controller reads -20 mm; the drive says where that is on its own scale.
+        assert "[x actual -19.99" in words
         page.locator("#frames-hold").click()
         page.wait_for_selector("#frames-hold[aria-pressed=true]")
         controller.end()
