@@ -104,6 +104,7 @@ class TapeSink(Sink):
 
     def entry(self, entry: traffic.Entry) -> None:
         """See ``Sink``."""
+        self._t_ns = getattr(entry, "t", self._t_ns)  # outputs, and who a port is, have no time of their own
         self._tape.put(TEXT, self._t_ns, 0, traffic.encode(entry))
 
     def came(self, number: int, port: ControllerPort) -> None:

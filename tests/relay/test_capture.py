@@ -117,6 +117,10 @@ async def test_a_capture_has_the_frames_of_both_sides(bench: "Bench", tools: "To
         traffic.Reply("line", replied_ns, 1, write(50_050)[:5].hex()),
         traffic.Answered("line", 1, 7, 1, write(50_000)[:5].hex()),
     ]
+    times = [t_ns for t_ns, _ in timed]
+    assert times == sorted(times)
+    [up] = [(t_ns, entry.t) for t_ns, entry in timed if isinstance(entry, traffic.Up)]
+    assert up[0] == up[1]
     result = replayed(plan, timed)
     assert (result.different, result.outputs, result.is_cut_off) == (0, 2, False)
 
