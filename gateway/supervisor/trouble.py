@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from gateway.catalogue import troubles as kinds
 from gateway.catalogue.entry import Audience, Severity, TroubleEntry
+from gateway.catalogue.troubles import FEWEST_ASKED, SILENT_S
 from gateway.times import span
 
 STALE_S: Final = 2.0
@@ -144,13 +145,13 @@ def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
     """Say which unit ids do not answer, and which of them cannot be understood."""
     for unit_id, drive in unit_ids.get("drives", {}).items():
         silent_s, asked = drive["silent_s"], drive["timeouts_in_a_row"]
-        if silent_s is None or silent_s < kinds.SILENT_S:
+        if silent_s is None or silent_s < SILENT_S:
             continue
         axes = tuple(name for name, of in unit_ids["axes"].items() if str(of) == unit_id)
         place = (line, unit_id)
         if not axes:
             what = f"nobody has answered at unit id {unit_id}, which has no axis, for {span(silent_s)}"
-            if asked >= kinds.FEWEST_ASKED:
+            if asked >= FEWEST_ASKED:
                 yield Trouble(kinds.UNIT_SILENT, place, f"line {line}, unit id {unit_id}", what, (), silent_s)
             continue
         whose, where = f"its drive (unit id {unit_id})", _axes_named(axes)
