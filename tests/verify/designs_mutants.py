@@ -4,12 +4,12 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.compensation.settings import Setpoints
-from gateway.drives.motion import MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
-from tests.exchange.staged_bench import ALARM_BIT, BITS, DEEDS, RUN, TRIGGER
+from tests.exchange.staged_bench import ALARM_BIT, BITS, COMMANDED, DEEDS, MODE, RUN, TRIGGER
 from tests.verify.designs_frames import SERIAL
-from tests.verify.designs_rules import SETTLE, ask, go, seen
+from tests.verify.designs_rules import SETTLE, WAIT, ask, go, seen
 from tests.verify.world import ALARMS, TICK_MS, Design
 
 Plan = Callable[..., AxisPlan]
@@ -18,6 +18,9 @@ HOMED_TOO: Final = {"done": BITS["done"], "homed": BITS["homed"]}
 TIME: Final = ("arrive", "wait")
 RISING: Final = MotionPlan(is_staged=True, triggers=(TriggerPlan(TRIGGER, rising=1, deeds=DEEDS),))
 """A drive that runs its target when the lowest bit of its trigger rises."""
+MODED: Final = MotionPlan(
+    modes=(ModePlan(MODE, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE_TO_COMMANDED}, resets_to=1),)
+)
 COIL: Final = MotionPlan(
     is_staged=True,
     triggers=(TriggerPlan(TRIGGER, is_coil=True, rising=1, deeds={1: DEEDS[RUN], 0: DEEDS[0]}),),
@@ -182,6 +185,51 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
     to_stop = (*ask("to", 1), *ask("run"), *ask("stop"), *ask("read"))
     return (
         *edges,
+        small(
+            "s-mode-direct",
+            "a drive that goes at once, and whose mode register says whether to a place or a distance",
+            plan(
+                motion=MODED,
+                commanded=(COMMANDED,),
+                referenced=Reference.HOMING,
+                bits=HOMED_TOO,
+            ),
+            menu=("to", "by", "mode-absolute", "mode-distance", "read"),
+            targets=(9007,),
+            distances=(-4003,),
+            happenings=(*TIME, "declare", "unplug", "plug"),
+            ways=(
+                (
+                    *(("declare",), *ask("mode-absolute"), *ask("to", 0), ("arrive", 0), *ask("read")),
+                    *(("unplug",), *WAIT * 3, ("plug",), SETTLE, *ask("mode-distance"), *ask("by", 0)),
+                    ("arrive", 0),
+                    *(("declare",), *ask("to", 0)),
+                ),
+            ),
+            on_the_way_counts=tuple(range(-19501, 39501, 500)),
+            judges_blocks=False,
+            checks_way_back=False,
+        ),
+        small(
+            "s-queued",
+            "a drive that goes to the target before first, and whose map says so",
+            plan(queues_targets=True),
+            menu=("to", "read", "status"),
+            targets=(9007, 5003, 9019),
+            is_buffered=True,
+            checks_way_back=False,
+        ),
+        small(
+            "s-queued-silent",
+            "the same, and frames that are not answered",
+            plan(queues_targets=True),
+            menu=("to", "read"),
+            targets=(9007, 5003),
+            answers=("ack", "obey"),
+            is_answered=False,
+            is_buffered=True,
+            checks_way_back=False,
+        ),
         small(
             "s-blinks-table",
             "another table while the done bit falls and rises where the axis stands",

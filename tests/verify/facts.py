@@ -231,7 +231,7 @@ def _owe_look(world: "World", number: int, facts: Facts) -> None:
     is_old = world.now_ns - facts.read_ns > plan.settings.fresh_ms * MS
     is_new = facts.is_alarmed and not _of(world, number).is_alarmed
     if is_new:
-        rules.note_run(world, number, is_acked=False)
+        rules.note_run(world, number, is_acked=False, is_told=False)
         axis = world.state.axes[number]
     if is_new and is_old and plan.referenced is Reference.ABSOLUTE and facts.is_found:
         axes = list(world.state.axes)

@@ -61,6 +61,7 @@ ODD_PDUS: Final = frozenset(RUN_PDU[:3] + value.to_bytes(2, "big") for value in 
 """What makes an axis move in another way than to a target."""
 COIL_RUN_PDU: Final = b"\x05" + TRIGGER.to_bytes(2, "big") + b"\xff\0"
 COIL_IDLE_PDU: Final = b"\x05" + TRIGGER.to_bytes(2, "big") + b"\0\0"
+MODE_HEAD: Final = b"\x06" + MODE.to_bytes(2, "big")
 RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU, COIL_RUN_PDU})
 ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
 
@@ -72,7 +73,8 @@ def is_stop(pdu: bytes) -> bool:
 
 def runs_distance(world: "World", number: int, pdu: bytes) -> bool:
     """Whether a request makes an axis go a distance, as its mode register stands."""
-    return pdu == RELATIVE_PDU or (pdu == RUN_PDU and world.state.axes[number].mode == 2)
+    runs = pdu == RUN_PDU or (writes_target(pdu) and not world.design.is_staged)
+    return pdu == RELATIVE_PDU or (runs and world.state.axes[number].mode == 2)
 
 
 def writes_target(pdu: bytes) -> bool:
@@ -258,7 +260,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     run = axis.run
     # Beside its target a reading that is a moment old tells no direction.
     is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
-    is_beside |= "nudge" in world.design.happenings
+    is_beside |= "nudge" in world.design.happenings or "mode-absolute" in world.design.menu
     may_look = is_distance or axis.is_owed_look or is_beside or world.design.is_stream
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
     is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know
@@ -275,6 +277,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
         is_seen &= run is None or run.doubt < 2
         if not moving:
             why = "no target waits"
+        elif world.design.is_buffered:
+            pass  # one that was done with the target before last, and stands there, is taken for moved
         elif is_seen and not is_distance and not facts.is_unseen(world, number):
             why = "the axis was seen to stand at its target a moment ago"
         elif facts.is_just_read(world, number) and axis.goes_counts is None and not may_look:
@@ -487,9 +491,9 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     plan, axis = world.design.plans[number], world.state.axes[number]
     run = axis.run
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
-    is_again |= axis.tried is not None and axis.tried[0] == aim.nominal_counts
+    is_again |= aim.tried is not None and aim.tried[0] == aim.nominal_counts
     may_fail = world.design.refuses_reads or world.design.answers_before
-    if may_fail or not plan.actual or is_again:
+    if may_fail or not plan.actual or is_again or plan.queues_targets:  # which may have others to go to first
         return
     low, high = sorted(_branches(world, aim.nominal_counts, aim))
     beside = world.design.beside_counts
@@ -733,6 +737,8 @@ def _is_native(sent: bytes, reply: bytes) -> bool:
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
     _note_answer(world, wire, reply)
+    if wire.pdu[0] == 3 and wire.pdu[1:3] == MODE_HEAD[1:] and _is_native(wire.pdu, reply):
+        know_rules(world, facts.number_of(world, wire.unit_id))
     is_read = wire.pdu[0] == 3 and _is_native(wire.pdu, reply)
     if is_read and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
         number = facts.number_of(world, wire.unit_id)
@@ -825,20 +831,35 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
                 axes[number] = axes[number]._replace(next_run=waits, tried=None)
             else:
                 is_set_out = run.is_set_out and is_told
-                run = run._replace(is_told=is_told, is_acked=is_told, is_held=is_told, is_set_out=is_set_out)
+                is_as_sent = (wire.aim.state in PASSING) is (world.said(number).compensation in PASSING)
+                run = run._replace(is_told=is_told, is_held=is_told, is_set_out=is_set_out)
+                run = run._replace(is_acked=is_told and is_as_sent)
                 axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
 
 
 def _is_doubtful_edge(world: "World", number: int, wire: "Wire") -> bool:
-    """Whether a trigger that acts as it rises may have been up already: the gateway never was told."""
-    axis = world.state.axes[number]
-    if not world.design.edge or wire.pdu[:3] not in (RUN_PDU[:3], COIL_RUN_PDU[:3]):
+    """Whether what a frame does hangs on a register of which the gateway was never told what it holds.
+
+    A trigger that acts as it rises may have been up already; what passes 1:1 may be a distance, and from
+    where that begins is not asked.
+    """
+    axis, aim = world.state.axes[number], wire.aim
+    if world.design.edge and wire.pdu[:3] in (RUN_PDU[:3], COIL_RUN_PDU[:3]):
+        know_rules(world, number)
+        return not axis.knows_rules
+    if wire.pdu[:3] == MODE_HEAD:
+        know_rules(world, number)
+    if "mode-absolute" not in world.design.menu or world.design.is_staged or aim is None:
         return False
+    return aim.state in PASSING and not (axis.knows_rules and (aim.base is None or aim.base[1]))
+
+
+def know_rules(world: "World", number: int) -> None:
+    """The gateway is told what a trigger or a mode register holds."""
     axes = list(world.state.axes)
-    axes[number] = axis._replace(is_trigger_known=True)
+    axes[number] = axes[number]._replace(knows_rules=True)
     world.state = world.state._replace(axes=tuple(axes))
-    return not axis.is_trigger_known
 
 
 def _judge_untold(world: "World", number: int, aim: "Aim", reply: bytes) -> None:
@@ -1174,6 +1195,8 @@ def judge_direction(world: "World", number: int) -> None:
         raise BrokenRuleError(f"a distance was lost and runs, and it is said: {said.direction} (8, M5)")
     if run is None or not run.is_told or run.is_unsure or run.state != "active" or world.design.is_stream:
         return
+    if axis.next_run is not None:
+        return  # it goes on from there
     if said.compensation != "active" or axis.stands_counts != run.end_counts or axis.goes_counts is not None:
         return
     is_same = (run.table, run.is_gain_half) == (world.state.table, world.state.is_gain_half)

@@ -74,6 +74,7 @@ VENDOR: Final = 0x81
 MOST_STORES: Final = 3
 """Stores within one event that a kill may come before."""
 SCREWS: Final = (WORN, REGROUND)
+ON_THE_WAY_COUNTS: Final = (1501, 9060)
 WARMER_K: Final = 20.0
 Bytes = Callable[[bytes], None]
 Happening = tuple[Any, ...]
@@ -306,8 +307,8 @@ class Axis(NamedTuple):
     """The motion on whose way it was stopped: so the side from which it came there is known (M6)."""
     trigger: int = 0
     """What stands in its trigger, where that acts only as it rises."""
-    is_trigger_known: bool = False
-    """The gateway was told what that holds."""
+    knows_rules: bool = False
+    """The gateway was told what that holds, or its mode register."""
     held: Tried | None = None
     """The target that it was told, over being switched off and on, until something is written to it."""
     read_counts: int | None = None
@@ -385,6 +386,8 @@ class Design:
     """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
     is_bytes: bool = False
     """It begins at bytes: real ports and decoders of Modbus/TCP (``tests.verify.wires``)."""
+    on_the_way_counts: tuple[int, ...] = ON_THE_WAY_COUNTS
+    """Where an axis is seen on its way, the first of them that lies there."""
     drop_ticks: int = DONE_DROP_TICKS
     """So long after it was told to go its done bit may still be that of the motion before."""
     edge: str = ""
@@ -637,6 +640,8 @@ class World:
     def _requests(self) -> Iterable[tuple[Any, ...]]:
         for name in self.design.menu:
             for axis in range(len(self.design.plans)):
+                if name == "to" and self.state.axes[axis].next_run is not None:
+                    continue  # a drive that keeps one target takes no third one
                 if name in ("to", "to-all", "low", "high"):
                     yield from ((name, axis, i) for i in range(len(self.design.targets)))
                 elif name == "mask":
@@ -1138,7 +1143,9 @@ class World:
             target = self.design.written(axis.target_counts, pdu)
             self._set(number, axis._replace(target_counts=target))
             if not self.design.is_staged:
-                self._go(number, target, wire)
+                is_distance = axis.mode == 2
+                self._set(number, self.state.axes[number]._replace(mode=1))
+                self._go(number, target + is_distance * axis.commanded_counts, wire)
             return self.reply_to(wire)
         if pdu[0] == 16:
             counts = int(LIMIT.unpack(pdu[6:]))
@@ -1332,8 +1339,6 @@ def _tell_nobody(_event: Event) -> None:
     """The second of two sides says the same as the first."""
 
 
-ON_THE_WAY_COUNTS: Final = (1501, 9060)
-"""Where an axis is seen on its way, the first of them that lies there."""
 JOGGED_COUNTS: Final = 3001
 NUDGED_COUNTS: Final = 300
 ALARMS: Final = 0x0741
@@ -1426,7 +1431,7 @@ def _older(axis: Axis, design: Design) -> Axis:
     stands = axis.stands_counts
     if design.is_prompt and not axis.ticks:
         low, high = min(stands, axis.goes_counts), max(stands, axis.goes_counts)
-        stands = next((place for place in ON_THE_WAY_COUNTS if low < place < high), stands)
+        stands = next((place for place in design.on_the_way_counts if low < place < high), stands)
     is_done = axis.is_done and (design.is_in_position or not is_late)
     return axis._replace(ticks=ticks, stands_counts=stands, commanded_counts=stands, is_done=is_done)
 
