@@ -158,6 +158,8 @@ class AxisAt(msgspec.Struct, frozen=True):
     actual: float | None = None
     """Counts that its drive said last."""
     is_referenced: bool = False
+    reference_seen_ns: int = 0
+    """When the bit that tells so was seen last; 0: never."""
 
 
 class Beginning(_Input, frozen=True, tag="beginning"):

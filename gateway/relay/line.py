@@ -324,6 +324,7 @@ class Line:
                 records.get(axis.plan.name, b""),
                 None if axis.actual is None else float(axis.actual.counts),
                 axis.is_found,
+                axis.reference_seen_ns,
             )
             for axis in self._exchange.axes
         )

@@ -170,7 +170,9 @@ class _Line(DriveLink):
                 with contextlib.suppress(ControlError):  # a drive's homed bit tells it
                     self._exchange.control(Declare(at.axis), known.t)
         if known.is_up:
-            self._exchange.link_up(known.t)
+            # The first read, of a homed bit, is as old as it was then: by that it is asked for again.
+            seen_ns = [at.reference_seen_ns for at in known.axes if at.reference_seen_ns]
+            self._exchange.link_up(min([known.t, *seen_ns]))
         drives = _Drives(self.axes, places)
         while self.outputs:
             sent = self.outputs.popleft()
