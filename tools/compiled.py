@@ -30,6 +30,7 @@ PATTERNS = (
     "compensation/*.py",
     "exchange/*.py",
     "exchange/axis/*.py",
+    "ipc/tape.py",
     "modbus/*.py",
     "relay/axis_record.py",
     "relay/controller_port.py",

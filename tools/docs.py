@@ -19,6 +19,7 @@ from gateway.catalogue.states import STATES
 from gateway.catalogue.troubles import HIDES, TROUBLES
 from gateway.cli.drives_output import markdown_lines
 from gateway.config.reference.tables import TABLES, rows
+from gateway.relay.status_unit import BLOCKS
 from tools import state_machine
 from tools.diagram import LayoutError
 from tools.markers import filled, table
@@ -141,6 +142,19 @@ def exit_codes() -> str:
     return table(("exit code", "means"), [(str(code), text) for code, text in EXIT_CODES.items()])
 
 
+def status_registers() -> str:
+    """Return the registers of the gateway's own unit id, block by block."""
+    texts = []
+    for block in BLOCKS:
+        lines = [
+            (f"+{each.offset}", each.name, "1" if each.words == 1 else "2, 32 bits", each.meaning)
+            for each in block.registers
+        ]
+        title = f"From {block.first} on, {block.size} registers for {block.what}"
+        texts.append(f"### {title}\n\n{table(('register', 'name', 'registers', 'holds'), lines)}")
+    return "\n".join(texts)
+
+
 def drives() -> str:
     """Return the shipped profiles."""
     return "".join(f"{line}\n" for line in markdown_lines())
@@ -165,6 +179,7 @@ PARTS: Final = {
     "refusals": refusals,
     "starts": starts,
     "exit codes": exit_codes,
+    "status registers": status_registers,
     "drives": drives,
     "decisions": decisions,
     "whereabouts": state_machine.whereabouts,

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # Programs that the tests run for real: systemd's own tools, an MQTT broker, a browser, what makes certificates,
-# promtool, what reads scripts and man pages, shells to complete in, a C compiler and the headers of Python; for root
-# also what makes a bare Debian, which only root can enter.
+# promtool, what reads scripts, man pages and captures, shells to complete in, a C compiler and the headers of Python;
+# for root also what makes a bare Debian, which only root can enter.
 # As root on Debian they are installed where they are missing; anywhere else it is said what is missing.
 set -euo pipefail
 
 PATH="$PATH:/usr/sbin:/sbin"
 missing=()
 pairs=(cc:build-essential systemd-analyze:systemd mosquitto:mosquitto chromium:chromium openssl:openssl
-    promtool:prometheus shellcheck:shellcheck mandoc:mandoc zsh:zsh fish:fish)
+    promtool:prometheus shellcheck:shellcheck mandoc:mandoc zsh:zsh fish:fish tshark:tshark)
 [ "$(id -u)" != 0 ] || pairs+=(mmdebstrap:mmdebstrap lintian:lintian)
 for pair in "${pairs[@]}"; do
     command -v "${pair%%:*}" >/dev/null || missing+=("${pair##*:}")

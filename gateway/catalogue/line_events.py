@@ -78,3 +78,10 @@ WAITING_TURNED_AWAY: Final = EventEntry(
     "a restart: a command from before it must not move the machine after it",
     "let the controller connect again; nothing else, where the restart was meant",
 )
+FRAMES_NOT_KEPT: Final = EventEntry(
+    "frames-not-kept",
+    Severity.WARNING,
+    "the frames of a line are not kept for `capture` and the page; everything else is as ever",
+    "the system has no memory or no descriptor left",
+    "lower `size_mb` in `[capture]`, or raise the limits of the service",
+)

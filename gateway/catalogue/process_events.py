@@ -106,6 +106,20 @@ RECORDING_ENDED: Final = EventEntry(
     "the disk is full or too slow, or `--max-mb` was reached",
     "make room, or record onto another disk",
 )
+CAPTURED: Final = EventEntry(
+    "captured",
+    Severity.INFO,
+    "the frames before and after the event `on` were written into `file`",
+    "`[capture] on` names the event",
+    "look at it with `pitch-gateway replay FILE --show`",
+)
+CAPTURE_FAILED: Final = EventEntry(
+    "capture-failed",
+    Severity.WARNING,
+    "the frames before and after the event `on` could not be written",
+    "no room in the folder of the state, the relay is away, or it was started with `size_mb = 0`",
+    "do what the detail says; `pitch-gateway capture` takes what is still there",
+)
 SUPERVISING: Final = EventEntry(
     "supervising", Severity.INFO, "the supervisor begins, with the configuration that it follows", "a start"
 )

@@ -5,6 +5,10 @@ from typing import Final
 
 from gateway.catalogue.entry import Audience, Severity, TroubleEntry
 
+SILENT_S: Final = 2.0
+"""A drive whose requests have been left unanswered for so long is silent; one lost answer is not."""
+FEWEST_ASKED: Final = 3
+"""A unit id without an axis that left fewer requests unanswered was only looked for."""
 RELAY_DOWN: Final = TroubleEntry(
     "relay-down",
     Severity.ERROR,

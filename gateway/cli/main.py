@@ -29,6 +29,7 @@ COMMANDS: Final = (
     "disable",
     "reference",
     "reload",
+    "capture",
     "record",
     "replay",
     "init",

@@ -41,7 +41,7 @@ def record(
 
         pitch-gateway replay monday.jsonl --show
     """
-    from gateway.cli.recordings import header_of
+    from gateway.config.recording_header import header_of
     from gateway.ipc.notes import note_writer
     from gateway.relay.errors import StartError
     from gateway.relay.recorder import Recorder

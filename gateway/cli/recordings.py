@@ -1,44 +1,19 @@
-"""What a recording has to hold of a configuration, and the configuration that a recording holds."""
+"""The configuration that a recording holds."""
 
 import tempfile
 import tomllib
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
-import gateway
-from gateway.ipc.traffic import FORMAT, WITHOUT_PEERS, Header
+from gateway.config.recording_header import ANY_BYTES
+from gateway.ipc.traffic import CAPTURED, FORMAT, WITHOUT_PEERS, Header
 from gateway.relay.replay import ReplayError
 
 if TYPE_CHECKING:
-    from gateway.config.load import Loaded
     from gateway.ipc.plan import GatewayPlan
 
 TABLES_FOLDER = "tables"
-ANY_BYTES = "iso-8859-1"
-"""Each byte is a character, so that a file comes back as it was, whatever its encoding."""
-
-
-def header_of(loaded: "Loaded") -> Header:
-    """Return the header of a recording that runs a configuration: with all files that it was read from.
-
-    Raises:
-        OSError: a file cannot be read any more.
-    """
-    text = loaded.path.read_bytes().decode("utf-8")
-    paths = {table.path for table in loaded.tables.values()}
-    paths |= {table.path for crosses in loaded.crosses.values() for table in crosses}
-    profiles = sorted({drive.name for drive in loaded.drives.values() if not drive.is_shipped})
-    return Header(
-        format=FORMAT,
-        gateway_version=gateway.__version__,
-        started=datetime.now(UTC).isoformat(timespec="milliseconds"),
-        config_name=loaded.path.name,
-        config=text,
-        tables={path.name: path.read_bytes().decode(ANY_BYTES) for path in sorted(paths)},
-        files={name: (loaded.path.parent / name).read_bytes().decode(ANY_BYTES) for name in profiles},
-    )
 
 
 def plan_of(header: Header) -> "GatewayPlan":
@@ -50,10 +25,10 @@ def plan_of(header: Header) -> "GatewayPlan":
     """
     from gateway.config.load import load
 
-    if header.format not in (FORMAT, WITHOUT_PEERS):
+    if header.format not in (FORMAT, CAPTURED, WITHOUT_PEERS):
         raise ReplayError(
             f"a recording of format {header.format}, made by release {header.gateway_version}; "
-            f"this release replays formats {WITHOUT_PEERS} and {FORMAT}"
+            f"this release replays formats {WITHOUT_PEERS} to {CAPTURED}"
         )
     with tempfile.TemporaryDirectory(prefix="pitch-gateway-replay-") as name:
         folder = Path(name)

@@ -71,8 +71,8 @@ def replay(
 
 def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) -> "ReplayResult":
     from gateway.cli.recordings import for_any_writer, plan_of
-    from gateway.ipc.traffic import WITHOUT_PEERS, End, Header
-    from gateway.relay.readable import Reader
+    from gateway.ipc.readable import Reader
+    from gateway.ipc.traffic import WITHOUT_PEERS, End, Header, Port
     from gateway.relay.replay import Replay, ReplayError
 
     entries = _entries(file)
@@ -87,9 +87,14 @@ def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) 
     for number, entry in entries:
         different = again.result.different
         is_ours = again.feed(number, entry)
-        if show and is_ours and not isinstance(entry, Header | End):
+        if show and is_ours and not isinstance(entry, Header | End | Port):
             mark = "≠" if again.result.different > different else " "
             typer.echo(f"{mark}{reader.line(entry)}")
+    if again.result.before and not again.result.inputs:
+        raise ReplayError(
+            "nothing in this capture says what held while its line was idle, and no replay can begin; look "
+            "at the frames with capture --pcapng, or let size_mb in [capture] be larger"
+        )
     return again.result
 
 
@@ -126,6 +131,7 @@ def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:
                     "outputs": result.outputs,
                     "different": result.different,
                     "is_cut_off": result.is_cut_off,
+                    "before": result.before,
                     "first": [_as_json(difference) for difference in result.first],
                 }
             )
@@ -133,6 +139,8 @@ def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:
         return
     if result.is_cut_off:
         typer.echo(f"warning: {file} was cut off: it is replayed as far as it goes", err=True)
+    if result.before:
+        typer.echo(f"{result.before} entries of {file} are from before what is known: not compared", err=True)
     if not result.different:
         typer.echo(f"{result.inputs} inputs, {result.outputs} outputs: all as recorded")
         return
@@ -160,8 +168,8 @@ def _as_json(difference: "Difference") -> dict[str, object]:
 
 
 def _shown(output: "Output | None") -> str:
+    from gateway.ipc.readable import pdu_name
     from gateway.ipc.traffic import Abandoned, Answered
-    from gateway.relay.readable import pdu_name
 
     if output is None:
         return "nothing"

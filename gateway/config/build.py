@@ -39,6 +39,7 @@ def build_plan(
         sections.gateway.name,
         tuple(_with_crosses(line, crosses) for line in lines),
         sections.relay.options,
+        0 if sections.status_unit is None else sections.status_unit.id,
     )
 
 
@@ -75,6 +76,7 @@ def line_plan(
         ),
         other_units=_other_units(line, {axis.unit_id for axis in axes.values()}),
         answers_as=line.answers_as,
+        tape_bytes=sections.capture.tape_bytes,
         groups=tuple(group.axes for group in sections.groups.values() if set(group.axes) <= set(axes)),
     )
 

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Final
 
+from gateway.config.axis_model import AxisSection
 from gateway.config.findings import Findings
+from gateway.config.gateway_model import StatusUnitSection
 from gateway.config.line_model import LineSection
 from gateway.config.problems import key_text
 from gateway.config.toml_lines import KeyPath
@@ -46,6 +48,30 @@ def check_lines(
     ports = [use for use in (*drives, *listeners) if isinstance(use.place, SerialEndpoint)]
     _check_devices(findings, sorted(ports, key=lambda use: findings.document.lines.of(use.key) or 0))
     _check_addresses(findings, drives, listeners)
+
+
+def check_status_unit(
+    findings: Findings,
+    own: StatusUnitSection | None,
+    lines: Mapping[str, LineSection],
+    axes: Mapping[str, AxisSection],
+) -> None:
+    """Check that no drive and no other device has the unit id at which the gateway itself answers."""
+    if own is None:
+        return
+    drives = [(("axis", name, "unit_id"), axis.unit_id) for name, axis in axes.items()]
+    others = [
+        (("line", name, "other_units", number), unit_id)
+        for name, line in lines.items()
+        for number, unit_id in enumerate(line.other_units)
+    ]
+    for key, unit_id in (*drives, *others):
+        if unit_id == own.id:
+            findings.refuse(
+                ("status_unit", "id"),
+                f"{own.id} is the unit id of a drive: {key_text(key)} has it",
+                "choose an id that no device of any line has, as 250: what is asked there never reaches one",
+            )
 
 
 def drives_key(name: str, line: LineSection) -> KeyPath:

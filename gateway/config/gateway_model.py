@@ -1,13 +1,24 @@
-"""``[gateway]``."""
+"""``[gateway]``, ``[status_unit]`` and ``[capture]``."""
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
+from gateway.catalogue.events import EVENTS
+from gateway.config.explain import suggest
 from gateway.config.values import Name
-from gateway.drives.strict import StrictModel
+from gateway.drives.strict import ListOf, StrictModel
 from gateway.ipc.state_folder import DEFAULT_STATE
 
+
+def _check_event(name: str) -> str:
+    """Check that there is an event of this name. Raises ValueError otherwise."""
+    if name not in EVENTS:
+        raise ValueError(f"allowed: a name of an event; {suggest(name, list(EVENTS))}")
+    return name
+
+
+EventName = Annotated[str, AfterValidator(_check_event)]
 Folder = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
 
 
@@ -23,3 +34,30 @@ class GatewaySection(StrictModel):
         description="folder of what the gateway keeps: the compiled configuration and tables, the records of "
         "the axes, and its socket while it runs; relative to the configuration file",
     )
+
+
+class StatusUnitSection(StrictModel):
+    """The unit id at which the gateway answers for itself."""
+
+    id: Annotated[int, Field(ge=1, le=254)] = Field(
+        description="unit id at which controllers read the state of the gateway; of no drive"
+    )
+
+
+class CaptureSection(StrictModel):
+    """What is kept of the frames of the last minutes."""
+
+    size_mb: Annotated[float, Field(ge=0, le=256)] = Field(
+        default=4, description="memory for the last frames of each line, in MB; 0: none are kept"
+    )
+    on: ListOf[EventName] = Field(
+        default=(), description="events that write the frames before and after them into a file"
+    )
+    keep: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=8, description="so many files are kept; the oldest gives way"
+    )
+
+    @property
+    def tape_bytes(self) -> int:
+        """Bytes for each line."""
+        return int(self.size_mb * 1_000_000)

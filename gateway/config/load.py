@@ -12,7 +12,7 @@ from gateway.config.check_drives import check_drives
 from gateway.config.check_groups import check_groups
 from gateway.config.check_http import check_http, check_http_files
 from gateway.config.check_late import check_late
-from gateway.config.check_lines import check_lines
+from gateway.config.check_lines import check_lines, check_status_unit
 from gateway.config.check_motion import check_motion
 from gateway.config.check_mqtt import check_mqtt
 from gateway.config.check_permissions import check_permissions
@@ -191,6 +191,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     check_ways(findings)
     check_tls_keys(findings)
     check_lines(findings, sections.lines, _unit_ids(sections))
+    check_status_unit(findings, sections.status_unit, sections.lines, sections.axes)
     check_http(findings, sections.http, sections.lines)
     check_axes(findings, sections)
     check_references(findings, sections)

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from gateway.config.axis_model import AxisSection, GroupSection
 from gateway.config.explain import UNKNOWN_KEY, existing, explain, suggest
 from gateway.config.findings import Findings
-from gateway.config.gateway_model import GatewaySection
+from gateway.config.gateway_model import CaptureSection, GatewaySection, StatusUnitSection
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
 from gateway.config.mqtt_model import MqttSection
@@ -28,6 +28,8 @@ SINGLE: Final[Mapping[str, type[StrictModel]]] = {
     "relay": RelaySection,
     "http": HttpSection,
     "mqtt": MqttSection,
+    "status_unit": StatusUnitSection,
+    "capture": CaptureSection,
 }
 NAMED: Final[Mapping[str, type[StrictModel]]] = {
     "line": LineSection,
@@ -55,6 +57,9 @@ class Sections:
     http: HttpSection = field(default_factory=HttpSection)
     mqtt: MqttSection | None = None
     """None: nothing is published."""
+    status_unit: StatusUnitSection | None = None
+    """None: the gateway answers at no unit id of its own."""
+    capture: CaptureSection = field(default_factory=CaptureSection)
     lines: dict[str, LineSection] = field(default_factory=dict)
     axes: dict[str, AxisSection] = field(default_factory=dict)
     partial_axes: dict[str, AxisSection] = field(default_factory=dict)
@@ -80,6 +85,10 @@ def read_sections(findings: Findings) -> Sections:
                 sections.http = section
             elif isinstance(section, MqttSection):
                 sections.mqtt = section
+            elif isinstance(section, StatusUnitSection):
+                sections.status_unit = section
+            elif isinstance(section, CaptureSection):
+                sections.capture = section
     if "line" not in tables:
         findings.refuse(("line",), "missing", "needed: at least one [line.NAME], a bus of drives")
     sections.lines = read_named(findings, "line", LineSection)

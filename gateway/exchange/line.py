@@ -39,7 +39,7 @@ from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
 from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits
-from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import Known
@@ -63,6 +63,7 @@ HAS_NO_TURN: Final = 1 << 62
 """Instant of what waits for somebody else's turn and not for time."""
 FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
 """Function codes whose reply repeats the whole request: no other one has the same."""
+NO_UNIT_ID: Final = -1
 REFUSALS_TOLD: Final = 10
 """So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
@@ -81,6 +82,7 @@ class LineExchange:
         remembered_paths: int = REMEMBERED_PATHS,
         other_units: OtherUnits = NO_OTHER_UNITS,
         what_ran: Callable[[int, int], str] = lambda _since_ns, _until_ns: "",
+        own_unit: OwnUnit | None = None,
     ) -> None:
         self.axes = tuple([Axis(plan) for plan in axes])
         join(self.axes, groups)
@@ -89,6 +91,8 @@ class LineExchange:
             self.axes, is_serial=link.is_serial, remembered_paths=remembered_paths, other_units=other_units
         )
         self._link = link
+        self._own_unit = own_unit
+        self._own_unit_id = NO_UNIT_ID if own_unit is None else own_unit.unit_id
         self._on_event = on_event
         self._ownership = Ownership(self.axes, self._units, on_event)
         self._ends = Endings(self.counters, on_event, self._lose, self._units.get)
@@ -187,6 +191,9 @@ class LineExchange:
         transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
         if port.gate is not None and not self._admission.lets_in(transaction, arrived_ns):
             return
+        if unit_id == self._own_unit_id:
+            self._answer_as_own(transaction, why_given_up, now_ns)
+            return
         is_motion = port.is_motion
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
@@ -197,6 +204,13 @@ class LineExchange:
             self._start_request(transaction, now_ns)
         else:
             self._judge(transaction, now_ns, is_free=is_free)
+
+    def _answer_as_own(self, transaction: Transaction, why_given_up: str, now_ns: int) -> None:
+        """Answer for the gateway's own unit id, whatever the line is at."""
+        assert self._own_unit is not None
+        transaction.end(Outcome.NEVER_SENT)
+        if not why_given_up:
+            self._ends.reply(transaction, self._own_unit.answer(transaction.pdu, now_ns))
 
     def _judge(self, transaction: Transaction, now_ns: int, *, is_free: bool) -> None:
         """Start, queue or refuse a request that cannot simply go out."""

@@ -1,4 +1,4 @@
-"""What the exchange asks of the world around it: two small classes that whoever frames derives its own from.
+"""What the exchange asks of the world around it: small classes that whoever frames derives its own from.
 
 The exchange speaks in unit ids and PDUs. Framing (RTU with its CRC, MBAP with its transaction id) is done by
 the relay. These are classes and not protocols, because what is asked for with each frame is then a look into
@@ -58,6 +58,18 @@ class ControllerPort:
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """Frame and send a reply. ``transaction_id`` is the request's own (0 on serial lines)."""
+        raise NotImplementedError
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class OwnUnit:
+    """A unit id at which the gateway itself answers: what is asked there never reaches a drive."""
+
+    def __init__(self, unit_id: int) -> None:
+        self.unit_id = unit_id
+
+    def answer(self, pdu: bytes, now_ns: int) -> bytes:
+        """Return the reply to a request."""
         raise NotImplementedError
 
 

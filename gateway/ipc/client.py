@@ -21,6 +21,8 @@ from gateway.ipc.place import ROOT_UID, peer_uid
 
 TIMEOUT_S: Final = 5.0
 CHUNK_BYTES: Final = 65536
+MAX_DESCRIPTORS: Final = 253
+"""That the system passes with one message (SCM_MAX_FD)."""
 
 
 class NoGatewayError(Exception):
@@ -41,7 +43,36 @@ def ask(
         NoGatewayError: that, or somebody else's; no permission, no answer in time, or one that is
             not understood.
     """
+    line, lent = _said(path, request, timeout_s, descriptors)
+    _close(lent)
+    return _understood(path, line)
+
+
+def borrow(path: Path, request: Request, timeout_s: float = TIMEOUT_S) -> tuple[Reply, list[int]]:
+    """Do what :func:`ask` does; return the reply, and the descriptors with it, which are the caller's.
+
+    Raises:
+        NoGatewayError: as :func:`ask`.
+    """
+    line, lent = _said(path, request, timeout_s, ())
+    try:
+        return _understood(path, line), lent
+    except NoGatewayError:
+        _close(lent)
+        raise
+
+
+def _close(descriptors: Sequence[int]) -> None:
+    for descriptor in descriptors:
+        os.close(descriptor)
+
+
+def _said(
+    path: Path, request: Request, timeout_s: float, descriptors: Sequence[int]
+) -> tuple[bytes, list[int]]:
+    """Send a request; return the line that comes back, and the descriptors with it."""
     deadline_s = time.monotonic() + timeout_s
+    lent: list[int] = []
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
             connection.settimeout(timeout_s)
@@ -52,7 +83,7 @@ def ask(
                 data = encode(request)
                 sent = socket.send_fds(connection, [data], descriptors)
                 connection.sendall(data[sent:])
-            line = _read_line(connection, deadline_s)
+            return _read_line(connection, deadline_s, lent), lent
     except (FileNotFoundError, ConnectionRefusedError, NotADirectoryError):
         raise NobodyListensError(f"no gateway runs: nobody listens at {path}") from None
     except PermissionError:
@@ -63,7 +94,6 @@ def ask(
         raise NoGatewayError(f"the gateway at {path} did not answer within {timeout_s:g} s") from None
     except OSError as error:
         raise NoGatewayError(f"{path}: {error.strerror or error}") from None
-    return _understood(path, line)
 
 
 def check_owner(path: Path, connection: socket.socket) -> None:
@@ -80,7 +110,7 @@ def check_owner(path: Path, connection: socket.socket) -> None:
         )
 
 
-def _read_line(connection: socket.socket, deadline_s: float) -> bytes:
+def _read_line(connection: socket.socket, deadline_s: float, lent: list[int]) -> bytes:
     data = bytearray()
     while not data.endswith(b"\n"):
         left_s = deadline_s - time.monotonic()
@@ -88,9 +118,12 @@ def _read_line(connection: socket.socket, deadline_s: float) -> bytes:
             raise TimeoutError
         connection.settimeout(left_s)
         try:
-            chunk = connection.recv(CHUNK_BYTES)
+            chunk, came, _, _ = socket.recv_fds(
+                connection, CHUNK_BYTES, MAX_DESCRIPTORS, socket.MSG_CMSG_CLOEXEC
+            )
         except ConnectionResetError:
             break
+        lent += came
         if not chunk or len(data) > MAX_REPLY_BYTES:
             break
         data += chunk

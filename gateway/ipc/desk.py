@@ -31,6 +31,8 @@ class Desk:
     answer: Callable[[Request], Reply]
     hand_over: Callable[[SetTable, Sequence[int]], Awaitable[Reply]] = _no_tables
     status: Callable[[], Mapping[str, Any]] = _no_status
+    tapes: Callable[[], Mapping[str, int]] = dict
+    """The tape of each line that has one, as a descriptor that stays the gateway's."""
     complain: Callable[[str], None] = _no_note
     """Gets a sentence about what was refused; not more than one a minute of each kind."""
     masters: frozenset[int] = field(default_factory=lambda: frozenset((os.geteuid(), ROOT_UID)))

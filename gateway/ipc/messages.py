@@ -68,6 +68,10 @@ class Subscribe(_Message, frozen=True, tag="subscribe", tag_field="kind"):
     )
 
 
+class GetTapes(_Message, frozen=True, tag="tapes", tag_field="kind"):
+    """Ask for the tapes of all lines, to look into (``ipc.tape``)."""
+
+
 class TableFor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A table and its axis; its points are in the descriptor that stands at the same place."""
 
@@ -138,6 +142,7 @@ Request = (
     | SetGain
     | SetLimits
     | SetTemperature
+    | GetTapes
 )
 
 
@@ -155,6 +160,12 @@ class Status(_Message, frozen=True, tag="status", tag_field="kind"):
     """The status model."""
 
     status: dict[str, Any]
+
+
+class Tapes(_Message, frozen=True, tag="tapes", tag_field="kind"):
+    """The lines whose tapes come with it, as descriptors, one for each and in their order."""
+
+    lines: tuple[str, ...] = ()
 
 
 class Done(_Message, frozen=True, tag="done", tag_field="kind"):
@@ -200,7 +211,7 @@ class Happened(_Message, frozen=True, tag="happened", tag_field="kind"):
     """As in :class:`Snapshot`."""
 
 
-Reply = Pong | Status | Done | Refused | Subscribed | Snapshot | Happened
+Reply = Pong | Status | Tapes | Done | Refused | Subscribed | Snapshot | Happened
 
 
 class _AnyVersion(msgspec.Struct):

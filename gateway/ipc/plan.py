@@ -68,6 +68,8 @@ class LinePlan:
     """Of a Modbus/TCP line: what is known of unit ids that have no axis."""
     answers_as: int | None = None
     """The unit id in the replies of its one Modbus/TCP drive, where that is not the one that was asked."""
+    tape_bytes: int = 0
+    """How much of its last minutes is kept (``ipc.tape``); 0: nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,3 +90,5 @@ class GatewayPlan:
     name: str
     lines: tuple[LinePlan, ...]
     relay: RelayOptions = RelayOptions()
+    status_unit: int = 0
+    """Unit id at which the gateway itself answers (``relay.status_unit``); 0: at none."""

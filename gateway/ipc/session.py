@@ -6,7 +6,7 @@ import contextlib
 import itertools
 import os
 import socket
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gateway.ipc.complaints import Complaints
@@ -16,6 +16,7 @@ from gateway.ipc.messages import (
     MAX_REQUEST_BYTES,
     MAX_TABLES,
     GetStatus,
+    GetTapes,
     Ping,
     Refused,
     Reply,
@@ -23,6 +24,7 @@ from gateway.ipc.messages import (
     SetTable,
     Subscribe,
     Subscribed,
+    Tapes,
     WrongMessageError,
     decode_request,
     encode,
@@ -238,8 +240,23 @@ class Session:
             self._idle.cancel()
             descriptors, self._descriptors = self._descriptors, []
             self._handing_over = self._loop.create_task(self._hand_over(request, descriptors))
+        elif isinstance(request, GetTapes):
+            self._lend(desk.tapes())
         else:
             self._send(desk.answer(request))
+
+    def _lend(self, tapes: Mapping[str, int]) -> None:
+        """Let it look into tapes: their descriptors go with the first byte of the reply."""
+        if self._outbox.waiting_bytes:
+            self._refuse("tapes", "take the reply before this one first")
+            return
+        data = encode(Tapes(lines=tuple(tapes)))
+        try:
+            sent = socket.send_fds(self._connection, [data[:1]], list(tapes.values()))
+        except OSError:
+            self.drop()
+            return
+        self._outbox.write(data[sent:])
 
     async def _hand_over(self, request: SetTable, descriptors: list[int]) -> None:
         reply: Reply | None = None

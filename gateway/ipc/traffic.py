@@ -9,6 +9,8 @@ from typing import Final
 import msgspec
 
 FORMAT: Final = 2
+CAPTURED: Final = 3
+"""Format of a capture: it begins anywhere, and is replayed from the first beginning of each line on."""
 WITHOUT_PEERS: Final = 1
 """Format of recordings that do not tell hosts apart: they were made before an axis had one writer."""
 
@@ -149,6 +151,40 @@ class Temperature(_Input, frozen=True, tag="temperature"):
     celsius: float
 
 
+class AxisAt(msgspec.Struct, frozen=True):
+    """What has to be known of an axis to go on with it, as after a restart."""
+
+    axis: str
+    record: bytes = b""
+    """Its record as ``exchange.axis.record_layout`` has it, compressed (zlib); empty: none is kept."""
+    actual: float | None = None
+    """Counts that its drive said last."""
+    is_referenced: bool = False
+    reference_seen_ns: int = 0
+    """When the bit that tells so was seen last; 0: never."""
+
+
+class Beginning(_Input, frozen=True, tag="beginning"):
+    """The line was idle, and this is what holds: a replay may begin here. The rest is as after a restart."""
+
+    axes: tuple[AxisAt, ...]
+    is_up: bool
+    boot: bytes = b""
+    """Which boot of the machine its times are of, as the records have it."""
+    controls: tuple["ControlInput", ...] = ()
+    """What somebody outside has changed since the start, as far as it is still in force."""
+
+
+class Port(_Entry, frozen=True, tag="port", omit_defaults=True):
+    """Who a connection is."""
+
+    line: str
+    port: int
+    controller: str
+    peer: str = ""
+    role: str = ""
+
+
 class Sent(_Entry, frozen=True, tag="sent"):
     """What went to the drives."""
 
@@ -181,9 +217,9 @@ class End(_Entry, frozen=True, tag="end"):
 
 ControlInput = Control | Tables | Share | Limits | Temperature
 """What somebody outside asked of a line (``exchange.control``)."""
-Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | ControlInput
+Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Beginning | ControlInput
 Output = Sent | Abandoned | Answered
-Entry = Header | Input | Output | End
+Entry = Header | Input | Output | Port | End
 
 _encoder: Final = msgspec.json.Encoder()
 _decoder: Final = msgspec.json.Decoder(Entry)

@@ -9,6 +9,7 @@ so each store asks how long it is.
 
 import mmap
 import os
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -97,6 +98,16 @@ class AxisRecord:
         record = Record(slots, recalled, find_table)  # empties the record where it does not count
         if not why_none:
             axis.keep_record(record)
+
+    @property
+    def axis_name(self) -> str:
+        """Whose it is."""
+        return self._axis.plan.name
+
+    def content(self) -> bytes:
+        """Return it as it is now, compressed; empty where none is kept."""
+        kept = self._map is not None and self._axis.record is not None
+        return zlib.compress(bytes(self._map), 1) if kept and self._map is not None else b""
 
     def close(self) -> None:
         """Keep the record as it is and let go of the file."""

@@ -14,6 +14,7 @@ from gateway.ipc.messages import (
     Done,
     Enable,
     GetStatus,
+    GetTapes,
     Ping,
     Pong,
     Refused,
@@ -87,7 +88,7 @@ def answer(relay: Controllable, request: Request) -> Reply:
             return _on_axes(relay, (axis,), lambda name: control.SetLimits(name, limits))
         case SetTemperature(axis=axis, celsius=celsius):
             return _on_axes(relay, (axis,), lambda name: control.SetTemperature(name, celsius))
-        case Subscribe() | SetTable():
+        case Subscribe() | SetTable() | GetTapes():
             return Refused(reason="this is answered where the connection is")  # and never comes here
 
 

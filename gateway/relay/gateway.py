@@ -29,6 +29,7 @@ from gateway.exchange.control import (
     axes_asked,
 )
 from gateway.exchange.latency_status import BOUNDS_US
+from gateway.exchange.line import LineExchange
 from gateway.ipc.compiled_plan import find_table as find_table_in
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.complaints import Complaints
@@ -49,6 +50,7 @@ from gateway.relay.keeping import Keeping
 from gateway.relay.line import Line
 from gateway.relay.recorder import Recorder
 from gateway.relay.scheduling import in_force, schedule
+from gateway.relay.status_unit import StatusUnit
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -142,7 +144,12 @@ class Relay:
         """
         self._started_ns = boot_ns()
         problems = self._start_recorder()
-        self._lines = [Line(plan, self._journal, self._activity, self._recorder) for plan in self._plan.lines]
+        own_unit = None
+        if self._plan.status_unit:
+            own_unit = StatusUnit(self._plan.status_unit, self._exchanges, self._started_ns)
+        self._lines = [
+            Line(plan, self._journal, self._activity, self._recorder, own_unit) for plan in self._plan.lines
+        ]
         join_terms(axis for line in self._lines for axis in line.axes)
         problems += await self._open_control()
         self._take_over()
@@ -315,6 +322,12 @@ class Relay:
                 )
             )
 
+    def _tapes(self) -> dict[str, int]:
+        return {line.plan.name: line.tape.descriptor for line in self._lines if line.tape is not None}
+
+    def _exchanges(self) -> list[LineExchange]:
+        return [line.exchange for line in self._lines]
+
     def _line_of(self, axis: str) -> Line:
         return next(line for line in self._lines if axis in (plan.name for plan in line.plan.axes))
 
@@ -338,6 +351,7 @@ class Relay:
                 answer=partial(self._named, "a command", partial(answer, self)),
                 hand_over=partial(hand_over, self, partial(self._activity.of, "a table")),
                 status=self.status,
+                tapes=self._tapes,
                 complain=lambda detail: self._journal.note(processes.SOCKET_REFUSED, detail=detail),
             )
             self._control = ControlServer(self._state, desk)

@@ -1,5 +1,6 @@
 """One line, put together: controllers in front, the exchange in the middle, the way to the drives behind."""
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -7,25 +8,43 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from gateway.catalogue.line_events import DRIVES_NOT_REACHED, LINE_RESTS, SERIAL_LATENCY, WRONG_UNIT
+from gateway.catalogue.line_events import (
+    DRIVES_NOT_REACHED,
+    FRAMES_NOT_KEPT,
+    LINE_RESTS,
+    SERIAL_LATENCY,
+    WRONG_UNIT,
+)
 from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
 from gateway.exchange.axis.record import FindTable
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import ClearTable, Control, Limits, SetGain, SetLimits, SetTables, limits_of
+from gateway.exchange.control import (
+    ClearTable,
+    Control,
+    Declare,
+    Limits,
+    SetGain,
+    SetLimits,
+    SetTables,
+    limits_of,
+)
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
+from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
+from gateway.ipc import traffic
 from gateway.ipc.plan import LinePlan
+from gateway.ipc.tape import Tape
 from gateway.relay.activity import Activity
-from gateway.relay.axis_record import AxisRecord, record_path
+from gateway.relay.axis_record import AxisRecord, boot_id, record_path
 from gateway.relay.computed import computed
 from gateway.relay.drive_link import Damage, Link, MbapDriveLink, RtuDriveLink, UnitIds
 from gateway.relay.front import Front, make_front
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.last_minute import LastMinute
-from gateway.relay.recorded import RecordedExchange, RecordedLink
+from gateway.relay.recorded import FileSink, RecordedExchange, RecordedLink, Sink, TapeSink, entry_of
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
 from gateway.relay.watchdog import STUCK_NS
@@ -46,12 +65,20 @@ class Line:
     """A bus of drives with its controllers, from the configuration to open sockets and ports."""
 
     def __init__(
-        self, plan: LinePlan, journal: Journal, activity: Activity, recorder: Recorder | None = None
+        self,
+        plan: LinePlan,
+        journal: Journal,
+        activity: Activity,
+        recorder: Recorder | None = None,
+        own_unit: OwnUnit | None = None,
     ) -> None:
         self.plan = plan
+        self.tape = _make_tape(plan, journal) if recorder is None and plan.tape_bytes else None
+        """What is kept of its last minutes."""
         self._journal = journal
         self._link = _make_link(plan, self._wrong_unit)
-        link = self._link if recorder is None else RecordedLink(self._link, plan.name, recorder)
+        sink = self._make_sink(recorder)
+        link = self._link if sink is None else RecordedLink(self._link, sink)
         self._exchange = LineExchange(
             plan.axes,
             plan.timing,
@@ -60,16 +87,19 @@ class Line:
             groups=plan.groups,
             other_units=plan.other_units,
             what_ran=activity.between,
+            own_unit=own_unit,
         )
         self._latency = LatencyStatus(self._exchange.meter)
         self._minute = LastMinute(self._frames)
         self._computed = computed(plan)
         self._timed = (
             TimedExchange(self._exchange)
-            if recorder is None
-            else RecordedExchange(self._exchange, plan.name, recorder)
+            if sink is None
+            else RecordedExchange(self._exchange, plan.name, sink)
         )
         self._link.attach(self._timed)
+        self._in_force: dict[tuple[str, str], traffic.ControlInput] = {}
+        """What somebody outside has changed since the start, for the tape."""
         self._drives = _make_drives(plan.drives, self._link, self._drives_failed, self._drives_slow)
         self._records: list[AxisRecord] = []
         self._loaded_at = {axis.name: _now() for axis in plan.axes if axis.table is not None}
@@ -83,6 +113,11 @@ class Line:
     def addresses(self) -> dict[str, tuple[TcpEndpoint, ...]]:
         """Where each controller that connects over TCP finds its listener."""
         return {front.plan.name: front.addresses for front in self._fronts if front.addresses}
+
+    @property
+    def exchange(self) -> LineExchange:
+        """What it knows of its drives and axes, to be looked at."""
+        return self._exchange
 
     @property
     def axes(self) -> Sequence[Axis]:
@@ -187,6 +222,9 @@ class Line:
         await self._drives.close()
         self._timed.close()
         self._link.close()
+        if self.tape is not None:
+            self.tape.close()
+            self.tape = None
 
     def status(self) -> dict[str, object]:
         """Return this line's part of the status model."""
@@ -252,6 +290,8 @@ class Line:
     def control(self, message: Control) -> dict[str, str]:
         """Do what somebody outside asks for; see ``exchange.control.carry_out``. Raises ControlError."""
         changed = self._timed.control(message, boot_ns())
+        if self.tape is not None and not isinstance(message, Declare):
+            self._keep_in_force(entry_of(message, self.plan.name, boot_ns()))
         match message:
             case SetTables():
                 self._loaded_at |= dict.fromkeys(changed, _now())
@@ -269,6 +309,37 @@ class Line:
             await way.open()
         except TransportError as error:
             problems.append(f"{key}: {error.detail}")
+
+    def _make_sink(self, recorder: Recorder | None) -> Sink | None:
+        if recorder is not None:
+            return FileSink(self.plan.name, recorder)
+        return None if self.tape is None else TapeSink(self.plan.name, self.tape, self._beginning)
+
+    def _beginning(self, now_ns: int) -> traffic.Beginning:
+        """Return what a replay has to know that begins here."""
+        records = {record.axis_name: record.content() for record in self._records}
+        axes = tuple(
+            traffic.AxisAt(
+                axis.plan.name,
+                records.get(axis.plan.name, b""),
+                None if axis.actual is None else float(axis.actual.counts),
+                axis.is_found,
+                axis.reference_seen_ns,
+            )
+            for axis in self._exchange.axes
+        )
+        in_force = tuple(self._in_force.values())
+        return traffic.Beginning(self.plan.name, now_ns, axes, self._exchange.is_up, boot_id(), in_force)
+
+    def _keep_in_force(self, entry: traffic.ControlInput) -> None:
+        """Keep what was changed last, of each kind for each axis."""
+        axes = tuple(table.axis for table in entry.tables) if isinstance(entry, traffic.Tables) else ()
+        what = type(entry).__name__
+        if isinstance(entry, traffic.Control):
+            what = "Tables" if entry.command == "clear-table" else "switch"
+        key = what, ",".join(axes) if isinstance(entry, traffic.Tables) else entry.axis
+        self._in_force.pop(key, None)
+        self._in_force[key] = entry
 
     def _frames(self) -> dict[str, int]:
         """Return the counters of frames: answers and damage, and the damage of each unit id by its name."""
@@ -291,6 +362,15 @@ class Line:
     def _longest_exchange_s(self) -> float:
         patience_ms = [link.plan.timeout_ms for link in self.plan.controllers]
         return max(self.plan.timing.response_timeout_ms, *patience_ms, 0.0) / 1000.0
+
+
+def _make_tape(plan: LinePlan, journal: Journal) -> Tape | None:
+    try:
+        return Tape(plan.name, plan.tape_bytes, boot_ns(), time.time_ns())
+    except OSError as error:
+        why = error.strerror or str(error)
+        journal.note(FRAMES_NOT_KEPT, line=plan.name, detail=f"no memory for them: {why}")
+        return None
 
 
 def _configured(limits: Limits, gain: Gain) -> dict[str, Any]:

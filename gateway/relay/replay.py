@@ -1,21 +1,26 @@
 """A recording through a fresh exchange: the same inputs at the same times have to cause the same bytes."""
 
 import contextlib
+import zlib
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from gateway.exchange.axis.groups import join_terms
+from gateway.exchange.axis.record import Record, digest_of_axis
+from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import ControlError
+from gateway.exchange.control import ControlError, Declare
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
-from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import WrongTableError
 from gateway.ipc.plan import GatewayPlan, LinePlan
+from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
+from gateway.modbus.registers import BitTable
 from gateway.relay.recorded import message_of
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -53,10 +58,12 @@ class ReplayResult:
     different: int = 0
     first: list[Difference] = field(default_factory=list)
     is_cut_off: bool = False
+    before: int = 0
+    """Entries of a capture from before it is known what holds: they are not compared."""
 
 
 class _Port(ControllerPort):
-    """A controller's connection; its replies are outputs."""
+    """A controller's connection; its replies are outputs, but for what the gateway says of itself."""
 
     def __init__(self, plan: ControllerPlan, peer: str, number: int, line: "_Line") -> None:
         super().__init__(plan, peer)
@@ -65,16 +72,27 @@ class _Port(ControllerPort):
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
+        if unit_id == self._line.own_unit_id:
+            return
         name = self._line.plan.name
         self._line.outputs.append(traffic.Answered(name, self._number, transaction_id, unit_id, pdu.hex()))
+
+
+class _Mute(OwnUnit):
+    """What the gateway says of itself depends on more than one line has seen, and is not compared."""
+
+    def answer(self, pdu: bytes, now_ns: int) -> bytes:
+        """See ``OwnUnit``."""
+        return b""
 
 
 class _Line(DriveLink):
     """One line's exchange; it is the link to the drives too, and what goes there is output."""
 
-    def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None]) -> None:
+    def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None], own_unit_id: int) -> None:
         super().__init__(is_serial=not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu)
         self.plan = plan
+        self.own_unit_id = own_unit_id
         self.outputs: deque[traffic.Output] = deque()
         self._controllers = {link.plan.name: link for link in plan.controllers}
         self._ports: dict[int, _Port] = {}
@@ -85,6 +103,7 @@ class _Line(DriveLink):
             lambda event: on_event(plan.name, event),
             plan.groups,
             other_units=plan.other_units,
+            own_unit=_Mute(own_unit_id) if own_unit_id else None,
         )
 
     @property
@@ -127,8 +146,38 @@ class _Line(DriveLink):
                 exchange.tick(entry.t)
             case traffic.Stop():
                 exchange.stop(entry.t)
+            case traffic.Beginning():
+                pass  # it has begun already
             case _:
                 self._control(entry)
+
+    def begin(self, known: traffic.Beginning) -> None:
+        """Go on from what is known at one moment, as a gateway goes on after a restart.
+
+        What the gateway asks at a start is answered by what its axes are known to be; nothing of it counts.
+
+        Raises:
+            ReplayError: a record of an axis is of another release or another configuration.
+        """
+        places = {at.axis: at for at in known.axes}
+        for axis in self.axes:
+            if axis.plan.name in places:
+                _recall(axis, places[axis.plan.name], known.boot)
+        for entry in known.controls:
+            self._control(entry)
+        for at in known.axes:
+            if at.is_referenced and at.axis in {axis.plan.name for axis in self.axes}:
+                with contextlib.suppress(ControlError):  # a drive's homed bit tells it
+                    self._exchange.control(Declare(at.axis), known.t)
+        if known.is_up:
+            # The first read, of a homed bit, is as old as it was then: by that it is asked for again.
+            seen_ns = [at.reference_seen_ns for at in known.axes if at.reference_seen_ns]
+            self._exchange.link_up(min([known.t, *seen_ns]))
+        drives = _Drives(self.axes, places)
+        while self.outputs:
+            sent = self.outputs.popleft()
+            if isinstance(sent, traffic.Sent):
+                self._exchange.reply(sent.unit, drives.answer(sent.unit, bytes.fromhex(sent.pdu)), known.t)
 
     def _reach(self, entry: traffic.RestFirst | traffic.Up | traffic.Down) -> None:
         if isinstance(entry, traffic.RestFirst):
@@ -169,6 +218,59 @@ class _Line(DriveLink):
         return port
 
 
+class _Drives:
+    """Drives that say where they were, and that they were homed."""
+
+    def __init__(self, axes: Sequence[Axis], places: Mapping[str, traffic.AxisAt]) -> None:
+        self._words: dict[tuple[int, int], int] = {}
+        for axis in axes:
+            at, unit_id, field_ = places.get(axis.plan.name), axis.plan.unit_id, axis.asked_actual
+            if at is None:
+                continue
+            if at.actual is not None and field_ is not None:
+                raw = at.actual / field_.scale
+                data = field_.pack(raw if field_.type.is_float else round(raw))
+                for word in range(field_.words):
+                    place = unit_id, field_.address + word
+                    self._words[place] = int.from_bytes(data[2 * word : 2 * word + 2], "big")
+            bit = axis.plan.bits.get(axis.homed_bit)
+            if bit is not None and at.is_referenced is not bit.is_inverted:
+                is_word = bit.table is BitTable.REGISTER
+                self._words[unit_id, bit.address] = self._words.get((unit_id, bit.address), 0) | (
+                    1 << bit.bit if is_word else 1
+                )
+
+    def answer(self, unit_id: int, pdu: bytes) -> bytes:
+        """Return the reply to a read of the gateway's own."""
+        function, address, quantity = pdu[0], int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
+        words = [self._words.get((unit_id, address + at), 0) for at in range(quantity)]
+        if function in (FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS):
+            return bytes((function, 2 * quantity)) + b"".join(word.to_bytes(2, "big") for word in words)
+        if function in (FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS):
+            bits = sum((word & 1) << at for at, word in enumerate(words)).to_bytes(
+                (quantity + 7) // 8, "little"
+            )
+            return bytes((function, len(bits))) + bits
+        return exception_pdu(function, ExceptionCode.ILLEGAL_FUNCTION)
+
+
+def _recall(axis: Axis, at: traffic.AxisAt, boot: bytes) -> None:
+    """Let an axis go on from its record, as at a restart."""
+    if not at.record:
+        return
+    try:
+        content = zlib.decompress(at.record)
+    except zlib.error:
+        content = b""
+    if len(content) != RECORD_SIZE:
+        raise ReplayError(f"the record of axis {at.axis} is of another release; replay it with its own")
+    slots = RecordSlots(memoryview(bytearray(content)), digest_of_axis(axis.plan), boot)
+    recalled = slots.read()
+    if recalled is not None and recalled.scale_digest != digest_of_axis(axis.plan):
+        recalled = None  # what a count means has changed in this configuration
+    axis.keep_record(Record(slots, recalled))
+
+
 class Replay:
     """Takes the entries of a recording one after the other; ask for :attr:`result` when all are fed.
 
@@ -186,12 +288,16 @@ class Replay:
             raise ReplayError(f"there is no line {only}; there are {', '.join(names)}")
         self.result = ReplayResult(is_cut_off=True)
         tell = on_event or _tell_nobody
-        self._lines = {line.name: _Line(line, tell) for line in plan.lines if only in (None, line.name)}
-        self._others = {line.name: _Line(line, _tell_nobody) for line in _acting_on(plan, only)}
+        own = self._own_unit_id = plan.status_unit
+        self._lines = {line.name: _Line(line, tell, own) for line in plan.lines if only in (None, line.name)}
+        self._others = {line.name: _Line(line, _tell_nobody, own) for line in _acting_on(plan, only)}
         """Lines that do not count, with axes that act on one that does."""
         lines = (*self._lines.values(), *self._others.values())
         join_terms(axis for line in lines for axis in line.axes)
         self._only = only
+        self._is_capture = False
+        self._begun: set[str] = set()
+        """Lines of a capture of which is known where they begin."""
         self._input: tuple[int, traffic.Input] | None = None
 
     def feed(self, number: int, entry: traffic.Entry) -> bool:
@@ -200,12 +306,23 @@ class Replay:
         Raises:
             ReplayError: the configuration has no such line or controller.
         """
+        if isinstance(entry, traffic.Beginning) and self._is_capture and entry.line not in self._begun:
+            self._begin(entry)
+            return False
+        if not isinstance(entry, traffic.Header | traffic.End) and self._is_early(entry.line):
+            self.result.before += 1
+            return False
         match entry:
             case traffic.Header():
+                self._is_capture = entry.format == traffic.CAPTURED
+                return False
+            case traffic.Port():
                 return False
             case traffic.End():
                 self._settle()
                 self.result.is_cut_off = False
+                return False
+            case traffic.Answered(unit=unit) if unit and unit == self._own_unit_id:
                 return False
             case traffic.Sent() | traffic.Abandoned() | traffic.Answered():
                 if self._line(entry.line) is None:
@@ -224,6 +341,16 @@ class Replay:
                 self.result.inputs += 1
                 line.feed(entry)
         return True
+
+    def _begin(self, known: traffic.Beginning) -> None:
+        self._begun.add(known.line)
+        line = self._others.get(known.line) or self._line(known.line)
+        if line is not None:
+            line.begin(known)
+
+    def _is_early(self, line: str) -> bool:
+        """Whether it is not known yet what holds: a capture begins anywhere."""
+        return self._is_capture and line not in self._begun
 
     def _line(self, name: str) -> _Line | None:
         line = self._lines.get(name)

@@ -30,8 +30,10 @@ from gateway.ipc.folder_problems import FolderProblem, identity_of, why_not_usab
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, note_of
 from gateway.ipc.place import socket_path
+from gateway.ipc.plan import GatewayPlan
 from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book
+from gateway.supervisor.capturing import Capturing
 from gateway.supervisor.chronicle import Chronicle
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.service import HttpService
@@ -89,10 +91,13 @@ class Supervisor:
         self._state_problem: FolderProblem | None = None
         self._rejected: dict[str, str] = {}
         self._waker: asyncio.Task[None] | None = None
-        window = Window(self.feeds, state, self._settings_of, self.reload, self._say, self._history)
+        window = Window(
+            self.feeds, state, self._settings_of, self.reload, self._say, self._history, self._plan
+        )
         self._http = HttpService(window)
         orders = Orders(self.reload, partial(ask, socket_path(state)))
         self._temperatures = Temperatures(orders.ask, self._say)
+        self._capturing = Capturing(state, self._say)
         self._mqtt = MqttService(self.feeds, self._say, orders, state, hear=self._temperatures.hear)
 
     async def run(self) -> None:
@@ -108,6 +113,7 @@ class Supervisor:
             self._http.run(),
             self._mqtt.run(),
             self._temperatures.run(),
+            self._capturing.run(),
         )
 
     async def reload(self) -> Outcome:
@@ -224,6 +230,7 @@ class Supervisor:
         mqtt = loaded.sections.mqtt
         folder = loaded.path.parent
         self._temperatures.follow(loaded.sections)
+        self._capturing.follow(loaded)
         topics = self._temperatures.topics
         self._mqtt.follow(None if mqtt is None else settings_of(mqtt, loaded.plan.name, folder, topics))
 
@@ -291,9 +298,12 @@ class Supervisor:
     def _history(self, axis: str) -> Mapping[str, Any] | None:
         return self._chronicle.history(axis, time.monotonic())
 
-    def _settings_of(self, axis: str) -> AxisSettings | None:
+    def _plan(self) -> GatewayPlan | None:
         loaded = self._keeper.loaded
-        return settings_in(None if loaded is None else loaded.plan, axis)
+        return None if loaded is None else loaded.plan
+
+    def _settings_of(self, axis: str) -> AxisSettings | None:
+        return settings_in(self._plan(), axis)
 
     def _own_status(self) -> dict[str, Any]:
         silent_s = self._watch.silent_s
@@ -324,6 +334,7 @@ class Supervisor:
         fields = {**happened.fields, "process": "relay"}
         note = Note(Severity(happened.severity), happened.event, fields, happened.wall_s)
         self.feeds.tell(note)
+        self._capturing.happened(note.event)
         if self._tells_events:
             self._write(note)
 
@@ -331,4 +342,5 @@ class Supervisor:
         note = note_of(event, {**fields, "process": "supervisor"}, time.time(), severity)
         self.feeds.tell(note)
         self._write(note)
+        self._capturing.happened(note.event)
         self._publish()  # whoever hears of it finds it in the status

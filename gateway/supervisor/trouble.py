@@ -10,20 +10,17 @@ from typing import Any, Final
 
 from gateway.catalogue import troubles as kinds
 from gateway.catalogue.entry import Audience, Severity, TroubleEntry
+from gateway.catalogue.troubles import FEWEST_ASKED, SILENT_S
 from gateway.times import span
 
 STALE_S: Final = 2.0
 """Snapshots come five times a second: after this the relay is there but says nothing."""
-SILENT_S: Final = 2.0
-"""A drive whose requests have been left unanswered for so long is silent; one lost answer is not."""
 GARBLED_SHARE: Final = 0.5
 """Of the unanswered requests so many met with bytes that are no frame: the drive speaks another way."""
 FEWEST_DAMAGED: Final = 3
 """Less in a minute, or ever, is chance."""
 DAMAGED_SHARE: Final = 0.01
 """Of the frames of a minute; on a good wire there is none in days."""
-FEWEST_ASKED: Final = 3
-"""A unit id without an axis that left fewer requests unanswered was only looked for."""
 FEWEST_TRIES: Final = 3
 """Times that another one wanted an axis within a minute: once is a mistake, more are two programs."""
 

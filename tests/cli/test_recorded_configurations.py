@@ -5,8 +5,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.cli.recordings import header_of, plan_of
+from gateway.cli.recordings import plan_of
 from gateway.config.load import load
+from gateway.config.recording_header import header_of
 from gateway.relay.replay import ReplayError
 
 CONFIG = """

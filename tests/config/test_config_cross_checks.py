@@ -324,3 +324,42 @@ def test_no_travel_is_warned_of(tmp_path: Path) -> None:
     [warning] = loaded(tmp_path, edited(("travel = [-300.0, 0.0]\n", ""))).warnings
     assert warning.key == "axis.x"
     assert "travel = [lowest, highest]" in warning.remedy
+
+
+STATUS_UNIT = """
+[status_unit]
+id = 250
+"""
+
+
+def test_the_gateway_has_a_unit_id_of_its_own_where_one_is_named(tmp_path: Path) -> None:
+    assert loaded(tmp_path, GOOD).plan.status_unit == 0
+    assert loaded(tmp_path, GOOD + STATUS_UNIT).plan.status_unit == 250
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        (("unit_id = 1", "unit_id = 250"), "axis.x.unit_id"),
+        (("[line.xyz]", "[line.xyz]\nother_units = [7, 250]"), "line.xyz.other_units[2]"),
+    ],
+    ids=["axis", "other device"],
+)
+def test_the_unit_id_of_the_gateway_is_that_of_no_drive(
+    tmp_path: Path, change: tuple[str, str], key: str
+) -> None:
+    text = edited(change) + STATUS_UNIT
+    problem = only(refused(tmp_path, text), "status_unit.id")
+    assert problem.line == line_of(text, "[status_unit]") + 1
+    assert problem.found == f"250 is the unit id of a drive: {key} has it"
+    assert problem.remedy == (
+        "choose an id that no device of any line has, as 250: what is asked there never reaches one"
+    )
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_the_unit_id_of_the_gateway_is_neither_the_broadcast_nor_the_device_itself(
+    tmp_path: Path, value: int
+) -> None:
+    problem = only(refused(tmp_path, GOOD + STATUS_UNIT.replace("250", str(value))), "status_unit.id")
+    assert problem.remedy == "allowed: at least 1, at most 254"

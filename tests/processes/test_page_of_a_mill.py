@@ -69,3 +69,27 @@ def test_the_page_follows_the_machine_and_says_what_is_wrong_as_long_as_it_is(mi
         assert gateway.end() == 0
     page.wait_for_selector("#lost:not([hidden])")
     assert all("Failed to load resource" in text or "ERR_" in text for text in complaints), complaints
+
+
+def test_frames_are_shown_in_words_to_whoever_asks_for_them(mill: Mill, page: Page) -> None:
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    with mill.running() as gateway:
+        controller = Controller(mill.controller_port)
+        page.goto(mill.address)
+        page.wait_for_selector("article.axis:nth-of-type(3)")
+        controller.move(1, -20.0)
+        while controller.where(1) != -20.0:
+            pass
+        assert not [url for url in asked if "/frames/" in url]
+        page.locator("#frames-room summary").click()
+        page.wait_for_selector("#frames >> text=[x actual -20 mm]")
+        words = page.locator("#frames").inner_text()
+        assert "read holding registers" in words
+        assert {"from controller", "to drive", "from drive", "to controller"} <= set(words.split("\n"))
+        # The controller reads -20 mm; the drive says where that is on its own scale.
+        assert "[x actual -19.99" in words
+        page.locator("#frames-hold").click()
+        page.wait_for_selector("#frames-hold[aria-pressed=true]")
+        controller.end()
+        assert gateway.end() == 0

@@ -131,9 +131,10 @@ class Bench:
         controllers: tuple[ControllerLink, ...],
         axes: tuple[AxisPlan, ...] = (),
         timing: LineTiming | None = None,
+        status_unit: int = 0,
     ) -> Relay:
         line = LinePlan("line", drives, controllers, axes, timing or TIMING)
-        relay = Relay(GatewayPlan("bench", (line,)), self.notes.append)
+        relay = Relay(GatewayPlan("bench", (line,), status_unit=status_unit), self.notes.append)
         await relay.start()
         self.stack.push_async_callback(relay.stop)
         return relay

@@ -121,6 +121,33 @@ MQTT: Final[Texts] = {
     ),
 }
 
+STATUS_UNIT: Final[Texts] = {
+    "id": Said(
+        more=(
+            "Nor of another device on any line: what is asked there never reaches one. Read-only "
+            "([registers](status-registers.md)). 248 and above are reserved on serial lines and free in "
+            "practice; some panels reach 247 at most"
+        ),
+    ),
+}
+
+CAPTURE: Final[Texts] = {
+    "size_mb": Said(
+        more=(
+            "An exchange takes about 130 bytes: 4 MB are five minutes of a hundred exchanges in a second, "
+            "or half a minute of a thousand. Changed at the next start"
+        ),
+    ),
+    "on": Said(
+        more=(
+            'As in `["drive-silent", "axis-blocked"]`; `pitch-gateway explain` knows all. The supervisor '
+            "writes `capture-TIME-EVENT.jsonl` into the folder of the state, 2 s after the event, once a "
+            "minute at most"
+        ),
+        kind="list of events",
+    ),
+}
+
 GROUP: Final[Texts] = {
     "axes": Said(
         more="At least two",

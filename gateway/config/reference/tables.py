@@ -7,7 +7,7 @@ from typing import Final
 from pydantic import BaseModel
 
 from gateway.config.axis_model import AxisSection, GroupSection, TableOptions
-from gateway.config.gateway_model import GatewaySection
+from gateway.config.gateway_model import CaptureSection, GatewaySection, StatusUnitSection
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSection
 from gateway.config.mqtt_model import MqttSection
@@ -75,6 +75,8 @@ TABLES: Final[Mapping[str, KeyTable]] = {
     ),
     "http": KeyTable((HttpSection,), service_texts.HTTP),
     "mqtt": KeyTable((MqttSection,), service_texts.MQTT),
+    "status_unit": KeyTable((StatusUnitSection,), service_texts.STATUS_UNIT),
+    "capture": KeyTable((CaptureSection,), service_texts.CAPTURE),
     "group": KeyTable((GroupSection,), service_texts.GROUP),
 }
 """By the name of their markers in the document."""

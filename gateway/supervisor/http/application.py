@@ -19,6 +19,7 @@ from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, pr
 from gateway.supervisor.http.door import Door
 from gateway.supervisor.http.entrance import Entrance
 from gateway.supervisor.http.event_stream import MEDIA_TYPE, EventStream, Models, Wish
+from gateway.supervisor.http.frames import Frames
 from gateway.supervisor.http.metrics import Metrics
 from gateway.supervisor.http.page_files import PageFile, read_page
 from gateway.supervisor.http.streaming import EndlessResponse
@@ -33,6 +34,7 @@ PATHS: Final = (
     "/events",
     "/tables/NAME",
     "/history/NAME",
+    "/frames/NAME",
     "/page/NAME",
     "/session",
 )
@@ -52,6 +54,7 @@ class Served:
         self._models = Models()
         self._metrics = Metrics(window.feeds)
         self._tables = Tables(window)
+        self._frames = Frames(window)
         self._complaints = Complaints(lambda what: window.say(HTTP_FAILED, detail=what))
         self._page: Mapping[str, PageFile] = read_page()
 
@@ -70,6 +73,7 @@ class Served:
             "/events": _Events(self._window, self._models, door, access).answer,
             "/tables/NAME": self._tables.answer,
             "/history/NAME": self._history,
+            "/frames/NAME": self._frames.answer,
             "/page/NAME": self._page_file,
             "/reload": self._reload,
             "/session": entrance.session,

@@ -25,6 +25,8 @@ class Window:
     say: Say
     history: Callable[[str], Mapping[str, Any] | None] = lambda _axis: None
     """Where an axis was in the last ten minutes; None: nothing is known of it."""
+    plan: Callable[[], GatewayPlan | None] = lambda: None
+    """The plan of the configuration that was taken; None where there is none yet."""
 
 
 def settings_in(plan: GatewayPlan | None, axis: str) -> AxisSettings | None:

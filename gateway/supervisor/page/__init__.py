@@ -1,7 +1,8 @@
 """The page that a person leaves open beside the machine: files that are served as they are.
 
 Nothing is built, and nothing is fetched but from the gateway itself: ``index.html`` at ``/``, the others at
-``page/NAME``, and of the gateway's own answers ``events``, ``status``, ``tables/AXIS``, ``history/AXIS``.
+``page/NAME``, and of the gateway's own answers ``events``, ``status``, ``tables/AXIS``, ``history/AXIS``,
+``frames/LINE``.
 """
 
 from typing import Final
@@ -13,6 +14,7 @@ FILES: Final = (
     "axes.css",
     "curves.css",
     "rooms.css",
+    "frames.css",
     "login.css",
     "icon.svg",
     "icon-trouble.svg",
@@ -26,6 +28,7 @@ FILES: Final = (
     "dom.js",
     "event_list.js",
     "figures.js",
+    "frames.js",
     "histogram.js",
     "history.js",
     "latency.js",

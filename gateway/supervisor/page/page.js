@@ -6,6 +6,7 @@ import { Banner } from "./banner.js";
 import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
 import { EventList } from "./event_list.js";
 import { span } from "./figures.js";
+import { Frames } from "./frames.js";
 import { Latency } from "./latency.js";
 import { LineCard } from "./line_cards.js";
 import { isFresh } from "./model.js";
@@ -20,6 +21,7 @@ class Page {
     this.banner = new Banner();
     this.events = new EventList();
     this.latency = new Latency();
+    this.frames = new Frames();
     /** @type {Map<string, AxisCard>} */
     this.axes = new Map();
     /** @type {Map<string, LineCard>} */
@@ -81,6 +83,7 @@ class Page {
       this.lines.get(name)?.show(line, now, isFresh(model), model.troubles);
     }
     this.latency.show(model);
+    this.frames.offer(lines);
     this.showLink();
   }
 

@@ -22,6 +22,7 @@ PATHS = [
     "/events",
     "/tables/NAME",
     "/history/NAME",
+    "/frames/NAME",
     "/page/NAME",
     "/session",
 ]

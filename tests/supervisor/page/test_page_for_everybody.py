@@ -220,4 +220,4 @@ def test_levels_of_headings_do_not_leap(visit: Visit) -> None:
     levels = visit.page.evaluate(
         "[...document.querySelectorAll('h1, h2, h3, h4')].map((one) => Number(one.localName[1]))"
     )
-    assert levels == [1, 2, 3, 2, 3, 2, 2]
+    assert levels == [1, 2, 3, 2, 3, 2, 2, 2]

@@ -178,7 +178,7 @@ def test_a_turning_axis_comes_round(visit: Visit) -> None:
 def test_another_gain_brings_another_curve(visit: Visit) -> None:
     row = "article.axis tbody tr:first-child > *"
     first = f"[...document.querySelectorAll({row!r})].map((one) => one.textContent)"
-    visit.page.locator("summary").focus()
+    visit.page.locator(".values summary").focus()
     visit.page.keyboard.press("Enter")
     visit.until(first, ["−300.000", "+30.0", "+55.0"])
     scaled = curve()

@@ -76,9 +76,10 @@ class Reader:
                 self._start_ns = entry.t
             self._now_ns = entry.t
         since_s = (self._now_ns - (self._start_ns or 0)) / NS_PER_S
-        return f"{since_s:12.6f}  {entry.line:<8} {self._text(entry)}"
+        return f"{since_s:12.6f}  {entry.line:<8} {self.text(entry)}"
 
-    def _text(self, entry: traffic.Input | traffic.Output) -> str:
+    def text(self, entry: traffic.Input | traffic.Output) -> str:
+        """Return what an entry is, without when and where."""
         match entry:
             case traffic.Request():
                 self._controllers[entry.line, entry.port] = f"{entry.controller}#{entry.port}"

@@ -1,0 +1,1 @@
+"""What ``pitch-gateway capture`` makes of the frames of a line."""

@@ -1,0 +1,132 @@
+"""The tapes of a gateway that runs, borrowed over its socket, as entries of a recording."""
+
+import heapq
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from gateway.ipc import traffic
+from gateway.ipc.client import NoGatewayError, borrow
+from gateway.ipc.messages import GetTapes, Tapes
+from gateway.ipc.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, Look, NoTapeError, Raw
+
+Timed = tuple[int, traffic.Entry]
+"""An entry with its time in ns since boot; an output has that of the input that caused it."""
+
+
+class NoCaptureError(Exception):
+    """The gateway keeps no tapes, or none that can be read; with the remedy."""
+
+
+def frame_entry(line: str, ports: Mapping[int, tuple[str, str, str]], raw: Raw) -> traffic.Entry:
+    """Return the entry of a frame; ``ports`` are controller, peer and role of each port.
+
+    Raises:
+        KeyError: a request of a port that is not among them.
+    """
+    kind, t_ns, ids, pdu = raw
+    port, transaction, unit = ids >> 24, ids >> 8 & 0xFFFF, ids & 0xFF
+    if kind == REQUEST:
+        controller, peer, role = ports[port]
+        return traffic.Request(line, t_ns, port, controller, transaction, unit, pdu.hex(), peer, role)
+    if kind == REPLY:
+        return traffic.Reply(line, t_ns, unit, pdu.hex())
+    if kind == SENT:
+        return traffic.Sent(line, unit, pdu.hex())
+    if kind == ANSWERED:
+        return traffic.Answered(line, port, transaction, unit, pdu.hex())
+    return traffic.Abandoned(line) if kind == ABANDONED else traffic.Tick(line, t_ns)
+
+
+class _Line:
+    """The tape of one line, read as it grows."""
+
+    def __init__(self, name: str, look: Look) -> None:
+        self.name = name
+        self.look = look
+        self._ports: dict[int, tuple[str, str, str]] = {}
+
+    def new(self) -> tuple[list[Timed], bool]:
+        """Return what is new, and whether something before it is lost."""
+        raws, is_lost = self.look.new()
+        return list(self._entries(raws)), is_lost
+
+    def newest(self, count: int) -> list[Timed]:
+        """Return the newest entries."""
+        return list(self._entries(self.look.newest(count)))[-count:]
+
+    def _entries(self, raws: Iterable[Raw]) -> Iterator[Timed]:
+        for raw in raws:
+            if raw.kind == TEXT:
+                entry = traffic.decode(raw.data)
+                if isinstance(entry, traffic.Port):
+                    self._ports[entry.port] = entry.controller, entry.peer, entry.role
+                else:
+                    yield raw.t, entry
+            elif raw.kind != REQUEST or raw.ids >> 24 in self._ports:
+                yield raw.t, frame_entry(self.name, self._ports, raw)
+            # A request whose sender was told of in what is written over already comes before anything that
+            # a replay could begin with.
+
+
+class Capture:
+    """The tapes of all lines, or of one."""
+
+    def __init__(self, socket: Path, only: str | None = None) -> None:
+        """Borrow them.
+
+        Raises:
+            NoGatewayError: no gateway, or one that says nothing of this.
+            NoCaptureError: it keeps none, none of that name, or tapes of another release.
+        """
+        reply, descriptors = borrow(socket, GetTapes())
+        try:
+            if not isinstance(reply, Tapes) or len(reply.lines) != len(descriptors):
+                raise NoGatewayError(f"the gateway at {socket} answered with something else than its tapes")
+            if not reply.lines:
+                raise NoCaptureError("the gateway keeps no frames: set size_mb in [capture], and restart it")
+            if only is not None and only not in reply.lines:
+                raise NoCaptureError(f"there is no line {only}; there are {', '.join(reply.lines)}")
+            chosen = zip(reply.lines, descriptors, strict=True)
+            self._lines = [_Line(name, Look(fd)) for name, fd in chosen if only in (None, name)]
+        except NoTapeError as error:
+            raise NoCaptureError(str(error)) from None
+        finally:
+            for descriptor in descriptors:
+                os.close(descriptor)
+
+    def new(self) -> tuple[list[Timed], bool]:
+        """Return what has come since it was asked last, in order, and whether something before it is lost."""
+        read = [line.new() for line in self._lines]
+        merged = heapq.merge(*(entries for entries, _ in read), key=lambda each: each[0])
+        return list(merged), any(is_lost for _, is_lost in read)
+
+    def newest(self, count: int) -> list[Timed]:
+        """Return the newest entries of the first line, oldest first."""
+        return self._lines[0].newest(count)
+
+    def wall_ns(self, t_ns: int) -> int:
+        """Return the time of day of an entry, in ns since 1970."""
+        return self._lines[0].look.wall_ns(t_ns)
+
+    def close(self) -> None:
+        """Give the memory back."""
+        for line in self._lines:
+            line.look.close()
+
+
+def write_recording(path: Path, header: traffic.Header, entries: Iterable[traffic.Entry]) -> int:
+    """Write a new file that ``replay`` runs, for this user alone; return the number of its entries.
+
+    Raises:
+        OSError: it exists, or cannot be written.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    number = 0
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(traffic.encode(header))
+        for entry in entries:
+            file.write(traffic.encode(entry))
+            number += 1
+        file.write(traffic.encode(traffic.End(number)))
+    return number

@@ -1,0 +1,95 @@
+"""Frames into a file by themselves, when an event happens that ``[capture] on`` names.
+
+The relay does nothing for it: its tapes are looked into (``ipc.capture``).
+"""
+
+import asyncio
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from gateway.catalogue.process_events import CAPTURE_FAILED, CAPTURED
+from gateway.config.gateway_model import CaptureSection
+from gateway.config.load import Loaded
+from gateway.config.recording_header import header_of
+from gateway.ipc import traffic
+from gateway.ipc.capture import Capture, NoCaptureError, write_recording
+from gateway.ipc.client import NoGatewayError
+from gateway.ipc.place import socket_path
+from gateway.supervisor.aside import aside
+
+AFTER_S: Final = 2.0
+"""What follows an event tells as much as what led to it."""
+PAUSE_S: Final = 60.0
+PREFIX: Final = "capture-"
+SUFFIX: Final = ".jsonl"
+OWN: Final = frozenset({CAPTURED.name, CAPTURE_FAILED.name})
+"""Not heard, whatever is asked for: each would bring about the next one."""
+
+
+class Capturing:
+    """Waits for events; ``say`` tells what came of it."""
+
+    def __init__(self, state: Path, say: Callable[..., None]) -> None:
+        self._state = state
+        self._say = say
+        self._loaded: Loaded | None = None
+        self._event = ""
+        self._is_wanted = asyncio.Event()
+        self._next_s = 0.0
+
+    def follow(self, loaded: Loaded) -> None:
+        """Go by a configuration."""
+        self._loaded = loaded
+
+    def happened(self, event: str) -> None:
+        """Take note of an event; of several at once the first one counts."""
+        loaded = self._loaded
+        if loaded is None or event in OWN or event not in loaded.sections.capture.on:
+            return
+        if not self._is_wanted.is_set() and time.monotonic() >= self._next_s:
+            self._next_s = time.monotonic() + PAUSE_S
+            self._event = event
+            self._is_wanted.set()
+
+    async def run(self) -> None:
+        """Write what is wanted, until cancelled."""
+        while True:
+            await self._is_wanted.wait()
+            await asyncio.sleep(AFTER_S)
+            assert self._loaded is not None
+            work = partial(write_capture, self._state, self._loaded, self._event, datetime.now(UTC))
+            try:
+                file, frames = await aside(work)
+            except (NoGatewayError, NoCaptureError, OSError) as error:
+                self._say(CAPTURE_FAILED, on=self._event, detail=str(error))
+            else:
+                self._say(CAPTURED, on=self._event, file=str(file), entries=frames)
+            self._is_wanted.clear()
+
+
+def write_capture(state: Path, loaded: Loaded, event: str, now: datetime) -> tuple[Path, int]:
+    """Write what the tapes hold, and remove the oldest files; return the file and how much is in it.
+
+    Raises:
+        NoGatewayError, NoCaptureError: there is nothing to look into.
+        OSError: the file cannot be written.
+    """
+    capture = Capture(socket_path(state))
+    try:
+        timed, _ = capture.new()
+    finally:
+        capture.close()
+    file = state / f"{PREFIX}{now:%Y%m%dT%H%M%SZ}-{event}{SUFFIX}"
+    number = write_recording(file, header_of(loaded, traffic.CAPTURED), (entry for _, entry in timed))
+    _make_room(state, loaded.sections.capture)
+    return file, number
+
+
+def _make_room(state: Path, section: CaptureSection) -> None:
+    """Keep the newest files: their names begin with the time."""
+    for old in sorted(state.glob(f"{PREFIX}*{SUFFIX}"))[: -section.keep]:
+        old.unlink(missing_ok=True)

@@ -1,0 +1,307 @@
+"""``capture`` as a person types it; what it writes, read by ``replay`` and by tshark."""
+
+import json
+import os
+import pty
+import re
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import threading
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from gateway.modbus.mbap import encode_mbap
+from gateway.modbus.rtu import encode_rtu
+from tests.child import started
+from tests.ports import free_port
+
+ROOT = Path(__file__).parents[2]
+COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
+SECONDS = 60
+WRITE = bytes.fromhex("10 0064 0002 04 0000 C350")
+READ = bytes.fromhex("03 006E 0002")
+COILS = bytes.fromhex("01 0000 0018")
+"""24 coils: the answer is as long as the request, and Wireshark may not tell them apart by that."""
+UNKNOWN = bytes.fromhex("41 00")
+TABLE = """CNC10 TAB FILE VERSION 3
+AXIS X
+UNITS MILLIMETER
+INTERVAL 50.0
+ENTRIES 3
+0.0 0.0 0.0
+50.0 0.05 0.05
+100.0 0.1 0.1
+"""
+CONFIG = """
+[gateway]
+name = "trial"
+
+[capture]
+size_mb = 0.5
+
+[line.xyz]
+drives = {{ {drives} }}
+response_timeout_ms = 500
+
+[[line.xyz.controllers]]
+name = "cnc"
+{controller}
+
+[axis.x]
+line = "xyz"
+unit_id = 1
+units = "mm"
+counts_per_unit = 1000.0
+travel = [0.0, 100.0]
+referenced = "absolute"
+table = "x.tab"
+registers.command = [{{ address = 100, type = "int32" }}]
+registers.actual = [{{ address = 110, type = "int32" }}]
+"""
+
+
+def reply_to(pdu: bytes) -> bytes:
+    """A drive that stands where 50 mm are, with its correction: 50 050 counts."""
+    if pdu[0] == 3:
+        return bytes.fromhex("03 04 0000 C382")
+    if pdu[0] == 16:
+        return pdu[:5]
+    return bytes.fromhex("01 03 FF FF FF") if pdu[0] == 1 else bytes((pdu[0] | 0x80, 1))
+
+
+def serve(drive: socket.socket) -> None:
+    """Be that drive over Modbus/TCP, for one connection."""
+    try:
+        connection, _ = drive.accept()
+    except OSError:
+        return
+    with connection:
+        while data := connection.recv(300):
+            number, unit_id, pdu = int.from_bytes(data[:2], "big"), data[6], data[7:]
+            connection.sendall(encode_mbap(number, unit_id, reply_to(pdu)))
+
+
+def serve_rtu(device: int) -> None:
+    """Be that drive on a serial line, whose frames arrive whole."""
+    try:
+        while data := os.read(device, 300):
+            os.write(device, encode_rtu(data[0], reply_to(data[1:-2])))
+    except OSError:
+        return
+
+
+def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [*COMMAND, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+    )
+
+
+@dataclass
+class Site:
+    """A gateway that runs, with the controller's end of its cable."""
+
+    config: Path
+    port: int = 0
+    number: int = 0
+
+    def ask(self, pdu: bytes) -> bytes:
+        self.number += 1
+        with socket.create_connection(("127.0.0.1", self.port), timeout=SECONDS) as controller:
+            controller.sendall(encode_mbap(self.number, 1, pdu))
+            return controller.recv(300)[7:]
+
+
+@contextmanager
+def site(folder: Path, *, serial: bool = False) -> Iterator[Site]:
+    (folder / "tables").mkdir()
+    (folder / "tables" / "x.tab").write_text(TABLE)
+    config = folder / "gateway.toml"
+    device, cable = pty.openpty()
+    with socket.create_server(("127.0.0.1", 0)) as drive:
+        way = f'tcp = "127.0.0.1:{drive.getsockname()[1]}"'
+        if serial:
+            tty.setraw(cable)
+            way = f'rtu = "{os.ttyname(cable)}", baudrate = 115200'
+            threading.Thread(target=serve_rtu, args=(device,), daemon=True).start()
+        else:
+            threading.Thread(target=serve, args=(drive,), daemon=True).start()
+        config.write_text(CONFIG.format(drives=way, controller=f'tcp = "127.0.0.1:{free_port()}"'))
+        assert typed("check", "--compile", str(config)).returncode == 0
+        arguments = [*COMMAND, "relay", str(config), "--log-format", "json"]
+        with started(arguments, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+            made = Site(config)
+            assert process.stderr is not None
+            awaited = {"ready", "line-up"}
+            while awaited:
+                note = json.loads(process.stderr.readline())
+                awaited.discard(note["event"])
+                if note["event"] == "ready":
+                    made.port = int(note["addresses"]["xyz/cnc"][0].rpartition(":")[2])
+            try:
+                yield made
+            finally:
+                process.kill()
+                os.close(cable)
+                os.close(device)
+
+
+def test_what_was_captured_is_replayed(tmp_path: Path) -> None:
+    file = tmp_path / "monday.jsonl"
+    with site(tmp_path) as made:
+        for pdu in (WRITE, READ, COILS, UNKNOWN):
+            made.ask(pdu)
+        result = typed("capture", str(made.config), str(file), "--json")
+        assert result.stderr == ""
+        said = json.loads(result.stdout)
+        # Four frames each: from the controller, to the drive, and back.
+        assert (said["frames"], said["files"]) == (16, [str(file)])
+        assert typed("capture", str(made.config), str(file)).returncode == 1
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    result = typed("replay", str(file))
+    assert (result.returncode, result.stderr) == (0, "")
+    assert re.fullmatch(r"\d+ inputs, 8 outputs: all as recorded\n", result.stdout)
+
+
+def test_frames_in_words_and_as_json(tmp_path: Path) -> None:
+    with site(tmp_path) as made:
+        made.ask(WRITE)
+        made.ask(UNKNOWN)
+        words = typed("capture", str(made.config), "--line", "xyz")
+        lines = typed("capture", str(made.config), "--json").stdout.splitlines()
+        wrong = typed("capture", str(made.config), "--line", "abc")
+    assert words.returncode == 0
+    assert (
+        "controller → cnc#1  unit 1  write multiple registers  10 00 64 00 02 04 00 00 c3 50" in words.stdout
+    )
+    assert "[x command 50 mm]" in words.stdout
+    assert "[x command 50.05 mm]" in words.stdout
+    assert "exception 1 (illegal function)" in words.stdout
+    frames = [entry for line in lines if (entry := json.loads(line))["kind"] in ("request", "sent")]
+    assert [entry["pdu"] for entry in frames] == [
+        WRITE.hex(),
+        "10006400020400 00c382".replace(" ", ""),
+        UNKNOWN.hex(),
+        UNKNOWN.hex(),
+    ]
+    assert all(re.fullmatch(r"20\d\d-\d\d-\d\dT.*\+00:00", entry["time"]) for entry in frames)
+    assert wrong.returncode == 1
+    assert "there is no line abc; there are xyz" in wrong.stderr
+
+
+def test_who_follows_sees_what_comes_and_ends_it_with_ctrl_c(tmp_path: Path) -> None:
+    with site(tmp_path) as made:
+        made.ask(WRITE)
+        arguments = [*COMMAND, "capture", str(made.config), "--follow", "--json"]
+        with started(arguments, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            # Until it looks nothing of what is asked is new to it.
+            stop = threading.Event()
+
+            def go_on() -> None:
+                with socket.create_connection(("127.0.0.1", made.port), timeout=SECONDS) as controller:
+                    while not stop.is_set():
+                        controller.sendall(encode_mbap(1, 1, READ))
+                        assert controller.recv(300)
+
+            asking = threading.Thread(target=go_on)
+            asking.start()
+            try:
+                first = json.loads(process.stdout.readline())
+            finally:
+                stop.set()
+                asking.join()
+            process.send_signal(signal.SIGINT)
+            process.stdout.read()
+            assert process.wait(SECONDS) == 0
+    assert first["line"] == "xyz"
+    assert first.get("pdu") != WRITE.hex()
+
+
+def test_nobody_to_look_at_and_nothing_kept(tmp_path: Path) -> None:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "x.tab").write_text(TABLE)
+    config = tmp_path / "gateway.toml"
+    config.write_text(
+        CONFIG.format(drives='tcp = "127.0.0.1:1"', controller=f'tcp = "127.0.0.1:{free_port()}"')
+    )
+    result = typed("capture", str(config))
+    assert result.returncode == 1
+    assert "no gateway runs" in result.stderr
+    result = typed("capture", str(config), str(tmp_path / "file"), "--follow")
+    assert result.returncode == 2
+
+
+@pytest.mark.parametrize("serial", [False, True], ids=["tcp", "rtu"])
+def test_wireshark_reads_both_sides_and_finds_nothing_malformed(tmp_path: Path, serial: bool) -> None:
+    file = tmp_path / "monday.pcapng"
+    with site(tmp_path, serial=serial) as made:
+        for pdu in (WRITE, READ, COILS, UNKNOWN):
+            made.ask(pdu)
+        assert typed("capture", str(made.config), "--pcapng", str(file)).returncode == 0
+        made.ask(READ)
+        piped = subprocess.run(
+            [*COMMAND, "capture", str(made.config), "--pcapng", "-"],
+            capture_output=True,
+            timeout=SECONDS,
+            check=True,
+            cwd=ROOT,
+        )
+    assert piped.stdout.startswith(file.read_bytes())
+
+    def tshark(*arguments: str) -> list[str]:
+        environment = {**os.environ, "LC_ALL": "C.UTF-8", "HOME": str(tmp_path)}
+        result = subprocess.run(
+            ["tshark", "-r", str(file), *arguments],
+            capture_output=True,
+            text=True,
+            timeout=SECONDS,
+            check=True,
+            env=environment,
+        )
+        return result.stdout.splitlines()
+
+    fields = ("frame.interface_name", "_ws.col.Protocol", "modbus.func_code", "_ws.col.Info")
+    rows = tshark("-T", "fields", *(part for each in fields for part in ("-e", each)))
+    seen = [
+        (name, protocol, int(function), info.split(":")[0].strip())
+        for name, protocol, function, info in (row.split("\t") for row in rows)
+    ]
+    back = "Modbus RTU" if serial else "Modbus/TCP"
+    expected = [
+        frame
+        for function in (16, 3, 1)
+        for frame in (
+            ("xyz: cnc", "Modbus/TCP", function, "Query"),
+            ("xyz: drives", back, function, "Query"),
+            ("xyz: drives", back, function, "Response"),
+            ("xyz: cnc", "Modbus/TCP", function, "Response"),
+        )
+    ]
+    assert seen[:12] == expected
+    assert [row[:3] for row in seen[12:]] == [
+        (name, protocol, 65)
+        for name, protocol in (
+            ("xyz: cnc", "Modbus/TCP"),
+            ("xyz: drives", back),
+            ("xyz: drives", back),
+            ("xyz: cnc", "Modbus/TCP"),
+        )
+    ]
+    assert tshark("-Y", "_ws.malformed") == []
+    bad = "ip.checksum.status == 0 or tcp.checksum.status == 0 or mbrtu.crc16.status == 0"
+    checks = ("ip.check_checksum", "tcp.check_checksum", "mbrtu.crc_verification")
+    assert tshark(*(part for each in checks for part in ("-o", f"{each}:TRUE")), "-Y", bad) == []

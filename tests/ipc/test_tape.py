@@ -1,0 +1,132 @@
+"""The tape: what is on it, what was written over, and that it never takes more than it was given."""
+
+import mmap
+import os
+from itertools import pairwise
+
+import pytest
+
+from gateway.ipc.tape import (
+    HEAD,
+    PAGE,
+    REPLY,
+    REQUEST,
+    SEGMENTS,
+    SENT,
+    TEXT,
+    Look,
+    NoTapeError,
+    Raw,
+    Tape,
+    ids_of,
+)
+
+SMALLEST = SEGMENTS * PAGE
+ROOM = PAGE - 16
+"""Bytes for entries in a segment of a page: its number and its filling take 16."""
+PDU = bytes.fromhex("03 0064 0002")
+IDS = ids_of(3, 7, 250)
+
+
+def test_what_was_put_is_there_in_order() -> None:
+    tape = Tape("x", SMALLEST, 1_000, 1_700_000_000_000_000_000)
+    look = Look(tape.descriptor)
+    put = [Raw(REQUEST, 2_000, IDS, PDU), Raw(SENT, 2_000, 250, PDU), Raw(REPLY, 3_000, 250, b"")]
+    for raw in put:
+        tape.put(*raw)
+    assert look.new() == (put, False)
+    assert look.new() == ([], False)
+    tape.put(*put[0])
+    assert look.new() == ([put[0]], False)
+    # 2 000 - 1 000 ns after the moment that is on both clocks.
+    assert look.wall_ns(2_000) == 1_700_000_000_000_001_000
+    look.close()
+    tape.close()
+
+
+def test_the_bytes_of_an_entry() -> None:
+    """Size 26, kind 1, ids 0x030007FA, time 2 000 = 0x07D0, little end first; then the PDU."""
+    tape = Tape("x", SMALLEST, 0, 0)
+    tape.put(REQUEST, 2_000, IDS, PDU)
+    assert HEAD == 21
+    written = os.pread(tape.descriptor, HEAD + 5, PAGE + 16)
+    assert written == bytes.fromhex("1A000000 01 FA07000300000000 D007000000000000 0300640002")
+    tape.close()
+
+
+def test_the_oldest_is_written_over_and_the_rest_stays_whole() -> None:
+    tape = Tape("x", SMALLEST, 0, 0)
+    size = os.fstat(tape.descriptor).st_size
+    in_a_segment = ROOM // (HEAD + 5)
+    for number in range(20 * in_a_segment):
+        tape.put(REQUEST, number, IDS, PDU)
+    look = Look(tape.descriptor)
+    found, is_lost = look.new()
+    # The newest eight segments, the last of them full.
+    assert [raw.t for raw in found] == list(range(12 * in_a_segment, 20 * in_a_segment))
+    assert not is_lost
+    assert os.fstat(tape.descriptor).st_size == size == PAGE + SMALLEST
+    look.close()
+    tape.close()
+
+
+def test_who_looks_too_seldom_is_told_that_something_is_lost() -> None:
+    tape = Tape("x", SMALLEST, 0, 0)
+    look = Look(tape.descriptor)
+    in_a_segment = ROOM // (HEAD + 5)
+    for number in range(in_a_segment):
+        tape.put(REQUEST, number, IDS, PDU)
+    assert len(look.new()[0]) == in_a_segment
+    for number in range(SEGMENTS * in_a_segment):
+        tape.put(REQUEST, number, IDS, PDU)
+    found, is_lost = look.new()
+    assert is_lost
+    assert len(found) == SEGMENTS * in_a_segment
+    look.close()
+    tape.close()
+
+
+def test_who_looks_often_misses_nothing_over_many_turns() -> None:
+    tape = Tape("x", SMALLEST, 0, 0)
+    look = Look(tape.descriptor)
+    found: list[int] = []
+    for number in range(5_000):
+        tape.put(REQUEST, number, IDS, PDU * (number % 9))
+        if number % 37 == 0:
+            raws, is_lost = look.new()
+            assert not is_lost
+            found += [raw.t for raw in raws]
+    found += [raw.t for raw in look.new()[0]]
+    assert found[0] == 0
+    assert len(found) == 5_000
+    assert all(later == earlier + 1 for earlier, later in pairwise(found))
+    look.close()
+    tape.close()
+
+
+def test_an_entry_that_fits_into_no_segment_is_left_out() -> None:
+    tape = Tape("x", SMALLEST, 0, 0)
+    tape.put(TEXT, 1, 0, bytes(ROOM - HEAD + 1))
+    tape.put(TEXT, 2, 0, bytes(ROOM - HEAD))
+    look = Look(tape.descriptor)
+    assert [(raw.t, len(raw.data)) for raw in look.new()[0]] == [(2, ROOM - HEAD)]
+    look.close()
+    tape.close()
+
+
+def test_memory_that_is_no_tape_is_told() -> None:
+    for size, said in ((100, "memory of 100 bytes is no tape"), (PAGE + SMALLEST, "of this release")):
+        other = os.memfd_create("other")
+        os.ftruncate(other, size)
+        with pytest.raises(NoTapeError, match=said):
+            Look(other)
+        os.close(other)
+
+
+def test_it_can_be_neither_cut_nor_written_by_who_looks() -> None:
+    tape = Tape("x", SMALLEST, 0, 0)
+    with pytest.raises(OSError, match=r"Invalid argument|Operation not permitted"):
+        os.ftruncate(tape.descriptor, 0)
+    with pytest.raises(PermissionError):
+        mmap.mmap(tape.descriptor, PAGE, prot=mmap.PROT_WRITE)
+    tape.close()
