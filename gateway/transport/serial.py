@@ -48,7 +48,7 @@ class SerialChannel:
         self._empty: asyncio.Future[None] | None = None
         self._is_losing = False
         self.peer = endpoint.device
-        self.is_pty = _is_pty(self._fd)
+        self.is_pty = is_pty(self._fd)
         self.wire_ns_per_byte = 0 if self.is_pty else character_ns(endpoint)
         self.bytes_received = 0
         self.lost: asyncio.Future[None] = self._loop.create_future()
@@ -273,12 +273,12 @@ def open_port(endpoint: SerialEndpoint, kept: int | None = None) -> tuple[serial
     try:
         port = _configured(endpoint, notes, kept)
     except (OSError, termios.error, ValueError) as error:
-        raise _why_not_opened(endpoint, error) from error
+        raise why_not_opened(endpoint, error) from error
     try:
         return port, _finish(port.fileno(), endpoint, notes)
     except (OSError, termios.error) as error:
         port.close()
-        raise _why_not_opened(endpoint, error) from error
+        raise why_not_opened(endpoint, error) from error
 
 
 def _configured(endpoint: SerialEndpoint, notes: list[str], kept: int | None) -> serial.Serial:
@@ -305,7 +305,7 @@ def _finish(handle: int, endpoint: SerialEndpoint, notes: list[str]) -> Opened:
     attributes[_CC][termios.VMIN] = 1
     attributes[_CC][termios.VTIME] = 0
     termios.tcsetattr(handle, termios.TCSANOW, attributes)
-    if _is_pty(handle):
+    if is_pty(handle):
         return Opened((*notes, "a pseudo terminal has no low-latency mode"), LatencySettings())
     fcntl.ioctl(handle, termios.TIOCEXCL)  # pyserial's lock is advisory only
     settings, slow = tune(handle, is_wanted=endpoint.low_latency)
@@ -322,7 +322,8 @@ def _drop_nothing() -> None:
     pass
 
 
-def _is_pty(handle: int) -> bool:
+def is_pty(handle: int) -> bool:
+    """Whether a descriptor is the end of a pseudo terminal."""
     return os.major(os.fstat(handle).st_rdev) in PTY_MAJORS
 
 
@@ -337,7 +338,8 @@ def _why_lost(error: OSError) -> str:
     return "unplugged" if error.errno in (errno.EIO, errno.ENXIO, errno.ENODEV) else str(error)
 
 
-def _why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError:
+def why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError:
+    """Return the sentence, with the remedy, for what the system said when a port was opened or set."""
     number = error.errno if isinstance(error, OSError) else None
     device = endpoint.device
     if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO):
