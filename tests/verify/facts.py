@@ -205,6 +205,7 @@ def link_found(world: "World") -> None:
 def declared(world: "World", number: int) -> None:
     """A person says that the axis stands where its drive says."""
     if world.design.plans[number].referenced is not Reference.DRIVE_BIT:
+        rules.note_run(world, number, is_acked=False)  # somebody was there: to look once more does no harm
         note(world, number, _of(world, number)._replace(is_found=True, is_homing=False))
 
 
@@ -356,6 +357,8 @@ def _reference_after(facts: Facts, plan: AxisPlan, wire: "Wire", now_ns: int, *,
 
 
 def _triggered(pdu: bytes) -> int | None:
+    if pdu in (rules.COIL_RUN_PDU, rules.COIL_IDLE_PDU):
+        return RUN if pdu == rules.COIL_RUN_PDU else 0
     if pdu[0] != 6 or pdu[1] << 8 | pdu[2] != TRIGGER:
         return None
     return pdu[3] << 8 | pdu[4]
