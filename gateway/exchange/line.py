@@ -12,6 +12,7 @@ States of the line:
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
+from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import AddedFrame, Purpose, learn, note_restaged, reads_at_start
 from gateway.exchange.admission import Admission, judge
 from gateway.exchange.answers import Answers
@@ -19,7 +20,7 @@ from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.events import Outcome
 from gateway.exchange.axis.groups import join
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import Control, SetLimits, carry_out
+from gateway.exchange.control import Control, ControlError, EndDryRun, SetLimits, carry_out
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on
@@ -48,6 +49,7 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 EXCEPTION: Final = Outcome.EXCEPTION
+ON_THE_WIRE: Final = "a request that may move it is on the wire; let it arrive at a target, and reload again"
 REFUSALS_TOLD: Final = 10
 """So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
@@ -228,9 +230,14 @@ class LineExchange:
 
     def control(self, message: Control, now_ns: int) -> dict[str, str]:
         """Do what somebody outside asks for; see ``control.carry_out``. Raises ControlError."""
+        current = self._current
+        if isinstance(message, EndDryRun) and current is not None and not only_reads(current.pdu):
+            raise ControlError(f"axis {message.axis} stays in shadow: {ON_THE_WIRE}")
         changed = carry_out(self.axes, message, now_ns)
         if isinstance(message, SetLimits):
             self.meter.set_budget(message.axis, message.limits.budget_us)
+        elif isinstance(message, EndDryRun):
+            self._units.forget_paths()
         self._report(self.axes)
         return changed
 

@@ -12,9 +12,18 @@ from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
 from gateway.exchange.axis.record import FindTable
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import ClearTable, Control, Limits, SetGain, SetLimits, SetTables, limits_of
+from gateway.exchange.control import (
+    ClearTable,
+    Control,
+    EndDryRun,
+    SetGain,
+    SetLimits,
+    SetTables,
+    limits_of,
+)
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc.plan import LinePlan
 from gateway.relay.activity import Activity
@@ -71,11 +80,11 @@ class Line:
         )
         self._link.attach(self._timed)
         self._drives = _make_drives(plan.drives, self._link, self._drives_failed, self._drives_slow)
-        self._records: list[AxisRecord] = []
+        self._records: dict[str, AxisRecord] = {}
         self._loaded_at = {axis.name: _now() for axis in plan.axes if axis.table is not None}
         """When the table of an axis was taken, as ISO 8601 has it."""
-        self._configured = {axis.name: _configured(limits_of(axis), axis.settings.gain) for axis in plan.axes}
-        """Gain and limits as the configuration has them; a command may have changed the gain since."""
+        self._configured = {axis.name: _configured(axis) for axis in plan.axes}
+        """Gain, limits and mode as the configuration has them; a command may have changed the gain since."""
         self._is_recorded = recorder is not None
         self._fronts = [make_front(plan.name, link, self._timed, journal) for link in plan.controllers]
 
@@ -116,7 +125,7 @@ class Line:
                 find_table,
                 is_used=not self._is_recorded,
             )
-            self._records.append(record)
+            self._records[axis.plan.name] = record
 
     def keep_descriptors(self, keeping: Keeping) -> None:
         """Take over what the service manager kept of this line, and have it kept; before :meth:`open`."""
@@ -180,7 +189,7 @@ class Line:
 
     async def close(self) -> None:
         """Close everything as it stands."""
-        for record in self._records:
+        for record in self._records.values():
             record.close()  # first: that the way to the drives is closed now is no news of the axes
         for front in self._fronts:
             await front.close()
@@ -260,6 +269,14 @@ class Line:
                     self._loaded_at.pop(name, None)
             case SetGain(axis=axis, is_configured=True):
                 self._configured[axis] = {**self._configured[axis], "gain": _shares(message.gain)}
+            case EndDryRun():
+                for axis in changed:
+                    self._configured[axis] = {
+                        **self._configured[axis],
+                        "compensation": CompensationMode.ON.value,
+                    }
+                    if axis in self._records:
+                        self._records[axis].begin()
             case SetLimits(axis=axis):
                 self._configured[axis] = {**self._configured[axis], **asdict(message.limits)}
         return changed
@@ -293,8 +310,9 @@ class Line:
         return max(self.plan.timing.response_timeout_ms, *patience_ms, 0.0) / 1000.0
 
 
-def _configured(limits: Limits, gain: Gain) -> dict[str, Any]:
-    return {"gain": _shares(gain), **asdict(limits)}
+def _configured(plan: AxisPlan) -> dict[str, Any]:
+    mode = plan.compensation.value
+    return {"gain": _shares(plan.settings.gain), "compensation": mode, **asdict(limits_of(plan))}
 
 
 def _shares(gain: Gain) -> dict[str, float]:
