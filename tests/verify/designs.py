@@ -7,6 +7,7 @@ from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from tests.exchange.line_bench import axis_plan
 from tests.exchange.staged_bench import BITS, COMMANDED, STAGED
 from tests.verify import designs_frames, designs_mutants
+from tests.verify.designs_rules import ask
 from tests.verify.designs_rules import designs as designs_of_rules
 from tests.verify.screw import WORN
 from tests.verify.world import (
@@ -415,6 +416,17 @@ CLOSING: Final = (
         menu=("to", "read", "status"),
         targets=(9007, 9107),
         happenings=(*TIME, "nudge"),
+        ways=(
+            (
+                *ask("to", 0),
+                ("arrive", 0),
+                *ask("read"),
+                ("nudge", 0),
+                *ask("read"),
+                *ask("status"),
+                *ask("to", 1),
+            ),
+        ),
     ),
     _small("s-blind", "done and no position", _plan(actual=()), menu=("to", "status")),
     _small(

@@ -46,6 +46,7 @@ WARM: Final = 2
 """Number of the screw that is warm, or beside which another axis stands, where the axis has such a term."""
 NO_PATH: Final = 0x0A
 NO_ANSWER: Final = 0x0B
+LOST: Final = 4
 BUSY: Final = 6
 MASK: Final = 0x16
 BOTH: Final = 0x17
@@ -60,6 +61,7 @@ ODD_PDUS: Final = frozenset(RUN_PDU[:3] + value.to_bytes(2, "big") for value in 
 """What makes an axis move in another way than to a target."""
 COIL_RUN_PDU: Final = b"\x05" + TRIGGER.to_bytes(2, "big") + b"\xff\0"
 COIL_IDLE_PDU: Final = b"\x05" + TRIGGER.to_bytes(2, "big") + b"\0\0"
+MODE_HEAD: Final = b"\x06" + MODE.to_bytes(2, "big")
 RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU, COIL_RUN_PDU})
 ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
 
@@ -71,7 +73,8 @@ def is_stop(pdu: bytes) -> bool:
 
 def runs_distance(world: "World", number: int, pdu: bytes) -> bool:
     """Whether a request makes an axis go a distance, as its mode register stands."""
-    return pdu == RELATIVE_PDU or (pdu == RUN_PDU and world.state.axes[number].mode == 2)
+    runs = pdu == RUN_PDU or (writes_target(pdu) and not world.design.is_staged)
+    return pdu == RELATIVE_PDU or (runs and world.state.axes[number].mode == 2)
 
 
 def writes_target(pdu: bytes) -> bool:
@@ -103,7 +106,7 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     from tests.verify.world import Wire
 
     state = world.state
-    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
+    number = facts.number_of(world, unit_id)
     firsts = dict.fromkeys(Role, True)  # all but stops leave in the order in which they came, by role
     plans = world.design.controllers
     for port, transaction_id in sorted(state.order, key=lambda each: plans[each[0]].role is Role.MONITOR):
@@ -139,13 +142,17 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
         raise BrokenRuleError(f"sent, and it is late: {pdu.hex(' ')} (2)")
     elif request.ticks > PATIENCE_TICKS:
         raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
-    moves_or_reads = pdu in RUNS or writes_target(pdu) or (pdu[0] == 3 and (pdu[1] << 8 | pdu[2]) != STATUS)
+    reads_place = pdu[0] == 3 and (pdu[1] << 8 | pdu[2], 2) in READABLE
+    moves_or_reads = pdu in RUNS or writes_target(pdu) or reads_place
     if moves_or_reads and not request.is_bit_asked and facts.has_to_ask(world, number, is_target=pdu[0] != 3):
         raise BrokenRuleError(
             f"sent before the bit was read on which the reference hangs: {pdu.hex(' ')} (M9)"
         )
     if pdu[0] != 3:
         note_run(world, number, is_recalled=False)
+    run = world.state.axes[number].run
+    if world.design.is_stream and pdu[0] != 3 and run is not None and not run.is_told:
+        note_run(world, number, is_set_out=False)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
@@ -253,7 +260,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     run = axis.run
     # Beside its target a reading that is a moment old tells no direction.
     is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
-    is_beside |= "nudge" in world.design.happenings
+    is_beside |= "nudge" in world.design.happenings or "mode-absolute" in world.design.menu
     may_look = is_distance or axis.is_owed_look or is_beside or world.design.is_stream
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
     is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know
@@ -468,6 +475,8 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
         is_unsure = True
     is_set_out = axis.stopped is not None and not axis.stopped.is_recalled
+    if world.design.is_stream:
+        is_set_out = axis.run is not None and axis.run.is_told and axis.run.nominal_counts != nominal
     run = Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
     run = run._replace(is_set_out=is_set_out)
     before = axis.run
@@ -480,7 +489,7 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     plan, axis = world.design.plans[number], world.state.axes[number]
     run = axis.run
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
-    is_again |= axis.tried is not None and axis.tried[0] == aim.nominal_counts
+    is_again |= aim.tried is not None and aim.tried[0] == aim.nominal_counts
     may_fail = world.design.refuses_reads or world.design.answers_before
     if may_fail or not plan.actual or is_again:
         return
@@ -526,8 +535,9 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         is_other = (run.table, run.is_gain_half) != (aim.table, aim.is_gain_half)
         is_other |= (run.state in PASSING) is not (aim.state in PASSING)
         is_away = axis.stands_counts != run.end_counts  # it was looked for, and not found there (M6)
+        is_known = run.has_blinked or (run.is_told and run.doubt < 2)  # else it may be anywhere
         is_excused = (
-            run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away or not run.is_told))
+            run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away or not is_known))
         )
         # A stream begins anew with the offset that its drive has by then; what is more is motion.
         is_excused |= world.design.is_stream and not run.is_told
@@ -655,9 +665,12 @@ def is_of_record(world: "World", number: int, wire: "Wire | None") -> bool:
     """
     axis, plan = world.state.axes[number], world.design.plans[number]
     run = axis.run
-    if run is None or world.design.is_stream:
+    if run is None:
         return False
     is_there = axis.goes_counts is None and axis.stands_counts == run.end_counts
+    if world.design.is_stream:
+        is_sent = wire is None or wire.pdu[0] == 3 or wire.is_obeyed
+        return is_there and is_sent and (run.is_told or run.is_set_out)
     is_going = axis.goes_counts == run.end_counts and not plan.has_rules
     if wire is None or wire.pdu[0] == 3 or wire.unit_id != plan.unit_id:
         is_known = run.is_told or run.is_recalled
@@ -692,7 +705,7 @@ def _judge_record(world: "World", number: int) -> None:
 
 
 def _recall_stop(world: "World", number: int) -> None:
-    """A record that counts says where the axis is, and on which way it was stopped. Raises BrokenRuleError."""
+    """A record that counts says where the axis is, and on which way it was stopped. BrokenRuleError."""
     axis, name = world.state.axes[number], world.design.plans[number].name
     found = [e for e in world.told if e.kind is EventKind.RESTORED and e.axis == name]
     is_told, run = bool(found), axis.run
@@ -722,6 +735,8 @@ def _is_native(sent: bytes, reply: bytes) -> bool:
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
     _note_answer(world, wire, reply)
+    if wire.pdu[0] == 3 and wire.pdu[1:3] == MODE_HEAD[1:] and _is_native(wire.pdu, reply):
+        know_rules(world, facts.number_of(world, wire.unit_id))
     is_read = wire.pdu[0] == 3 and _is_native(wire.pdu, reply)
     if is_read and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
         number = facts.number_of(world, wire.unit_id)
@@ -775,7 +790,7 @@ def _note_proof(world: "World", wire: "Wire") -> None:
 def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     if wire.owner < 0 or wire.pdu[0] == 3:
         return
-    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == wire.unit_id)
+    number = facts.number_of(world, wire.unit_id)
     request = _find(world, wire.owner, wire.transaction_id)
     if not _is_native(wire.pdu, reply):
         if _limit_hit(wire.request):  # an exception does not prove that nothing was written (M7)
@@ -814,20 +829,35 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
                 axes[number] = axes[number]._replace(next_run=waits, tried=None)
             else:
                 is_set_out = run.is_set_out and is_told
-                run = run._replace(is_told=is_told, is_acked=is_told, is_held=is_told, is_set_out=is_set_out)
+                is_as_sent = (wire.aim.state in PASSING) is (world.said(number).compensation in PASSING)
+                run = run._replace(is_told=is_told, is_held=is_told, is_set_out=is_set_out)
+                run = run._replace(is_acked=is_told and is_as_sent)
                 axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
 
 
 def _is_doubtful_edge(world: "World", number: int, wire: "Wire") -> bool:
-    """Whether a trigger that acts as it rises may have been up already: the gateway never was told."""
-    axis = world.state.axes[number]
-    if not world.design.edge or wire.pdu[:3] not in (RUN_PDU[:3], COIL_RUN_PDU[:3]):
+    """Whether what a frame does hangs on a register of which the gateway was never told what it holds.
+
+    A trigger that acts as it rises may have been up already; what passes 1:1 may be a distance, and from
+    where that begins is not asked.
+    """
+    axis, aim = world.state.axes[number], wire.aim
+    if world.design.edge and wire.pdu[:3] in (RUN_PDU[:3], COIL_RUN_PDU[:3]):
+        know_rules(world, number)
+        return not axis.knows_rules
+    if wire.pdu[:3] == MODE_HEAD:
+        know_rules(world, number)
+    if "mode-absolute" not in world.design.menu or world.design.is_staged or aim is None:
         return False
+    return aim.state in PASSING and not (axis.knows_rules and (aim.base is None or aim.base[1]))
+
+
+def know_rules(world: "World", number: int) -> None:
+    """The gateway is told what a trigger or a mode register holds."""
     axes = list(world.state.axes)
-    axes[number] = axis._replace(is_trigger_known=True)
+    axes[number] = axes[number]._replace(knows_rules=True)
     world.state = world.state._replace(axes=tuple(axes))
-    return not axis.is_trigger_known
 
 
 def _judge_untold(world: "World", number: int, aim: "Aim", reply: bytes) -> None:
@@ -892,6 +922,10 @@ def judge_waiting(world: "World") -> None:
         return
     for port, transaction_id in state.order:
         request, plan = find(world, port, transaction_id), world.design.controllers[port]
+        is_passing = world.said(0).compensation in PASSING and not facts.is_own_blocked(world, 0)
+        if request.is_broadcast and not is_passing:
+            refuse_broadcast(world, port, request)
+            continue
         waits_for_gap = plan.role is Role.MONITOR and request.ticks <= PATIENCE_TICKS
         if not (waits_for_gap or (plan.serial and (request.is_sent or plan.rights.unit_ids))):
             raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
@@ -979,7 +1013,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         if is_known and found != belief.steps:
             raise BrokenRuleError(f"{belief.steps} was written, and {found} is read back (3, M1)")
     if pdu[0] in (3, BOTH) and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
-        number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
+        number = facts.number_of(world, answered.unit_id)
         step_counts = world.design.plans[number].actual[0].scale
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
 
@@ -991,15 +1025,26 @@ def _judge_refusal(
     axis = world.design.plans[request.axis]
     is_blocked = request.pdu in RUNS and facts.is_own_blocked(world, request.axis)
     is_late = axis.late is Late.REJECT and (_is_late(world, request) or is_blocked)
+    if request.pdu == RUN_PDU and pdu[1] == LOST and not is_own:
+        _judge_refused_run(world, request)
     if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:
         raise BrokenRuleError(f"refused as late, and it is not: {request.pdu.hex(' ')} (2)")
-    if plan.serial and not is_own and pdu[1] == NO_PATH:
+    is_as_lost = is_blocked and "to-all" in world.design.menu  # triggers are refused as their target was (M3)
+    if plan.serial and not is_own and pdu[1] == NO_PATH and not is_as_lost:
         raise BrokenRuleError(f"a serial controller is answered {pdu.hex(' ')}: silence says that (W7)")
     may_write = not (plan.rights.is_read_only or plan.role is Role.MONITOR)
     if not may_write and request.pdu[0] != 3 and pdu[1] != 1:
         raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
     if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
         raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
+
+
+def _judge_refused_run(world: "World", request: "Asked") -> None:
+    """A trigger is refused only where its target, or that of its group, may have been lost (4, M3)."""
+    design = world.design
+    is_simple = "low" in design.menu and design.answers == ("ack",) and len(design.targets) == 1
+    if is_simple and not world.state.beliefs[0][request.axis].lost:
+        raise BrokenRuleError("a trigger is refused, and its target came whole and was acknowledged (4, M3)")
 
 
 def judge_refusals(world: "World", counted: int) -> None:
@@ -1015,6 +1060,24 @@ def judge_refusals(world: "World", counted: int) -> None:
     )
     if counted < refused or (counted > refused and not (absent or is_unclear)):
         raise BrokenRuleError(f"{refused} requests were refused, and {counted} were counted (8)")
+
+
+def refuse_broadcast(world: "World", port: int, request: "Asked") -> None:
+    """A broadcast carries no position that each axis corrects differently, and nobody hears that (W7)."""
+    end(world, port, request)
+    note_lost(world, port, request)
+    facts.never_sent(world, port, request, NO_PATH)
+
+
+def note_broadcast(world: "World", wire: "Wire") -> None:
+    """All drives have heard a frame, and none of them answers: its controller waits for nothing."""
+    end(world, wire.owner, find(world, wire.owner, wire.transaction_id))
+    if writes_target(wire.pdu):
+        beliefs = [list(own) for own in world.state.beliefs]
+        beliefs[wire.owner][0] = _written(beliefs[wire.owner][0], wire.request, wire.pdu)
+        world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
+    if wire.aim is not None:
+        note_run(world, 0, is_told=False, is_acked=False)
 
 
 def judge_answered(world: "World", wire: "Wire") -> None:
@@ -1034,7 +1097,7 @@ def _judge_form(world: "World", request: bytes, reply: bytes) -> None:
 
 def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     """Take note of what shows that an axis has arrived."""
-    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == read.unit_id)
+    number = facts.number_of(world, read.unit_id)
     axis, address = world.state.axes[number], read.pdu[1] << 8 | read.pdu[2]
     run = axis.run
     if address == ACTUAL.address and axis.is_owed_look:
@@ -1067,8 +1130,8 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     seen = run.seen
     if address == ACTUAL.address:
         seen |= 1
-    elif address == STATUS and axis.is_done:
-        seen |= 2
+    elif address == STATUS and axis.is_done and world.design.drop_ticks == 1:
+        seen |= 2  # of a bit that drops later nobody knows at once of which motion it is
     plan = world.design.plans[number]
     if not (plan.actual or plan.done_is_in_position) and seen & 2:
         seen = 3

@@ -17,6 +17,7 @@ from gateway.exchange.gate import UNSEEN
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
 from tests.exchange.record_bench import Records
@@ -73,6 +74,7 @@ VENDOR: Final = 0x81
 MOST_STORES: Final = 3
 """Stores within one event that a kill may come before."""
 SCREWS: Final = (WORN, REGROUND)
+ON_THE_WAY_COUNTS: Final = (1501, 9060)
 WARMER_K: Final = 20.0
 Bytes = Callable[[bytes], None]
 Happening = tuple[Any, ...]
@@ -195,6 +197,7 @@ class Asked(NamedTuple):
     is_bit_asked: bool = False
     """The bit on which its reference hangs was read for it."""
     axis: int = 0
+    is_broadcast: bool = False
 
 
 class Belief(NamedTuple):
@@ -248,6 +251,8 @@ class Run(NamedTuple):
     """When a distance from its end went without an answer; 0: none did."""
     is_acked: bool = False
     """It is told, whatever its done bit says."""
+    has_blinked: bool = False
+    """It was told, and its done bit fell since where it stands."""
     is_held: bool = False
     """Its drive acknowledged it, and nothing else than a reference that was lost can have come since."""
     is_set_out: bool = False
@@ -302,8 +307,8 @@ class Axis(NamedTuple):
     """The motion on whose way it was stopped: so the side from which it came there is known (M6)."""
     trigger: int = 0
     """What stands in its trigger, where that acts only as it rises."""
-    is_trigger_known: bool = False
-    """The gateway was told what that holds."""
+    knows_rules: bool = False
+    """The gateway was told what that holds, or its mode register."""
     held: Tried | None = None
     """The target that it was told, over being switched off and on, until something is written to it."""
     read_counts: int | None = None
@@ -381,6 +386,10 @@ class Design:
     """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
     is_bytes: bool = False
     """It begins at bytes: real ports and decoders of Modbus/TCP (``tests.verify.wires``)."""
+    on_the_way_counts: tuple[int, ...] = ON_THE_WAY_COUNTS
+    """Where an axis is seen on its way, the first of them that lies there."""
+    drop_ticks: int = DONE_DROP_TICKS
+    """So long after it was told to go its done bit may still be that of the motion before."""
     edge: str = ""
     """Its trigger acts only as it rises: a ``register``, or a ``coil``; else each write acts."""
     is_up_at_start: bool = False
@@ -631,7 +640,7 @@ class World:
     def _requests(self) -> Iterable[tuple[Any, ...]]:
         for name in self.design.menu:
             for axis in range(len(self.design.plans)):
-                if name in ("to", "low", "high"):
+                if name in ("to", "to-all", "low", "high"):
                     yield from ((name, axis, i) for i in range(len(self.design.targets)))
                 elif name == "mask":
                     yield from ((name, axis, i) for i in range(len(self.design.masks)))
@@ -643,7 +652,8 @@ class World:
                     yield (name, axis)
 
     def pdu(self, name: str, number: int = 0) -> bytes:
-        """Return the PDU of a request of the menu."""
+        """Return the PDU of a request of the menu; ``-all``: it is broadcast."""
+        name = name.removesuffix("-all")
         if name == "to":
             return write(COMMAND, self.design.targets[number] // self.design.step_counts)
         if name == "by":
@@ -660,6 +670,8 @@ class World:
             return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
             return read(REGISTERS[name])
+        if name == "alarms":
+            return b"\x03" + ALARMS.to_bytes(2, "big") + b"\0\x01"
         if name == "other":
             return b"\x03" + OTHER.to_bytes(2, "big") + b"\0\x01"
         if self.design.edge == "coil" and name in ("run", "idle"):
@@ -702,10 +714,11 @@ class World:
         if self.design.controllers[port].serial:
             self._give_up(port)  # what it asked before is withdrawn, or is answered for nobody
         asked = list(self.state.asked)
-        asked[port] = (*asked[port], Asked(pdu, transaction_id, axis=axis))
+        is_broadcast = name.endswith("-all")
+        asked[port] = (*asked[port], Asked(pdu, transaction_id, axis=axis, is_broadcast=is_broadcast))
         order = (*self.state.order, (port, transaction_id))
         self.state = self.state._replace(asked=tuple(asked), order=order)
-        unit_id = self.design.plans[axis].unit_id
+        unit_id = BROADCAST_UNIT_ID if is_broadcast else self.design.plans[axis].unit_id
         for side in self.sides:
             side.request(port, transaction_id, unit_id, pdu, self.now_ns)
         self._collect()
@@ -848,7 +861,8 @@ class World:
         axis = self.state.axes[number]
         run = axis.run
         is_sure = run is not None and run.is_told and bool(run.seen & 2) and run.doubt < 2
-        run = None if run is None else run._replace(seen=0, is_told=False)
+        if run is not None:
+            run = run._replace(seen=0, is_told=False, has_blinked=is_sure or run.has_blinked)
         was_done = axis.was_done or is_sure
         self._set(number, axis._replace(is_done=False, run=run, was_done=was_done))
 
@@ -1056,6 +1070,7 @@ class World:
                 run = run._replace(
                     is_told=False, is_acked=False, seen=0, is_restarted=run.is_restarted or is_restart,
                     kept_seen=seen, is_held=run.is_held and not is_restart,
+                    is_set_out=run.is_set_out and (is_known or not is_restart),
                 )  # fmt: skip
                 self._set(number, axis._replace(run=run._replace(is_recalled=is_known)))
 
@@ -1103,7 +1118,7 @@ class World:
         pdu = wire.pdu
         if pdu[0] not in (3, BOTH):
             return pdu[:5] if pdu[0] == 16 else pdu
-        number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
+        number = facts.number_of(self, wire.unit_id)
         plan = self.design.plans[number]
         data = _registers(self.state.axes[number], plan, pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
         return bytes((pdu[0], len(data))) + data
@@ -1111,7 +1126,7 @@ class World:
     def _obey(self, wire: Wire) -> bytes:
         """Let the drive do what a frame says; return its answer."""
         pdu = wire.pdu
-        number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
+        number = facts.number_of(self, wire.unit_id)
         axis = self.state.axes[number]
         address = pdu[1] << 8 | pdu[2]
         if pdu[0] == 3:
@@ -1126,7 +1141,9 @@ class World:
             target = self.design.written(axis.target_counts, pdu)
             self._set(number, axis._replace(target_counts=target))
             if not self.design.is_staged:
-                self._go(number, target, wire)
+                is_distance = axis.mode == 2
+                self._set(number, self.state.axes[number]._replace(mode=1))
+                self._go(number, target + is_distance * axis.commanded_counts, wire)
             return self.reply_to(wire)
         if pdu[0] == 16:
             counts = int(LIMIT.unpack(pdu[6:]))
@@ -1203,7 +1220,8 @@ class World:
             axis._replace(
                 is_owed_look=axis.is_owed_look and is_again,
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
-                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
+                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False,
+                ticks=axis.ticks if end == axis.goes_counts else 0, run=run,
                 is_fresh=False, is_lost_distance=False, is_known_moving=False, held=None,
             ),
         )  # fmt: skip
@@ -1236,6 +1254,11 @@ class World:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
             wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
+            if unit_id == BROADCAST_UNIT_ID:
+                facts.left(self, wire)
+                self._obey(wire)
+                rules.note_broadcast(self, wire)
+                continue
             rules.judge_phase(self, wire)
             late = self.state.late
             if self.design.is_serial and (self.design.late_ticks == DRAIN_TICKS or not _is_done(late)):
@@ -1314,10 +1337,10 @@ def _tell_nobody(_event: Event) -> None:
     """The second of two sides says the same as the first."""
 
 
-ON_THE_WAY_COUNTS: Final = (1501, 9060)
-"""Where an axis is seen on its way, the first of them that lies there."""
 JOGGED_COUNTS: Final = 3001
 NUDGED_COUNTS: Final = 300
+ALARMS: Final = 0x0741
+"""Where a drive may keep its alarm bit, apart from the others."""
 OTHER: Final = 0x0740
 """A register that no map knows, and that only reads are of."""
 STRANGE: Final = 999
@@ -1401,12 +1424,12 @@ def _older(axis: Axis, design: Design) -> Axis:
         return axis._replace(goes_counts=run.end_counts, run=run, next_run=None, ticks=0, is_fresh=False)
     if axis.goes_counts is None:
         return axis
-    ticks = min(axis.ticks + 1, DONE_DROP_TICKS)
-    is_late = ticks == DONE_DROP_TICKS and axis.ticks < DONE_DROP_TICKS
+    ticks = min(axis.ticks + 1, design.drop_ticks)
+    is_late = ticks == design.drop_ticks and axis.ticks < design.drop_ticks
     stands = axis.stands_counts
     if design.is_prompt and not axis.ticks:
         low, high = min(stands, axis.goes_counts), max(stands, axis.goes_counts)
-        stands = next((place for place in ON_THE_WAY_COUNTS if low < place < high), stands)
+        stands = next((place for place in design.on_the_way_counts if low < place < high), stands)
     is_done = axis.is_done and (design.is_in_position or not is_late)
     return axis._replace(ticks=ticks, stands_counts=stands, commanded_counts=stands, is_done=is_done)
 
@@ -1430,4 +1453,5 @@ def _registers(axis: Axis, plan: AxisPlan, address: int, quantity: int) -> bytes
         | is_moving << MOVING_BIT
     )
     words[STATUS] = status.to_bytes(2, "big")
+    words[ALARMS] = (axis.is_alarmed << ALARM_BIT).to_bytes(2, "big")
     return b"".join(words.get(address + i, b"\0\0") for i in range(quantity))
