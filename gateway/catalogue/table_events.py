@@ -86,6 +86,12 @@ ENABLED: Final = EventEntry(
 DISABLED: Final = EventEntry(
     "disabled", Severity.INFO, "the compensation of these axes was switched off", "a command"
 )
+DRY_RUN_ENDED: Final = EventEntry(
+    "dry-run-ended",
+    Severity.INFO,
+    "what these axes only showed is applied now, from their next different target on",
+    '`compensation` was set from `"shadow"` to `"on"`, and the configuration reloaded',
+)
 REFERENCED: Final = EventEntry(
     "referenced",
     Severity.INFO,

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.cli.first_configuration import (
-    RTU_OVER_TCP,
     USUAL,
     Answers,
     Serial,
@@ -34,9 +33,6 @@ FORMATS: Final = {"drives_format": "drives_at", "controller_format": "controller
 """How the serial port is set that another answer names."""
 PLACE_RULE: Final = (
     'allowed: "HOST:PORT", as in "192.168.0.7:502", or the full path of a serial port, as in "/dev/ttyUSB0"'
-)
-DEVICE_SERVER_RULE: Final = (
-    "only drives may be behind a device server: the controller connects to the gateway"
 )
 ANY_PORT: Final = "/dev/ttyUSB0"
 
@@ -89,8 +85,6 @@ class Draft:
         Raises:
             ValueError: the configuration would refuse it; says what was found and what is allowed.
         """
-        if name == "controller_at" and str(answer).startswith(RTU_OVER_TCP):
-            raise ValueError(f'found "{answer}"; {PLACE_RULE}; {DEVICE_SERVER_RULE}')
         answers = {**self.answers, name: serial_format(str(answer)) if name in FORMATS else answer}
         problems = problems_of_draft(self._file, self._tables(answers))
         new = [problem for problem in problems if problem.found != "missing" and problem not in self._known]

@@ -11,7 +11,7 @@ def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> Non
 
     Nothing moves by itself: the correction comes into force with the next different target, or is blended in
     over the next stretch of a stream. Axes of one group change together. An axis in shadow mode stays in it,
-    and is named: only its configuration ends that.
+    and is named: its configuration and `reload` end that.
 
     Exit code 1 when no gateway runs or an axis cannot be switched on.
 
@@ -35,6 +35,7 @@ def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> Non
         if axis["compensation"] == "shadow" and (not axes or name in axes):
             typer.echo(
                 f"{config}: axis {name} is in shadow mode: corrections are shown, positions pass unchanged; "
-                'for corrected ones set compensation = "on" and restart the gateway',
+                'for corrected ones set compensation = "on", and reload the configuration while it stands '
+                f"(pitch-gateway reload {config})",
                 err=True,
             )

@@ -23,6 +23,7 @@ COMMANDS: Final = (
     "probe",
     "measure",
     "signtest",
+    "listen",
     "status",
     "explain",
     "enable",

@@ -227,6 +227,17 @@ class AxisCompensation:
         self._readback = Readback(self._counts_per_unit, self._zero_counts)
         self._note_steadiness()
 
+    def end_dry_run(self) -> None:
+        """What was reckoned so far was never on the drive: it holds the last target as it was commanded.
+
+        From now on as after a time of passing 1:1 with the same targets; nothing is wanted yet.
+        """
+        state, accepted = self.state, self.accepted
+        self.begin_anew()
+        self._state = state._replace(spec=NOTHING, previous=None, change=1.0, change_distance=0.0)
+        if accepted is not None:
+            self._accepted = Accepted(accepted.nominal_counts, accepted.nominal_counts)
+
     def find_reference(self, spec: CorrectionSpec) -> None:
         """The axis knows where it is: want ``spec``, on the branch that homing ended on.
 

@@ -106,7 +106,7 @@ def _controller_link(controller: ControllerSection, folder: Path) -> ControllerL
         controller.name,
         controller.roles_in_use[0],
         controller.timeout_ms,
-        serial=controller.rtu is not None,
+        serial=controller.tcp is None,
         rights=controller.rights,
     )
     tls = _tls_plan(controller, folder)

@@ -124,8 +124,8 @@ def _check_open(findings: Findings, http: HttpSection, place: TcpEndpoint) -> No
 def _check_controllers(findings: Findings, place: TcpEndpoint, lines: Mapping[str, LineSection]) -> None:
     for name, line in lines.items():
         for i, controller in enumerate(line.controllers):
-            if controller.tcp is not None and is_same(place, controller.tcp, wildcard_hosts=WILDCARDS):
-                key = (*controller_key(findings, name, controller.name, i), "tcp")
+            if is_same(place, controller.endpoint, wildcard_hosts=WILDCARDS):
+                key = (*controller_key(findings, name, controller.name, i), controller.way)
                 findings.refuse(
                     KEY,
                     f"{place} is listened on by {key_text(key)} already",

@@ -34,7 +34,7 @@ def check_lines(
     drives = [Use(drives_key(name, line), line.drives.endpoint) for name, line in lines.items()]
     listeners = [
         Use(
-            (*controller_key(findings, name, controller.name, i), "tcp" if controller.tcp else "rtu"),
+            (*controller_key(findings, name, controller.name, i), controller.way),
             controller.endpoint,
         )
         for name, line in lines.items()
@@ -127,14 +127,14 @@ def _check_units(findings: Findings, name: str, line: LineSection, axis_ids: set
 
 def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> None:
     for controller in line.controllers:
-        if controller.tcp is None or controller.allow or is_loopback(controller.tcp.host):
+        if controller.listens is None or controller.allow or is_loopback(controller.listens.host):
             continue
         if controller.tls is not None:  # not whoever reaches it: who has a certificate
             continue
         index = line.controllers.index(controller)
         findings.warn(
-            (*controller_key(findings, name, controller.name, index), "tcp"),
-            f"whoever reaches {controller.tcp} may {MAY[controller.role]} the drives",
+            (*controller_key(findings, name, controller.name, index), controller.way),
+            f"whoever reaches {controller.listens} may {MAY[controller.role]} the drives",
             'name who may connect, as in allow = ["192.168.0.7"], or listen on 127.0.0.1',
         )
 

@@ -31,7 +31,7 @@ def _opened(findings: Findings, sections: Sections) -> Iterator[tuple[KeyPath, T
         if isinstance(line.drives.endpoint, SerialEndpoint):
             yield drives_key(name, line), line.drives.endpoint
         for index, controller in enumerate(line.controllers):
-            way = "tcp" if controller.tcp else "rtu"
-            yield (*controller_key(findings, name, controller.name, index), way), controller.endpoint
+            key = (*controller_key(findings, name, controller.name, index), controller.way)
+            yield key, controller.endpoint
     if sections.http.endpoint is not None:
         yield ("http", "listen"), sections.http.endpoint

@@ -30,6 +30,10 @@ def check_tls_keys(findings: Findings) -> None:
         has_tls = "tls" in raw
         if has_tls and "rtu" in raw:
             findings.refuse((*path, "tls"), "tls on a serial port", "tls belongs to tcp: leave it out here")
+        if has_tls and "rtu_over_tcp" in raw:
+            findings.refuse(
+                (*path, "tls"), "tls around RTU frames", "Modbus/TCP Security is for tcp: leave it out here"
+            )
         if "roles" in raw and not has_tls:
             findings.refuse(
                 (*path, "roles"),

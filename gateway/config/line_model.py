@@ -24,7 +24,7 @@ from gateway.exchange.plan import LineTiming, Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
 
-SERIAL_KEYS = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "echo", "low_latency"})
+SERIAL_KEYS = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "echo", "low_latency", "rs485"})
 TCP_KEYS = frozenset({"allow", "max_connections", "connects_per_s", "idle_timeout_s"})
 _TIMING = LineTiming()
 _SERIAL = SerialEndpoint("")
@@ -64,6 +64,9 @@ class _SerialSettings(StrictModel):
         default=_SERIAL.low_latency,
         description="make the serial port's driver hand bytes over at once, where it can",
     )
+    rs485: bool = Field(
+        default=_SERIAL.rs485, description="set the RS-485 mode of the serial port's driver: it switches RTS"
+    )
 
     def serial_endpoint(self, device: str) -> SerialEndpoint:
         """Return the serial port with its character format."""
@@ -74,6 +77,7 @@ class _SerialSettings(StrictModel):
             self.data_bits,
             self.stop_bits,
             low_latency=self.low_latency,
+            rs485=self.rs485,
         )
 
     @model_validator(mode="after")
@@ -91,7 +95,7 @@ def broken_rule(model: type[_SerialSettings], keys: Collection[str]) -> str:
     """Say which rule about its keys a table breaks, "" for none; values are not looked at.
 
     >>> broken_rule(ControllerSection, {"name", "rtu", "tcp"})
-    'allowed: exactly one of rtu, tcp'
+    'allowed: exactly one of rtu, tcp, rtu_over_tcp'
     """
     ways = [way for way in WAYS if way in model.model_fields]
     given = [way for way in ways if way in keys]
@@ -130,6 +134,9 @@ class DrivesEndpoint(_SerialSettings):
 class ControllerSection(RightsKeys, _SerialSettings):
     """One controller: where it connects and what it may do."""
 
+    rtu_over_tcp: RtuOverTcp | None = Field(
+        default=None, description="HOST:PORT to listen on for who sends raw RTU frames over TCP"
+    )
     name: Name = Field(description="name of the controller, once in its line")
     timeout_ms: Milliseconds = Field(
         default=1000.0, description="milliseconds after which this controller gives up on a request"
@@ -167,9 +174,19 @@ class ControllerSection(RightsKeys, _SerialSettings):
         return tuple(role for role in Role if role in found) or (self.role,)
 
     @property
+    def listens(self) -> TcpEndpoint | None:
+        """Where it is listened for, unless it is wired to a serial port."""
+        return self.tcp or self.rtu_over_tcp
+
+    @property
+    def way(self) -> str:
+        """The key that says where it is."""
+        return next(way for way in WAYS if getattr(self, way) is not None)
+
+    @property
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:
         """The place in plain data."""
-        return self.tcp if self.tcp is not None else self.serial_endpoint(self.rtu or "")
+        return self.listens or self.serial_endpoint(self.rtu or "")
 
 
 class LineSection(StrictModel):

@@ -53,6 +53,13 @@ class Switch:
 
 
 @dataclass(frozen=True, slots=True)
+class EndDryRun:
+    """Apply what an axis and its whole group only showed until now (``compensation = "shadow"``)."""
+
+    axis: str
+
+
+@dataclass(frozen=True, slots=True)
 class Declare:
     """Take an axis as standing where its drive says."""
 
@@ -99,7 +106,7 @@ class SetTemperature:
     celsius: float
 
 
-Control = Switch | Declare | SetTables | ClearTable | SetGain | SetLimits | SetTemperature
+Control = Switch | EndDryRun | Declare | SetTables | ClearTable | SetGain | SetLimits | SetTemperature
 
 
 def axes_asked(message: Control) -> tuple[str, ...]:
@@ -130,6 +137,8 @@ def carry_out(axes: Sequence[Axis], message: Control, now_ns: int) -> dict[str, 
     match message:
         case Switch():
             return dict.fromkeys(switch(axes, message.axis, is_wanted=message.is_wanted), "")
+        case EndDryRun():
+            return end_dry_run(axes, message.axis)
         case Declare():
             return dict.fromkeys(declare(axes, message.axis), "")
         case SetTables():
@@ -164,6 +173,25 @@ def switch(axes: Sequence[Axis], name: str, *, is_wanted: bool) -> tuple[str, ..
     for axis in members:
         axis.enable(is_wanted=is_wanted)
     return tuple(axis.plan.name for axis in members)
+
+
+def end_dry_run(axes: Sequence[Axis], name: str) -> dict[str, str]:
+    """Apply what an axis and its whole group only showed; return how that comes into force, by name.
+
+    Nothing moves by itself, and no reading changes: the drives stand where they were told to.
+
+    Raises:
+        ControlError: no such axis, or one of them does not stand; nothing has changed then.
+    """
+    members = [axis for axis in _group_of(axes, name) if axis.is_dry_run]
+    for axis in members:
+        if why := axis.why_not_at_rest:
+            raise ControlError(
+                f"axis {axis.plan.name} stays in shadow: {why}; let it arrive at a target, and reload again"
+            )
+    for axis in members:
+        axis.end_dry_run()
+    return {axis.plan.name: _comes(axis) for axis in members}
 
 
 def declare(axes: Sequence[Axis], name: str) -> tuple[str, ...]:

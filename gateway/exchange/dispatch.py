@@ -81,6 +81,11 @@ class Units:
             return path
         return None if paths is not None and head in paths else self._find_path(unit_id, pdu, head)
 
+    def forget_paths(self) -> None:
+        """Look all fast paths up anew: an axis has more of them than it had."""
+        self._paths.clear()
+        self._paths_left = self._remembered_paths
+
     def _find_path(self, unit_id: int, pdu: bytes, head: bytes) -> FastPath | None:
         self.heard.add(unit_id)
         if (

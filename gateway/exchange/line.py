@@ -30,7 +30,7 @@ from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.events import Outcome
 from gateway.exchange.axis.groups import join
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import Control, SetLimits, carry_out
+from gateway.exchange.control import Control, ControlError, EndDryRun, SetLimits, carry_out
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on
@@ -64,6 +64,7 @@ HAS_NO_TURN: Final = 1 << 62
 FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
 """Function codes whose reply repeats the whole request: no other one has the same."""
 NO_UNIT_ID: Final = -1
+ON_THE_WIRE: Final = "a request that may move it is on the wire; let it arrive at a target, and reload again"
 REFUSALS_TOLD: Final = 10
 """So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
@@ -278,9 +279,14 @@ class LineExchange:
 
     def control(self, message: Control, now_ns: int) -> dict[str, str]:
         """Do what somebody outside asks for; see ``control.carry_out``. Raises ControlError."""
+        current = self._current
+        if isinstance(message, EndDryRun) and current is not None and not only_reads(current.pdu):
+            raise ControlError(f"axis {message.axis} stays in shadow: {ON_THE_WIRE}")
         changed = carry_out(self.axes, message, now_ns)
         if isinstance(message, SetLimits):
             self.meter.set_budget(message.axis, message.limits.budget_us)
+        elif isinstance(message, EndDryRun):
+            self._units.forget_paths()
         self._report(self.axes)
         return changed
 

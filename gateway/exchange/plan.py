@@ -185,8 +185,16 @@ class AxisPlan:
 def without_live_values(plan: AxisPlan) -> AxisPlan:
     """Return a plan without its table and what else an axis that runs can be given (``exchange.control``)."""
     settings = replace(plan.settings, gain=Gain(), max_correction=0.0, max_slope=0.0, travel_margin=0.0)
+    is_off = plan.compensation is CompensationMode.OFF
     return replace(
-        plan, settings=settings, budget_us=0.0, table=None, table_name="", table_format="", table_digest=""
+        plan,
+        settings=settings,
+        budget_us=0.0,
+        table=None,
+        table_name="",
+        table_format="",
+        table_digest="",
+        compensation=CompensationMode.OFF if is_off else CompensationMode.ON,  # a dry run may end
     )
 
 

@@ -54,6 +54,12 @@ class Disable(_Message, frozen=True, tag="disable", tag_field="kind"):
     axes: tuple[str, ...] = ()
 
 
+class EndDryRun(_Message, frozen=True, tag="end-dry-run", tag_field="kind"):
+    """Apply what axes in shadow only showed; their configuration says ``on`` now."""
+
+    axes: tuple[str, ...]
+
+
 class SetReference(_Message, frozen=True, tag="reference", tag_field="kind"):
     """Tell the gateway that an axis stands where its drive says."""
 
@@ -135,6 +141,7 @@ Request = (
     | GetStatus
     | Enable
     | Disable
+    | EndDryRun
     | SetReference
     | Subscribe
     | SetTable

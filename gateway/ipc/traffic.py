@@ -103,7 +103,7 @@ class Stop(_Input, frozen=True, tag="stop"):
 
 
 class Control(_Input, frozen=True, tag="control"):
-    """A person's command: ``enable``, ``disable``, ``reference`` or ``clear-table``."""
+    """A person's command: ``enable``, ``disable``, ``end-dry-run``, ``reference`` or ``clear-table``."""
 
     command: str
     axis: str

@@ -54,6 +54,7 @@ class AxisRecord:
         self.path = path
         self._axis = axis
         self._tell: Tell = _tell_nobody
+        self._find_table: FindTable | None = None
         self._fd = -1
         self._map: mmap.mmap | None = None
         self._slots: RecordSlots | None = None
@@ -69,6 +70,7 @@ class AxisRecord:
             is_used: the record of the run before may count.
         """
         axis = self._axis
+        self._tell, self._find_table = tell, find_table
         why_none = why_not_kept(axis)
         if why_none and not self.path.exists():
             return
@@ -80,7 +82,7 @@ class AxisRecord:
             return
         if wrong:
             tell(f"{self.path}: {wrong}; it is made anew, and the axis starts without its record")
-        self._map, self._tell = mapped, tell
+        self._map = mapped
         digest = digest_of_axis(axis.plan)
         slots = self._slots = RecordSlots(memoryview(mapped), digest, boot_id(), self._may_store)
         recalled, reason = slots.read(), ""
@@ -99,15 +101,17 @@ class AxisRecord:
         if not why_none:
             axis.keep_record(record)
 
-    @property
-    def axis_name(self) -> str:
-        """Whose it is."""
-        return self._axis.plan.name
-
     def content(self) -> bytes:
         """Return it as it is now, compressed; empty where none is kept."""
         kept = self._map is not None and self._axis.record is not None
         return zlib.compress(bytes(self._map), 1) if kept and self._map is not None else b""
+
+    def begin(self) -> None:
+        """Let an axis of which none was kept so far keep its record, from now on; nothing old counts."""
+        if self._slots is None:
+            self.open(self._tell, self._find_table, is_used=False)
+        else:
+            self._axis.keep_record(Record(self._slots, None, self._find_table))
 
     def close(self) -> None:
         """Keep the record as it is and let go of the file."""

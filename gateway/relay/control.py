@@ -13,6 +13,7 @@ from gateway.ipc.messages import (
     Disable,
     Done,
     Enable,
+    EndDryRun,
     GetStatus,
     GetTapes,
     Ping,
@@ -73,6 +74,8 @@ def answer(relay: Controllable, request: Request) -> Reply:
             return _on_axes(relay, axes, lambda axis: Switch(axis, is_wanted=True))
         case Disable(axes=axes):
             return _on_axes(relay, axes, lambda axis: Switch(axis, is_wanted=False))
+        case EndDryRun(axes=axes):
+            return _on_axes(relay, axes, control.EndDryRun)
         case SetReference(axis=axis):
             return _on_axes(relay, (axis,), Declare)
         case ClearTable(axes=axes):

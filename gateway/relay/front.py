@@ -16,6 +16,7 @@ from gateway.clock import boot_ns
 from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
+from gateway.modbus.rtu_line import RtuCounters
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Place, keep_port, open_kept
@@ -53,6 +54,7 @@ class TcpFront:
         self._exchange = exchange
         self._note = _noter(journal, line, link.plan.name)
         self._counters = MbapCounters()
+        self._rtu_counters = RtuCounters()
         self._refusals = Refusals(self._note)
         self._closings = Refusals(self._note, event=CONNECTION_CLOSED)
         self._door = None
@@ -118,10 +120,18 @@ class TcpFront:
             "address": [str(address) for address in self.addresses] or str(self.endpoint),
             "connections": self._listener.peers,
             "refused_connections": self._listener.refused,
-            "malformed": self._counters.bad_headers + self._counters.skipped_frames,
-            "dropped_bytes": self._counters.dropped_bytes,
+            **self._framing(),
             **({} if self._door is None else {"tls": self._door.status(now_utc())}),
         }
+
+    def _framing(self) -> dict[str, int]:
+        """What its connections sent that was no frame."""
+        if self.endpoint.rtu:
+            lost = self._rtu_counters
+            return {"malformed": lost.damaged, "dropped_bytes": lost.dropped_bytes}
+        counters = self._counters
+        malformed = counters.bad_headers + counters.skipped_frames
+        return {"malformed": malformed, "dropped_bytes": counters.dropped_bytes}
 
     def turn(self, now: datetime) -> None:
         """Tell of certificates that end soon; to be called at least once in ten seconds."""
@@ -133,7 +143,9 @@ class TcpFront:
 
     def _port(self, plan: ControllerPlan) -> Receiver:
         if self.endpoint.rtu:
-            return RtuControllerPort(plan, self._exchange, request_decoder(self.endpoint), gap_ns=0)
+            decoder = request_decoder(self.endpoint)
+            decoder.counters = self._rtu_counters
+            return RtuControllerPort(plan, self._exchange, decoder, gap_ns=0)
         return MbapControllerPort(plan, self._exchange, self._counters, self._malformed)
 
     def _malformed(self, peer: str) -> None:

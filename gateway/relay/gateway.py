@@ -20,6 +20,7 @@ from gateway.exchange.control import (
     Control,
     ControlError,
     Declare,
+    EndDryRun,
     SetGain,
     SetLimits,
     SetTables,
@@ -214,6 +215,8 @@ class Relay:
         match message:
             case Switch():
                 what = tables.ENABLED if message.is_wanted else tables.DISABLED
+            case EndDryRun():
+                what = tables.DRY_RUN_ENDED
             case Declare():
                 what = tables.REFERENCED
             case ClearTable():

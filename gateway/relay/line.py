@@ -23,7 +23,7 @@ from gateway.exchange.control import (
     ClearTable,
     Control,
     Declare,
-    Limits,
+    EndDryRun,
     SetGain,
     SetLimits,
     SetTables,
@@ -31,6 +31,7 @@ from gateway.exchange.control import (
 )
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc import traffic
@@ -101,11 +102,11 @@ class Line:
         self._in_force: dict[tuple[str, str], traffic.ControlInput] = {}
         """What somebody outside has changed since the start, for the tape."""
         self._drives = _make_drives(plan.drives, self._link, self._drives_failed, self._drives_slow)
-        self._records: list[AxisRecord] = []
+        self._records: dict[str, AxisRecord] = {}
         self._loaded_at = {axis.name: _now() for axis in plan.axes if axis.table is not None}
         """When the table of an axis was taken, as ISO 8601 has it."""
-        self._configured = {axis.name: _configured(limits_of(axis), axis.settings.gain) for axis in plan.axes}
-        """Gain and limits as the configuration has them; a command may have changed the gain since."""
+        self._configured = {axis.name: _configured(axis) for axis in plan.axes}
+        """Gain, limits and mode as the configuration has them; a command may have changed the gain since."""
         self._is_recorded = recorder is not None
         self._fronts = [make_front(plan.name, link, self._timed, journal) for link in plan.controllers]
 
@@ -151,7 +152,7 @@ class Line:
                 find_table,
                 is_used=not self._is_recorded,
             )
-            self._records.append(record)
+            self._records[axis.plan.name] = record
 
     def keep_descriptors(self, keeping: Keeping) -> None:
         """Take over what the service manager kept of this line, and have it kept; before :meth:`open`."""
@@ -215,7 +216,7 @@ class Line:
 
     async def close(self) -> None:
         """Close everything as it stands."""
-        for record in self._records:
+        for record in self._records.values():
             record.close()  # first: that the way to the drives is closed now is no news of the axes
         for front in self._fronts:
             await front.close()
@@ -300,6 +301,14 @@ class Line:
                     self._loaded_at.pop(name, None)
             case SetGain(axis=axis, is_configured=True):
                 self._configured[axis] = {**self._configured[axis], "gain": _shares(message.gain)}
+            case EndDryRun():
+                for axis in changed:
+                    self._configured[axis] = {
+                        **self._configured[axis],
+                        "compensation": CompensationMode.ON.value,
+                    }
+                    if axis in self._records:
+                        self._records[axis].begin()
             case SetLimits(axis=axis):
                 self._configured[axis] = {**self._configured[axis], **asdict(message.limits)}
         return changed
@@ -317,7 +326,7 @@ class Line:
 
     def _beginning(self, now_ns: int) -> traffic.Beginning:
         """Return what a replay has to know that begins here."""
-        records = {record.axis_name: record.content() for record in self._records}
+        records = {name: record.content() for name, record in self._records.items()}
         axes = tuple(
             traffic.AxisAt(
                 axis.plan.name,
@@ -373,8 +382,9 @@ def _make_tape(plan: LinePlan, journal: Journal) -> Tape | None:
         return None
 
 
-def _configured(limits: Limits, gain: Gain) -> dict[str, Any]:
-    return {"gain": _shares(gain), **asdict(limits)}
+def _configured(plan: AxisPlan) -> dict[str, Any]:
+    mode = plan.compensation.value
+    return {"gain": _shares(plan.settings.gain), "compensation": mode, **asdict(limits_of(plan))}
 
 
 def _shares(gain: Gain) -> dict[str, float]:

@@ -9,6 +9,7 @@ from gateway.exchange.control import (
     ClearTable,
     Control,
     Declare,
+    EndDryRun,
     Limits,
     SetGain,
     SetLimits,
@@ -259,6 +260,8 @@ def entry_of(message: Control, line: str, now_ns: int) -> traffic.ControlInput:
     match message:
         case Switch(axis=axis):
             return traffic.Control(line, now_ns, "enable" if message.is_wanted else "disable", axis)
+        case EndDryRun(axis=axis):
+            return traffic.Control(line, now_ns, "end-dry-run", axis)
         case Declare(axis=axis):
             return traffic.Control(line, now_ns, "reference", axis)
         case ClearTable(axis=axis):
@@ -296,6 +299,8 @@ def message_of(entry: traffic.ControlInput) -> Control | None:
             return SetTemperature(axis, entry.celsius)
         case traffic.Control(command="enable" | "disable", axis=axis):
             return Switch(axis, is_wanted=entry.command == "enable")
+        case traffic.Control(command="end-dry-run", axis=axis):
+            return EndDryRun(axis)
         case traffic.Control(command="reference", axis=axis):
             return Declare(axis)
         case traffic.Control(command="clear-table", axis=axis):

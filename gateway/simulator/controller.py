@@ -10,8 +10,8 @@ from typing import Final
 
 from gateway.metrology.cycle import Stop
 from gateway.modbus.registers import BitField, PositionField
-from gateway.simulator.errors import DriveRefusedError, NoReplyError
-from gateway.simulator.master import Master
+from gateway.simulator.errors import DriveRefusedError, MissedError
+from gateway.transport.master import ModbusMaster, NoReplyError
 
 READ_HOLDING: Final = 3
 WRITE_REGISTERS: Final = 16
@@ -58,7 +58,7 @@ class AxisController:
 
     def __init__(
         self,
-        master: Master,
+        master: ModbusMaster,
         wiring: AxisWiring,
         *,
         poll_s: float = 0.001,
@@ -76,7 +76,7 @@ class AxisController:
 
         Raises:
             DriveRefusedError: the drive or the gateway refused.
-            NoReplyError: nobody answered.
+            MissedError: nobody answered.
         """
         head = bytes((WRITE_REGISTERS,)) + address.to_bytes(2) + (len(data) // 2).to_bytes(2)
         await self._exchange(head + bytes((len(data),)) + data)
@@ -107,14 +107,14 @@ class AxisController:
         """Poll the done bit; return how often it took.
 
         Raises:
-            NoReplyError: the axis did not arrive within the move time-out.
+            MissedError: the axis did not arrive within the move time-out.
         """
         loop = asyncio.get_running_loop()
         give_up_s = loop.time() + self._move_timeout_s
         polls = 1
         while not await self.is_done():
             if loop.time() > give_up_s:
-                raise NoReplyError(f"the axis is still moving after {self._move_timeout_s:g} s")
+                raise MissedError(f"the axis is still moving after {self._move_timeout_s:g} s")
             await asyncio.sleep(self._poll_s)
             polls += 1
         return polls
@@ -134,7 +134,10 @@ class AxisController:
             yield await self.move(stop)
 
     async def _exchange(self, pdu: bytes) -> bytes:
-        reply = await self._master.exchange(self.wiring.unit_id, pdu)
+        try:
+            reply = await self._master.exchange(self.wiring.unit_id, pdu)
+        except NoReplyError as error:
+            raise MissedError(f"unit {self.wiring.unit_id}, function {pdu[0]}: {error}") from None
         if reply[0] & EXCEPTION_FLAG:
             raise DriveRefusedError(pdu[0], reply[1])
         return reply

@@ -14,5 +14,5 @@ class DriveRefusedError(SimulatorError):
         self.exception_code = exception_code
 
 
-class NoReplyError(SimulatorError):
-    """A request of the simulated controller stayed without an answer."""
+class MissedError(SimulatorError):
+    """The simulated controller has waited in vain: for a reply, or for its axis to arrive."""

@@ -16,13 +16,14 @@ from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.config.tables_folder import what_is_strange
 from gateway.exchange.control import limits_of
-from gateway.exchange.plan import AxisPlan
+from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
 from gateway.ipc.compiled_plan import CompiledPlan, TablesFolder, last_plan, shape_of, write_tables
 from gateway.ipc.compiled_table import digest_of
 from gateway.ipc.messages import (
     ClearTable,
     Done,
+    EndDryRun,
     GetStatus,
     Ping,
     Pong,
@@ -43,7 +44,7 @@ from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight
 
 _LIVE: Final = re.compile(
-    r"axis\.[^.]+\.(table|table_options\..*|gain(\..*)?|max_correction|max_slope|travel_margin|budget_us)"
+    r"axis\.[^.]+\.(compensation|table|table_options\..*|gain(\..*)?|max_correction|max_slope|travel_margin|budget_us)"
     r"|gateway\.tables|(http|mqtt)(\..*)?"
 )
 """Keys whose values a gateway that runs can be given."""
@@ -262,7 +263,28 @@ def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool
         raise NeedsRestartError(
             f"changed since the gateway was started: {what}; restart the gateway to take it over"
         )
+    if into_shadow := _into_shadow(path, loaded):
+        raise NeedsRestartError(
+            f"{', '.join(into_shadow)}: only a restart takes an axis into shadow: restart the gateway, "
+            "or leave it on and pitch-gateway disable it"
+        )
     return True
+
+
+def _into_shadow(path: Path, loaded: Loaded) -> list[str]:
+    """Return the keys of axes that are to go into shadow, and are not in it in the gateway that runs."""
+    in_force = _axes(ask(path, GetStatus()))
+    return [
+        f"axis.{axis.name}.compensation"
+        for line in loaded.plan.lines
+        for axis in line.axes
+        if axis.compensation is CompensationMode.SHADOW
+        and in_force[axis.name]["configured"]["compensation"] != CompensationMode.SHADOW.value
+    ]
+
+
+def _axes(reply: Reply) -> Mapping[str, Any]:
+    return reply.status["axes"] if isinstance(reply, Status) else {}
 
 
 def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
@@ -271,8 +293,15 @@ def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
         name for name, digest in sources_of(loaded).items() if before.sources.get(name, digest) != digest
     ]
     config = str(loaded.path.resolve())
-    keys = [key for key in _changed_keys(loaded, before) if not _LIVE.fullmatch(key)]
+    keys = [key for key in _changed_keys(loaded, before) if not _is_live(key, loaded, before)]
     return [*keys, *(name for name in profiles if name != config)]
+
+
+def _is_live(key: str, loaded: Loaded, before: CompiledPlan) -> bool:
+    """Whether a gateway that runs can be given the new value; of modes: the end of a dry run."""
+    now, then = keys_of(loaded.document.tables), keys_of(tomllib.loads(before.configuration))
+    is_off = key.endswith(".compensation") and CompensationMode.OFF.value in (now.get(key), then.get(key))
+    return _LIVE.fullmatch(key) is not None and not is_off
 
 
 def _changed_keys(loaded: Loaded, before: CompiledPlan) -> list[str]:
@@ -339,8 +368,7 @@ def _hand_over(
     outcome: Outcome,
 ) -> Outcome:
     """Give the relay what it has not got; what it refuses is a problem."""
-    reply = ask(path, GetStatus())
-    in_force: Mapping[str, Any] = reply.status["axes"] if isinstance(reply, Status) else {}
+    in_force = _axes(ask(path, GetStatus()))
     done: list[Done] = []
     for line in settled.plan.lines:
         for axis in line.axes:
@@ -358,9 +386,18 @@ def _hand_over(
     gone = tuple(name for name, axis in in_force.items() if name not in tables and axis["table"]["points"])
     if gone:
         done.append(_done(ask(path, ClearTable(axes=gone))))
+    live = [axis for line in settled.plan.lines for axis in line.axes if _goes_live(in_force, axis)]
+    if live:
+        done.append(_done(ask(path, EndDryRun(axes=tuple(axis.name for axis in live)))))
     comes = {name: how for one in done for name, how in one.comes.items()}
     problems = tuple(f"{path}: {problem}" for one in done for problem in one.problems)
     return replace(outcome, comes=comes, gone=gone, problems=outcome.problems + problems)
+
+
+def _goes_live(in_force: Mapping[str, Any], axis: AxisPlan) -> bool:
+    """Whether what an axis only shows is to be applied from now on."""
+    is_shown_only = in_force[axis.name]["configured"]["compensation"] == CompensationMode.SHADOW.value
+    return is_shown_only and axis.compensation is CompensationMode.ON
 
 
 def _values(has: Mapping[str, Any], new: AxisPlan) -> Iterator[Request]:

@@ -30,6 +30,8 @@ class SerialEndpoint:
     """The adapter hears what it sends: an RS-485 receiver that stays on."""
     low_latency: bool = True
     """Set what makes bytes wait in the driver to its least; else leave it as it is."""
+    rs485: bool = False
+    """Set the RS-485 mode of the driver: it switches the direction of the line; else leave it as it is."""
 
     @property
     def bits_per_character(self) -> int:

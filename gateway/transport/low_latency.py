@@ -26,8 +26,9 @@ ASYNC_LOW_LATENCY: Final = 0x2000
 _SERIAL_STRUCT_BYTES: Final = 72
 _SERIAL_FLAGS_AT: Final = 16
 TIOCGRS485: Final = 0x542E
+TIOCSRS485: Final = 0x542F
 _RS485: Final = struct.Struct("=8I")
-"""``struct serial_rs485``: flags, two delays in ms, and words that are not read here."""
+"""``struct serial_rs485``: flags, two delays in ms, and words that are neither read nor changed here."""
 _ENABLED, _RTS_ON_SEND, _RTS_AFTER_SEND, _RX_DURING_TX = 0x01, 0x02, 0x04, 0x10
 
 
@@ -90,6 +91,25 @@ def tune(
         return settings, ()
     name = folder.resolve().name
     return settings, tuple(remarks(settings, name, refused.get(timer, ""), refused.get(trigger, "")))
+
+
+def set_rs485(handle: int, *, hears_itself: bool) -> Rs485 | None:
+    """Set the RS-485 mode of an open port: RTS up while it sends. The delays stay as they are (device tree).
+
+    ``hears_itself``: the receiver stays on meanwhile. Returns what is in force then, as it was read back;
+    None where the driver has no such mode. A driver may take the call and change nothing.
+    """
+    content = bytearray(_RS485.size)
+    try:
+        fcntl.ioctl(handle, TIOCGRS485, content)
+        flags, *rest = _RS485.unpack(content)
+        flags |= _ENABLED | _RTS_ON_SEND
+        flags &= ~(_RTS_AFTER_SEND | _RX_DURING_TX)
+        flags |= _RX_DURING_TX if hears_itself else 0
+        fcntl.ioctl(handle, TIOCSRS485, _RS485.pack(flags, *rest))
+    except OSError:
+        return None
+    return _rs485(handle)
 
 
 def tty_folder(handle: int, sysfs: Path = SYSFS) -> Path:

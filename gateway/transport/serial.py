@@ -1,7 +1,7 @@
 """Serial ports: pyserial opens and configures, then the file descriptor is read and written by the loop.
 
-RS-485 direction is left to the adapter or to the kernel's driver: switching RTS from a program comes too late
-by whole characters.
+RS-485 direction is left to the adapter, or to the kernel's driver where ``rs485`` asks it to: switching RTS
+from a program comes too late by whole characters.
 """
 
 import asyncio
@@ -24,7 +24,7 @@ from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError, TransportError
 from gateway.transport.keeper import Keeper
-from gateway.transport.low_latency import LatencySettings, flag_note, tune
+from gateway.transport.low_latency import LatencySettings, flag_note, set_rs485, tune
 from gateway.transport.permissions import no_device
 
 RECEIVE_BYTES: Final = 1024
@@ -32,6 +32,10 @@ RECEIVE_BYTES: Final = 1024
 DRAIN_TIMEOUT_S: Final = 1.0
 PTY_MAJORS: Final = range(136, 144)
 """Device numbers of UNIX98 pseudo terminals (Linux admin-guide/devices.txt)."""
+NO_RS485: Final = (
+    "the driver of {} has no RS-485 mode; an adapter that switches by itself, as most over USB do, needs "
+    "none: leave rs485 out; else use a port whose driver has one (a UART of the board)"
+)
 _IFLAG, _CC = 0, 6
 """Places in the list of ``termios.tcgetattr``."""
 
@@ -48,7 +52,7 @@ class SerialChannel:
         self._empty: asyncio.Future[None] | None = None
         self._is_losing = False
         self.peer = endpoint.device
-        self.is_pty = _is_pty(self._fd)
+        self.is_pty = is_pty(self._fd)
         self.wire_ns_per_byte = 0 if self.is_pty else character_ns(endpoint)
         self.bytes_received = 0
         self.lost: asyncio.Future[None] = self._loop.create_future()
@@ -273,12 +277,15 @@ def open_port(endpoint: SerialEndpoint, kept: int | None = None) -> tuple[serial
     try:
         port = _configured(endpoint, notes, kept)
     except (OSError, termios.error, ValueError) as error:
-        raise _why_not_opened(endpoint, error) from error
+        raise why_not_opened(endpoint, error) from error
     try:
         return port, _finish(port.fileno(), endpoint, notes)
+    except RefusedError:
+        port.close()
+        raise
     except (OSError, termios.error) as error:
         port.close()
-        raise _why_not_opened(endpoint, error) from error
+        raise why_not_opened(endpoint, error) from error
 
 
 def _configured(endpoint: SerialEndpoint, notes: list[str], kept: int | None) -> serial.Serial:
@@ -305,7 +312,11 @@ def _finish(handle: int, endpoint: SerialEndpoint, notes: list[str]) -> Opened:
     attributes[_CC][termios.VMIN] = 1
     attributes[_CC][termios.VTIME] = 0
     termios.tcsetattr(handle, termios.TCSANOW, attributes)
-    if _is_pty(handle):
+    if endpoint.rs485:
+        in_force = set_rs485(handle, hears_itself=endpoint.echo)
+        if in_force is None or not in_force.enabled:
+            raise RefusedError(NO_RS485.format(endpoint))
+    if is_pty(handle):
         return Opened((*notes, "a pseudo terminal has no low-latency mode"), LatencySettings())
     fcntl.ioctl(handle, termios.TIOCEXCL)  # pyserial's lock is advisory only
     settings, slow = tune(handle, is_wanted=endpoint.low_latency)
@@ -322,7 +333,8 @@ def _drop_nothing() -> None:
     pass
 
 
-def _is_pty(handle: int) -> bool:
+def is_pty(handle: int) -> bool:
+    """Whether a descriptor is the end of a pseudo terminal."""
     return os.major(os.fstat(handle).st_rdev) in PTY_MAJORS
 
 
@@ -337,7 +349,8 @@ def _why_lost(error: OSError) -> str:
     return "unplugged" if error.errno in (errno.EIO, errno.ENXIO, errno.ENODEV) else str(error)
 
 
-def _why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError:
+def why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError:
+    """Return the sentence, with the remedy, for what the system said when a port was opened or set."""
     number = error.errno if isinstance(error, OSError) else None
     device = endpoint.device
     if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO):

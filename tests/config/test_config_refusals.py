@@ -208,7 +208,7 @@ def test_two_ways_at_once_are_reported_beside_the_other_faults_of_their_table(tm
     assert said == [
         ("line.xyz.drives.baudrate", "allowed: at least 50, at most 12000000"),
         ("line.xyz.drives", "allowed: exactly one of rtu, tcp, rtu_over_tcp"),
-        ("line.xyz.controllers[1]", "allowed: exactly one of rtu, tcp"),
+        ("line.xyz.controllers[1]", "allowed: exactly one of rtu, tcp, rtu_over_tcp"),
         ("line.xyz.controllers[1].timeout_ms", "allowed: greater than 0, at most 3600000"),
     ]
 
@@ -216,7 +216,7 @@ def test_two_ways_at_once_are_reported_beside_the_other_faults_of_their_table(tm
 def test_two_ways_at_once_are_one_problem_where_nothing_else_is_wrong(tmp_path: Path) -> None:
     text = edited(("baudrate = 38400", 'tcp = "127.0.0.1:1504"'))
     problem = only(refused(tmp_path, text), "line.xyz.controllers[1]")
-    assert problem.remedy == "allowed: exactly one of rtu, tcp"
+    assert problem.remedy == "allowed: exactly one of rtu, tcp, rtu_over_tcp"
 
 
 def test_everything_is_said_at_once(tmp_path: Path) -> None:

@@ -8,12 +8,12 @@ from gateway.simulator.drives.catalogue import DRIVES
 from gateway.simulator.drives.motor import Motor
 from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
 from gateway.simulator.ledger import MoveKind
-from gateway.simulator.master import Master, RtuMaster, TcpMaster
 from gateway.simulator.mechanics import Encoder, Mechanics
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.pty import Pty
 from gateway.simulator.screw import Screw
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.master import ModbusMaster
 from tests.contract import sessions_opcodes, sessions_paths, sessions_words
 from tests.contract.script import MachineClock, Session
 
@@ -52,15 +52,9 @@ class DriveBench:
         self._exits.callback(SerialDriveServer(self.bus, self.clock, pty.master_fd).close)
         return SerialEndpoint(pty.path, 115200)
 
-    async def master(self, endpoint: TcpEndpoint | SerialEndpoint) -> Master:
+    async def master(self, endpoint: TcpEndpoint | SerialEndpoint) -> ModbusMaster:
         """Open a controller's end."""
-        master: Master
-        if isinstance(endpoint, TcpEndpoint):
-            master = await TcpMaster.connect(endpoint.host, endpoint.port, PATIENCE_S)
-        else:
-            master = RtuMaster.open(endpoint.device, PATIENCE_S)
-        self._exits.push_async_callback(master.close)
-        return master
+        return await self._exits.enter_async_context(ModbusMaster(endpoint, PATIENCE_S * 1000.0))
 
     def pty(self) -> Pty:
         """Make a serial port."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.simulator.ledger import MoveKind
-from gateway.simulator.master import Master
+from gateway.transport.master import ModbusMaster
 
 REQUEST_S: Final = 0.010
 PATIENCE: Final = 2_000
@@ -86,7 +86,7 @@ class Session:
         return [Step.of(line) for line in lines if line]
 
 
-async def run(session: Session, master: Master, clock: MachineClock) -> Transcript:
+async def run(session: Session, master: ModbusMaster, clock: MachineClock) -> Transcript:
     """Say everything; return what was said and answered."""
     transcript: Transcript = []
     for step in session.steps:

@@ -11,8 +11,9 @@ from gateway.drives.library import shipped
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.relay.gateway import Relay
-from gateway.simulator.master import Master, RtuMaster
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.master import ModbusMaster
+from gateway.transport.null_modem import NullModem
 from tests.contract.bench import COUNTS_PER_MM, LOOPBACK, PATIENCE_S, DriveBench
 
 MACHINE_SPEED_MM_S: Final = 1e6
@@ -61,18 +62,19 @@ def axis_plan(drive: str, unit_id: int, table: CorrectionTable) -> AxisPlan:
     )
 
 
-async def master_through_gateway(bench: DriveBench, exits: AsyncExitStack, table: CorrectionTable) -> Master:
+async def master_through_gateway(
+    bench: DriveBench, exits: AsyncExitStack, table: CorrectionTable
+) -> ModbusMaster:
     """Put a gateway in front of the drive; the controller has the same kind of cable as the drive."""
     drives = await bench.serve()
     axis = axis_plan(bench.session.drive, bench.session.unit_id, table)
     if isinstance(drives, TcpEndpoint):
         relay = await _start(axis, drives, TcpEndpoint(LOOPBACK, 0), exits)
         return await bench.master(relay.address("l", "cnc"))
-    near = bench.pty()
-    await _start(axis, drives, SerialEndpoint(near.path, 115200), exits)
-    master = RtuMaster(near.master_fd, PATIENCE_S)
-    exits.push_async_callback(master.close)
-    return master
+    cable = NullModem()
+    exits.callback(cable.close)
+    await _start(axis, drives, SerialEndpoint(cable.near, 115200), exits)
+    return await bench.master(SerialEndpoint(cable.far, 115200))
 
 
 async def _start(

@@ -134,3 +134,13 @@ def test_the_image_runs_as_a_user_and_checks_its_health() -> None:
     command = json.loads(health.partition("CMD ")[2])
     assert command == ["/opt/pitch-gateway/bin/python3", "/opt/pitch-gateway/share/healthcheck.py"]
     assert dict(last)["ENTRYPOINT"] == '["/opt/pitch-gateway/bin/pitch-gateway"]'
+
+
+def test_an_adapter_that_comes_back_under_another_number_is_seen_in_the_container() -> None:
+    """``devices`` are made once, by the number of that moment; the host's /dev has what comes and goes."""
+    gateway = yaml.safe_load((DEPLOY / "compose.serial.yaml").read_text())["services"]["gateway"]
+    assert "devices" not in gateway
+    assert gateway["volumes"] == ["/dev:/dev"]
+    rules = [rule.split() for rule in gateway["device_cgroup_rules"]]
+    assert {number for _, number, _ in rules} == {"188:*", "166:*", "4:*", "204:*"}
+    assert all((kind, may) == ("c", "rw") for kind, _, may in rules)  # character devices, and none is made

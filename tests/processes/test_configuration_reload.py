@@ -128,3 +128,29 @@ def test_a_wrong_configuration_changes_nothing_and_tables_go_on(site: Site) -> N
         gateway.until("table-handed-over")
         assert master.move(50_000) == 50_060
         assert gateway.end() == 0
+
+
+def test_a_dry_run_ends_with_a_reload_and_comes_back_with_a_restart_only(site: Site) -> None:
+    config, on = str(site.config), site.config.read_text()
+    assert 'compensation = "' not in on
+    shadow = on.replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "shadow"')
+    site.config.write_text(shadow)
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_000
+        site.config.write_text(on)
+        done = typed("reload", config)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.splitlines() == [
+            "x: its new correction comes into force with the next different target",
+            "in force now: axis.x.compensation",
+        ]
+        assert axis_status(site)["compensation"] == "active"
+        assert master.move(50_000) == 50_000  # the same target: nothing moves
+        assert master.move(60_000) == 60_060
+        site.config.write_text(shadow)
+        refused = typed("reload", config)
+        assert refused.returncode == 1
+        assert "axis.x.compensation: only a restart takes an axis into shadow" in refused.stderr
+        assert master.move(50_000) == 50_050
+        assert gateway.end() == 0
+    assert [note["axes"] for note in gateway.notes if note["event"] == "dry-run-ended"] == [["x"]]

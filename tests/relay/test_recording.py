@@ -18,6 +18,7 @@ from gateway.exchange.control import (
     Control,
     ControlError,
     Declare,
+    EndDryRun,
     Limits,
     SetGain,
     SetLimits,
@@ -67,6 +68,7 @@ MESSAGES: dict[type, tuple[Control, ...]] = {
     SetGain: (SetGain("x", Gain(0.5, 0.25)), SetGain("x", Gain(0.5, 0.25), is_configured=True)),
     SetLimits: (SetLimits("x", Limits(0.5, 0.1, 2.0, 150.0)),),
     SetTemperature: (SetTemperature("x", 21.5),),
+    EndDryRun: (EndDryRun("x"),),
 }
 
 

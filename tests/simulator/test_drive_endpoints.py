@@ -17,13 +17,13 @@ from gateway.simulator.axis import DEFAULT_REGISTERS, SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.drive import SimulatedDrive
 from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
-from gateway.simulator.errors import NoReplyError, SimulatorError
-from gateway.simulator.master import Master, RtuMaster, TcpMaster
+from gateway.simulator.errors import SimulatorError
 from gateway.simulator.mechanics import Encoder, Mechanics
 from gateway.simulator.pty import Pty, open_serial
 from gateway.simulator.screw import Screw
 from gateway.simulator.wire import SerialWire
-from gateway.transport.endpoints import SerialEndpoint
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.master import LostError, ModbusMaster, SilentError
 
 COMMAND, ACTUAL, STATUS = 0x0100, 0x0200, 0x0204
 
@@ -85,15 +85,14 @@ class Cable:
         self.exits.callback(client.close)
         return client
 
-    async def master(self, timeout_s: float = 2.0) -> Master:
-        master: Master
+    async def master(self, timeout_ms: float = 2000.0) -> ModbusMaster:
+        endpoint: TcpEndpoint | SerialEndpoint
         if self.pty is not None:
-            master = RtuMaster.open(self.pty.path, timeout_s)
+            endpoint = SerialEndpoint(self.pty.path)
         else:
             assert self.tcp is not None
-            master = await TcpMaster.connect("127.0.0.1", self.tcp.port, timeout_s)
-        self.exits.push_async_callback(master.close)
-        return master
+            endpoint = TcpEndpoint("127.0.0.1", self.tcp.port, rtu=self.tcp.rtu)
+        return await self.exits.enter_async_context(ModbusMaster(endpoint, timeout_ms))
 
 
 LayCable = Callable[..., Awaitable[Cable]]
@@ -170,8 +169,8 @@ async def test_an_unknown_unit_is_a_failed_target_on_tcp(lay_cable: LayCable) ->
 
 
 async def test_an_unknown_unit_is_silence_on_a_serial_line(lay_cable: LayCable) -> None:
-    master = await (await lay_cable("rtu")).master(timeout_s=0.02)
-    with pytest.raises(NoReplyError, match=r"unit 9, function 3: no reply within 0\.02 s"):
+    master = await (await lay_cable("rtu")).master(timeout_ms=20.0)
+    with pytest.raises(SilentError, match="no reply within 20 ms"):
         await master.exchange(9, pack(">BHH", 3, 0, 1))
 
 
@@ -198,11 +197,11 @@ async def test_a_connection_that_speaks_something_else_is_closed(lay_cable: LayC
 async def test_a_drive_that_is_switched_off_ends_the_exchange(lay_cable: LayCable) -> None:
     cable = await lay_cable("tcp", 60.0)
     assert cable.tcp is not None
-    master = await cable.master(timeout_s=60.0)
+    master = await cable.master(timeout_ms=60_000.0)
     exchange = asyncio.create_task(master.exchange(1, pack(">BHH", 3, 0, 1)))
     await cable.clock.was_looked_at.wait()
     cable.tcp.drop_connections()
-    with pytest.raises(NoReplyError, match="closed"):
+    with pytest.raises(LostError, match="closed"):
         await exchange
 
 
@@ -232,13 +231,12 @@ async def test_a_serial_wire_carries_both_directions(lay_cable: LayCable) -> Non
     near, far = Pty(), Pty()
     line = SerialEndpoint("", baudrate=1_000_000)
     wire = SerialWire(near.master_fd, far.master_fd, line)
-    bridge = RtuMaster.open(near.path)
     server = SerialDriveServer(cable.bus, cable.clock, _opened(cable, far), wire=line)
     try:
-        assert await bridge.exchange(1, pack(">BHH", 3, STATUS, 1)) == b"\x03\x02\x00\x03"
+        async with ModbusMaster(SerialEndpoint(near.path)) as bridge:
+            assert await bridge.exchange(1, pack(">BHH", 3, STATUS, 1)) == b"\x03\x02\x00\x03"
     finally:
         server.close()
-        await bridge.close()
         wire.close()
         near.close()
         far.close()

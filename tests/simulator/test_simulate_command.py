@@ -11,7 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway.cli.main import app
-from gateway.simulator.master import RtuMaster, TcpMaster
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.master import ModbusMaster
 from tests.child import started
 
 COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "simulate"]
@@ -81,15 +82,12 @@ async def test_every_drive_of_a_configuration_can_be_talked_to(configuration: Pa
         assert serial["axes"][0]["unit_id"] == 4
         assert serial["controllers"][0]["controller_opens"].endswith("ttyCnc.controller")
 
-        rtu_master = RtuMaster.open(serial["address"], timeout_s=5.0)
-        assert await rtu_master.exchange(4, pack(">BHHBi", 16, 0x40, 2, 4, -5000)) == pack(
-            ">BHH", 16, 0x40, 2
-        )
-        await rtu_master.close()
+        async with ModbusMaster(SerialEndpoint(serial["address"]), 5000.0) as master:
+            reply = await master.exchange(4, pack(">BHHBi", 16, 0x40, 2, 4, -5000))
+            assert reply == pack(">BHH", 16, 0x40, 2)
         host, _, port = tcp["address"].rpartition(":")
-        tcp_master = await TcpMaster.connect(host, int(port), timeout_s=5.0)
-        assert await tcp_master.exchange(1, pack(">BHH", 3, 0x50, 2)) == b"\x03\x04\x00\x00\x00\x00"
-        await tcp_master.close()
+        async with ModbusMaster(TcpEndpoint(host, int(port)), 5000.0) as master:
+            assert await master.exchange(1, pack(">BHH", 3, 0x50, 2)) == b"\x03\x04\x00\x00\x00\x00"
 
         process.send_signal(signal.SIGTERM)
         _, errors = process.communicate(timeout=20)
@@ -186,9 +184,8 @@ referenced = "absolute"
         assert process.stdout is not None
         lines = [process.stdout.readline().strip() for _ in range(4)]
         assert lines[1].endswith(", behaves as mitsubishi-mr-je-c")
-        master = await TcpMaster.connect("127.0.0.1", unused_tcp_port, timeout_s=5.0)
-        # Half of an object of two words, at its one address.
-        assert await master.exchange(255, pack(">BHH", 3, 0x6064, 1)) == b"\x83\x03"
-        await master.close()
+        async with ModbusMaster(TcpEndpoint("127.0.0.1", unused_tcp_port), 5000.0) as master:
+            # Half of an object of two words, at its one address.
+            assert await master.exchange(255, pack(">BHH", 3, 0x6064, 1)) == b"\x83\x03"
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=20) == 0

@@ -15,11 +15,11 @@ from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField, PositionField, RegisterType
 from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.errors import SimulatorError
-from gateway.simulator.master import Master, RtuMaster
 from gateway.simulator.ports import PortLinks
 from gateway.simulator.pty import FdChannel, open_serial
 from gateway.simulator.world import World, simulated_axis
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.master import ModbusMaster
 
 COMMAND, ACTUAL, STATUS = 0x10, 0x20, 0x30
 
@@ -51,11 +51,9 @@ def names_in(folder: Path) -> list[str]:
     return [path.name for path in folder.iterdir()]
 
 
-async def read_status(master: Master) -> bytes:
-    try:
+async def read_status(device: Path) -> bytes:
+    async with ModbusMaster(SerialEndpoint(str(device))) as master:
         return await master.exchange(1, pack(">BHH", 3, STATUS, 1))
-    finally:
-        await master.close()
 
 
 @pytest.mark.parametrize("paced", [True, False])
@@ -69,7 +67,7 @@ async def test_a_serial_line_gets_its_ports_for_as_long_as_it_is_simulated(
         assert (served.kind, served.address) == ("rtu", str(drives))
         assert served.controllers[1].gateway_opens == str(cnc)
         assert served.controllers[1].controller_opens == f"{cnc}.controller"
-        assert await read_status(RtuMaster.open(str(drives))) == b"\x03\x02\x00\x04"
+        assert await read_status(drives) == b"\x03\x02\x00\x04"
     assert names_in(tmp_path) == []
 
 

@@ -5,7 +5,9 @@ knows none of the ioctls. Values: Linux 6 sysfs and ``linux/serial.h``.
 """
 
 import contextlib
+import fcntl
 import os
+import struct
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +16,16 @@ from pathlib import Path
 import pytest
 
 from gateway.transport.endpoints import SerialEndpoint
-from gateway.transport.low_latency import LatencySettings, Rs485, flag_note, remarks, tty_folder, tune
+from gateway.transport.errors import RefusedError
+from gateway.transport.low_latency import (
+    LatencySettings,
+    Rs485,
+    flag_note,
+    remarks,
+    set_rs485,
+    tty_folder,
+    tune,
+)
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort, open_port
 
@@ -235,3 +246,50 @@ async def test_what_is_slow_is_said_once_until_it_changes() -> None:
     for slow in (("timer",), ("timer",), (), (), ("timer", "trigger")):
         port._say_slow(slow)
     assert said == ["timer", "timer; trigger"]
+
+
+async def test_a_driver_without_rs485_mode_refuses_it_and_says_what_to_do() -> None:
+    cable = NullModem()
+    try:
+        with pytest.raises(
+            RefusedError, match=rf"driver of {cable.near} has no RS-485 mode; .*leave rs485 out"
+        ):
+            open_port(SerialEndpoint(cable.near, 19200, rs485=True))
+        port, _ = open_port(SerialEndpoint(cable.near, 19200))  # it was given back
+        port.close()
+    finally:
+        cable.close()
+
+
+class Driver:
+    """A driver with an RS-485 mode: what it was told last, and what it makes of that."""
+
+    def __init__(self, content: bytes, *, takes: bool = True) -> None:
+        self.content = content
+        self.takes = takes
+
+    def ioctl(self, handle: int, number: int, argument: bytearray | bytes) -> int:
+        if number == 0x542F:  # TIOCSRS485
+            self.content = bytes(argument) if self.takes else self.content
+        elif number == 0x542E and isinstance(argument, bytearray):  # TIOCGRS485
+            argument[:] = self.content
+        return 0
+
+
+def test_the_rs485_mode_is_set_and_its_delays_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    # RTS after sending (4), 1 ms before and 2 ms behind a frame, and a word that is not ours.
+    driver = Driver(struct.pack("=8I", 0x04, 1, 2, 0, 0, 0, 0, 9))
+    monkeypatch.setattr(fcntl, "ioctl", driver.ioctl)
+    found = set_rs485(3, hears_itself=False)
+    assert driver.content == struct.pack("=8I", 0x03, 1, 2, 0, 0, 0, 0, 9)  # enabled, RTS on send
+    assert found == Rs485(True, True, False, False, 1, 2)
+    assert set_rs485(3, hears_itself=True) == Rs485(True, True, False, True, 1, 2)
+
+
+def test_a_driver_that_takes_the_mode_and_does_nothing_is_seen_through(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(fcntl, "ioctl", Driver(bytes(32), takes=False).ioctl)
+    found = set_rs485(3, hears_itself=False)
+    assert found is not None
+    assert not found.enabled

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from gateway.cli.demonstration.rig import PATIENCE_S, RigAxis
+from gateway.cli.demonstration.rig import PATIENCE_MS, RigAxis
 from gateway.cli.demonstration.spec import AxisSpec, Cable
 from gateway.compensation.table import CorrectionTable
 from gateway.modbus.registers import BitField, PositionField
@@ -86,7 +86,7 @@ def _line(axis: RigAxis) -> str:
         drive_address=drive_address,
         controller=spec.controller.value,
         controller_address=axis.controller_address,
-        patience_ms=PATIENCE_S * 1000,
+        patience_ms=PATIENCE_MS,
     )
     return line + ('baudrate = 38400\nparity = "even"\n' if spec.controller is Cable.RTU else "")
 

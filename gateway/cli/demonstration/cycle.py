@@ -170,11 +170,8 @@ class _Round:
         await self._judge(Phase.WITH, station, station.view.corrected)
 
     async def _on_axis(self, axis: RigAxis, step: _Step) -> None:
-        master, controller = await axis.connect()
-        try:
+        async with axis.controller() as controller:
             await step(_Station(axis, self._view.axes[axis.spec.name], controller))
-        finally:
-            await master.close()
 
     async def _home(self, station: _Station) -> None:
         """Go to 0 in the direction of homing, which the table has as its reference."""

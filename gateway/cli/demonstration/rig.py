@@ -2,8 +2,8 @@
 
 import random
 import socket
-from collections.abc import Callable
-from contextlib import AsyncExitStack
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Final, Self
 
 from gateway.cli.demonstration.spec import AxisSpec, Cable
@@ -14,14 +14,16 @@ from gateway.simulator.controller import AxisController
 from gateway.simulator.drive import SimulatedDrive
 from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
 from gateway.simulator.laser import Laser
-from gateway.simulator.master import Master, RtuMaster, TcpMaster
 from gateway.simulator.mechanics import Encoder, Mechanics
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.pty import Pty
 from gateway.simulator.screw import worn_screw
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.master import ModbusMaster
+from gateway.transport.null_modem import NullModem
 
 LOOPBACK: Final = "127.0.0.1"
-PATIENCE_S: Final = 10
+PATIENCE_MS: Final = 10_000.0
 """Nobody gives up early: a busy computer may make a whole demonstration stand still for seconds."""
 LASER_NOISE_UM: Final = 0.1
 BACKLASH_UM: Final = (25.0, 45.0)
@@ -47,7 +49,7 @@ class RigAxis:
         """Where the gateway finds the drive: HOST:PORT, or the path of a port."""
         self.controller_address = ""
         """What the gateway opens for the controller."""
-        self._controller_pty: Pty | None = None
+        self._controller_end: TcpEndpoint | SerialEndpoint | None = None
         self._exits = AsyncExitStack()
 
     async def open(self) -> None:
@@ -60,33 +62,29 @@ class RigAxis:
             self._exits.push_async_callback(tcp.stop)
             self.drive_address = f"{LOOPBACK}:{tcp.port}"
         else:
-            pty = self._pty()
+            pty = Pty()
+            self._exits.callback(pty.close)
             self._exits.callback(SerialDriveServer(bus, self.clock, pty.master_fd).close)
             self.drive_address = pty.path
         if self.spec.controller is Cable.TCP:
-            self.controller_address = f"{LOOPBACK}:{free_port()}"
+            self._controller_end = TcpEndpoint(LOOPBACK, free_port())
+            self.controller_address = str(self._controller_end)
         else:
-            self._controller_pty = self._pty()
-            self.controller_address = self._controller_pty.path
+            cable = NullModem()
+            self._exits.callback(cable.close)
+            self._controller_end = SerialEndpoint(cable.far)
+            self.controller_address = cable.near
 
     async def close(self) -> None:
         """Take everything away."""
         await self._exits.aclose()
 
-    async def connect(self) -> tuple[Master, AxisController]:
+    @asynccontextmanager
+    async def controller(self) -> AsyncIterator[AxisController]:
         """Connect the controller to the gateway, which must be running."""
-        master: Master
-        if self._controller_pty is not None:
-            master = RtuMaster(self._controller_pty.master_fd, PATIENCE_S)
-        else:
-            port = int(self.controller_address.rpartition(":")[2])
-            master = await TcpMaster.connect(LOOPBACK, port, PATIENCE_S)
-        return master, AxisController(master, self.spec.wiring)
-
-    def _pty(self) -> Pty:
-        pty = Pty()
-        self._exits.callback(pty.close)
-        return pty
+        assert self._controller_end is not None
+        async with ModbusMaster(self._controller_end, PATIENCE_MS) as master:
+            yield AxisController(master, self.spec.wiring)
 
 
 class Rig:

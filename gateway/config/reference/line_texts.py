@@ -72,7 +72,17 @@ LINE: Final[Texts] = {
     ),
 }
 
+RS485: Final = Said(
+    meaning=(
+        "only with `rtu`: the kernel switches the direction of the line with RTS, before and after each "
+        "frame (TIOCSRS485), with the delays of the device tree. A driver that cannot, as that of most USB "
+        "adapters, refuses, and so does the start of the gateway: those adapters switch by themselves. "
+        "`false`: it is left as it is"
+    ),
+)
+
 DRIVES: Final[Texts] = {
+    "rs485": RS485,
     "rtu": Said(
         meaning=(
             "serial port with Modbus RTU. A name from `/dev/serial/by-id` stays the same when adapters "
@@ -106,6 +116,14 @@ DRIVES: Final[Texts] = {
 }
 
 CONTROLLERS: Final[Texts] = {
+    "rs485": RS485,
+    "rtu_over_tcp": Said(
+        meaning=(
+            "address to listen on for a controller that sends RTU frames over TCP: a device server that "
+            "connects (its mode is often named TCP client), or a program. Silence where RTU has silence; no "
+            "transaction ids, so one connection has one request at a time"
+        ),
+    ),
     "rtu": Said(
         meaning="serial port that the controller is wired to",
     ),
@@ -147,22 +165,22 @@ CONTROLLERS: Final[Texts] = {
         ),
         default="no limit",
     ),
-    "max_connections": Said(more="Only with `tcp`"),
+    "max_connections": Said(more="Not with `rtu`"),
     "connects_per_s": Said(
         meaning=(
             "connections that one host may open in a second, in the mean; after a pause as many at once as "
             "`max_connections`. One that got an answer before it ended is not counted, up to a thousand a "
-            "second; with `tls` each is. Only with `tcp`"
+            "second; with `tls` each is. Not with `rtu`"
         ),
     ),
     "idle_timeout_s": Said(
-        meaning="a connection that sent no whole request for so long is closed. Only with `tcp`",
+        meaning="a connection that sent no whole request for so long is closed. Not with `rtu`",
         default="never",
     ),
     "allow": Said(
         meaning=(
             'who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; with `[]` whoever reaches the '
-            "address. Only with `tcp`"
+            "address. Not with `rtu`"
         ),
     ),
     "tls": Said(

@@ -7,6 +7,7 @@ beside the table; what it changes is the axis alone, and what is to be told of i
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from math import isfinite
 from typing import Final
@@ -449,6 +450,40 @@ class Axis(AxisState):
         if self.switched is not Switched.ENDED:
             self.switched = Switched.ON if is_wanted else Switched.OFF
         self._choose_correction()
+        if self.is_referenced:
+            self.compensation.want(self.wanted)
+
+    @property
+    def why_not_at_rest(self) -> str:
+        """Why nobody can say that it stands at its last target, "" where it does, or was told none yet.
+
+        In a dry run the drive stands at the target as it was commanded. Where no register tells where it is,
+        nobody ever can: then the last word of its drive has to do.
+        """
+        compensation, accepted = self.compensation, self.compensation.accepted
+        if self.unproven is not None:
+            return "a target of it is not acknowledged"
+        if self.is_moving:
+            return "it moves"
+        if accepted is None:
+            is_untold = self.last_number is None and self.whereabouts is Whereabouts.UNKNOWN
+            return "" if is_untold else "nobody knows where it stands"
+        if self.whereabouts in WAS_THERE and self.whereabouts is not Whereabouts.MAY_HAVE_LEFT:
+            return ""
+        if not self.plan.actual:
+            return ""
+        actual = self.actual
+        if actual is None or not compensation.is_seen:
+            return "nobody has seen it at its target"
+        away_counts = abs(actual.counts - accepted.nominal_counts)
+        return "" if away_counts <= self.plan.settings.in_position_counts else "it is not at its target yet"
+
+    def end_dry_run(self) -> None:
+        """Apply what was only shown until now, from the next different target on; it stands."""
+        self.plan = replace(self.plan, compensation=CompensationMode.ON)
+        self.is_dry_run = False
+        self._choose_correction()
+        self.compensation.end_dry_run()
         if self.is_referenced:
             self.compensation.want(self.wanted)
 

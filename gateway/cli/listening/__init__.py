@@ -1,0 +1,1 @@
+"""``listen``: what passes on a line, heard without saying a word."""
