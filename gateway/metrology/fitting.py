@@ -81,6 +81,8 @@ class Evidence:
     warnings: tuple[str, ...]
     unheld: Candidate | None = None
     """What would leave clearly less, but no file of this format holds it."""
+    is_told: bool = True
+    """Whether the readings tell what is left; otherwise a candidate's ``left_out`` only compares."""
 
 
 def choose(
@@ -104,7 +106,9 @@ def choose(
     better = min(unheld, key=lambda each: each.left_out, default=None)
     if better is not None and better.left_out * CLEARLY > chosen.left_out:
         better = None
-    return Evidence(chosen, tuple(held), screw.harmonics, warnings_of(screw), better)
+    return Evidence(
+        chosen, tuple(held), screw.harmonics, warnings_of(screw), better, is_told=not screw.unseen
+    )
 
 
 def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
@@ -123,10 +127,12 @@ def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
     notes = [first]
     if evidence.unheld is not None:
         other = evidence.unheld
+        less = "less"
+        if evidence.is_told:
+            less = f"E = {small.text(other.left_out)} instead of {small.text(chosen.left_out)}"
         notes.append(
-            f"{other.shape.words} in {len(other.table.positions)} points would leave E = "
-            f"{small.text(other.left_out)} instead of {small.text(chosen.left_out)}, but this format does "
-            "not hold such a table: --to csv does"
+            f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but this format "
+            "does not hold such a table: --to csv does"
         )
     for each in evidence.harmonics:
         verdict = "significant" if each.significance <= SIGNIFICANT else "not significant"
@@ -139,7 +145,7 @@ def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
 
 def warnings_of(screw: Screw) -> tuple[str, ...]:
     """Say what the targets cannot show."""
-    return tuple(lead_warnings(screw.means.targets, screw.periods, screw.units.value))
+    return tuple(lead_warnings(screw.means.targets, screw.periods, screw.units))
 
 
 def _shapes(screw: Screw, wish: Fit) -> tuple[Shape, ...]:

@@ -145,11 +145,15 @@ def between(found: Findings) -> str:
     left_out = found.story.left_out
     if left_out is None or not found.story.is_predicted:
         return ""
-    left, low, high = (found.scale.rounded(each) for each in (left_out.e, left_out.low, left_out.high))
-    without = f"; {left_out.without}" if left_out.without else ""
+    show = found.scale.rounded
+    if left_out.e is None or left_out.high is None:
+        return (
+            f" Between the targets it leaves a systematic deviation E of at least {show(left_out.low)}; how "
+            f"much it is, is {left_out.unknown}."
+        )
     return (
-        f" Between the targets it is predicted to leave a systematic deviation E of {left}, in nine of ten "
-        f"cases between {low} and {high}{without}."
+        f" Between the targets it is predicted to leave a systematic deviation E of {show(left_out.e)}, in "
+        f"nine of ten cases between {show(left_out.low)} and {show(left_out.high)}."
     )
 
 

@@ -64,15 +64,21 @@ def _between_row(found: Findings, columns: int) -> str:
     left_out = found.story.left_out
     if left_out is None or not found.story.is_predicted or columns < 2:
         return ""
-    value, low, high = (
-        number(found.scale.of(each), ISO_PLACES) for each in (left_out.e, left_out.low, left_out.high)
-    )
-    without = f"; {escape(left_out.without)}" if left_out.without else ""
+    value, why = f"≥{GAP}{_shown(found, left_out.low)}", escape(left_out.unknown)
+    if left_out.e is not None and left_out.high is not None:
+        value = _shown(found, left_out.e)
+        why = (
+            f"predicted by leaving out (nine of ten cases: {_shown(found, left_out.low)} to "
+            f"{_shown(found, left_out.high)})"
+        )
     return (
-        '<tr class="total"><th scope="row"><b>E</b> between the targets, predicted by leaving out '
-        f"(nine of ten cases: {low} to {high}{without})</th>"
+        f'<tr class="total"><th scope="row"><b>E</b> between the targets, {why}</th>'
         f"<td>{NONE}</td><td>{value}</td><td>{NONE}</td></tr>\n"
     )
+
+
+def _shown(found: Findings, length: float) -> str:
+    return number(found.scale.of(length), ISO_PLACES)
 
 
 def _share(before: float | None, after: float | None) -> str:

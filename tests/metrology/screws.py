@@ -3,13 +3,16 @@
 ``python -m tests.metrology.screws [SEEDS]`` prints the figures of all of them: noise-free and noisy, with few
 targets and with many. The truth is E after ISO 230-2 without scatter, of 8001 places in both directions, with
 the drive where the table sends it. ``--drift`` prints a second table instead: the noisy screws with few
-targets, on a scale that is wrong and on a machine that warms up while it is measured.
+targets, on a scale that is wrong and on a machine that warms up while it is measured. ``--write`` puts what
+was printed into ``docs/metrology.md``, between the comments that name the command. Two kinds of measurement
+come beside the ten screws: one of them again at irregular targets, another at even ones that hide its turn.
 """
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import exp, log, pi, sin
+from pathlib import Path
 from random import Random
 from statistics import fmean, median
 from typing import Final
@@ -120,9 +123,11 @@ def short(phases: Sequence[float]) -> tuple[Curve, Curve]:
 KINDS: Final = (
     Kind("straight, 30 µm a metre", 400, straight, 9, 41, 0.4),
     Kind("slow waves, even targets", 500, slow, 13, 51, 0.5, is_even=True),
+    Kind("slow waves, irregular targets", 500, slow, 13, 51, 0.5),
     Kind("drunken, lead 10 told", 500, drunken, 17, 41, 0.4, lead=10.0, spread=10.0),
     Kind("of the issue, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, spread=4.5),
     Kind("of the issue, lead not told", 400, of_the_issue, 21, 81, 0.4, spread=4.5),
+    Kind("of the issue, even targets, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, is_even=True),
     Kind("screw and motor, periods told", 300, geared, 25, 61, 0.4, lead=6.0, turns=(2.0,), spread=4.5),
     Kind("worn in the middle", 400, worn, 17, 41, 0.5),
     Kind("2 m long", 2000, long, 21, 81, 1.0),
@@ -175,9 +180,10 @@ class Case:
     targets: int
     noise_um: float
     true: float
-    predicted: float
+    predicted: float | None
+    """None: not known from these readings."""
     low: float
-    high: float
+    high: float | None
     of_shapes: dict[Shape, float]
     follows: Shape
 
@@ -187,15 +193,16 @@ class Case:
 
     @property
     def is_near(self) -> bool:
-        """Whether the prediction lies near the truth."""
-        return (
+        """Whether the prediction lies near the truth; False where there is none."""
+        return self.predicted is not None and (
             abs(self.true - self.predicted) <= WITHIN_UM or 1 / FACTOR <= self.predicted / self.true <= FACTOR
         )
 
     @property
     def is_within(self) -> bool:
         """Whether the truth lies between the bounds that were predicted."""
-        return self.low - WITHIN_UM / 4 <= self.true <= self.high + WITHIN_UM / 4
+        least = WITHIN_UM / 4
+        return self.low - least <= self.true and (self.high is None or self.true <= self.high + least)
 
     @property
     def is_good(self) -> bool:
@@ -233,9 +240,9 @@ def case(kind: Kind, count: int, noise_um: float, seed: int) -> Case:
         count,
         noise_um,
         true=screw.leaves_um(chosen.table, low, high),
-        predicted=left_out.e * 1000,
+        predicted=None if left_out.e is None else left_out.e * 1000,
         low=left_out.low * 1000,
-        high=left_out.high * 1000,
+        high=None if left_out.high is None else left_out.high * 1000,
         of_shapes=of_shapes,
         follows=chosen.evidence.chosen.shape,
     )
@@ -256,15 +263,34 @@ def row(found: Sequence[Case]) -> str:
         f"{fmean(each.of_shapes[shape] for each in found):.2f}" if shape in one.of_shapes else "–"
         for shape in Shape
     ]
-    ratio = exp(median(log(each.predicted / each.true) for each in found))
-    true, predicted = (fmean(values) for values in zip(*((c.true, c.predicted) for c in found), strict=True))
-    counts = [
+    true = fmean(each.true for each in found)
+    near, within, good = (
         f"{sum(whether)}/{len(found)}"
         for whether in zip(*((each.is_near, each.is_within, each.is_good) for each in found), strict=True)
-    ]
+    )
+    told = [(each.predicted, each.true) for each in found if each.predicted is not None]
+    if told:
+        predicted = f"{fmean(predicted for predicted, _ in told):.2f}"
+        ratio = f"{exp(median(log(predicted / true) for predicted, true in told)):.2f}"
+    else:
+        predicted, ratio, near = f"≥ {fmean(each.low for each in found):.2f}", "–", "–"
     return (
         f"| {one.kind.name} | {one.targets} | {one.noise_um:g} | {' | '.join(shapes)} | {true:.2f} | "
-        f"{predicted:.2f} | {ratio:.2f} | {' | '.join(counts)} |"
+        f"{predicted} | {ratio} | {near} | {within} | {good} |"
+    )
+
+
+def summary(found: Sequence[Case]) -> str:
+    """Return what all cases together say."""
+    told = [each for each in found if each.predicted is not None]
+    hidden = [each for each in found if each.predicted is None]
+    return (
+        f"Of {len(found)} measurements {len(told)} tell what is left between the targets: there "
+        f"{sum(each.is_near for each in told)} predictions lie within a factor {FACTOR:g} of the truth (or "
+        f"{WITHIN_UM:g} µm), and {sum(each.is_within for each in told)} times the truth lies between the "
+        f"bounds. {len(hidden)} do not tell it, and no figure is given; the least that is said to be left "
+        f"was left in {sum(each.is_within for each in hidden)} of them. "
+        f"{sum(each.is_good for each in found)} tables leave at most a tenth more than the best curve does."
     )
 
 
@@ -326,11 +352,13 @@ def drifting_row(kind: Kind, seeds: Sequence[int]) -> str:
                 e_true * 1e3,
                 e_found * 1e3,
                 warming.leaves_um(chosen.table, targets[0], targets[-1]),
-                chosen.screw.leaves(chosen.table) * 1e3,
+                (left_out := chosen.screw.left_out(chosen.table)).low * 1e3,
+                (left_out.e or 0.0) * 1e3,
             ]
         )
     means = [fmean(values) for values in zip(*columns, strict=True)]
-    cells = [f"{mean:.1f}" for mean in means[:7]] + [f"{mean:.2f}" for mean in means[7:]]
+    cells = [f"{mean:.1f}" for mean in means[:7]] + [f"{means[7]:.2f}"]
+    cells.append(f"{means[9]:.2f}" if means[9] else f"≥ {means[8]:.2f}")
     return f"| {kind.name} | {' | '.join(cells)} |"
 
 
@@ -340,16 +368,42 @@ DRIFTING_HEADING: Final = (
 )
 
 
-def main(seeds: Sequence[int], *, is_drifting: bool) -> None:
+PAGE: Final = Path(__file__).parents[2] / "docs" / "metrology.md"
+
+
+def lines_of(seeds: Sequence[int], *, is_drifting: bool) -> Iterator[str]:
+    """Yield one of the tables, and what all of the first says."""
+    yield DRIFTING_HEADING if is_drifting else HEADING
+    if is_drifting:
+        yield from (drifting_row(kind, seeds) for kind in KINDS)
+        return
+    found = []
+    for each in cases(seeds):
+        found += each
+        yield row(each)
+    yield f"\n{summary(found)}"
+
+
+def into_page(page: str, text: str, command: str) -> str:
+    """Return the page with a text between the comments that name a command."""
+    first, last = f"<!-- {command} -->\n", f"<!-- end of {command} -->\n"
+    before, rest = page.split(first)
+    return f"{before}{first}{text}\n{last}{rest.split(last)[1]}"
+
+
+def main(told: Sequence[str]) -> None:
     """Print one of the tables."""
-    lines = [DRIFTING_HEADING if is_drifting else HEADING]
-    rows = (drifting_row(kind, seeds) for kind in KINDS) if is_drifting else map(row, cases(seeds))
-    for each in rows:
-        lines.append(each)
-        sys.stderr.write(f"{each}\n")
-    sys.stdout.write("\n".join(lines) + "\n")
+    is_drifting = "--drift" in told
+    numbers = [int(each) for each in told if not each.startswith("--")]
+    lines = []
+    for line in lines_of(range(*numbers) if numbers else range(8), is_drifting=is_drifting):
+        sys.stdout.write(f"{line}\n")
+        sys.stdout.flush()
+        lines.append(line)
+    if "--write" in told:
+        command = "python -m tests.metrology.screws" + " --drift" * is_drifting
+        PAGE.write_text(into_page(PAGE.read_text(), "\n".join(lines), command))
 
 
 if __name__ == "__main__":
-    told = [each for each in sys.argv[1:] if each != "--drift"]
-    main(range(int(told[0])) if told else range(8), is_drifting="--drift" in sys.argv)
+    main(sys.argv[1:])

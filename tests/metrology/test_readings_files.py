@@ -302,6 +302,22 @@ def test_a_run_that_was_filled_in_with_zeros_is_no_way_back() -> None:
     assert len(read(filled.replace("  2   3   0", "  2   3   0.001")).readings) == 12
 
 
+def test_an_rtl_without_its_end_mark_is_named_or_refused() -> None:
+    assert RTL.endswith("\r\nAir temp: 20.1\r\nEOF::\r\n")
+    (said,) = read(RTL.replace("EOF::\r\n", "")).remarks
+    assert said == (
+        "laser.csv: no EOF:: at its end, so it was cut short: behind the readings, which are all there"
+    )
+    # Cut among the deviations: 2.0 may have been 2.04.
+    cut = RTL.partition("\r\n\r\nENVIRONMENT::")[0]
+    assert (
+        "laser.csv:33: the end of the file among the deviations; allowed: EOF:: as the last line"
+        in refused(cut)
+    )
+    assert deviations_um(read(cut + "\r\nEOF::\r\n")) == deviations_um(read(RTL))
+    assert "in section EOF" in refused(RTL + "  3   1   0.0\r\n")
+
+
 @pytest.mark.parametrize("encoding", ["latin-1", "gbk", "cp1250"])
 def test_names_in_the_alphabets_of_old_programs_change_nothing(encoding: str) -> None:
     name = {"latin-1": "Fräse 20 °C", "gbk": "机床一", "cp1250": "frézka č. 1"}[encoding]
