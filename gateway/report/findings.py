@@ -136,7 +136,9 @@ def sentence(found: Findings) -> str:
             return _change(found, words, numbers[0], numbers[1]) + between(found)
         if before is not None:
             return f"{found.subject} is {words} {show(numbers[0])} as it was measured."
-        return f"{found.subject} is {_is(found)}{words} {show(numbers[0])}, with the correction in force."
+        where = " at the targets" if found.story.is_predicted else ""
+        now = f"{_is(found)}{words} {show(numbers[0])}{where}"
+        return f"{found.subject} is {now}, with the correction in force."
     return _about_table(found)
 
 
@@ -166,6 +168,8 @@ def _change(found: Findings, words: str, before: float, after: float) -> str:
     show = found.scale.rounded
     now = "is predicted to be" if found.story.is_predicted else "is now"
     first = f"{found.subject} was {words} {show(before)} and {now} {words} {show(after)}"
+    if found.story.is_predicted:
+        first += " at the targets"
     if found.other_stretch:
         return f"{first}, but {found.other_stretch}."
     if after >= before:
@@ -215,6 +219,12 @@ def runs_of(evaluation: Evaluation) -> tuple[int, int]:
 
 def about_readings(evaluation: Evaluation) -> str:
     """Say how many readings there are, and whether that is what the standard asks for."""
+    missing = missing_line(evaluation)
+    return f"{count_of_readings(evaluation)}; {missing}" if missing else count_of_readings(evaluation)
+
+
+def count_of_readings(evaluation: Evaluation) -> str:
+    """Say how many readings there are."""
     fewest, most = runs_of(evaluation)
     runs = f"{fewest}" if fewest == most else f"{fewest} to {most}"
     targets = evaluation.targets
@@ -231,6 +241,4 @@ def about_readings(evaluation: Evaluation) -> str:
     words = f"{len(targets)} targets, {runs} run{'s' if most > 1 else ''} {where}"
     if one_sided and len(only) > 1:
         words += "; some targets were approached from one side only"
-    if missing := missing_line(evaluation):
-        words += f"; {missing}"
     return words
