@@ -11,7 +11,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.readings import APPROACHES, NEAR, Reading, Survey
 from gateway.tabfile.csv_text import MAX_PROBLEMS
-from gateway.tabfile.errors import TabFileError
+from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.text import SourceText
 
 FAR: Final = 0.5
@@ -126,7 +126,7 @@ def _check_astray(
     source: SourceText, rows: Sequence[Row], groups: Sequence[Sequence[float]], reach: float
 ) -> None:
     """Name the stops without which those of each block lie together, where they are few."""
-    problems = []
+    problems: list[Problem] = []
     for group in groups:
         stops = [row for row in rows if group[0] <= row.target <= group[-1]]
         middle = median(row.target for row in stops)
@@ -151,7 +151,7 @@ def _check_sizes(
     source: SourceText, rows: Sequence[Row], groups: Sequence[Sequence[float]], reach: float
 ) -> None:
     """Name a block that is said to be another than at its other stops."""
-    problems = []
+    problems: list[Problem] = []
     for group in groups:
         stops = [row for row in rows if group[0] <= row.target <= group[-1]]
         usual = median(row.measured for row in stops)
