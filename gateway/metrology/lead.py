@@ -25,14 +25,12 @@ and more. As long as it is the same all along the screw it is told from one, no 
 SAME_ANGLES: Final = 0.8
 """Share of the distances that are near multiples, from which on a period is aliased."""
 NARROW: Final = 0.9
-"""Mean of the angles as vectors: above it they lie in one place of the turn."""
+"""Mean of the angles as vectors: above it they lie in one place of the turn, and of what repeats with it so
+little is seen that less than two thirds would be said to be there."""
 SHORTEST_MM: Final = 2.0
 """Where no lead is told: what turns is taken to do so once in this length or in a longer one."""
 LEAST_EVEN: Final = 3
 """Fewer targets are no grid."""
-HARDLY_MOVED: Final = 0.97
-"""The same mean, of targets on a grid for the angles of a turn as long as its step: above it they are moved
-so little from it that no screw may be taken to show its turn at them."""
 RESOLVED: Final = 0.4
 """Of a turn: targets that follow each other so closely for a whole turn show what repeats with it."""
 FINE_POINTS: Final = 8
@@ -176,7 +174,7 @@ def unseen(targets: Sequence[float], periods: Iterable[Period], units: Units) ->
         return ()
     step, moved = _grid(targets)
     is_fine = units is not Units.DEGREE and step <= (1.0 - SLOW) * units.from_mm(SHORTEST_MM)
-    if is_fine or _narrowness(moved, step) <= HARDLY_MOVED:
+    if is_fine or _narrowness(moved, step) <= NARROW:
         return ()
     return (Period(step, f"the step of {step:.6g} and its whole fractions"),)
 

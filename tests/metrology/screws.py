@@ -3,9 +3,10 @@
 ``python -m tests.metrology.screws [SEEDS]`` prints the figures of all of them: noise-free and noisy, with few
 targets and with many. The truth is E after ISO 230-2 without scatter, of 8001 places in both directions, with
 the drive where the table sends it. ``--drift`` prints a second table instead: the noisy screws with few
-targets, on a scale that is wrong and on a machine that warms up while it is measured. ``--write`` puts what
-was printed into ``docs/metrology.md``, between the comments that name the command. Two kinds of measurement
-come beside the ten screws: one of them again at irregular targets, another at even ones that hide its turn.
+targets, on a scale that is wrong and on a machine that warms up while it is measured. Names of kinds run
+those alone, ``--few`` only few targets; ``--write`` puts the rows into ``docs/metrology.md``, between the
+comments that name the command, and sums up. Two kinds of measurement come beside the ten screws: one of them
+again at irregular targets, another at even ones that hide its turn.
 """
 
 import sys
@@ -126,7 +127,7 @@ KINDS: Final = (
     Kind("slow waves, irregular targets", 500, slow, 13, 51, 0.5),
     Kind("drunken, lead 10 told", 500, drunken, 17, 41, 0.4, lead=10.0, spread=10.0),
     Kind("of the issue, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, spread=4.5),
-    Kind("of the issue, lead not told", 400, of_the_issue, 21, 81, 0.4, spread=4.5),
+    Kind("of the issue, lead not told", 400, of_the_issue, 21, 81, 0.4),
     Kind("of the issue, even targets, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, is_even=True),
     Kind("screw and motor, periods told", 300, geared, 25, 61, 0.4, lead=6.0, turns=(2.0,), spread=4.5),
     Kind("worn in the middle", 400, worn, 17, 41, 0.5),
@@ -248,10 +249,12 @@ def case(kind: Kind, count: int, noise_um: float, seed: int) -> Case:
     )
 
 
-def cases(seeds: Sequence[int], kinds: Sequence[Kind] = KINDS) -> Iterator[list[Case]]:
+def cases(
+    seeds: Sequence[int], kinds: Sequence[Kind] = KINDS, *, only_few: bool = False
+) -> Iterator[list[Case]]:
     """Yield every kind with few targets and many, noise-free and noisy; each of these with all seeds."""
     for kind in kinds:
-        for count in (kind.few, kind.many):
+        for count in (kind.few,) if only_few else (kind.few, kind.many):
             for noise in (0.0, kind.noise_um):
                 yield [case(kind, count, noise, seed) for seed in seeds]
 
@@ -264,10 +267,11 @@ def row(found: Sequence[Case]) -> str:
         for shape in Shape
     ]
     true = fmean(each.true for each in found)
-    near, within, good = (
+    within, good = (
         f"{sum(whether)}/{len(found)}"
-        for whether in zip(*((each.is_near, each.is_within, each.is_good) for each in found), strict=True)
+        for whether in zip(*((each.is_within, each.is_good) for each in found), strict=True)
     )
+    near = f"{sum(each.is_near for each in found)}/{sum(each.predicted is not None for each in found)}"
     told = [(each.predicted, each.true) for each in found if each.predicted is not None]
     if told:
         predicted = f"{fmean(predicted for predicted, _ in told):.2f}"
@@ -280,17 +284,22 @@ def row(found: Sequence[Case]) -> str:
     )
 
 
-def summary(found: Sequence[Case]) -> str:
-    """Return what all cases together say."""
-    told = [each for each in found if each.predicted is not None]
-    hidden = [each for each in found if each.predicted is None]
+def summary(rows: Sequence[str]) -> str:
+    """Return what all rows together say, from their last columns: near, within and good."""
+    counts = [0, 0, 0]
+    told = total = 0
+    for each in rows:
+        for column, cell in enumerate(each.split(" | ")[-3:]):
+            part, _, of = cell.strip(" |").partition("/")
+            if of:
+                counts[column] += int(part)
+                told += int(of) * (column == 0)
+                total += int(of) * (column == 1)
     return (
-        f"Of {len(found)} measurements {len(told)} tell what is left between the targets: there "
-        f"{sum(each.is_near for each in told)} predictions lie within a factor {FACTOR:g} of the truth (or "
-        f"{WITHIN_UM:g} µm), and {sum(each.is_within for each in told)} times the truth lies between the "
-        f"bounds. {len(hidden)} do not tell it, and no figure is given; the least that is said to be left "
-        f"was left in {sum(each.is_within for each in hidden)} of them. "
-        f"{sum(each.is_good for each in found)} tables leave at most a tenth more than the best curve does."
+        f"In {told} of {total} measurements the targets tell what is left between them; there {counts[0]} "
+        f"predictions lie within a factor {FACTOR:g} of the truth (or {WITHIN_UM:g} µm). In {counts[1]} of "
+        f"{total} the truth lies between the bounds, or above the least where no figure is given. "
+        f"{counts[2]} of {total} tables leave at most a tenth more than the best curve does."
     )
 
 
@@ -369,40 +378,55 @@ DRIFTING_HEADING: Final = (
 
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "metrology.md"
+COMMAND: Final = "python -m tests.metrology.screws"
 
 
-def lines_of(seeds: Sequence[int], *, is_drifting: bool) -> Iterator[str]:
-    """Yield one of the tables, and what all of the first says."""
-    yield DRIFTING_HEADING if is_drifting else HEADING
-    if is_drifting:
-        yield from (drifting_row(kind, seeds) for kind in KINDS)
-        return
-    found = []
-    for each in cases(seeds):
-        found += each
-        yield row(each)
-    yield f"\n{summary(found)}"
-
-
-def into_page(page: str, text: str, command: str) -> str:
-    """Return the page with a text between the comments that name a command."""
+def of_page(page: str, command: str) -> tuple[str, str, str]:
+    """Return what stands before, between and behind the comments that name a command."""
     first, last = f"<!-- {command} -->\n", f"<!-- end of {command} -->\n"
     before, rest = page.split(first)
-    return f"{before}{first}{text}\n{last}{rest.split(last)[1]}"
+    between, behind = rest.split(last)
+    return before + first, between, last + behind
+
+
+def key(row: str) -> tuple[str, ...]:
+    """Return what a row is of: screw, targets, noise."""
+    return tuple(cell.strip() for cell in row.split("|")[1:4])
+
+
+def updated(text: str, rows: Sequence[str]) -> str:
+    """Return the first table with these rows in the places of old ones, and what all of it says."""
+    fresh = {key(each): each for each in rows}
+    kept = {key(each): each for each in text.splitlines() if each.startswith("| ") and "/8" in each}
+    order = [
+        (kind.name, str(n), f"{e:g}")
+        for kind in KINDS
+        for n in (kind.few, kind.many)
+        for e in (0.0, kind.noise_um)
+    ]
+    whole = [each for place in order if (each := (kept | fresh).get(place))]
+    return "\n".join([HEADING, *whole, "", summary(whole)]) + "\n"
 
 
 def main(told: Sequence[str]) -> None:
-    """Print one of the tables."""
+    """Print the rows of one of the tables, of all kinds or of those that are named; see above."""
+    numbers = [int(each) for each in told if each.isdecimal()]
+    names = [each for each in told if not each.isdecimal() and not each.startswith("--")]
+    kinds = [kind for kind in KINDS if not names or kind.name in names]
+    seeds = range(*numbers) if numbers else range(8)
     is_drifting = "--drift" in told
-    numbers = [int(each) for each in told if not each.startswith("--")]
-    lines = []
-    for line in lines_of(range(*numbers) if numbers else range(8), is_drifting=is_drifting):
-        sys.stdout.write(f"{line}\n")
+    rows = []
+    few = "--few" in told
+    made = map(row, cases(seeds, kinds, only_few=few))
+    found = (drifting_row(kind, seeds) for kind in kinds) if is_drifting else made
+    for each in found:
+        sys.stdout.write(f"{each}\n")
         sys.stdout.flush()
-        lines.append(line)
+        rows.append(each)
     if "--write" in told:
-        command = "python -m tests.metrology.screws" + " --drift" * is_drifting
-        PAGE.write_text(into_page(PAGE.read_text(), "\n".join(lines), command))
+        before, old, behind = of_page(PAGE.read_text(), COMMAND + " --drift" * is_drifting)
+        new = "\n".join([DRIFTING_HEADING, *rows, ""]) if is_drifting else updated(old, rows)
+        PAGE.write_text(before + new + behind)
 
 
 if __name__ == "__main__":
