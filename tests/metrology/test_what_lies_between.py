@@ -121,7 +121,7 @@ def test_targets_beside_an_even_grid_are_one_too() -> None:
 def test_random_targets_that_leave_a_turn_as_long_as_their_step_half_hidden_are_near_a_grid(
     spread: float,
 ) -> None:
-    """21 targets 20 mm apart, on a lead of 20 mm that nobody told: 4.5 mm are less than a quarter of a turn."""
+    """21 targets 20 mm apart, on a lead of 20 mm that nobody told: 4.5 mm are no quarter of a turn."""
     near = [float(x) for x in random_targets(0.0, 400.0, 21, seed=0, spread=spread)]
     assert len(unseen(near, (), Units.MM)) == 1
     assert unseen(near, periods_of(5.0), Units.MM) == ()
