@@ -136,7 +136,9 @@ def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int) -> Requ
         fields: list[CommandWrite] = []
         cut: list[FieldImage] = []
         # A cyclic image with several fields is a repeat as a whole; one field rewritten alone is a target.
-        is_again = not (axis.plan.motion.waits_for_trigger or action.is_relative)
+        # The words of a distance say nothing of a place.
+        is_distance = action.is_relative or axis.last_run.is_relative
+        is_again = not (axis.plan.motion.waits_for_trigger or is_distance)
         has_last = False
         for hit in commands:
             place = hit.place

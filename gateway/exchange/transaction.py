@@ -1,8 +1,9 @@
 """One request from its arrival to its end: why nothing is sent twice, and what each end leaves behind.
 
 A :class:`Transaction` is in one :class:`Phase`, and goes from one to the next only as :data:`PHASE_AFTER`
-says. Its own frame leaves once: a frame may leave only from ``WAITING`` (:meth:`Transaction.leave`, asked by
-the line in the one place where frames leave), and no phase leads back to ``WAITING`` from ``SENT``. A
+says, which is asserted at each step. Its own frame leaves once: a frame may leave only from ``WAITING``
+(:meth:`Transaction.leave`, asked by the line in the one place where frames leave), and no phase leads back to
+``WAITING`` from ``SENT``. A
 prerequisite, which the gateway adds, may come before it, as often as it takes; each is another frame.
 
 A transaction ends once, in :meth:`Endings.finish`, with one :class:`~gateway.exchange.axis.events.Outcome`;
@@ -231,16 +232,18 @@ class Transaction:
 
     def leave(self, now_ns: int, unit_id: int, patience_ns: int) -> None:
         """A frame leaves for it now: its own, which does so once, or one that it needs first."""
-        assert self.phase is _WAITING, f"a frame leaves in phase {self.phase.value}"
-        self.phase = _SENT if self.added is None or self.port is None else _PREREQUISITE
+        self._go_on(_SENT if self.added is None or self.port is None else _PREREQUISITE)
         self.sent_ns = now_ns
         self.wire_unit_id = unit_id
         self.deadline_ns = now_ns + patience_ns
 
     def learn(self) -> None:
         """What it needed first was answered: it waits for its turn again."""
-        assert self.phase is Phase.PREREQUISITE, f"nothing was asked for in phase {self.phase.value}"
-        self.phase = Phase.WAITING
+        self._go_on(_WAITING)
+
+    def _go_on(self, phase: Phase) -> None:
+        assert phase in PHASE_AFTER[self.phase], f"from phase {self.phase.value} to {phase.value}"
+        self.phase = phase
 
     def excuse(self, span_ns: int) -> None:
         """No deadline counts so much of its waiting."""
@@ -257,7 +260,7 @@ class Transaction:
     def end(self, outcome: Outcome) -> None:
         """It ends, once, in a way that is possible in its phase."""
         assert outcome in OUTCOMES[self.phase], f"{outcome.value} in phase {self.phase.value}"
-        self.phase = _ENDED
+        self._go_on(_ENDED)
 
     def is_same_stop(self, other: "Transaction") -> bool:
         """Whether both are stops that say the same to the same drive."""

@@ -6,8 +6,12 @@ counts 1000 per mm on the table ``tests.verify.screw.WORN``.
 
 from dataclasses import replace
 
+from gateway.drives.motion import Action, ModePlan, MotionPlan
+from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, axis_plan, write
+from tests.exchange.staged_bench import COMMANDED, MODE
 from tests.verify.designs import BY_NAME
 from tests.verify.explore import play, replay
+from tests.verify.screw import WORN
 from tests.verify.world import Happening, World
 
 ACK = ("drive", "ack")
@@ -399,3 +403,26 @@ def test_an_axis_that_was_nudged_from_where_it_had_arrived_goes_on_from_where_it
     if on_the_wire(world)[0] == 3:
         world.happen(ACK)
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 234D 0000")  # 9037
+
+
+def test_the_words_of_a_distance_are_no_place_when_the_same_words_come_as_an_absolute_target() -> None:
+    """M4, M5: the mode of a drive that goes at once falls back after each move.
+
+    At 5000 forward 0.03 + 0.3 * 5/20 = 0.105 mm, so 5105; the distance of 3000 ends at 8000, which is 8150
+    there, 3045 on; 3000 as a place comes backward, -0.17 + 0.22 * 3/20 = -0.137 mm, so 2863.
+    """
+    modes = (ModePlan(MODE, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE_TO_COMMANDED}, resets_to=1),)
+    plan = axis_plan(table=WORN.table(), motion=MotionPlan(modes=modes), commanded=(COMMANDED,))
+    bench = Bench(plan)
+    bench.memory.write(MODE, b"\0\x01")
+    assert bench.move(5000) == write(COMMAND, 5105)
+    bench.memory.put(COMMANDED, 5105)
+    bench.ask(b"\x06" + MODE.to_bytes(2, "big") + b"\0\x02")
+    assert bench.ask(write(COMMAND, 3000)) == write(COMMAND, 3000)[:5]
+    assert bench.seen[-1] == write(COMMAND, 3045)
+    bench.memory.write(MODE, b"\0\x01")
+    for place in (ACTUAL, COMMANDED):
+        bench.memory.put(place, 8150)
+    bench.wait(MOVE_MS)
+    bench.ask(write(COMMAND, 3000))
+    assert bench.seen[-1] == write(COMMAND, 2863)

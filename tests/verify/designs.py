@@ -6,7 +6,8 @@ from typing import Any, Final
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from tests.exchange.line_bench import axis_plan
 from tests.exchange.staged_bench import BITS, COMMANDED, STAGED
-from tests.verify import designs_frames
+from tests.verify import designs_frames, designs_mutants
+from tests.verify.designs_rules import ask
 from tests.verify.designs_rules import designs as designs_of_rules
 from tests.verify.screw import WORN
 from tests.verify.world import (
@@ -415,6 +416,17 @@ CLOSING: Final = (
         menu=("to", "read", "status"),
         targets=(9007, 9107),
         happenings=(*TIME, "nudge"),
+        ways=(
+            (
+                *ask("to", 0),
+                ("arrive", 0),
+                *ask("read"),
+                ("nudge", 0),
+                *ask("read"),
+                *ask("status"),
+                *ask("to", 1),
+            ),
+        ),
     ),
     _small("s-blind", "done and no position", _plan(actual=()), menu=("to", "status")),
     _small(
@@ -503,6 +515,20 @@ CLOSING: Final = (
         refuses_reads=True,
         happenings=(*TIME, "kill"),
         checks_way_back=False,
+        ways=(
+            (
+                ("ask", 0, "to", 0, 0),
+                ("drive", "ack"),
+                ("ask", 0, "run", 0),
+                ("drive", "refuse"),
+                ("drive", "ack"),
+                ("arrive", 0),
+                ("kill",),
+                ("drive", "refuse"),
+                ("ask", 0, "jog-on", 0),
+                ("drive", "ack"),
+            ),
+        ),
     ),
     _small(
         "s-killed-bare",
@@ -752,6 +778,7 @@ CLOSING: Final = (
         "s-ways", "fast and slow path", menu=("to", "read", "status"), is_twin=True, checks_way_back=False
     ),
     *designs_frames.designs(_small, _small_staged, _plan, _staged),
+    *designs_mutants.designs(_small, _small_staged, _plan, _staged),
 )
 """Worlds that close: together they have in pairs what the large ones have at once."""
 

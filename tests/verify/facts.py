@@ -17,7 +17,6 @@ from tests.exchange.staged_bench import (
     MODE,
     RUN,
     RUN_RELATIVE,
-    STATUS,
     STOP,
     STORED,
     TRIGGER,
@@ -123,7 +122,9 @@ def note(world: "World", number: int, facts: Facts) -> None:
 
 
 def number_of(world: "World", unit_id: int) -> int:
-    """Return which axis has a unit id."""
+    """Return which axis has a unit id; worlds with broadcasts have one."""
+    if not unit_id:
+        return 0
     return next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
 
 
@@ -205,6 +206,7 @@ def link_found(world: "World") -> None:
 def declared(world: "World", number: int) -> None:
     """A person says that the axis stands where its drive says."""
     if world.design.plans[number].referenced is not Reference.DRIVE_BIT:
+        rules.note_run(world, number, is_acked=False)  # somebody was there: to look once more does no harm
         note(world, number, _of(world, number)._replace(is_found=True, is_homing=False))
 
 
@@ -228,6 +230,9 @@ def _owe_look(world: "World", number: int, facts: Facts) -> None:
     axis, plan = world.state.axes[number], world.design.plans[number]
     is_old = world.now_ns - facts.read_ns > plan.settings.fresh_ms * MS
     is_new = facts.is_alarmed and not _of(world, number).is_alarmed
+    if is_new:
+        rules.note_run(world, number, is_acked=False, is_told=False)
+        axis = world.state.axes[number]
     if is_new and is_old and plan.referenced is Reference.ABSOLUTE and facts.is_found:
         axes = list(world.state.axes)
         axes[number] = axis._replace(is_owed_look=True)
@@ -287,7 +292,8 @@ def _lost(facts: Facts, plan: AxisPlan) -> Facts:
 
 def _read(world: "World", facts: Facts, plan: AxisPlan, wire: "Wire", reply: bytes) -> Facts:
     """Somebody has read the status word, or was refused."""
-    if wire.pdu[1] << 8 | wire.pdu[2] != STATUS:
+    address = wire.pdu[1] << 8 | wire.pdu[2]
+    if all(bit.address != address for bit in plan.bits.values()):
         return facts
     is_own = wire.owner < 0
     if is_own and "distance" in world.design.menu:
@@ -297,6 +303,8 @@ def _read(world: "World", facts: Facts, plan: AxisPlan, wire: "Wire", reply: byt
     if word is None and not is_own:
         return facts
     for name, bit in plan.bits.items():
+        if bit.address != address:
+            continue
         is_set = word is not None and bit.is_set(word)
         if name == _end_of_homing(plan):
             facts = _bit_seen(facts, plan, wire.sent_ns, is_set=is_set)
@@ -356,6 +364,8 @@ def _reference_after(facts: Facts, plan: AxisPlan, wire: "Wire", now_ns: int, *,
 
 
 def _triggered(pdu: bytes) -> int | None:
+    if pdu in (rules.COIL_RUN_PDU, rules.COIL_IDLE_PDU):
+        return RUN if pdu == rules.COIL_RUN_PDU else 0
     if pdu[0] != 6 or pdu[1] << 8 | pdu[2] != TRIGGER:
         return None
     return pdu[3] << 8 | pdu[4]

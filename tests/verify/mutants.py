@@ -17,7 +17,7 @@ import multiprocessing
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
@@ -314,7 +314,7 @@ class _Finder:
         exec(compile(self._tree, self._module, "exec"), module.__dict__)
 
 
-def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> None:
+def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str, answer: Any) -> None:
     """Walk the worlds with a mutant; runs in a process that has loaded nothing of the gateway."""
     module = ".".join(Path(mutant.file).with_suffix("").parts)
     sys.meta_path.insert(0, _Finder(module, mutant.tree()))  # type: ignore[arg-type]
@@ -323,8 +323,9 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> 
         from tests.verify.running import walked
 
         left = list(worlds)
-        for each in (*FIRST_SECONDS, seconds):
-            for world in left[:]:
+        rounds = [(seconds, [first] if first else []), *((each, left) for each in (*FIRST_SECONDS, seconds))]
+        for each, of in rounds:
+            for world in of[:]:
                 outcome = walked(world, 0, each / 2, ENDLESS, 1)
                 if outcome.broken:
                     answer.send((world, outcome.broken[0].what, outcome.broken[0].trace))
@@ -338,13 +339,13 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> 
     answer.send(None)
 
 
-def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
-    """Find out whether the worlds notice a mutant."""
+def judged(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str = "") -> Verdict:
+    """Find out whether the worlds notice a mutant; ``first``: the world that is asked before the others."""
     began = time.monotonic()
     verdict = Verdict(mutant.file, mutant.number, mutant.line, mutant.what)
     ours, theirs = multiprocessing.Pipe()
     context = multiprocessing.get_context("spawn")
-    process = context.Process(target=_try, args=(mutant, worlds, seconds, theirs))
+    process = context.Process(target=_try, args=(mutant, worlds, seconds, first, theirs))
     process.start()
     theirs.close()
     limit = (seconds + sum(FIRST_SECONDS) + 3.0) * len(worlds) + LOAD_SECONDS
@@ -386,16 +387,23 @@ def breaks_unbroken(world: str, how: str, trace: tuple[Any, ...]) -> bool:
 
 
 class Judge:
-    """Tries one mutant after the other; the worlds that have killed most go first."""
+    """Tries one mutant after the other; the worlds that have killed most go first.
 
-    def __init__(self, worlds: Sequence[str], seconds: float) -> None:
+    Before them the one that has killed a mutant in an earlier run (``before``: by file and what is broken).
+    """
+
+    def __init__(
+        self, worlds: Sequence[str], seconds: float, before: Mapping[tuple[str, str], str] | None = None
+    ) -> None:
         self._worlds, self._seconds = tuple(worlds), seconds
         self._kills: Counter[str] = Counter()
+        self._before = before or {}
 
     def __call__(self, mutant: Mutant) -> Verdict:
         """Judge one mutant."""
         worlds = sorted(self._worlds, key=lambda world: -self._kills[world])
-        verdict = judged(mutant, worlds, self._seconds)
+        first = self._before.get((mutant.file, mutant.what), "")
+        verdict = judged(mutant, worlds, self._seconds, first)
         if verdict.is_killed:
             self._kills[verdict.world] += 1
         return verdict
@@ -427,7 +435,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--only", nargs="*", default=(), metavar="FILE:NUMBER", help="of these the ones named so"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write what was found there too")
+    parser.add_argument(
+        "--json",
+        type=Path,
+        metavar="FILE",
+        help="write what was found there too; worlds that killed a mutant in what stands there go first",
+    )
     parser.add_argument("--list", action="store_true", help="say what mutants there are")
     asked = parser.parse_args(arguments)
     if asked.sample:
@@ -441,17 +454,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{mutant.file}:{mutant.line}: {mutant.what}  ({mutant.number})")
         return 0
     verdicts: list[Verdict] = []
-    judge = Judge(asked.worlds or _all_worlds(), asked.seconds)
+    judge = Judge(asked.worlds or _all_worlds(), asked.seconds, _killers(asked.json))
     with ThreadPoolExecutor(asked.jobs) as pool:
         for verdict in pool.map(judge, mutants):
             verdicts.append(verdict)
             fate = f"killed in {verdict.world or 'no world'}" if verdict.is_killed else "SURVIVED"
             where = f"{Path(verdict.file).stem}:{verdict.number} (line {verdict.line})"
             print(f"{fate:22} {verdict.seconds:5.1f} s  {where}: {verdict.what}", flush=True)
-            _write(asked.json, verdicts)
+    _write(asked.json, verdicts)
     killed = sum(verdict.is_killed for verdict in verdicts)
     print(f"{killed} of {len(verdicts)} killed, {100.0 * killed / max(1, len(verdicts)):.1f} %")
     return 0
+
+
+def _killers(path: Path | None) -> dict[tuple[str, str], str]:
+    """Return which world killed each mutant, as an earlier run has written it down."""
+    if path is None or not path.exists():
+        return {}
+    found = json.loads(path.read_text())["mutants"]
+    return {(each["file"], each["what"]): each["world"] for each in found if each["is_killed"]}
 
 
 def _write(path: Path | None, verdicts: Sequence[Verdict]) -> None:

@@ -45,6 +45,8 @@ LIMIT_COUNTS: Final = 9507
 WARM: Final = 2
 """Number of the screw that is warm, or beside which another axis stands, where the axis has such a term."""
 NO_PATH: Final = 0x0A
+NO_ANSWER: Final = 0x0B
+LOST: Final = 4
 BUSY: Final = 6
 MASK: Final = 0x16
 BOTH: Final = 0x17
@@ -57,7 +59,10 @@ RUN_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN.to_bytes(2, "big")
 RELATIVE_PDU: Final = b"\x06" + TRIGGER.to_bytes(2, "big") + RUN_RELATIVE.to_bytes(2, "big")
 ODD_PDUS: Final = frozenset(RUN_PDU[:3] + value.to_bytes(2, "big") for value in (JOG, STORED, 999))
 """What makes an axis move in another way than to a target."""
-RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU})
+COIL_RUN_PDU: Final = b"\x05" + TRIGGER.to_bytes(2, "big") + b"\xff\0"
+COIL_IDLE_PDU: Final = b"\x05" + TRIGGER.to_bytes(2, "big") + b"\0\0"
+MODE_HEAD: Final = b"\x06" + MODE.to_bytes(2, "big")
+RUNS: Final = frozenset({RUN_PDU, RELATIVE_PDU, COIL_RUN_PDU})
 ENDS: Final = frozenset({COMMAND.address, COMMAND.address + 1})
 
 
@@ -68,7 +73,8 @@ def is_stop(pdu: bytes) -> bool:
 
 def runs_distance(world: "World", number: int, pdu: bytes) -> bool:
     """Whether a request makes an axis go a distance, as its mode register stands."""
-    return pdu == RELATIVE_PDU or (pdu == RUN_PDU and world.state.axes[number].mode == 2)
+    runs = pdu == RUN_PDU or (writes_target(pdu) and not world.design.is_staged)
+    return pdu == RELATIVE_PDU or (runs and world.state.axes[number].mode == 2)
 
 
 def writes_target(pdu: bytes) -> bool:
@@ -100,7 +106,7 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
     from tests.verify.world import Wire
 
     state = world.state
-    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == unit_id)
+    number = facts.number_of(world, unit_id)
     firsts = dict.fromkeys(Role, True)  # all but stops leave in the order in which they came, by role
     plans = world.design.controllers
     for port, transaction_id in sorted(state.order, key=lambda each: plans[each[0]].role is Role.MONITOR):
@@ -136,13 +142,17 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
         raise BrokenRuleError(f"sent, and it is late: {pdu.hex(' ')} (2)")
     elif request.ticks > PATIENCE_TICKS:
         raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
-    moves_or_reads = pdu in RUNS or writes_target(pdu) or (pdu[0] == 3 and (pdu[1] << 8 | pdu[2]) != STATUS)
+    reads_place = pdu[0] == 3 and (pdu[1] << 8 | pdu[2], 2) in READABLE
+    moves_or_reads = pdu in RUNS or writes_target(pdu) or reads_place
     if moves_or_reads and not request.is_bit_asked and facts.has_to_ask(world, number, is_target=pdu[0] != 3):
         raise BrokenRuleError(
             f"sent before the bit was read on which the reference hangs: {pdu.hex(' ')} (M9)"
         )
     if pdu[0] != 3:
-        _note_run(world, number, is_recalled=False)
+        note_run(world, number, is_recalled=False)
+    run = world.state.axes[number].run
+    if world.design.is_stream and pdu[0] != 3 and run is not None and not run.is_told:
+        note_run(world, number, is_set_out=False)
     _replace(world, port, request._replace(is_sent=True))
     belief = world.state.beliefs[port][number]
     is_half = writes_target(pdu) and len(request.pdu) == 5
@@ -250,7 +260,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     run = axis.run
     # Beside its target a reading that is a moment old tells no direction.
     is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
-    is_beside |= "nudge" in world.design.happenings
+    is_beside |= "nudge" in world.design.happenings or "mode-absolute" in world.design.menu
     may_look = is_distance or axis.is_owed_look or is_beside or world.design.is_stream
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
     is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know
@@ -279,7 +289,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
         raise BrokenRuleError(f"a read for nothing, {why}: {pdu.hex(' ')} (W8)")
 
 
-def _note_run(world: "World", number: int, **changes: Any) -> None:
+def note_run(world: "World", number: int, **changes: Any) -> None:
+    """Note something of the last motion of an axis."""
     axis = world.state.axes[number]
     if axis.run is not None:
         axes = list(world.state.axes)
@@ -463,7 +474,11 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
     if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
         is_unsure = True
+    is_set_out = axis.stopped is not None and not axis.stopped.is_recalled
+    if world.design.is_stream:
+        is_set_out = axis.run is not None and axis.run.is_told and axis.run.nominal_counts != nominal
     run = Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
+    run = run._replace(is_set_out=is_set_out)
     before = axis.run
     is_again = before is not None and (before.nominal_counts, before.end_counts) == (nominal, end)
     return run._replace(doubt=before.doubt) if before is not None and is_again else run
@@ -474,12 +489,15 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     plan, axis = world.design.plans[number], world.state.axes[number]
     run = axis.run
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
-    is_again |= axis.tried is not None and axis.tried[0] == aim.nominal_counts
+    is_again |= aim.tried is not None and aim.tried[0] == aim.nominal_counts
     may_fail = world.design.refuses_reads or world.design.answers_before
     if may_fail or not plan.actual or is_again:
         return
     low, high = sorted(_branches(world, aim.nominal_counts, aim))
     beside = world.design.beside_counts
+    for way in (axis.stopped, axis.run):
+        if way is not None and (way is axis.stopped or way.is_set_out):
+            _judge_side(world, axis, way, aim)
     if not any(low - beside <= each <= high + beside for each in (aim.from_counts, axis.stands_counts)):
         raise BrokenRuleError(
             f"target {aim.nominal_counts} is taken for unsure, and the axis stands at {aim.from_counts}, "
@@ -487,16 +505,39 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
         )
 
 
+def _judge_side(world: "World", axis: "Axis", way: "Run", aim: "Aim") -> None:
+    """On a way of which it was known where it began a reading tells the nominal place exactly (M6)."""
+    is_same = (way.table, way.is_gain_half) == (aim.table, aim.is_gain_half) and way.state == aim.state
+    if way.is_recalled or way.is_unsure or not is_same or way.doubt:
+        return
+    ends = _branches(world, way.nominal_counts, aim)
+    is_forward = abs(way.end_counts - ends[0]) <= abs(way.end_counts - ends[1])
+    for stands in (aim.from_counts, axis.stands_counts):
+        place = 2 * stands - _branches(world, stands, aim)[0 if is_forward else 1]
+        if abs(place - aim.nominal_counts) <= world.design.beside_counts + SLOPE_COUNTS:
+            return
+    raise BrokenRuleError(
+        f"target {aim.nominal_counts} is taken for unsure, and the axis is on its way to "
+        f"{way.nominal_counts}, at nominal {place:.1f} (M6)"
+    )
+
+
 def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
     run, nominal = axis.run, aim.nominal_counts
+    if axis.held is not None and axis.held.nominal_counts == nominal and end != axis.held.end_counts:
+        raise BrokenRuleError(
+            f"target {nominal} was told as {axis.held.end_counts}, which its drive holds over a reference "
+            f"that was lost, and becomes {end} (0, M4)"
+        )
     if run is not None and run.nominal_counts == nominal and not aim.is_lost:
         if end == run.end_counts:
             return
         is_other = (run.table, run.is_gain_half) != (aim.table, aim.is_gain_half)
         is_other |= (run.state in PASSING) is not (aim.state in PASSING)
         is_away = axis.stands_counts != run.end_counts  # it was looked for, and not found there (M6)
+        is_known = run.has_blinked or (run.is_told and run.doubt < 2)  # else it may be anywhere
         is_excused = (
-            run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away or not run.is_told))
+            run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away or not is_known))
         )
         # A stream begins anew with the offset that its drive has by then; what is more is motion.
         is_excused |= world.design.is_stream and not run.is_told
@@ -539,6 +580,11 @@ def _judge_distance(world: "World", axis: "Axis", end: int, aim: "Aim") -> int:
     base, is_certain = aim.base
     distance = aim.nominal_counts
     if aim.state in PASSING:
+        # Switched off with the next target: where it stands corrected, still through its nominal position.
+        low, high = _band(world, base)
+        is_through = low - SLOPE_COUNTS <= end - distance <= high + SLOPE_COUNTS
+        if "switch" in world.design.happenings and (end == base + distance if is_certain else is_through):
+            return end
         if end - axis.commanded_counts != distance:
             raise BrokenRuleError(f"a distance of {distance} becomes {end - axis.commanded_counts} (M9)")
         return end
@@ -619,9 +665,12 @@ def is_of_record(world: "World", number: int, wire: "Wire | None") -> bool:
     """
     axis, plan = world.state.axes[number], world.design.plans[number]
     run = axis.run
-    if run is None or world.design.is_stream:
+    if run is None:
         return False
     is_there = axis.goes_counts is None and axis.stands_counts == run.end_counts
+    if world.design.is_stream:
+        is_sent = wire is None or wire.pdu[0] == 3 or wire.is_obeyed
+        return is_there and is_sent and (run.is_told or run.is_set_out)
     is_going = axis.goes_counts == run.end_counts and not plan.has_rules
     if wire is None or wire.pdu[0] == 3 or wire.unit_id != plan.unit_id:
         is_known = run.is_told or run.is_recalled
@@ -632,7 +681,8 @@ def is_of_record(world: "World", number: int, wire: "Wire | None") -> bool:
     if wire.aim is None or was is None or not wire.is_obeyed or wire.aim.is_unsure or plan.has_rules:
         return False
     is_far = abs(was.end_counts - run.end_counts) > CORRECTION_COUNTS
-    return was.is_told and was.seen == 3 and was.state == "active" and is_far and (is_there or is_going)
+    was_there = was.seen == 3 or (world.design.judges_proof and was.seen & 1 == 1)
+    return was.is_told and was_there and was.state == "active" and is_far and (is_there or is_going)
 
 
 def _judge_record(world: "World", number: int) -> None:
@@ -650,7 +700,27 @@ def _judge_record(world: "World", number: int) -> None:
         )
     # The same target again is the same words, and needs no read: the record says what the drive holds.
     is_acked = axis.goes_counts is None and not world.design.plans[number].has_rules and not run.doubt
-    _note_run(world, number, is_told=True, is_recalled=False, is_acked=is_acked)
+    seen = run.kept_seen if axis.goes_counts is None else 0
+    note_run(world, number, is_told=True, is_recalled=False, is_acked=is_acked, seen=seen)
+
+
+def _recall_stop(world: "World", number: int) -> None:
+    """A record that counts says where the axis is, and on which way it was stopped. BrokenRuleError."""
+    axis, name = world.state.axes[number], world.design.plans[number].name
+    found = [e for e in world.told if e.kind is EventKind.RESTORED and e.axis == name]
+    is_told, run = bool(found), axis.run
+    is_there = run is not None and axis.goes_counts is None and axis.stands_counts == run.end_counts
+    if is_told and run is not None and is_there and run.state == "active" and not run.is_unsure:
+        told_mm = float(found[0].detail.split(": nominal ")[1].split()[0])
+        if abs(told_mm * world.screws[0].counts_per_mm - run.nominal_counts) > 1:
+            raise BrokenRuleError(
+                f"the axis goes on from its record at {told_mm} mm, and target {run.nominal_counts} has sent "
+                "it there (5)"
+            )
+    if axis.stopped is not None and axis.stopped.is_recalled and is_told:
+        axes = list(world.state.axes)
+        axes[number] = axis._replace(stopped=axis.stopped._replace(is_recalled=False))
+        world.state = world.state._replace(axes=tuple(axes))
 
 
 # --- answers ------------------------------------------------------------------------------------------
@@ -665,6 +735,8 @@ def _is_native(sent: bytes, reply: bytes) -> bool:
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
     _note_answer(world, wire, reply)
+    if wire.pdu[0] == 3 and wire.pdu[1:3] == MODE_HEAD[1:] and _is_native(wire.pdu, reply):
+        know_rules(world, facts.number_of(world, wire.unit_id))
     is_read = wire.pdu[0] == 3 and _is_native(wire.pdu, reply)
     if is_read and wire.pdu[1] << 8 | wire.pdu[2] == ACTUAL.address:
         number = facts.number_of(world, wire.unit_id)
@@ -678,16 +750,47 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if run is not None and run.lost_ns and axis.stands_counts == run.end_counts:
             plan = world.design.plans[number]
             if axis.goes_counts is None and wire.sent_ns - run.lost_ns >= plan.done_drop_ms * facts.MS:
-                _note_run(world, number, is_told=True, lost_ns=0, seen=3 if run.is_done_since else 1)
+                note_run(world, number, is_told=True, lost_ns=0, seen=3 if run.is_done_since else 1)
         if axis.run is not None and axis.run.is_recalled:
             _judge_record(world, number)
+        _recall_stop(world, number)
+    if is_read and world.design.judges_proof:
+        _note_proof(world, wire)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
+
+
+def forget_stop(world: "World", number: int) -> None:
+    """Nobody knows where the axis was stopped: something else may move it."""
+    axes = list(world.state.axes)
+    if axes[number].stopped is not None:
+        axes[number] = axes[number]._replace(stopped=None)
+        world.state = world.state._replace(axes=tuple(axes))
+
+
+def _note_proof(world: "World", wire: "Wire") -> None:
+    """A target without an answer is told once it is read back, or the axis is seen to come there (M7)."""
+    number, address = facts.number_of(world, wire.unit_id), wire.pdu[1] << 8 | wire.pdu[2]
+    axis = world.state.axes[number]
+    run, tried, before = axis.run, axis.tried, axis.read_counts
+    is_tried = run is not None and tried is not None and tried[:2] == (run.nominal_counts, run.end_counts)
+    if address == ACTUAL.address:
+        axes = list(world.state.axes)
+        axes[number] = axis._replace(read_counts=axis.stands_counts)
+        world.state = world.state._replace(axes=tuple(axes))
+    if run is None or not is_tried or run.is_told:
+        return
+    near, end = world.design.beside_counts, run.end_counts
+    is_proven = address == COMMAND.address and wire.owner >= 0 and axis.target_counts == end
+    if address == ACTUAL.address and before is not None:
+        is_proven = abs(axis.stands_counts - end) <= near < abs(before - end)
+    if is_proven:
+        note_run(world, number, is_told=True, seen=int(address == ACTUAL.address))
 
 
 def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     if wire.owner < 0 or wire.pdu[0] == 3:
         return
-    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == wire.unit_id)
+    number = facts.number_of(world, wire.unit_id)
     request = _find(world, wire.owner, wire.transaction_id)
     if not _is_native(wire.pdu, reply):
         if _limit_hit(wire.request):  # an exception does not prove that nothing was written (M7)
@@ -697,6 +800,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if wire.aim is not None:
             _judge_untold(world, number, wire.aim, reply)
             _forget(world, number, wire)
+        forget_stop(world, number)
         return
     if _limit_hit(wire.request) and wire.request[0] == 16:
         _note_limit(world, number, int(COMMAND.unpack(wire.request[6:])))
@@ -708,6 +812,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             else:
                 own[number] = own[number]._replace(lost=3)
         world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
+    is_doubtful = _is_doubtful_edge(world, number, wire)
     if wire.aim is not None and number and world.design.plans[0].cross:
         world.state = world.state._replace(table=WARM)  # it is known from now on where the other axis is
     if wire.aim is not None:
@@ -717,15 +822,42 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             # Words of before that go out again without a reference mean nothing to the gateway (M9).
             means_nothing = wire.aim.state == "unreferenced" and run.state not in PASSING
             is_word = wire.pdu[0] == 6 and writes_target(wire.pdu)  # the gateway may not know the rest of it
-            is_told = not (wire.aim.is_lost or means_nothing or is_word)
+            is_told = not (wire.aim.is_lost or means_nothing or is_word or is_doubtful)
             waits = axes[number].next_run
             if waits is not None:
                 waits = waits._replace(is_told=is_told, is_acked=is_told)
                 axes[number] = axes[number]._replace(next_run=waits, tried=None)
             else:
-                run = run._replace(is_told=is_told, is_acked=is_told)
+                is_set_out = run.is_set_out and is_told
+                is_as_sent = (wire.aim.state in PASSING) is (world.said(number).compensation in PASSING)
+                run = run._replace(is_told=is_told, is_held=is_told, is_set_out=is_set_out)
+                run = run._replace(is_acked=is_told and is_as_sent)
                 axes[number] = axes[number]._replace(run=run, tried=None)
             world.state = world.state._replace(axes=tuple(axes))
+
+
+def _is_doubtful_edge(world: "World", number: int, wire: "Wire") -> bool:
+    """Whether what a frame does hangs on a register of which the gateway was never told what it holds.
+
+    A trigger that acts as it rises may have been up already; what passes 1:1 may be a distance, and from
+    where that begins is not asked.
+    """
+    axis, aim = world.state.axes[number], wire.aim
+    if world.design.edge and wire.pdu[:3] in (RUN_PDU[:3], COIL_RUN_PDU[:3]):
+        know_rules(world, number)
+        return not axis.knows_rules
+    if wire.pdu[:3] == MODE_HEAD:
+        know_rules(world, number)
+    if "mode-absolute" not in world.design.menu or world.design.is_staged or aim is None:
+        return False
+    return aim.state in PASSING and not (axis.knows_rules and (aim.base is None or aim.base[1]))
+
+
+def know_rules(world: "World", number: int) -> None:
+    """The gateway is told what a trigger or a mode register holds."""
+    axes = list(world.state.axes)
+    axes[number] = axes[number]._replace(knows_rules=True)
+    world.state = world.state._replace(axes=tuple(axes))
 
 
 def _judge_untold(world: "World", number: int, aim: "Aim", reply: bytes) -> None:
@@ -790,6 +922,10 @@ def judge_waiting(world: "World") -> None:
         return
     for port, transaction_id in state.order:
         request, plan = find(world, port, transaction_id), world.design.controllers[port]
+        is_passing = world.said(0).compensation in PASSING and not facts.is_own_blocked(world, 0)
+        if request.is_broadcast and not is_passing:
+            refuse_broadcast(world, port, request)
+            continue
         waits_for_gap = plan.role is Role.MONITOR and request.ticks <= PATIENCE_TICKS
         if not (waits_for_gap or (plan.serial and (request.is_sent or plan.rights.unit_ids))):
             raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
@@ -838,6 +974,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     if request is None and (port, transaction_id) in world.state.given_up:
         given_up = tuple(each for each in world.state.given_up if each != (port, transaction_id))
         world.state = world.state._replace(given_up=given_up)
+        world.refusals.append(pdu[1])
         if not is_exception(pdu):
             raise BrokenRuleError(f"what its controller had given up was carried out: {pdu.hex(' ')} (2, W5)")
         return  # to one that its controller has given up meanwhile
@@ -848,6 +985,8 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
     plan = world.design.controllers[port]
     if is_exception(pdu):
         world.tally.refusals.add(pdu[1])
+        if not is_own:
+            world.refusals.append(pdu[1])
         _judge_refusal(world, plan, request, pdu, is_own=is_own)
         if not is_own:
             note_lost(world, port, request)
@@ -874,7 +1013,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         if is_known and found != belief.steps:
             raise BrokenRuleError(f"{belief.steps} was written, and {found} is read back (3, M1)")
     if pdu[0] in (3, BOTH) and (request.pdu[1] << 8 | request.pdu[2]) == ACTUAL.address:
-        number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == answered.unit_id)
+        number = facts.number_of(world, answered.unit_id)
         step_counts = world.design.plans[number].actual[0].scale
         _judge_reading(world, number, int(ACTUAL.unpack(pdu[2:6])) * step_counts, step_counts)
 
@@ -886,15 +1025,59 @@ def _judge_refusal(
     axis = world.design.plans[request.axis]
     is_blocked = request.pdu in RUNS and facts.is_own_blocked(world, request.axis)
     is_late = axis.late is Late.REJECT and (_is_late(world, request) or is_blocked)
+    if request.pdu == RUN_PDU and pdu[1] == LOST and not is_own:
+        _judge_refused_run(world, request)
     if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:
         raise BrokenRuleError(f"refused as late, and it is not: {request.pdu.hex(' ')} (2)")
-    if plan.serial and not is_own and pdu[1] == NO_PATH:
+    is_as_lost = is_blocked and "to-all" in world.design.menu  # triggers are refused as their target was (M3)
+    if plan.serial and not is_own and pdu[1] == NO_PATH and not is_as_lost:
         raise BrokenRuleError(f"a serial controller is answered {pdu.hex(' ')}: silence says that (W7)")
     may_write = not (plan.rights.is_read_only or plan.role is Role.MONITOR)
     if not may_write and request.pdu[0] != 3 and pdu[1] != 1:
         raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
     if is_stop(request.pdu) and not request.is_sent and pdu[1] != NO_PATH:
         raise BrokenRuleError(f"a stop was refused with {pdu[1]} (2, M3)")
+
+
+def _judge_refused_run(world: "World", request: "Asked") -> None:
+    """A trigger is refused only where its target, or that of its group, may have been lost (4, M3)."""
+    design = world.design
+    is_simple = "low" in design.menu and design.answers == ("ack",) and len(design.targets) == 1
+    if is_simple and not world.state.beliefs[0][request.axis].lost:
+        raise BrokenRuleError("a trigger is refused, and its target came whole and was acknowledged (4, M3)")
+
+
+def judge_refusals(world: "World", counted: int) -> None:
+    """Each request that the gateway refused is counted once (8). Raises BrokenRuleError.
+
+    That a drive cannot be had is none. On a serial line what may not be reached is as silent as that, and of
+    a controller that has gone nobody hears what it was refused.
+    """
+    absent = [each for each in world.refusals if each in (NO_PATH, NO_ANSWER)]
+    refused = len(world.refusals) - len(absent)
+    is_unclear = (
+        any(plan.serial for plan in world.design.controllers) or "disconnect" in world.design.happenings
+    )
+    if counted < refused or (counted > refused and not (absent or is_unclear)):
+        raise BrokenRuleError(f"{refused} requests were refused, and {counted} were counted (8)")
+
+
+def refuse_broadcast(world: "World", port: int, request: "Asked") -> None:
+    """A broadcast carries no position that each axis corrects differently, and nobody hears that (W7)."""
+    end(world, port, request)
+    note_lost(world, port, request)
+    facts.never_sent(world, port, request, NO_PATH)
+
+
+def note_broadcast(world: "World", wire: "Wire") -> None:
+    """All drives have heard a frame, and none of them answers: its controller waits for nothing."""
+    end(world, wire.owner, find(world, wire.owner, wire.transaction_id))
+    if writes_target(wire.pdu):
+        beliefs = [list(own) for own in world.state.beliefs]
+        beliefs[wire.owner][0] = _written(beliefs[wire.owner][0], wire.request, wire.pdu)
+        world.state = world.state._replace(beliefs=tuple(tuple(own) for own in beliefs))
+    if wire.aim is not None:
+        note_run(world, 0, is_told=False, is_acked=False)
 
 
 def judge_answered(world: "World", wire: "Wire") -> None:
@@ -914,7 +1097,7 @@ def _judge_form(world: "World", request: bytes, reply: bytes) -> None:
 
 def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     """Take note of what shows that an axis has arrived."""
-    number = next(i for i, plan in enumerate(world.design.plans) if plan.unit_id == read.unit_id)
+    number = facts.number_of(world, read.unit_id)
     axis, address = world.state.axes[number], read.pdu[1] << 8 | read.pdu[2]
     run = axis.run
     if address == ACTUAL.address and axis.is_owed_look:
@@ -936,19 +1119,19 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     is_done = address == STATUS and axis.is_done and axis.goes_counts is None
     if is_done and run is not None and run.lost_ns:
         dropped = read.sent_ns - run.lost_ns >= world.design.plans[number].done_drop_ms * facts.MS
-        _note_run(world, number, is_done_since=dropped or run.is_done_since)
+        note_run(world, number, is_done_since=dropped or run.is_done_since)
     if run is not None and address == STATUS and world.design.is_done_doubtful:
         is_early = axis.is_done and axis.stands_counts != run.end_counts
         is_late = not axis.is_done and run.doubt > 0
         run = run._replace(doubt=2 if is_early or is_late else max(run.doubt, int(axis.is_done)))
-        _note_run(world, number, doubt=run.doubt)
+        note_run(world, number, doubt=run.doubt)
     if run is None or not run.is_told or axis.stands_counts != run.end_counts:
         return
     seen = run.seen
     if address == ACTUAL.address:
         seen |= 1
-    elif address == STATUS and axis.is_done:
-        seen |= 2
+    elif address == STATUS and axis.is_done and world.design.drop_ticks == 1:
+        seen |= 2  # of a bit that drops later nobody knows at once of which motion it is
     plan = world.design.plans[number]
     if not (plan.actual or plan.done_is_in_position) and seen & 2:
         seen = 3

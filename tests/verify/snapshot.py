@@ -652,6 +652,11 @@ def said(line: LineExchange) -> tuple[Said, ...]:
     )
 
 
+def refused(line: LineExchange) -> int:
+    """Return how many requests a line has refused, as its status says."""
+    return line.counters.refused
+
+
 def is_resting(line: LineExchange) -> bool:
     """Whether a line falls silent before anything else leaves."""
     return line.rest.until_ns is not None

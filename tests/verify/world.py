@@ -17,6 +17,7 @@ from gateway.exchange.gate import UNSEEN
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
 from tests.exchange.record_bench import Records
@@ -50,6 +51,7 @@ from tests.verify.snapshot import (
     is_resting,
     is_sending_unsure,
     on_its_way,
+    refused,
     said,
     watch_stores,
 )
@@ -72,6 +74,7 @@ VENDOR: Final = 0x81
 MOST_STORES: Final = 3
 """Stores within one event that a kill may come before."""
 SCREWS: Final = (WORN, REGROUND)
+ON_THE_WAY_COUNTS: Final = (1501, 9060)
 WARMER_K: Final = 20.0
 Bytes = Callable[[bytes], None]
 Happening = tuple[Any, ...]
@@ -194,6 +197,7 @@ class Asked(NamedTuple):
     is_bit_asked: bool = False
     """The bit on which its reference hangs was read for it."""
     axis: int = 0
+    is_broadcast: bool = False
 
 
 class Belief(NamedTuple):
@@ -247,6 +251,14 @@ class Run(NamedTuple):
     """When a distance from its end went without an answer; 0: none did."""
     is_acked: bool = False
     """It is told, whatever its done bit says."""
+    has_blinked: bool = False
+    """It was told, and its done bit fell since where it stands."""
+    is_held: bool = False
+    """Its drive acknowledged it, and nothing else than a reference that was lost can have come since."""
+    is_set_out: bool = False
+    """It was known where the axis stood, and on which side, when it set out."""
+    kept_seen: int = 0
+    """Of ``seen``, what its record keeps over a kill."""
     doubt: int = 0
     """1: its drive has said done; 2: and that where it did not stand, or not any more: a look tells more
     (M6). Over repeats, too; kept only where a done bit may do so."""
@@ -291,6 +303,16 @@ class Axis(NamedTuple):
     """What its controller has written there; None: that is not known."""
     next_run: Run | None = None
     """Where it goes as soon as it has come where it goes."""
+    stopped: Run | None = None
+    """The motion on whose way it was stopped: so the side from which it came there is known (M6)."""
+    trigger: int = 0
+    """What stands in its trigger, where that acts only as it rises."""
+    knows_rules: bool = False
+    """The gateway was told what that holds, or its mode register."""
+    held: Tried | None = None
+    """The target that it was told, over being switched off and on, until something is written to it."""
+    read_counts: int | None = None
+    """Where it was read last; None: never, or another zero counts since."""
 
 
 class State(NamedTuple):
@@ -364,6 +386,14 @@ class Design:
     """The done bit says only that the drive is near where it is told to be at the moment: on its way, too."""
     is_bytes: bool = False
     """It begins at bytes: real ports and decoders of Modbus/TCP (``tests.verify.wires``)."""
+    on_the_way_counts: tuple[int, ...] = ON_THE_WAY_COUNTS
+    """Where an axis is seen on its way, the first of them that lies there."""
+    drop_ticks: int = DONE_DROP_TICKS
+    """So long after it was told to go its done bit may still be that of the motion before."""
+    edge: str = ""
+    """Its trigger acts only as it rises: a ``register``, or a ``coil``; else each write acts."""
+    is_up_at_start: bool = False
+    """Such a trigger is up when the gateway starts, which does not know that."""
     is_buffered: bool = False
     """The drive keeps a target that comes while it goes to another one, and goes there afterwards."""
     is_rtu: bool = False
@@ -378,6 +408,8 @@ class Design:
     depth: int = 0
     """To which it is walked unless it closes before; 0: until it closes."""
     checks_way_back: bool = True
+    judges_proof: bool = False
+    """A reading that proves a target without an answer makes it told (M7): nothing else forgets it."""
     judges_blocks: bool = True
     """It is known at any moment whether a target was lost: nothing passes 1:1, and is refused unjudged."""
     ways: tuple[tuple[Happening, ...], ...] = ()
@@ -471,6 +503,8 @@ class World:
         self.now_ns = START_NS
         self.told: list[Event] = []
         """What was told since the last event of the world began."""
+        self.refusals: list[int] = []
+        """Exceptions since then that were the gateway's own."""
         self.before: tuple[Said, ...] = ()
         """What was said of each axis then."""
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
@@ -482,7 +516,8 @@ class World:
         self._fresh = [side.lens.take(self.now_ns) for side in self.sides]
         self.records = Records()
         ports, axes = len(design.controllers), len(design.plans)
-        beginning = tuple(Axis(facts=facts.first(plan)) for plan in design.plans)
+        up = int(design.is_up_at_start)
+        beginning = tuple(Axis(facts=facts.first(plan), trigger=up) for plan in design.plans)
         self.state = State(beginning, ((Belief(),) * axes,) * ports, ((),) * ports)
         self._attach()
         self._call("link_up", self.now_ns)
@@ -605,7 +640,7 @@ class World:
     def _requests(self) -> Iterable[tuple[Any, ...]]:
         for name in self.design.menu:
             for axis in range(len(self.design.plans)):
-                if name in ("to", "low", "high"):
+                if name in ("to", "to-all", "low", "high"):
                     yield from ((name, axis, i) for i in range(len(self.design.targets)))
                 elif name == "mask":
                     yield from ((name, axis, i) for i in range(len(self.design.masks)))
@@ -617,7 +652,8 @@ class World:
                     yield (name, axis)
 
     def pdu(self, name: str, number: int = 0) -> bytes:
-        """Return the PDU of a request of the menu."""
+        """Return the PDU of a request of the menu; ``-all``: it is broadcast."""
+        name = name.removesuffix("-all")
         if name == "to":
             return write(COMMAND, self.design.targets[number] // self.design.step_counts)
         if name == "by":
@@ -634,6 +670,12 @@ class World:
             return bytes((BOTH,)) + read(ACTUAL)[1:] + self.pdu("to", number)[1:]
         if name in REGISTERS:
             return read(REGISTERS[name])
+        if name == "alarms":
+            return b"\x03" + ALARMS.to_bytes(2, "big") + b"\0\x01"
+        if name == "other":
+            return b"\x03" + OTHER.to_bytes(2, "big") + b"\0\x01"
+        if self.design.edge == "coil" and name in ("run", "idle"):
+            return rules.COIL_RUN_PDU if name == "run" else rules.COIL_IDLE_PDU
         if name == "limit":
             return write(LIMIT, LIMIT_COUNTS)
         if name == "limit-low":
@@ -652,8 +694,12 @@ class World:
         """Let an event happen. Raises BrokenRuleError."""
         before = self.before = said(self.sides[0].line)
         self.told.clear()
+        self.refusals.clear()
+        refused_before = refused(self.sides[0].line)
         getattr(self, "_on_" + event[0])(*event[1:])
         rules.judge_waiting(self)
+        if not event[0].startswith("kill"):
+            rules.judge_refusals(self, refused(self.sides[0].line) - refused_before)
         facts.judge(self, before, self.told, is_restart=event[0].startswith("kill"))
 
     def _call(self, name: str, *args: Any) -> None:
@@ -668,10 +714,11 @@ class World:
         if self.design.controllers[port].serial:
             self._give_up(port)  # what it asked before is withdrawn, or is answered for nobody
         asked = list(self.state.asked)
-        asked[port] = (*asked[port], Asked(pdu, transaction_id, axis=axis))
+        is_broadcast = name.endswith("-all")
+        asked[port] = (*asked[port], Asked(pdu, transaction_id, axis=axis, is_broadcast=is_broadcast))
         order = (*self.state.order, (port, transaction_id))
         self.state = self.state._replace(asked=tuple(asked), order=order)
-        unit_id = self.design.plans[axis].unit_id
+        unit_id = BROADCAST_UNIT_ID if is_broadcast else self.design.plans[axis].unit_id
         for side in self.sides:
             side.request(port, transaction_id, unit_id, pdu, self.now_ns)
         self._collect()
@@ -814,7 +861,8 @@ class World:
         axis = self.state.axes[number]
         run = axis.run
         is_sure = run is not None and run.is_told and bool(run.seen & 2) and run.doubt < 2
-        run = None if run is None else run._replace(seen=0, is_told=False)
+        if run is not None:
+            run = run._replace(seen=0, is_told=False, has_blinked=is_sure or run.has_blinked)
         was_done = axis.was_done or is_sure
         self._set(number, axis._replace(is_done=False, run=run, was_done=was_done))
 
@@ -860,7 +908,7 @@ class World:
             self._set(number, self.state.axes[number]._replace(run=run))
 
     def _put(self, number: int, at: int) -> None:
-        axis = self.state.axes[number]
+        axis = self.state.axes[number]._replace(stopped=None)
         self._set(
             number,
             axis._replace(
@@ -880,7 +928,11 @@ class World:
         if run is not None and run.end_counts == axis.target_counts:
             tried = Tried(run.nominal_counts, run.end_counts, run.table, run.state, run.is_gain_half)
         held_counts, facts = axis.target_counts, axis.facts
-        self._set(number, Axis(target_counts=held_counts, is_homed=False, tried=tried, facts=facts))
+        is_held = run is not None and run.is_held and run.end_counts == held_counts
+        held = tried if is_held and self.design.judges_proof else axis.held
+        self._set(
+            number, Axis(target_counts=held_counts, is_homed=False, tried=tried, facts=facts, held=held)
+        )
 
     def _on_alarm(self, number: int) -> None:
         """The drive gives up: it stands where it is."""
@@ -1004,13 +1056,22 @@ class World:
         self, *, is_restart: bool = False, is_recalled: bool = False, wire: Wire | None = None
     ) -> None:
         """Nobody knows of the motions any more. ``is_recalled``: but from the records."""
-        for number, axis in enumerate(self.state.axes):
+        for number, was in enumerate(self.state.axes):
+            stopped = was.stopped  # from its record, if that counts
+            if stopped is not None:
+                is_kept = is_recalled and wire is None and stopped.table == 0
+                stopped = stopped._replace(is_recalled=True) if is_kept else None
+            axis = was._replace(read_counts=None, stopped=stopped)
+            self._set(number, axis)
             run = axis.run
             if run is not None:
                 is_known = is_recalled and run.table == 0 and rules.is_of_record(self, number, wire)
+                seen = run.seen if is_known and wire is None else 0
                 run = run._replace(
-                    is_told=False, is_acked=False, seen=0, is_restarted=run.is_restarted or is_restart
-                )
+                    is_told=False, is_acked=False, seen=0, is_restarted=run.is_restarted or is_restart,
+                    kept_seen=seen, is_held=run.is_held and not is_restart,
+                    is_set_out=run.is_set_out and (is_known or not is_restart),
+                )  # fmt: skip
                 self._set(number, axis._replace(run=run._replace(is_recalled=is_known)))
 
     def _on_table(self) -> None:
@@ -1057,7 +1118,7 @@ class World:
         pdu = wire.pdu
         if pdu[0] not in (3, BOTH):
             return pdu[:5] if pdu[0] == 16 else pdu
-        number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
+        number = facts.number_of(self, wire.unit_id)
         plan = self.design.plans[number]
         data = _registers(self.state.axes[number], plan, pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
         return bytes((pdu[0], len(data))) + data
@@ -1065,16 +1126,24 @@ class World:
     def _obey(self, wire: Wire) -> bytes:
         """Let the drive do what a frame says; return its answer."""
         pdu = wire.pdu
-        number = next(i for i, plan in enumerate(self.design.plans) if plan.unit_id == wire.unit_id)
+        number = facts.number_of(self, wire.unit_id)
         axis = self.state.axes[number]
         address = pdu[1] << 8 | pdu[2]
         if pdu[0] == 3:
             return self.reply_to(wire)
+        if axis.held is not None and wire.aim is None:
+            axis = axis._replace(held=None)
+            self._set(number, axis)
+        if pdu[0] == 5:
+            self._act(number, int(pdu[3] == 0xFF), wire)
+            return pdu
         if rules.writes_target(pdu):
             target = self.design.written(axis.target_counts, pdu)
             self._set(number, axis._replace(target_counts=target))
             if not self.design.is_staged:
-                self._go(number, target, wire)
+                is_distance = axis.mode == 2
+                self._set(number, self.state.axes[number]._replace(mode=1))
+                self._go(number, target + is_distance * axis.commanded_counts, wire)
             return self.reply_to(wire)
         if pdu[0] == 16:
             counts = int(LIMIT.unpack(pdu[6:]))
@@ -1090,13 +1159,23 @@ class World:
         return pdu
 
     def _act(self, number: int, value: int, wire: Wire) -> None:
-        axis = self.state.axes[number]
+        axis = self.state.axes[number]._replace(stopped=None)
+        if self.design.edge:
+            is_rising = value == RUN and not axis.trigger
+            axis = axis._replace(trigger=int(value == RUN))
+            self._set(number, axis)
+            if not is_rising and value in (RUN, 0):
+                return
         if value == RUN and axis.mode == 1:
             self._go(number, axis.target_counts, wire)
         elif value in (RUN, RUN_RELATIVE):
             self._set(number, axis._replace(mode=1))
             self._go(number, axis.commanded_counts + axis.target_counts, wire)
         elif value == STOP:
+            run = axis.run
+            is_known = axis.goes_counts is not None and run is not None and run.is_told
+            if is_known and run is not None and not run.is_unsure and run.state == "active":
+                axis = axis._replace(stopped=run)
             self._set(
                 number,
                 axis._replace(
@@ -1122,6 +1201,8 @@ class World:
 
     def _go(self, number: int, end: int, wire: Wire) -> None:
         axis = self.state.axes[number]
+        if axis.stopped is not None:
+            axis = axis._replace(stopped=None)
         if self.design.is_buffered and axis.goes_counts is not None:
             self._set(number, axis._replace(stands_counts=axis.goes_counts, goes_counts=None))
             assert wire.aim is not None
@@ -1139,8 +1220,9 @@ class World:
             axis._replace(
                 is_owed_look=axis.is_owed_look and is_again,
                 goes_counts=None if is_there else end, commanded_counts=axis.stands_counts,
-                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False, ticks=0, run=run,
-                is_fresh=False, is_lost_distance=False, is_known_moving=False,
+                is_done=axis.is_done or is_there, is_seen_undone=False, was_done=False,
+                ticks=axis.ticks if end == axis.goes_counts else 0, run=run,
+                is_fresh=False, is_lost_distance=False, is_known_moving=False, held=None,
             ),
         )  # fmt: skip
 
@@ -1172,6 +1254,11 @@ class World:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
             wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns)
+            if unit_id == BROADCAST_UNIT_ID:
+                facts.left(self, wire)
+                self._obey(wire)
+                rules.note_broadcast(self, wire)
+                continue
             rules.judge_phase(self, wire)
             late = self.state.late
             if self.design.is_serial and (self.design.late_ticks == DRAIN_TICKS or not _is_done(late)):
@@ -1191,6 +1278,7 @@ class World:
                 raise BrokenRuleError(f"given up before its time: {wire.pdu.hex(' ')} (W7)")
             facts.unanswered(self, wire)
             rules.note_silence(self, wire)
+            rules.forget_stop(self, facts.number_of(self, wire.unit_id))
             late = (
                 wire._replace(ticks_left=self.design.late_ticks)
                 if not self.state.split and "late" in self.design.happenings
@@ -1249,10 +1337,12 @@ def _tell_nobody(_event: Event) -> None:
     """The second of two sides says the same as the first."""
 
 
-ON_THE_WAY_COUNTS: Final = (1501, 9060)
-"""Where an axis is seen on its way, the first of them that lies there."""
 JOGGED_COUNTS: Final = 3001
 NUDGED_COUNTS: Final = 300
+ALARMS: Final = 0x0741
+"""Where a drive may keep its alarm bit, apart from the others."""
+OTHER: Final = 0x0740
+"""A register that no map knows, and that only reads are of."""
 STRANGE: Final = 999
 """A value of the trigger that no register map knows."""
 REMAPPING: Final = 0x0900
@@ -1279,6 +1369,7 @@ TRIGGERS: Final = {
     "jog-on": JOG,
     "stored": STORED,
     "strange": STRANGE,
+    "idle": 0,
 }
 TAKES_TIME: Final = frozenset(
     {"wait", "arrive", "arrive_undone", "creep", "jog", "nudge", "reboot", "plug", "temperature"}
@@ -1333,12 +1424,12 @@ def _older(axis: Axis, design: Design) -> Axis:
         return axis._replace(goes_counts=run.end_counts, run=run, next_run=None, ticks=0, is_fresh=False)
     if axis.goes_counts is None:
         return axis
-    ticks = min(axis.ticks + 1, DONE_DROP_TICKS)
-    is_late = ticks == DONE_DROP_TICKS and axis.ticks < DONE_DROP_TICKS
+    ticks = min(axis.ticks + 1, design.drop_ticks)
+    is_late = ticks == design.drop_ticks and axis.ticks < design.drop_ticks
     stands = axis.stands_counts
     if design.is_prompt and not axis.ticks:
         low, high = min(stands, axis.goes_counts), max(stands, axis.goes_counts)
-        stands = next((place for place in ON_THE_WAY_COUNTS if low < place < high), stands)
+        stands = next((place for place in design.on_the_way_counts if low < place < high), stands)
     is_done = axis.is_done and (design.is_in_position or not is_late)
     return axis._replace(ticks=ticks, stands_counts=stands, commanded_counts=stands, is_done=is_done)
 
@@ -1362,4 +1453,5 @@ def _registers(axis: Axis, plan: AxisPlan, address: int, quantity: int) -> bytes
         | is_moving << MOVING_BIT
     )
     words[STATUS] = status.to_bytes(2, "big")
+    words[ALARMS] = (axis.is_alarmed << ALARM_BIT).to_bytes(2, "big")
     return b"".join(words.get(address + i, b"\0\0") for i in range(quantity))

@@ -293,7 +293,9 @@ class Axis(AxisState):
         self.whereabouts = place
         if place not in TARGETED:
             self.compensation.forget_target()
-        if place not in _UNPROVEN:
+        if self.unproven is not None and place not in _UNPROVEN:
+            if self.pending is self.unproven and self.on_wire is _NOTHING:
+                self.pending = None  # its record need not name it any more
             self.unproven = None
         if place not in _RETAINING:
             self.retained = None
@@ -555,11 +557,11 @@ class Axis(AxisState):
             self.silent_since_ns = None
         if self.silent_until_ns - since_ns <= self.plan.lost_ms * NS_PER_MS:
             return
-        unproven = self.unproven
+        unproven, pending = self.unproven, self.pending
         self._lose_reach()
         if unproven is not None:  # it may have arrived before the drive fell silent
             self._happens(Happening.UNACKNOWLEDGED)
-            self.unproven = unproven
+            self.unproven, self.pending = unproven, pending
         self._send_off(self.silent_until_ns)
         self.lose_reference()
 
@@ -1189,8 +1191,6 @@ class Axis(AxisState):
 
     def publish(self) -> None:
         """Let its record say what holds now."""
-        if self.pending is not None and self.on_wire is OnWire.NOTHING and self.unproven is not self.pending:
-            self.pending = None
         if self.record is not None:
             self.record.publish(self)
 
