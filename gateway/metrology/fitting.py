@@ -135,11 +135,11 @@ def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
             "does not hold such a table: --to csv does"
         )
     for each in evidence.harmonics:
-        verdict = "significant" if each.significance <= SIGNIFICANT else "not significant"
-        notes.append(
-            f"{each.period.name}: amplitude {small.text(each.amplitude)}, phase {each.phase_deg:.0f}°, "
-            f"{verdict} (p = {each.significance:.2g})"
-        )
+        # What scatter makes as large has no amplitude: of few targets it would be any number.
+        found = "not significant"
+        if each.significance <= SIGNIFICANT:
+            found = f"amplitude {small.text(each.amplitude)}, phase {each.phase_deg:.0f}°, significant"
+        notes.append(f"{each.period.name}: {found} (p = {each.significance:.2g})")
     return notes
 
 

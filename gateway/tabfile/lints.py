@@ -35,6 +35,8 @@ SHORT_FACTOR: Final = 4.0
 """Of the sharpest bend that is left without a point: it stands out beyond that."""
 REGULAR: Final = 0.25
 """Of the widest distance of two points: the least one, where points lie about evenly."""
+SHORT_FLOOR_MM: Final = 0.003
+"""Among few points readings that scatter by a micron do so by chance."""
 LEAST_LEFT: Final = 4
 """Fewer points bend too seldom to say what is usual."""
 LEAST_AGAIN: Final = 6
@@ -314,7 +316,7 @@ def _ratios(subject: _Subject, left: Sequence[int], chosen: tuple[int, ...], bra
     """Return how far points lie from the line of the others, in what is the most for a point of these."""
     others = [subject.rows[index] for index in left if index not in chosen]
     usual = max(second_differences(others, branch))
-    limit = max(SHORT_FACTOR * usual, subject.table.units.from_mm(OUTLIER_FLOOR_MM))
+    limit = max(SHORT_FACTOR * usual, subject.table.units.from_mm(SHORT_FLOOR_MM))
     ends = (left[0], left[-1])
     # Beyond its neighbours a point misses their line by the whole bend, between them by half of it.
     return [
