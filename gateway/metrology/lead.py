@@ -8,7 +8,7 @@ two turns.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from math import cos, hypot, isfinite, pi, sin
+from math import cos, hypot, isfinite, pi, sin, sqrt
 from statistics import fmean, median
 from typing import Final
 
@@ -173,10 +173,31 @@ def unseen(targets: Sequence[float], periods: Iterable[Period], units: Units) ->
     if len(targets) < LEAST_EVEN:
         return ()
     step, moved = _grid(targets)
-    is_fine = units is not Units.DEGREE and step <= (1.0 - SLOW) * units.from_mm(SHORTEST_MM)
-    if is_fine or _narrowness(moved, step) <= NARROW:
+    if _is_fine(step, units) or _narrowness(moved, step) <= NARROW:
         return ()
     return (Period(step, f"the step of {step:.6g} and its whole fractions"),)
+
+
+def _is_fine(step: float, units: Units) -> bool:
+    """Whether only turns that no screw has look slow on such a grid."""
+    return units is not Units.DEGREE and step <= (1.0 - SLOW) * units.from_mm(SHORTEST_MM)
+
+
+def may_be_more(targets: Sequence[float], periods: Iterable[Period], units: Units) -> float:
+    """Return how many times as much as it seems may be left, where no lead is told; 1 where one is.
+
+    Of a turn as long as the step of the grid that targets lie near, they show the share by which its angles
+    differ.
+
+    >>> round(may_be_more([0.0, 23.0, 38.0, 62.0, 79.0], (), Units.MM), 2)
+    1.85
+    """
+    if tuple(periods) or len(targets) < LEAST_EVEN:
+        return 1.0
+    step, moved = _grid(targets)
+    if _is_fine(step, units):
+        return 1.0
+    return 1.0 / sqrt(max(1.0 - _narrowness(moved, step) ** 2, 1e-6))
 
 
 def fine_run(targets: Sequence[float], lead: float) -> tuple[float, float, float]:

@@ -17,7 +17,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lead import Period, shown_by, unseen
+from gateway.metrology.lead import Period, may_be_more, shown_by, unseen
 from gateway.metrology.process import KERNELS, ROUGH, Array, Kind, Process, Samples, fitted, jointed
 from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
 from gateway.metrology.shapes import LeftOut, Shape
@@ -179,6 +179,7 @@ class Screw:
         """Return E of what a table leaves everywhere between the first and the last target."""
         low, middle, high = self._quantiles(table)
         low, high = min(low, middle / LEAST_SPREAD), max(high, middle * LEAST_SPREAD)
+        high *= may_be_more(self.means.targets, self.periods, self.units)
         hidden = self.unseen
         return LeftOut(None, low, None, hidden) if hidden else LeftOut(middle, low, high)
 

@@ -127,7 +127,7 @@ KINDS: Final = (
     Kind("slow waves, irregular targets", 500, slow, 13, 51, 0.5),
     Kind("drunken, lead 10 told", 500, drunken, 17, 41, 0.4, lead=10.0, spread=10.0),
     Kind("of the issue, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, spread=4.5),
-    Kind("of the issue, lead not told", 400, of_the_issue, 21, 81, 0.4),
+    Kind("of the issue, lead not told", 400, of_the_issue, 21, 81, 0.4, spread=4.5),
     Kind("of the issue, even targets, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, is_even=True),
     Kind("screw and motor, periods told", 300, geared, 25, 61, 0.4, lead=6.0, turns=(2.0,), spread=4.5),
     Kind("worn in the middle", 400, worn, 17, 41, 0.5),
