@@ -16,6 +16,7 @@ from gateway.metrology.lead import (
     aliased_warning,
     is_aliased,
     lead_warnings,
+    may_be_more,
     periods_of,
     shown_by,
     unseen,
@@ -128,6 +129,25 @@ def test_random_targets_that_leave_a_turn_as_long_as_their_step_half_hidden_are_
     assert [each.length for each in unseen(near, periods_of(20.0), Units.MM)][:1] == [20.0]
     wide = [float(x) for x in random_targets(0.0, 400.0, 21, seed=0, spread=9.0)]
     assert unseen(wide, (), Units.MM) == ()
+
+
+def test_the_upper_bound_holds_a_turn_as_long_as_the_step_where_no_lead_is_told() -> None:
+    """81 targets 5 mm apart, moved by up to 1.5 mm as usual, on a screw of the lead 5 mm."""
+    kind = next(each for each in screws.KINDS if "issue, lead not told" in each.name)
+    screw, random = screws.screw_of(kind, 0)
+    targets = [float(x) for x in random_targets(0.0, 400.0, 81, seed=0)]
+    survey_ = screw.survey(targets, 0.4, random)
+    chosen = screws.built(screw.survey(targets, 0.4, random), kind, Fit.AUTO)
+    assert chosen.screw is not None
+    left_out = chosen.screw.left_out(chosen.table)
+    assert left_out.e is not None
+    assert left_out.high is not None
+    true = screw.leaves_um(chosen.table, targets[0], targets[-1]) / 1000
+    # Half of the turn is seen: the figure is too small, the bound is not.
+    assert 1.5 * left_out.e < true < left_out.high
+    assert may_be_more(targets, periods_of(5.0), Units.MM) == 1.0
+    # A mean vector of 0.86 leaves the square root of 1 - 0.74 to be seen.
+    assert may_be_more(targets, (), Units.MM) == pytest.approx(2.0, abs=0.3)
 
 
 def test_a_grid_too_fine_for_any_screw_hides_nothing_though_no_lead_is_told() -> None:
