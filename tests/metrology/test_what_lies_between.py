@@ -136,7 +136,6 @@ def test_the_upper_bound_holds_a_turn_as_long_as_the_step_where_no_lead_is_told(
     kind = next(each for each in screws.KINDS if "issue, lead not told" in each.name)
     screw, random = screws.screw_of(kind, 0)
     targets = [float(x) for x in random_targets(0.0, 400.0, 81, seed=0)]
-    survey_ = screw.survey(targets, 0.4, random)
     chosen = screws.built(screw.survey(targets, 0.4, random), kind, Fit.AUTO)
     assert chosen.screw is not None
     left_out = chosen.screw.left_out(chosen.table)
