@@ -15,7 +15,7 @@ from gateway.config.settings_of import settings_of, thermal_of
 from gateway.config.tables import AxisTable
 from gateway.drives import library
 from gateway.drives.motion import Action
-from gateway.drives.registers import DoneMeans, OnException, RegisterMap
+from gateway.drives.registers import DoneMeans, NextTarget, OnException, RegisterMap
 from gateway.exchange.plan import (
     AxisPlan,
     ControllerPlan,
@@ -149,6 +149,7 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         lost_ms=axis.lost_ms,
         unseen_ms=axis.unseen_ms,
         done_drop_ms=registers.done_drop_ms,
+        queues_targets=registers.next_target is NextTarget.QUEUED,
         done_is_in_position=registers.done_means is DoneMeans.IN_POSITION,
         bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
         max_registers=registers.max_registers,

@@ -39,6 +39,15 @@ class DoneMeans(Enum):
     """It is near where it is told to be at the moment, also on the way."""
 
 
+class NextTarget(Enum):
+    """What a drive does with a target that comes while it goes to another one."""
+
+    AT_ONCE = "at-once"
+    """It turns to it."""
+    QUEUED = "queued"
+    """It goes to the one before first."""
+
+
 class OnException(Enum):
     """What a refusal by the drive proves about the registers it was to write."""
 
@@ -223,6 +232,10 @@ class RegisterMap(StrictModel):
     done_drop_ms: Annotated[float, Field(ge=0.0, le=MAX_DROP_MS)] = Field(
         default=1000.0,
         description="milliseconds that bits.done may still be that of the move before",
+    )
+    next_target: ByName[NextTarget] = Field(
+        default=NextTarget.AT_ONCE,
+        description="what a target does that comes while the axis moves: at-once or queued",
     )
     staged: bool = Field(default=False, description="a written position waits for a trigger")
     starts_on: ListOf[Address] = Field(default=(), description="words of a position that start the motion")

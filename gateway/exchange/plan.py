@@ -146,6 +146,8 @@ class AxisPlan:
     """After so long without a word of it or to it somebody may have moved it."""
     done_drop_ms: float = DEFAULT_DONE_DROP_MS
     """So long after a target its drive may still say done of the move before."""
+    queues_targets: bool = False
+    """A target that comes while the axis moves is gone to after the one before."""
     done_is_in_position: bool = False
     """Its done bit says only that it is near where it is told to be at the moment, also on the way."""
     bits: Mapping[str, BitField] = field(default_factory=dict)

@@ -260,6 +260,7 @@ def _plan_move(axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | No
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return compensation.plan(nominal_counts, None, now_ns)
     is_doubtful = fresh is None and _is_doubtful(axis, now_ns, Action.ABSOLUTE)
+    is_doubtful |= accepted is None and axis.plan.queues_targets  # other targets may wait before this one
     place = place or _known_place(axis, nominal_counts, now_ns)
     if place is None and fresh is not None:
         place = _measured(axis, fresh)
@@ -273,8 +274,8 @@ def _plan_move(axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | No
 def _known_place(axis: Axis, nominal_counts: Counts, now_ns: int) -> Place | None:
     """Where the axis is, as far as passing traffic told it (M6)."""
     accepted = axis.compensation.accepted
-    if accepted is not None and axis.has_arrived:
-        return Place(accepted.nominal_counts, PlaceKind.REACHED)
+    if accepted is not None and (axis.has_arrived or axis.plan.queues_targets):
+        return Place(accepted.nominal_counts, PlaceKind.REACHED)  # there, or there before it goes on
     if accepted is not None and axis.whereabouts is Whereabouts.DONE_SAID and axis.asked_actual is None:
         return Place(accepted.nominal_counts, PlaceKind.ASSUMED)
     actual = axis.actual

@@ -277,6 +277,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
         is_seen &= run is None or run.doubt < 2
         if not moving:
             why = "no target waits"
+        elif world.design.is_buffered:
+            pass  # one that was done with the target before last, and stands there, is taken for moved
         elif is_seen and not is_distance and not facts.is_unseen(world, number):
             why = "the axis was seen to stand at its target a moment ago"
         elif facts.is_just_read(world, number) and axis.goes_counts is None and not may_look:
@@ -491,7 +493,7 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
     is_again |= aim.tried is not None and aim.tried[0] == aim.nominal_counts
     may_fail = world.design.refuses_reads or world.design.answers_before
-    if may_fail or not plan.actual or is_again:
+    if may_fail or not plan.actual or is_again or plan.queues_targets:  # which may have others to go to first
         return
     low, high = sorted(_branches(world, aim.nominal_counts, aim))
     beside = world.design.beside_counts
@@ -1193,6 +1195,8 @@ def judge_direction(world: "World", number: int) -> None:
         raise BrokenRuleError(f"a distance was lost and runs, and it is said: {said.direction} (8, M5)")
     if run is None or not run.is_told or run.is_unsure or run.state != "active" or world.design.is_stream:
         return
+    if axis.next_run is not None:
+        return  # it goes on from there
     if said.compensation != "active" or axis.stands_counts != run.end_counts or axis.goes_counts is not None:
         return
     is_same = (run.table, run.is_gain_half) == (world.state.table, world.state.is_gain_half)

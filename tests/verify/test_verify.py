@@ -179,7 +179,7 @@ def test_a_gateway_dies_before_the_store_that_is_chosen_and_what_had_left_is_car
 def test_a_drive_that_keeps_the_next_target_until_it_is_at_the_one_before_is_seen_to_come_from_there() -> (
     None
 ):
-    """The gateway knows no such drives: it takes the way from where the axis is (docs/verify.md)."""
+    """Where its map says so the way begins at the target before, else where the axis is."""
     design = replace(BY_NAME["s-status"], targets=(9007, 5003), is_buffered=True)
     under_way = (TO_0, ACK, ACK)  # to 9172, at 1501
     with pytest.raises(BrokenRuleError, match="5108, which is on the wrong branch"):
@@ -187,6 +187,12 @@ def test_a_drive_that_keeps_the_next_target_until_it_is_at_the_one_before_is_see
     arrived = (("arrive", 0), ("ask", 0, "read", 0), ACK, ("ask", 0, "status", 0), ACK)
     world = play(design, *under_way, *arrived, TO_1, ACK)
     assert world.state.axes[0].goes_counts == 4888  # backward
+    (plan,) = design.plans
+    said = replace(design, plans=(replace(plan, queues_targets=True),))
+    waiting = play(said, *under_way, TO_1, ACK).state.axes[0].next_run
+    assert waiting is not None
+    assert waiting.end_counts == 4888
+    assert not waiting.is_unsure
 
 
 @PLAIN

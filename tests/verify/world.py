@@ -640,6 +640,8 @@ class World:
     def _requests(self) -> Iterable[tuple[Any, ...]]:
         for name in self.design.menu:
             for axis in range(len(self.design.plans)):
+                if name == "to" and self.state.axes[axis].next_run is not None:
+                    continue  # a drive that keeps one target takes no third one
                 if name in ("to", "to-all", "low", "high"):
                     yield from ((name, axis, i) for i in range(len(self.design.targets)))
                 elif name == "mask":

@@ -52,6 +52,13 @@ REGISTERS: Final[Texts] = {
             "which it may be on the way too; then an actual position has to show that it has arrived"
         ),
     ),
+    "next_target": Said(
+        meaning=(
+            "`at-once`: a target that comes while the axis moves is gone to from where the axis is. "
+            "`queued`: the axis goes to the one before first, as CiA 402 drives with set-points in a row do: "
+            "its direction follows from the order of the targets then, and no reading tells it"
+        ),
+    ),
     "done_drop_ms": Said(
         meaning=(
             "so long after a target was acknowledged `bits.done` may still be that of the move "

@@ -1137,6 +1137,8 @@ class Axis(AxisState):
             happening = Happening.NEAR
         elif self.compensation.is_stream and self.whereabouts is Whereabouts.DONE_SAID:
             return  # a stream lags behind its setpoints, done or not
+        elif self.plan.queues_targets and self.whereabouts is not _ARRIVED:
+            return  # it may have been done with the target before, and be there yet
         else:
             happening = Happening.AWAY
         self._happens(happening)
