@@ -17,6 +17,10 @@ from gateway.report.findings import other_stretch
 if TYPE_CHECKING:
     from gateway.metrology.fitting import Evidence
 
+PREDICTED: Final = "predicted"
+"""The title of figures that nobody measured."""
+NOT_JUDGED: Final = "not known from these readings: too few targets, or more than tell anything"
+
 _NAMES: Final = (
     ("A", "accuracy"),
     ("R", "repeatability"),
@@ -63,9 +67,10 @@ def results_json(found: Evaluation) -> dict[str, object]:
 
 
 def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> dict[str, object]:
-    """Return E between the targets, predicted by leaving out, and its bounds; null where nothing tells it.
+    """Return E between the targets, predicted by leaving out, and its bounds.
 
-    Beside them the lengths, in the units of the readings, of what repeats unseen and is in none of them.
+    Null is what the readings do not tell, with the reason, and the lengths, in the units of the readings, of
+    what repeats unseen.
     """
     small = small_unit(units)
     names = (f"left_out_e{when}", f"left_out_e_low{when}", f"left_out_e_high{when}")
@@ -73,7 +78,10 @@ def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> dic
     return {
         f"{name}_{small.key}": None if number is None else number * small.factor
         for name, number in zip(names, numbers, strict=True)
-    } | {f"left_out_unseen_periods{when}": [each.length for each in left_out.unseen] if left_out else []}
+    } | {
+        f"left_out_unknown{when}": (NOT_JUDGED if left_out is None else left_out.unknown) or None,
+        f"left_out_unseen_periods{when}": [each.length for each in left_out.unseen] if left_out else [],
+    }
 
 
 def predicted_json(predicted: Evaluation, left_out: LeftOut | None) -> dict[str, object]:
@@ -96,7 +104,7 @@ def evidence_json(evidence: "Evidence") -> dict[str, object]:
                 "follows": each.shape.value,
                 "points": len(each.table.positions),
                 f"left_out_rms_{small.key}": each.misses * small.factor,
-                f"left_out_e_{small.key}": each.left_out * small.factor,
+                f"left_out_e_{small.key}": each.left_out * small.factor if evidence.is_told else None,
             }
             for each in evidence.candidates
         ],
@@ -121,7 +129,10 @@ def results_text(
     *,
     left_out: LeftOut | None = None,
 ) -> None:
-    """Print the results for a person, with the share that is left; ``left_out`` is E between the points."""
+    """Print the results for a person, with the share that is left; ``left_out`` is E between the points.
+
+    Beside it stands that the predicted figures are those at the targets.
+    """
     from rich.console import Console
     from rich.table import Table
 
@@ -131,9 +142,11 @@ def results_text(
     table = Table(title=f"{title}, {unit}", title_justify="left")
     table.add_column("result")
     shown = [(titles[0], _values(before))] + ([(titles[1], _values(after))] if after else [])
+    is_predicted = PREDICTED in titles
     for title, _ in shown:
+        where = "\nat targets" if title == PREDICTED else "\n" * is_predicted
         for way in ("forward", "backward", "both"):
-            table.add_column(f"{title}\n{way}", justify="right")
+            table.add_column(f"{title}{where}\n{way}", justify="right")
     if after:
         table.add_column("left", justify="right")
     comparable = after is None or not other_stretch(before, after)
@@ -143,6 +156,8 @@ def results_text(
         cells = ["–" if number is None else f"{round(number, digits) + 0.0:.{digits}f}" for number in numbers]
         left = _left(numbers, 0.5 * 10**-digits)
         table.add_row(f"{name}  {meaning}", *cells, *(left if comparable else ("–" for _ in left)))
+        if name == "E" and is_predicted:
+            table.add_row(*_between_row(before, left_out, digits))
     Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH).print(table)
     for line in dict.fromkeys(missing_line(each) for each in shown_all):
         if line:
@@ -151,19 +166,34 @@ def results_text(
         typer.echo(left_out_line(before, left_out))
 
 
+def _between_row(before: Evaluation, left_out: LeftOut | None, digits: int) -> list[str]:
+    """Return the line of what is left between the targets, where a table has none."""
+    if left_out is None:
+        shown, left = "not known", ["–"]
+    elif left_out.e is None:
+        shown, left = f"≥ {left_out.low:.{digits}f}", ["–"]
+    else:
+        shown = f"{left_out.e:.{digits}f}"
+        left = list(_left([None, None, before.systematic, None, None, left_out.e], 0.5 * 10**-digits))
+    return ["E  between the targets", "", "", "–", "", "", shown, *left]
+
+
 def left_out_line(before: Evaluation, left_out: LeftOut) -> str:
     """Say what the table will leave where nobody measured."""
     small = small_unit(before.units)
-    was = "" if before.systematic is None else f", of {small.text(before.systematic)} at the targets before"
+    was = ""
+    if before.systematic is not None:
+        was = f"; at the targets it was {small.text(before.systematic)} before"
     return f"between its points the table will leave {left_out_text(small, left_out)}{was}"
 
 
 def left_out_text(small: Small, left_out: LeftOut) -> str:
     """Say E between the targets with its bounds, and what is not in them."""
-    without = f"; {left_out.without}" if left_out.without else ""
+    if left_out.e is None or left_out.high is None:
+        return f"at least E = {small.text(left_out.low)}; how much it is, is {left_out.unknown}"
     return (
         f"E = {small.text(left_out.e)} (predicted by leaving out; {small.text(left_out.low)} to "
-        f"{small.text(left_out.high)} in nine of ten cases{without})"
+        f"{small.text(left_out.high)} in nine of ten cases)"
     )
 
 

@@ -35,6 +35,7 @@ from gateway.tabfile import (
     dialect_named,
     parse_table,
 )
+from gateway.tabfile.resampling import tidied
 
 NAMES = ", ".join(each.name for each in FORMATS)
 
@@ -211,6 +212,7 @@ def written(
     Raises:
         TabFileError: the target cannot hold the table, or the gateway would refuse what it holds.
     """
+    table = tidied(table)
     try:
         result = table_writing.write_text(table, target, options)
     except TabFileError as error:

@@ -7,7 +7,13 @@ from typing import Annotated, Final
 import typer
 
 from gateway.cli import survey_files as shared
-from gateway.cli.evaluation_output import evidence_json, predicted_json, results_json, results_text
+from gateway.cli.evaluation_output import (
+    PREDICTED,
+    evidence_json,
+    predicted_json,
+    results_json,
+    results_text,
+)
 from gateway.cli.table_options import AsJson, AxisLetter, Counts
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
@@ -148,7 +154,7 @@ def _print(
 ) -> None:
     print_lines((f"note: {note}" for note in notes), err=True)
     shared.print_written(out, *written)
-    results_text(*results, ("before", "predicted"), left_out=left_out)
+    results_text(*results, ("before", PREDICTED), left_out=left_out)
 
 
 def _print_json(

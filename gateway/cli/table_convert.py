@@ -33,7 +33,7 @@ from gateway.tabfile import (
     dialect_named,
 )
 from gateway.tabfile.context import MAX_SCALE, MIN_SCALE
-from gateway.tabfile.resampling import Resampled, resample
+from gateway.tabfile.resampling import Resampled, resample, tidied
 
 
 @takes_file_options
@@ -72,6 +72,8 @@ def convert(
         even = None if wanted.resample is None else resample(table, wanted.resample, str(file))
         letter = _letter(wanted.to_axis) or letter_for(loaded, told.axis, out)
         table = even.table if even else table
+        if even or wanted.to_units not in (None, loaded.table.units):
+            table = tidied(table)
         options = WriteOptions(
             axis=letter,
             file_counts_per_unit=scale,

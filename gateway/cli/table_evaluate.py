@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli import judgement_output as judged
 from gateway.cli import survey_files as shared
-from gateway.cli.evaluation_output import predicted_json, results_json, results_text
+from gateway.cli.evaluation_output import PREDICTED, predicted_json, results_json, results_text
 from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
@@ -124,7 +124,7 @@ def evaluate(
         _print_json(before, results, notes, is_predicted=loaded is not None, left_out=left_out, extra=extra)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
-    words = ("measured" if results[1] is None else "before", "after" if loaded is None else "predicted")
+    words = ("measured" if results[1] is None else "before", "after" if loaded is None else PREDICTED)
     results_text(*results, words, left_out=left_out)
     print_lines(lines)
     if report is not None:

@@ -81,6 +81,8 @@ class Evidence:
     warnings: tuple[str, ...]
     unheld: Candidate | None = None
     """What would leave clearly less, but no file of this format holds it."""
+    is_told: bool = True
+    """Whether the readings tell what is left; otherwise a candidate's ``left_out`` only compares."""
 
 
 def choose(
@@ -104,7 +106,9 @@ def choose(
     better = min(unheld, key=lambda each: each.left_out, default=None)
     if better is not None and better.left_out * CLEARLY > chosen.left_out:
         better = None
-    return Evidence(chosen, tuple(held), screw.harmonics, warnings_of(screw), better)
+    return Evidence(
+        chosen, tuple(held), screw.harmonics, warnings_of(screw), better, is_told=not screw.unseen
+    )
 
 
 def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
@@ -123,23 +127,25 @@ def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
     notes = [first]
     if evidence.unheld is not None:
         other = evidence.unheld
+        less = "less"
+        if evidence.is_told:
+            less = f"E = {small.text(other.left_out)} instead of {small.text(chosen.left_out)}"
         notes.append(
-            f"{other.shape.words} in {len(other.table.positions)} points would leave E = "
-            f"{small.text(other.left_out)} instead of {small.text(chosen.left_out)}, but this format does "
-            "not hold such a table: --to csv does"
+            f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but this format "
+            "does not hold such a table: --to csv does"
         )
     for each in evidence.harmonics:
-        verdict = "significant" if each.significance <= SIGNIFICANT else "not significant"
-        notes.append(
-            f"{each.period.name}: amplitude {small.text(each.amplitude)}, phase {each.phase_deg:.0f}°, "
-            f"{verdict} (p = {each.significance:.2g})"
-        )
+        # What scatter makes as large has no amplitude: of few targets it would be any number.
+        found = "not significant"
+        if each.significance <= SIGNIFICANT:
+            found = f"amplitude {small.text(each.amplitude)}, phase {each.phase_deg:.0f}°, significant"
+        notes.append(f"{each.period.name}: {found} (p = {each.significance:.2g})")
     return notes
 
 
 def warnings_of(screw: Screw) -> tuple[str, ...]:
     """Say what the targets cannot show."""
-    return tuple(lead_warnings(screw.means.targets, screw.periods, screw.units.value))
+    return tuple(lead_warnings(screw.means.targets, screw.periods, screw.units))
 
 
 def _shapes(screw: Screw, wish: Fit) -> tuple[Shape, ...]:

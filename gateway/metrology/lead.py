@@ -7,10 +7,12 @@ two turns.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from math import cos, hypot, isfinite, pi, sin
+from itertools import accumulate, pairwise
+from math import cos, hypot, isfinite, pi, sin, sqrt
+from statistics import fmean, median
 from typing import Final
 
+from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 
 HARMONICS: Final = (1, 2)
@@ -23,9 +25,14 @@ and more. As long as it is the same all along the screw it is told from one, no 
 SAME_ANGLES: Final = 0.8
 """Share of the distances that are near multiples, from which on a period is aliased."""
 NARROW: Final = 0.9
-"""Mean of the angles as vectors: above it they lie in one place of the turn."""
+"""Mean of the angles as vectors: above it they lie in one place of the turn, and of what repeats with it so
+little is seen that less than two thirds would be said to be there."""
+SHORTEST_MM: Final = 2.0
+"""Where no lead is told: what turns is taken to do so once in this length or in a longer one."""
 LEAST_EVEN: Final = 3
 """Fewer targets are no grid."""
+RESOLVED: Final = 0.4
+"""Of a turn: targets that follow each other so closely for a whole turn show what repeats with it."""
 FINE_POINTS: Final = 8
 """Of a turn, in a fine run."""
 FINE_TURNS: Final = 2
@@ -70,11 +77,31 @@ def is_aliased(targets: Sequence[float], period: float) -> bool:
     >>> [is_aliased([0, step, 2 * step, 3 * step], 5.0) for step in (10, 10.1, 4)]
     [True, True, False]
     """
-    angles = [2 * pi * target / period for target in targets]
-    mean = hypot(sum(map(cos, angles)), sum(map(sin, angles))) / len(angles)
     turns = [(high - low) / period for low, high in pairwise(targets)]
+    if _is_resolved(turns):
+        return False
     near = sum(turn > 0.5 and abs(turn - round(turn)) < NEAR_MULTIPLE for turn in turns)
-    return mean > NARROW or near >= SAME_ANGLES * len(turns)
+    return _narrowness(targets, period) > NARROW or near >= SAME_ANGLES * len(turns)
+
+
+def _narrowness(places: Sequence[float], period: float) -> float:
+    """Return the mean of the angles as vectors: 1 where all are the same, near 0 where all are met."""
+    angles = [2 * pi * place / period for place in places]
+    return hypot(sum(map(cos, angles)), sum(map(sin, angles))) / len(angles)
+
+
+def _is_resolved(turns: Iterable[float]) -> bool:
+    """Whether distances, in turns, that follow each other are small enough for a whole turn.
+
+    >>> _is_resolved([2.0, 2.0, *[0.125] * 16, 2.0]), _is_resolved([0.4, 0.4, 2.0, 0.4, 0.4])
+    (True, False)
+    """
+    reach = 0.0
+    for turn in turns:
+        reach = reach + turn if turn <= RESOLVED else 0.0
+        if reach >= 1.0:
+            return True
+    return False
 
 
 def shown_by(
@@ -94,32 +121,83 @@ def even_step(targets: Sequence[float]) -> float | None:
     return sum(gaps) / len(gaps)
 
 
+def _grid(targets: Sequence[float]) -> tuple[float, list[float]]:
+    """Return the step of the grid that lies nearest to targets, and how far each lies from it.
+
+    Some of its places may have no target.
+
+    >>> step, moved = _grid([0.0, 10.2, 19.8, 40.0])
+    >>> round(step, 3), [round(each, 2) for each in moved]
+    (9.977, [-0.04, 0.18, -0.19, 0.05])
+    """
+    gaps = [high - low for low, high in pairwise(targets)]
+    usual = median(gaps)
+    counts = [0, *accumulate(max(round(gap / usual), 1) for gap in gaps)]
+    middle, mean = fmean(counts), fmean(targets)
+    step = sum((k - middle) * (x - mean) for k, x in zip(counts, targets, strict=True)) / sum(
+        (k - middle) ** 2 for k in counts
+    )
+    return step, [x - mean - step * (k - middle) for k, x in zip(counts, targets, strict=True)]
+
+
 def looks_slow(targets: Sequence[float], period: float) -> bool:
-    """Whether targets on an even grid show an error of this period as a slower wave.
+    """Whether targets on an even grid, or nearly on one, show an error of this period as a slower wave.
 
     >>> [looks_slow([0, step, 2 * step, 3 * step], 5.0) for step in (6, 7, 2.5)]
     [True, False, False]
+    >>> looks_slow([0.0, 6.1, 11.9, 24.0], 5.0)
+    True
     """
-    step = even_step(targets)
-    if step is None or len(targets) < LEAST_EVEN:
+    if len(targets) < LEAST_EVEN or _is_resolved((high - low) / period for low, high in pairwise(targets)):
         return False
+    step, moved = _grid(targets)
     turn = step / period
-    return turn > 0.5 and abs(turn - round(turn)) <= SLOW
+    return turn > 0.5 and abs(turn - round(turn)) <= SLOW and _narrowness(moved, period) > NARROW
 
 
-def unseen(targets: Sequence[float], periods: Iterable[Period]) -> tuple[Period, ...]:
+def unseen(targets: Sequence[float], periods: Iterable[Period], units: Units) -> tuple[Period, ...]:
     """Return what targets do not tell from a slower curve: of what is told, or of any screw if nothing is.
 
-    >>> [each.name for each in unseen([0.0, 20.0, 40.0, 60.0], ())]
+    Nothing is hidden by a grid so fine that only turns which no screw has look slow on it.
+
+    >>> [each.name for each in unseen([0.0, 20.0, 40.0, 60.0], (), Units.MM)]
     ['the step of 20 and its whole fractions']
+    >>> unseen([0.0, 1.5, 3.0, 4.5], (), Units.MM)
+    ()
     """
     known = tuple(periods)
-    step = even_step(targets)
-    if known or step is None or len(targets) < LEAST_EVEN:
+    if known:
         return tuple(
             each for each in known if is_aliased(targets, each.length) or looks_slow(targets, each.length)
         )
+    if len(targets) < LEAST_EVEN:
+        return ()
+    step, moved = _grid(targets)
+    if _is_fine(step, units) or _narrowness(moved, step) <= NARROW:
+        return ()
     return (Period(step, f"the step of {step:.6g} and its whole fractions"),)
+
+
+def _is_fine(step: float, units: Units) -> bool:
+    """Whether only turns that no screw has look slow on such a grid."""
+    return units is not Units.DEGREE and step <= (1.0 - SLOW) * units.from_mm(SHORTEST_MM)
+
+
+def may_be_more(targets: Sequence[float], periods: Iterable[Period], units: Units) -> float:
+    """Return how many times as much as it seems may be left, where no lead is told; 1 where one is.
+
+    Of a turn as long as the step of the grid that targets lie near, they show the share by which its angles
+    differ.
+
+    >>> round(may_be_more([0.0, 23.0, 38.0, 62.0, 79.0], (), Units.MM), 2)
+    1.85
+    """
+    if tuple(periods) or len(targets) < LEAST_EVEN:
+        return 1.0
+    step, moved = _grid(targets)
+    if _is_fine(step, units):
+        return 1.0
+    return 1.0 / sqrt(max(1.0 - _narrowness(moved, step) ** 2, 1e-6))
 
 
 def fine_run(targets: Sequence[float], lead: float) -> tuple[float, float, float]:
@@ -152,39 +230,39 @@ def aliased_warning(targets: Sequence[float], aliased: Sequence[Period], unit: s
 
 def slow_warning(targets: Sequence[float], slow: Sequence[Period], unit: str) -> str:
     """Say which wave an error looks like, and what to measure instead."""
-    step = even_step(targets) or 0.0
+    step, _ = _grid(targets)
     looks = []
     for each in slow:
         turn = step / each.length
         looks.append(f"{each.name} like one of {step / abs(turn - round(turn)):.4g} {unit}")
     spread = max(each.length for each in slow)
     return (
-        f"the targets lie {step:.6g} {unit} apart: there an error that repeats looks like a slower wave, "
-        f"{' and '.join(looks)}, and is told from it only as long as it is the same all along the screw. "
-        f"Take random targets with --spread {spread:g}"
+        f"the targets lie {_about(targets, step)} {unit} apart: there an error that repeats looks like a "
+        f"slower wave, {' and '.join(looks)}, and is told from it only as long as it is the same all along "
+        f"the screw. Take random targets with --spread {spread:g}"
     )
 
 
-def lead_warnings(targets: Sequence[float], periods: Iterable[Period], unit: str) -> list[str]:
+def _about(targets: Sequence[float], step: float) -> str:
+    return f"{step:.6g}" if even_step(targets) else f"about {step:.4g}"
+
+
+def lead_warnings(targets: Sequence[float], periods: Iterable[Period], units: Units) -> list[str]:
     """Say what targets will not show, or, where no lead is told, what they may not."""
-    known = tuple(periods)
+    known, unit = tuple(periods), units.value
+    hidden = unseen(targets, known, units)
     aliased = shown_by(targets, known)[1]
     if aliased:
         return [aliased_warning(targets, aliased, unit)]
-    slow = tuple(each for each in known if looks_slow(targets, each.length))
-    if slow:
-        return [slow_warning(targets, slow, unit)]
-    warning = None if known else unknown_lead(targets, unit)
-    return [warning] if warning else []
+    if known:
+        return [slow_warning(targets, hidden, unit)] if hidden else []
+    return [unknown_lead(targets, each.length, unit) for each in hidden]
 
 
-def unknown_lead(targets: Sequence[float], unit: str) -> str | None:
-    """Say of an even grid, where no lead is told, which screws it does not show; None elsewhere."""
-    step = even_step(targets)
-    if step is None or len(targets) < LEAST_EVEN:
-        return None
+def unknown_lead(targets: Sequence[float], step: float, unit: str) -> str:
+    """Say of a grid, where no lead is told, which screws it does not show."""
     return (
-        f"the targets lie {step:.6g} {unit} apart: an error that repeats every {step:.6g}, {step / 2:.6g}, "
-        f"{step / 3:.6g}… {unit} looks the same at each of them and was not seen. Tell the lead of the "
-        "screw: --lead"
+        f"the targets lie {_about(targets, step)} {unit} apart: an error that repeats every {step:.6g}, "
+        f"{step / 2:.6g}, {step / 3:.6g}… {unit} looks the same at each of them and was not seen. Tell the "
+        "lead of the screw: --lead"
     )

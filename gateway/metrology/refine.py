@@ -133,7 +133,7 @@ def refine_table(
     before = after = None
     if screw is not None:
         before, after = screw.left_out(_less(old, old)), screw.left_out(_less(new, old))
-        if after.e > DONE * before.e:
+        if screw.leaves(_less(new, old)) > DONE * screw.leaves(_less(old, old)):
             notes.append(
                 "another round of readings at such targets brings nothing: what is left is the scatter of "
                 "the readings, or shorter than the distance of the targets: tell the lead (--lead), or "

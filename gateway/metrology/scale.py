@@ -4,13 +4,15 @@ TB058 demands that the turns for a unit are checked before any table is made; a 
 is as long as the error is steep, and a wrong drive ratio looks like a bad screw.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from statistics import fmean
+from itertools import combinations
+from statistics import fmean, median
 from typing import Final
 
+from gateway.compensation.direction import Direction
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.readings import Reading, mean_corrections
+from gateway.metrology.readings import APPROACHES, Reading, mean_corrections
 
 MOST: Final = 3e-4
 """0.3 mm/m: more is no screw but a wrong scale, and is asked for first."""
@@ -70,14 +72,50 @@ def scale_of(readings: Iterable[Reading]) -> ScaleError | None:
     return ScaleError(sums[0] / sums[1]) if sums[1] else None
 
 
+def _one_reading(readings: Sequence[Reading]) -> str | None:
+    """Say which reading makes a linear part large; None where all do.
+
+    The median of the slopes between all means is no larger for a single one that is wrong.
+    """
+    usual: list[float] = []
+    worst: tuple[float, Reading, float] | None = None
+    for way in APPROACHES:
+        of_way = [each for each in readings if each.direction is way]
+        if len({each.target for each in of_way}) < LEAST_TARGETS:
+            continue
+        means = mean_corrections(of_way)
+        curve = means.forward if way is Direction.FORWARD else means.backward
+        known = [(x, -c) for x, c in zip(means.targets, curve, strict=True) if c is not None]
+        slope = median((d1 - d0) / (x1 - x0) for (x0, d0), (x1, d1) in combinations(known, 2))
+        offset = median(d - slope * x for x, d in known)
+        usual.append(slope)
+        for each in of_way:
+            away = abs(each.deviation - offset - slope * each.target)
+            if worst is None or away > worst[0]:
+                worst = (away, each, offset + slope * each.target)
+    if worst is None or abs(median(usual)) > MOST:
+        return None
+    _, each, expected = worst
+    return (
+        f"the readings together rise by more than 0.3 mm/m, but most of them by "
+        f"{median(usual) * _PER_METRE_UM:+.4g} µm/m: {each.measured:.9g} at target {each.target:.9g}, "
+        f"{each.direction.name.lower()}, is {each.deviation:+.6g} away, where the others lead to "
+        f"{expected:+.4g}. A digit slipped? Correct it, or measure there again; --keep-scale makes the table "
+        "all the same"
+    )
+
+
 def check_scale(source: str, readings: Iterable[Reading], counts_per_unit: float | None = None) -> None:
     """Check that readings are of a screw and not of a wrong scale.
 
     Raises:
-        ReadingsError: the linear part is larger than 0.3 mm/m.
+        ReadingsError: the linear part is larger than 0.3 mm/m, of all readings or because of a single one.
     """
-    found = scale_of(readings)
+    known = tuple(readings)
+    found = scale_of(known)
     if found is not None and found.is_large:
+        if (said := _one_reading(known)) is not None:
+            raise ReadingsError(f"{source}: {said}")
         raise ReadingsError(
             f"{source}: {found.describe(counts_per_unit)}. More than 0.3 mm/m is no screw but a wrong scale: "
             "put it right first and measure again, or --keep-scale where the screw is really so long or short"

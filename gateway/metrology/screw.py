@@ -17,7 +17,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lead import Period, shown_by, unseen
+from gateway.metrology.lead import Period, may_be_more, shown_by, unseen
 from gateway.metrology.process import KERNELS, ROUGH, Array, Kind, Process, Samples, fitted, jointed
 from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
 from gateway.metrology.shapes import LeftOut, Shape
@@ -164,14 +164,30 @@ class Screw:
         return float(np.sqrt(np.mean(np.square(errors))))
 
     def leaves(self, table: CorrectionTable) -> float:
-        """Return E of what a table leaves everywhere from the first target to the last, as likely more."""
-        return self.left_out(table).e
+        """Return E of what a table leaves everywhere from the first target to the last, as likely more.
+
+        By it tables are compared. As a promise it is :meth:`left_out`, which knows what no target shows.
+        """
+        return self._quantiles(table)[1]
+
+    @property
+    def unseen(self) -> tuple[Period, ...]:
+        """What may repeat and no target tells from a slower curve."""
+        return unseen(self.means.targets, self.periods, self.units)
 
     def left_out(self, table: CorrectionTable) -> LeftOut:
-        """Return E of what a table leaves everywhere between the first and the last target.
+        """Return E of what a table leaves everywhere between the first and the last target."""
+        low, middle, high = self._quantiles(table)
+        low, high = min(low, middle / LEAST_SPREAD), max(high, middle * LEAST_SPREAD)
+        high *= may_be_more(self.means.targets, self.periods, self.units)
+        hidden = self.unseen
+        return LeftOut(None, low, None, hidden) if hidden else LeftOut(middle, low, high)
 
-        Quantiles of E over curves that the readings allow, each taken whole: with both directions, and
-        with the corrections at the places to which the table sends the drive.
+    def _quantiles(self, table: CorrectionTable) -> tuple[float, float, float]:
+        """Return quantiles of E over curves that the readings allow.
+
+        Each is taken whole: with both directions, and with the corrections at the places to which the table
+        sends the drive.
         """
         here = table.in_units(self.units)
         added = [
@@ -184,12 +200,7 @@ class Screw:
         drawn = (self._forward, self._backward)
         left = np.vstack([added[way][:, None] - _at(drawn[way], self._places, added[way]) for way in ways])
         low, middle, high = np.quantile(left.max(axis=0) - left.min(axis=0), QUANTILES).tolist()
-        return LeftOut(
-            middle,
-            min(low, middle / LEAST_SPREAD),
-            max(high, middle * LEAST_SPREAD),
-            unseen(self.means.targets, self.periods),
-        )
+        return low, middle, high
 
 
 def _at(curves: Array, places: Array, moved: Array) -> Array:

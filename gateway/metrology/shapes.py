@@ -30,22 +30,25 @@ class LeftOut(NamedTuple):
     """E that a table leaves between the targets, predicted by leaving out, in the units of the readings.
 
     Of the curves that the readings allow half leave more than ``e``, and nine of ten between ``low`` and
-    ``high``. What repeats with ``unseen`` may be in none of them: no target
-    tells it from a slower curve.
+    ``high``. What repeats with ``unseen`` is in none of them, for no target tells it from a slower curve:
+    then the readings hold no upper bound, ``e`` and ``high`` are None, and at least ``low`` is left.
     """
 
-    e: float
+    e: float | None
     low: float
-    high: float
+    high: float | None
     unseen: tuple[Period, ...] = ()
 
     @property
-    def without(self) -> str:
-        """What is not in the figures, in words; empty where everything is."""
+    def unknown(self) -> str:
+        """Why the readings do not tell it, in words; empty where they do."""
         names = " and ".join(each.name for each in self.unseen)
         if not names:
             return ""
-        return f"what repeats with {names} can come on top: these targets do not tell it from a slower curve"
+        return (
+            f"not known from these readings: their targets do not tell what repeats with {names} from a "
+            "slower curve"
+        )
 
 
 class Fit(Enum):

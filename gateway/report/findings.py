@@ -136,7 +136,9 @@ def sentence(found: Findings) -> str:
             return _change(found, words, numbers[0], numbers[1]) + between(found)
         if before is not None:
             return f"{found.subject} is {words} {show(numbers[0])} as it was measured."
-        return f"{found.subject} is {_is(found)}{words} {show(numbers[0])}, with the correction in force."
+        where = " at the targets" if found.story.is_predicted else ""
+        now = f"{_is(found)}{words} {show(numbers[0])}{where}"
+        return f"{found.subject} is {now}, with the correction in force."
     return _about_table(found)
 
 
@@ -145,11 +147,15 @@ def between(found: Findings) -> str:
     left_out = found.story.left_out
     if left_out is None or not found.story.is_predicted:
         return ""
-    left, low, high = (found.scale.rounded(each) for each in (left_out.e, left_out.low, left_out.high))
-    without = f"; {left_out.without}" if left_out.without else ""
+    show = found.scale.rounded
+    if left_out.e is None or left_out.high is None:
+        return (
+            f" Between the targets it leaves a systematic deviation E of at least {show(left_out.low)}; how "
+            f"much it is, is {left_out.unknown}."
+        )
     return (
-        f" Between the targets it is predicted to leave a systematic deviation E of {left}, in nine of ten "
-        f"cases between {low} and {high}{without}."
+        f" Between the targets it is predicted to leave a systematic deviation E of {show(left_out.e)}, in "
+        f"nine of ten cases between {show(left_out.low)} and {show(left_out.high)}."
     )
 
 
@@ -162,6 +168,8 @@ def _change(found: Findings, words: str, before: float, after: float) -> str:
     show = found.scale.rounded
     now = "is predicted to be" if found.story.is_predicted else "is now"
     first = f"{found.subject} was {words} {show(before)} and {now} {words} {show(after)}"
+    if found.story.is_predicted:
+        first += " at the targets"
     if found.other_stretch:
         return f"{first}, but {found.other_stretch}."
     if after >= before:
@@ -211,6 +219,12 @@ def runs_of(evaluation: Evaluation) -> tuple[int, int]:
 
 def about_readings(evaluation: Evaluation) -> str:
     """Say how many readings there are, and whether that is what the standard asks for."""
+    missing = missing_line(evaluation)
+    return f"{count_of_readings(evaluation)}; {missing}" if missing else count_of_readings(evaluation)
+
+
+def count_of_readings(evaluation: Evaluation) -> str:
+    """Say how many readings there are."""
     fewest, most = runs_of(evaluation)
     runs = f"{fewest}" if fewest == most else f"{fewest} to {most}"
     targets = evaluation.targets
@@ -227,6 +241,4 @@ def about_readings(evaluation: Evaluation) -> str:
     words = f"{len(targets)} targets, {runs} run{'s' if most > 1 else ''} {where}"
     if one_sided and len(only) > 1:
         words += "; some targets were approached from one side only"
-    if missing := missing_line(evaluation):
-        words += f"; {missing}"
     return words

@@ -22,8 +22,11 @@ def results_table(found: Findings) -> str:
     heads = "".join(f'<th scope="col">{word}</th>' for word, _ in columns)
     if found.before is not None and found.after is not None:
         heads += '<th scope="col">left over</th>'
-    rows = "".join(_row(found, figure, [each for _, each in columns]) for figure in FIGURES)
-    rows += _between_row(found, len(columns))
+    rows = ""
+    for figure in FIGURES:
+        rows += _row(found, figure, [each for _, each in columns])
+        if (figure.symbol, figure.direction) == ("E", "backward"):
+            rows += _between_row(found, len(columns))
     return (
         '<div class="wide"><table class="results">\n'
         f"<caption>Results {escape(_title(found))}, in {escape(found.scale.deviation)}</caption>\n"
@@ -41,7 +44,7 @@ def _title(found: Findings) -> str:
 def _columns(found: Findings) -> list[tuple[str, Evaluation]]:
     word = "after"
     if found.story.is_predicted:
-        word = 'after, <span class="predicted">predicted</span>'
+        word = 'after, <span class="predicted">predicted</span> at the targets'
     both = ((found.before_word, found.before), (word, found.after))
     return [(name, each) for name, each in both if each is not None]
 
@@ -64,15 +67,21 @@ def _between_row(found: Findings, columns: int) -> str:
     left_out = found.story.left_out
     if left_out is None or not found.story.is_predicted or columns < 2:
         return ""
-    value, low, high = (
-        number(found.scale.of(each), ISO_PLACES) for each in (left_out.e, left_out.low, left_out.high)
-    )
-    without = f"; {escape(left_out.without)}" if left_out.without else ""
+    value, why = f"≥{GAP}{_shown(found, left_out.low)}", escape(left_out.unknown)
+    if left_out.e is not None and left_out.high is not None:
+        value = _shown(found, left_out.e)
+        why = (
+            f"predicted by leaving out (nine of ten cases: {_shown(found, left_out.low)} to "
+            f"{_shown(found, left_out.high)})"
+        )
     return (
-        '<tr class="total"><th scope="row"><b>E</b> between the targets, predicted by leaving out '
-        f"(nine of ten cases: {low} to {high}{without})</th>"
+        f'<tr class="total"><th scope="row"><b>E</b> between the targets<br><small>{why}</small></th>'
         f"<td>{NONE}</td><td>{value}</td><td>{NONE}</td></tr>\n"
     )
+
+
+def _shown(found: Findings, length: float) -> str:
+    return number(found.scale.of(length), ISO_PLACES)
 
 
 def _share(before: float | None, after: float | None) -> str:

@@ -35,12 +35,15 @@ def steepest(rows: Sequence[SourceRow]) -> tuple[float, SourceRow, SourceRow]:
 
 
 def second_differences(rows: Sequence[SourceRow], branch: str) -> list[float]:
+    """Return the bends of one direction, see :func:`bends`."""
+    return bends([row.position for row in rows], corrections(rows, branch))
+
+
+def bends(places: Sequence[float], values: Sequence[float]) -> list[float]:
     """Return, for each inner point, |twice its distance from the line through its neighbours|."""
-    values = corrections(rows, branch)
     differences = []
-    for i in range(1, len(rows) - 1):
-        low, middle, high = rows[i - 1 : i + 2]
-        share = (middle.position - low.position) / (high.position - low.position)
+    for i in range(1, len(places) - 1):
+        share = (places[i] - places[i - 1]) / (places[i + 1] - places[i - 1])
         chord = values[i - 1] + share * (values[i + 1] - values[i - 1])
         differences.append(2 * abs(values[i] - chord))
     return differences

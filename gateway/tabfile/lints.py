@@ -18,7 +18,7 @@ from typing import Final
 
 from gateway.compensation.settings import default_max_correction
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile.curves import BRANCHES, corrections, line_of, second_differences, steepest
+from gateway.tabfile.curves import BRANCHES, bends, corrections, line_of, second_differences, steepest
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.names import axis_of_name
@@ -29,14 +29,20 @@ SLIP_VALUE: Final = 0.001
 SLIP_MEDIAN: Final = 0.1
 """A value below the first among values around the second was probably written in another unit."""
 OUTLIER_FACTOR: Final = 8.0
-SHORT: Final = 12
+SHORT: Final = 18
 """Tables of so many points are judged by leaving points out: one slip bends half of a short one."""
 SHORT_FACTOR: Final = 4.0
 """Of the sharpest bend that is left without a point: it stands out beyond that."""
 REGULAR: Final = 0.25
 """Of the widest distance of two points: the least one, where points lie about evenly."""
+SHORT_FLOOR_MM: Final = 0.003
+"""Among few points readings that scatter by a micron do so by chance."""
 LEAST_LEFT: Final = 4
 """Fewer points bend too seldom to say what is usual."""
+LEAST_AGAIN: Final = 6
+"""So many must be left without what stands out to look once more: among fewer a sound point often does."""
+FEW: Final = 6
+"""One in so many may be a slip; more than that is a rough curve."""
 REVERSAL_FACTOR: Final = 3.0
 """Of how far the others' lost motion lies from its median."""
 REVERSAL_FLOOR_MM: Final = 0.003
@@ -208,7 +214,7 @@ def _outliers(subject: _Subject) -> Iterator[Lint]:
         if len(subject.rows) <= SHORT and _is_regular(subject.rows):
             found = _short_outliers(subject, branch)
         else:
-            found = _long_outlier(subject, branch)
+            found = _long_outliers(subject, branch)
         for row, lint in found:
             named.add(row.position)
             yield lint
@@ -222,73 +228,110 @@ def _is_regular(rows: Sequence[SourceRow]) -> bool:
     return min(gaps) > REGULAR * max(gaps)
 
 
-def _long_outlier(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow, Lint]]:
-    bends = second_differences(subject.rows, branch)
-    if not bends:
-        return
-    limit = max(OUTLIER_FACTOR * median(bends), subject.table.units.from_mm(OUTLIER_FLOOR_MM))
-    worst = max(range(len(bends)), key=bends.__getitem__)
-    if bends[worst] > limit:
-        row = subject.rows[worst + 1]
-        count = sum(bend > limit for bend in bends)
+def _long_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow, Lint]]:
+    values = corrections(subject.rows, branch)
+    floor = subject.table.units.from_mm(OUTLIER_FLOOR_MM)
+    for index, bend, limit in _bent(subject.rows, values, floor):
+        row = subject.rows[index]
         yield (
             row,
             _warning(
                 "L6",
-                f"{branch} correction at {row.position:g} {subject.unit} stands out (bend "
-                f"{bends[worst]:.4g}, limit {limit:.4g}; {count} point(s) above it): measure there again",
+                f"{branch} correction {values[index]:.6g} at {row.position:g} {subject.unit} stands out "
+                f"(bend {bend:.4g}, limit {limit:.4g}): measure there again",
                 line_of(row, branch),
             ),
         )
 
 
+def _bent(
+    rows: Sequence[SourceRow], values: Sequence[float], floor: float
+) -> Iterator[tuple[int, float, float]]:
+    """Yield the points at which many values stand out, each with its bend and the limit, the worst first.
+
+    What stands out is left out before the others are judged: it bends its neighbours too. Where more than
+    one in so many does, the curve is rough and its worst point alone is worth a word.
+    """
+    left = list(range(len(rows)))
+    found: list[tuple[int, float, float]] = []
+    while len(left) > LEAST_LEFT:
+        size = bends([rows[index].position for index in left], [values[index] for index in left])
+        limit = max(OUTLIER_FACTOR * median(size), floor)
+        worst = max(range(len(size)), key=size.__getitem__)
+        if size[worst] <= limit:
+            break
+        # Of two slips side by side, or one beside an end, a neighbour may bend as much.
+        near = [left[at] for at in range(worst, worst + 3)]
+        index = min(near, key=lambda each: _rest(rows, values, [at for at in left if at != each]))
+        found.append((index, size[worst], limit))
+        left.remove(index)
+    yield from found if len(found) * FEW <= len(rows) else found[:1]
+
+
+def _rest(rows: Sequence[SourceRow], values: Sequence[float], left: Sequence[int]) -> float:
+    """Return how much the values that are left bend in all."""
+    return sum(bends([rows[index].position for index in left], [values[index] for index in left]))
+
+
 def _short_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow, Lint]]:
-    """Name the point, or else the two points, without which the others lie on a smooth curve."""
-    count = len(subject.rows)
+    """Name the points without which the others lie on a smooth curve: one, two at a time, and again."""
+    rows = subject.rows
+    left_out: tuple[int, ...] = ()
+    while found := _slips(subject, [index for index in range(len(rows)) if index not in left_out], branch):
+        left_out = (*left_out, *found)
+        if len(rows) - len(left_out) < LEAST_AGAIN:
+            break
+    for index in left_out:
+        row = rows[index]
+        value = corrections([row], branch)[0]
+        others = [each for at, each in enumerate(rows) if at not in left_out]
+        yield (
+            row,
+            _warning(
+                "L6",
+                f"{branch} correction {value:.6g} at {row.position:g} {subject.unit} stands out: the "
+                f"others lead to {_between(others, branch, row.position):.4g} there. A "
+                "digit or a decimal point slipped? Look at the sheet, or measure there again",
+                line_of(row, branch),
+            ),
+        )
+
+
+def _slips(subject: _Subject, left: Sequence[int], branch: str) -> tuple[int, ...]:
+    """Return the point of those that are left, or else the two, that the others do not lead to."""
     for many in (1, 2):
-        if count - many < LEAST_LEFT + many - 1:
-            return
+        if len(left) - many < LEAST_LEFT + many - 1:
+            break
         found = [
-            (min(ratios), left_out)
-            for left_out in combinations(range(count), many)
-            if (ratios := _ratios(subject, branch, left_out)) and min(ratios) > many
+            (min(ratios), chosen)
+            for chosen in combinations(left, many)
+            if (ratios := _ratios(subject, left, chosen, branch)) and min(ratios) > many
         ]
         if found:
-            for index in max(found)[1]:
-                row = subject.rows[index]
-                value = corrections([row], branch)[0]
-                yield (
-                    row,
-                    _warning(
-                        "L6",
-                        f"{branch} correction {value:.6g} at {row.position:g} {subject.unit} stands out: the "
-                        f"others lead to {_between(subject, branch, max(found)[1], index):.4g} there. A "
-                        "digit or a decimal point slipped? Look at the sheet, or measure there again",
-                        line_of(row, branch),
-                    ),
-                )
-            return
+            return max(found)[1]
+    return ()
 
 
-def _ratios(subject: _Subject, branch: str, left_out: tuple[int, ...]) -> list[float]:
+def _ratios(subject: _Subject, left: Sequence[int], chosen: tuple[int, ...], branch: str) -> list[float]:
     """Return how far points lie from the line of the others, in what is the most for a point of these."""
-    others = [row for index, row in enumerate(subject.rows) if index not in left_out]
+    others = [subject.rows[index] for index in left if index not in chosen]
     usual = max(second_differences(others, branch))
-    limit = max(SHORT_FACTOR * usual, subject.table.units.from_mm(OUTLIER_FLOOR_MM))
-    ends = (0, len(subject.rows) - 1)
+    limit = max(SHORT_FACTOR * usual, subject.table.units.from_mm(SHORT_FLOOR_MM))
+    ends = (left[0], left[-1])
     # Beyond its neighbours a point misses their line by the whole bend, between them by half of it.
     return [
         (1 if index in ends else 2)
-        * abs(corrections([subject.rows[index]], branch)[0] - _between(subject, branch, left_out, index))
+        * abs(
+            corrections([subject.rows[index]], branch)[0]
+            - _between(others, branch, subject.rows[index].position)
+        )
         / limit
-        for index in left_out
+        for index in chosen
     ]
 
 
-def _between(subject: _Subject, branch: str, left_out: tuple[int, ...], index: int) -> float:
-    """Return what the line through the nearest other points has at a point; beyond them it goes on."""
-    others = [row for at, row in enumerate(subject.rows) if at not in left_out]
-    place = subject.rows[index].position
+def _between(others: Sequence[SourceRow], branch: str, place: float) -> float:
+    """Return what the line through the nearest points has at a place; beyond them it goes on."""
     above = sum(row.position < place for row in others)
     low, high = others[min(max(above, 1), len(others) - 1) - 1 :][:2]
     start, end = corrections([low, high], branch)
@@ -296,10 +339,14 @@ def _between(subject: _Subject, branch: str, left_out: tuple[int, ...], index: i
 
 
 def _odd_reversal(subject: _Subject, named: AbstractSet[float]) -> Iterator[Lint]:
-    """Name the point, in a short table perhaps two, whose lost motion is not like that of the others."""
+    """Name the points whose lost motion is not like that of the others, in a short table at most two."""
     differences = [row.forward - row.backward for row in subject.rows]
     floor = subject.table.units.from_mm(REVERSAL_FLOOR_MM)
-    odd, usual = _odd(differences, floor)
+    if len(differences) > SHORT:
+        # A screw may be worn in one place: there it bends slowly.
+        odd, usual = sorted(at for at, _, _ in _bent(subject.rows, differences, floor)), median(differences)
+    else:
+        odd, usual = _odd(differences, floor)
     for index in odd:
         row = subject.rows[index]
         if row.position not in named:
@@ -313,14 +360,11 @@ def _odd_reversal(subject: _Subject, named: AbstractSet[float]) -> Iterator[Lint
 
 
 def _odd(differences: Sequence[float], floor: float) -> tuple[list[int], float]:
-    """Return which numbers are not like the others, in order, and what is usual among those."""
+    """Return which of few numbers are not like the others, in order, and what is usual among those."""
     middle = median(differences)
     farthest = sorted(
         range(len(differences)), key=lambda index: abs(differences[index] - middle), reverse=True
     )
-    if len(differences) > SHORT:
-        limit = max(OUTLIER_FACTOR * median(abs(each - middle) for each in differences), floor)
-        return [index for index in farthest[:1] if abs(differences[index] - middle) > limit], middle
     for many in (1, 2):
         others = [differences[index] for index in farthest[many:]]
         if len(others) < LEAST_LEFT + many - 1:

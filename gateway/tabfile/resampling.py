@@ -9,6 +9,8 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.tabfile.errors import Problem, TabFileError
 
 MAX_POINTS: Final = 100_000
+DECIMALS: Final = 11
+"""Of a unit: far below what any instrument or drive shows, and above what sums leave behind."""
 ON_GRID: Final = 1e-6
 """An end that lies within this fraction of a step from a point of the grid is that point."""
 
@@ -57,3 +59,20 @@ def resample(table: CorrectionTable, step: float, name: str) -> Resampled:
         for x, value in zip(table.positions, values, strict=True)
     )
     return Resampled(even, difference, at)
+
+
+def tidied(table: CorrectionTable) -> CorrectionTable:
+    """Return a table that was computed, without what sums left behind the last digit that means anything.
+
+    >>> from gateway.compensation.units import Units
+    >>> table = make_table([0.1, 0.1 + 0.2], [400.0123 - 400.0, 1e-9], [0.0, 0.0], Units.MM)
+    >>> table.positions[1], tidied(table).positions[1], table.forward[0], tidied(table).forward[0]
+    (0.30000000000000004, 0.3, 0.012299999999981992, 0.0123)
+    """
+    positions, *curves = (
+        [round(number, DECIMALS) + 0.0 for number in numbers]
+        for numbers in (table.positions, table.forward, table.backward)
+    )
+    if len(set(positions)) < len(positions):
+        positions = list(table.positions)
+    return make_table(positions, curves[0], curves[1], table.units)

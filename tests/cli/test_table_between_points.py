@@ -87,27 +87,38 @@ def test_an_even_grid_on_whole_turns_is_warned_of_with_what_to_measure(
     assert any("Tell the lead of the screw: --lead" in note for note in untold["notes"])
 
 
-def test_a_prediction_says_what_no_target_showed(tmp_path: Path, screw: screws.Screw) -> None:
+def test_there_is_no_figure_of_what_no_target_showed(tmp_path: Path, screw: screws.Screw) -> None:
     """A grid of 20 mm on a lead of 5: the readings know nothing of the turn, of 3 µm, which is 6 µm of E."""
     grid = written(tmp_path / "grid.csv", [20.0 * index for index in range(21)], screw)
     out, page = tmp_path / "t.csv", tmp_path / "page.html"
     told = good("build", grid, out, "--to", "csv", "--lead", 5)["predicted"]
-    assert told["left_out_e_um"] < 2
+    assert (told["left_out_e_um"], told["left_out_e_high_um"]) == (None, None)
+    assert 0 < told["left_out_e_low_um"] < 1
     assert told["left_out_unseen_periods"] == [5.0, 2.5]
-    without = (
-        "what repeats with lead 5 and half of lead 5 can come on top: these targets do not tell it from a "
-        "slower curve"
+    why = (
+        "not known from these readings: their targets do not tell what repeats with lead 5 and half of lead "
+        "5 from a slower curve"
     )
+    assert told["left_out_unknown"] == why
     good("evaluate", grid, "--table", out, "--lead", 5, "--report", page)
-    assert page.read_text().count(f"; {without}") == 2  # the sentence and the row
+    assert page.read_text().count(why) == 2  # the sentence and the row
+    assert f"<td>≥\N{NO-BREAK SPACE}{told['left_out_e_low_um']:.2f}</td>" in page.read_text()
     said = run("build", grid, out, "--to", "csv", "--lead", 5, "--force").stdout
-    assert f"in nine of ten cases; {without})" in said
+    assert f"will leave at least E = {told['left_out_e_low_um']:.2f} µm; how much it is, is {why}" in said
+    (row,) = [line for line in said.splitlines() if "between the targets" in line]
+    assert f"≥ {told['left_out_e_low_um'] / 1000:.5f}" in row
     untold = good("build", grid, tmp_path / "u.csv", "--to", "csv")["predicted"]
     assert untold["left_out_unseen_periods"] == [20.0]
     # Targets that meet every angle leave nothing out.
     every = written(tmp_path / "every.csv", screws.targets_of(ISSUE, 41, 3), screw)
     shown = good("build", every, tmp_path / "e.csv", "--to", "csv", "--lead", 5)["predicted"]
     assert shown["left_out_unseen_periods"] == []
+    assert shown["left_out_unknown"] is None
+    assert shown["left_out_e_um"] > 0
+    few = written(tmp_path / "few.csv", [0.0, 31.0, 60.0, 95.0], screw)
+    unjudged = good("build", few, tmp_path / "f.csv", "--to", "csv")["predicted"]
+    assert unjudged["left_out_e_um"] is None
+    assert "too few targets" in unjudged["left_out_unknown"]
 
 
 def test_refine_says_when_another_round_brings_nothing(

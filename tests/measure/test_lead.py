@@ -7,6 +7,7 @@ import pytest
 from gateway.cli.measuring.errors import InstrumentError
 from gateway.cli.measuring.instruments import Lines
 from gateway.cli.measuring.setting import Grid, Reader, instrument_of, plan_of
+from gateway.compensation.units import Units
 from gateway.config.load import load
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.gauges import GaugeKind
@@ -47,10 +48,10 @@ def test_a_lead_that_leaves_no_room_is_no_spread(tmp_path: Path) -> None:
 def test_the_first_recipe_of_the_page_shows_a_lead_of_5_and_its_old_one_did_not(tmp_path: Path) -> None:
     axis, _ = loaded(tmp_path)
     new = plan_of(Grid(0.0, 300.0, targets=26, lead=5.0), axis).targets
-    assert lead_warnings(new, periods_of(5.0), "mm") == []
+    assert lead_warnings(new, periods_of(5.0), Units.MM) == []
     old = plan_of(Grid(0.0, 300.0, step=25.0), axis).targets
     for lead in (5.0, 12.5, 25.0):
-        (warning,) = lead_warnings(old, periods_of(lead), "mm")
+        (warning,) = lead_warnings(old, periods_of(lead), Units.MM)
         assert "(aliased)" in warning
 
 

@@ -3,13 +3,17 @@
 ``python -m tests.metrology.screws [SEEDS]`` prints the figures of all of them: noise-free and noisy, with few
 targets and with many. The truth is E after ISO 230-2 without scatter, of 8001 places in both directions, with
 the drive where the table sends it. ``--drift`` prints a second table instead: the noisy screws with few
-targets, on a scale that is wrong and on a machine that warms up while it is measured.
+targets, on a scale that is wrong and on a machine that warms up while it is measured. Names of kinds run
+those alone, ``--few`` only few targets; ``--write`` puts the rows into ``docs/metrology.md``, between the
+comments that name the command, and sums up. Two kinds of measurement come beside the ten screws: one of them
+again at irregular targets, another at even ones that hide its turn.
 """
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import exp, log, pi, sin
+from pathlib import Path
 from random import Random
 from statistics import fmean, median
 from typing import Final
@@ -120,9 +124,11 @@ def short(phases: Sequence[float]) -> tuple[Curve, Curve]:
 KINDS: Final = (
     Kind("straight, 30 µm a metre", 400, straight, 9, 41, 0.4),
     Kind("slow waves, even targets", 500, slow, 13, 51, 0.5, is_even=True),
+    Kind("slow waves, irregular targets", 500, slow, 13, 51, 0.5),
     Kind("drunken, lead 10 told", 500, drunken, 17, 41, 0.4, lead=10.0, spread=10.0),
     Kind("of the issue, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, spread=4.5),
     Kind("of the issue, lead not told", 400, of_the_issue, 21, 81, 0.4, spread=4.5),
+    Kind("of the issue, even targets, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, is_even=True),
     Kind("screw and motor, periods told", 300, geared, 25, 61, 0.4, lead=6.0, turns=(2.0,), spread=4.5),
     Kind("worn in the middle", 400, worn, 17, 41, 0.5),
     Kind("2 m long", 2000, long, 21, 81, 1.0),
@@ -175,9 +181,10 @@ class Case:
     targets: int
     noise_um: float
     true: float
-    predicted: float
+    predicted: float | None
+    """None: not known from these readings."""
     low: float
-    high: float
+    high: float | None
     of_shapes: dict[Shape, float]
     follows: Shape
 
@@ -187,15 +194,16 @@ class Case:
 
     @property
     def is_near(self) -> bool:
-        """Whether the prediction lies near the truth."""
-        return (
+        """Whether the prediction lies near the truth; False where there is none."""
+        return self.predicted is not None and (
             abs(self.true - self.predicted) <= WITHIN_UM or 1 / FACTOR <= self.predicted / self.true <= FACTOR
         )
 
     @property
     def is_within(self) -> bool:
         """Whether the truth lies between the bounds that were predicted."""
-        return self.low - WITHIN_UM / 4 <= self.true <= self.high + WITHIN_UM / 4
+        least = WITHIN_UM / 4
+        return self.low - least <= self.true and (self.high is None or self.true <= self.high + least)
 
     @property
     def is_good(self) -> bool:
@@ -233,18 +241,20 @@ def case(kind: Kind, count: int, noise_um: float, seed: int) -> Case:
         count,
         noise_um,
         true=screw.leaves_um(chosen.table, low, high),
-        predicted=left_out.e * 1000,
+        predicted=None if left_out.e is None else left_out.e * 1000,
         low=left_out.low * 1000,
-        high=left_out.high * 1000,
+        high=None if left_out.high is None else left_out.high * 1000,
         of_shapes=of_shapes,
         follows=chosen.evidence.chosen.shape,
     )
 
 
-def cases(seeds: Sequence[int], kinds: Sequence[Kind] = KINDS) -> Iterator[list[Case]]:
+def cases(
+    seeds: Sequence[int], kinds: Sequence[Kind] = KINDS, *, only_few: bool = False
+) -> Iterator[list[Case]]:
     """Yield every kind with few targets and many, noise-free and noisy; each of these with all seeds."""
     for kind in kinds:
-        for count in (kind.few, kind.many):
+        for count in (kind.few,) if only_few else (kind.few, kind.many):
             for noise in (0.0, kind.noise_um):
                 yield [case(kind, count, noise, seed) for seed in seeds]
 
@@ -256,15 +266,40 @@ def row(found: Sequence[Case]) -> str:
         f"{fmean(each.of_shapes[shape] for each in found):.2f}" if shape in one.of_shapes else "–"
         for shape in Shape
     ]
-    ratio = exp(median(log(each.predicted / each.true) for each in found))
-    true, predicted = (fmean(values) for values in zip(*((c.true, c.predicted) for c in found), strict=True))
-    counts = [
+    true = fmean(each.true for each in found)
+    within, good = (
         f"{sum(whether)}/{len(found)}"
-        for whether in zip(*((each.is_near, each.is_within, each.is_good) for each in found), strict=True)
-    ]
+        for whether in zip(*((each.is_within, each.is_good) for each in found), strict=True)
+    )
+    near = f"{sum(each.is_near for each in found)}/{sum(each.predicted is not None for each in found)}"
+    told = [(each.predicted, each.true) for each in found if each.predicted is not None]
+    if told:
+        predicted = f"{fmean(predicted for predicted, _ in told):.2f}"
+        ratio = f"{exp(median(log(predicted / true) for predicted, true in told)):.2f}"
+    else:
+        predicted, ratio, near = f"≥ {fmean(each.low for each in found):.2f}", "–", "–"
     return (
         f"| {one.kind.name} | {one.targets} | {one.noise_um:g} | {' | '.join(shapes)} | {true:.2f} | "
-        f"{predicted:.2f} | {ratio:.2f} | {' | '.join(counts)} |"
+        f"{predicted} | {ratio} | {near} | {within} | {good} |"
+    )
+
+
+def summary(rows: Sequence[str]) -> str:
+    """Return what all rows together say, from their last columns: near, within and good."""
+    counts = [0, 0, 0]
+    told = total = 0
+    for each in rows:
+        for column, cell in enumerate(each.split(" | ")[-3:]):
+            part, _, of = cell.strip(" |").partition("/")
+            if of:
+                counts[column] += int(part)
+                told += int(of) * (column == 0)
+                total += int(of) * (column == 1)
+    return (
+        f"In {told} of {total} measurements the targets tell what is left between them; there {counts[0]} "
+        f"predictions lie within a factor {FACTOR:g} of the truth (or {WITHIN_UM:g} µm). In {counts[1]} of "
+        f"{total} the truth lies between the bounds, or above the least where no figure is given. "
+        f"{counts[2]} of {total} tables leave at most a tenth more than the best curve does."
     )
 
 
@@ -297,6 +332,7 @@ class Drifting(Screw):
 def drifting_row(kind: Kind, seeds: Sequence[int]) -> str:
     """Return a line of the second table: means over the seeds, each as it is and as it was found."""
     columns: list[list[float]] = []
+    predicted: list[float] = []
     for seed in seeds:
         screw, random = screw_of(kind, seed)
         warming = Drifting(kind, screw.error, screw.lost)
@@ -310,6 +346,7 @@ def drifting_row(kind: Kind, seeds: Sequence[int]) -> str:
         assert found is not None
         assert true is not None
         assert chosen.screw is not None
+        left_out = chosen.screw.left_out(chosen.table)
         e_read, e_found, e_true = (
             evaluate(each).systematic for each in (survey, without_drift(survey, drift), still)
         )
@@ -326,11 +363,14 @@ def drifting_row(kind: Kind, seeds: Sequence[int]) -> str:
                 e_true * 1e3,
                 e_found * 1e3,
                 warming.leaves_um(chosen.table, targets[0], targets[-1]),
-                chosen.screw.leaves(chosen.table) * 1e3,
+                left_out.low * 1e3,
             ]
         )
+        if left_out.e is not None:
+            predicted.append(left_out.e * 1e3)
     means = [fmean(values) for values in zip(*columns, strict=True)]
-    cells = [f"{mean:.1f}" for mean in means[:7]] + [f"{mean:.2f}" for mean in means[7:]]
+    cells = [f"{mean:.1f}" for mean in means[:7]] + [f"{means[7]:.2f}"]
+    cells.append(f"{fmean(predicted):.2f}" if predicted else f"≥ {means[8]:.2f}")
     return f"| {kind.name} | {' | '.join(cells)} |"
 
 
@@ -340,16 +380,57 @@ DRIFTING_HEADING: Final = (
 )
 
 
-def main(seeds: Sequence[int], *, is_drifting: bool) -> None:
-    """Print one of the tables."""
-    lines = [DRIFTING_HEADING if is_drifting else HEADING]
-    rows = (drifting_row(kind, seeds) for kind in KINDS) if is_drifting else map(row, cases(seeds))
-    for each in rows:
-        lines.append(each)
-        sys.stderr.write(f"{each}\n")
-    sys.stdout.write("\n".join(lines) + "\n")
+PAGE: Final = Path(__file__).parents[2] / "docs" / "metrology.md"
+COMMAND: Final = "python -m tests.metrology.screws"
+
+
+def of_page(page: str, command: str) -> tuple[str, str, str]:
+    """Return what stands before, between and behind the comments that name a command."""
+    first, last = f"<!-- {command} -->\n", f"<!-- end of {command} -->\n"
+    before, rest = page.split(first)
+    between, behind = rest.split(last)
+    return before + first, between, last + behind
+
+
+def key(row: str) -> tuple[str, ...]:
+    """Return what a row is of: screw, targets, noise."""
+    return tuple(cell.strip() for cell in row.split("|")[1:4])
+
+
+def updated(text: str, rows: Sequence[str]) -> str:
+    """Return the first table with these rows in the places of old ones, and what all of it says."""
+    fresh = {key(each): each for each in rows}
+    kept = {key(each): each for each in text.splitlines() if each.startswith("| ") and "/8" in each}
+    order = [
+        (kind.name, str(n), f"{e:g}")
+        for kind in KINDS
+        for n in (kind.few, kind.many)
+        for e in (0.0, kind.noise_um)
+    ]
+    whole = [each for place in order if (each := (kept | fresh).get(place))]
+    return "\n".join([HEADING, *whole, "", summary(whole)]) + "\n"
+
+
+def main(told: Sequence[str]) -> None:
+    """Print the rows of one of the tables, of all kinds or of those that are named; see above."""
+    numbers = [int(each) for each in told if each.isdecimal()]
+    names = [each for each in told if not each.isdecimal() and not each.startswith("--")]
+    kinds = [kind for kind in KINDS if not names or kind.name in names]
+    seeds = range(*numbers) if numbers else range(8)
+    is_drifting = "--drift" in told
+    rows = []
+    few = "--few" in told
+    made = map(row, cases(seeds, kinds, only_few=few))
+    found = (drifting_row(kind, seeds) for kind in kinds) if is_drifting else made
+    for each in found:
+        sys.stdout.write(f"{each}\n")
+        sys.stdout.flush()
+        rows.append(each)
+    if "--write" in told:
+        before, old, behind = of_page(PAGE.read_text(), COMMAND + " --drift" * is_drifting)
+        new = "\n".join([DRIFTING_HEADING, *rows, ""]) if is_drifting else updated(old, rows)
+        PAGE.write_text(before + new + behind)
 
 
 if __name__ == "__main__":
-    told = [each for each in sys.argv[1:] if each != "--drift"]
-    main(range(int(told[0])) if told else range(8), is_drifting="--drift" in sys.argv)
+    main(sys.argv[1:])

@@ -112,6 +112,22 @@ def test_a_wrong_scale_is_asked_for_before_a_table() -> None:
 HEADING = "target_mm,direction,run,measured_mm,temperature_c"
 
 
+def test_a_slip_is_not_taken_for_a_wrong_scale() -> None:
+    """Seven readings of 141 µm/m typed by hand, the last as 0.4210 for 0.0421."""
+    heights = (0.0, 0.0071, 0.0148, 0.0216, 0.0289, 0.0357, 0.4210)
+    slipped = [Reading(50.0 * index, UP, 50 * index + height) for index, height in enumerate(heights)]
+    with pytest.raises(ReadingsError) as caught:
+        check_scale("hand.csv", slipped)
+    said = str(caught.value)
+    # The slopes between two of the others are 137 to 154 µm/m.
+    assert "hand.csv: the readings together rise by more than 0.3 mm/m, but most of them by +14" in said
+    assert "300.421 at target 300, forward, is +0.421 away, where the others lead to +0.04" in said
+    check_scale("hand.csv", [*slipped[:6], Reading(300.0, UP, 300.0421)])
+    steep = [Reading(50.0 * index, UP, 50.02 * index) for index in range(7)]
+    with pytest.raises(ReadingsError, match="is no screw but a wrong scale"):
+        check_scale("hand.csv", steep)
+
+
 def test_readings_carry_their_temperature_and_are_normalised_when_asked() -> None:
     text = f"{HEADING}\n0,forward,1,0,24\n500,forward,1,500.03,24\n500,backward,1,500.03,22\n"
     survey = parse_survey(text.encode(), "x.csv")

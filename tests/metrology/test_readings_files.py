@@ -302,6 +302,22 @@ def test_a_run_that_was_filled_in_with_zeros_is_no_way_back() -> None:
     assert len(read(filled.replace("  2   3   0", "  2   3   0.001")).readings) == 12
 
 
+def test_an_rtl_without_its_end_mark_is_named_or_refused() -> None:
+    assert RTL.endswith("\r\nAir temp: 20.1\r\nEOF::\r\n")
+    (said,) = read(RTL.replace("EOF::\r\n", "")).remarks
+    assert said == (
+        "laser.csv: no EOF:: at its end, so it was cut short: behind the readings, which are all there"
+    )
+    # Cut among the deviations: 2.0 may have been 2.04.
+    cut = RTL.partition("\r\n\r\nENVIRONMENT::")[0]
+    assert (
+        "laser.csv:33: the end of the file among the deviations; allowed: EOF:: as the last line"
+        in refused(cut)
+    )
+    assert deviations_um(read(cut + "\r\nEOF::\r\n")) == deviations_um(read(RTL))
+    assert "in section EOF" in refused(RTL + "  3   1   0.0\r\n")
+
+
 @pytest.mark.parametrize("encoding", ["latin-1", "gbk", "cp1250"])
 def test_names_in_the_alphabets_of_old_programs_change_nothing(encoding: str) -> None:
     name = {"latin-1": "Fräse 20 °C", "gbk": "机床一", "cp1250": "frézka č. 1"}[encoding]
@@ -476,8 +492,38 @@ def test_one_target_in_two_spellings_is_still_refused_where_no_blocks_are() -> N
 
 
 def test_stops_that_lie_nowhere_together_are_no_blocks() -> None:
-    spread = BOTH_VARY.replace("25.0040,up,2", "27.0040,up,2")
+    spread = BOTH_VARY.replace("25.0040,up,2", "27.0040,up,2").replace("25.0090,down,2", "23.0090,down,2")
+    spread = spread.replace("50.8101,down,2", "48.8101,down,2")
     assert "target 0.0019, which is 0.0012 in line 2" in refused(spread)
+
+
+def test_a_slip_over_gauge_blocks_is_named_in_its_own_line() -> None:
+    assert refused(BLOCKS.replace("25.0040,up,2", "26.0040,up,2")) == (
+        "laser.csv:9: 26.004, where the other stops at this block lie at 25.0031 to 25.0095; allowed: stops "
+        "of one block near together: a digit slipped, or it is another block's"
+    )
+    two = refused(BLOCKS.replace("25.0040,up,2", "26.0040,up,2").replace("50.0046,up,2", "49.0046,up,2"))
+    assert "laser.csv:9: 26.004" in two
+    assert "laser.csv:10: 49.0046, where the other stops at this block lie at 50.0044 to 50.0104" in two
+    assert "laser.csv:9: 26 at a stop at 25.004, where the others say 25" in refused(
+        BLOCKS.replace("25.0040,up,2,25", "25.0040,up,2,26")
+    )
+
+
+def test_the_dro_and_the_block_may_be_called_so() -> None:
+    """Whichever column stands first, and whichever is round: the DRO is where the control went."""
+    same = read(BLOCKS)
+    named = BLOCKS.replace("target_mm,direction,run,measured_mm", "dro_mm,direction,run,block_mm")
+    assert read(named).readings == same.readings
+    turned = "block_mm,direction,run,dro_mm\n" + "".join(
+        f"{block},{way},{run},{dro}\n"
+        for dro, way, run, block in (line.split(",") for line in BLOCKS.splitlines()[1:])
+    )
+    assert read(turned).readings == same.readings
+    both = turned.replace("block_mm", "target_mm")
+    assert "laser.csv:1: 'dro_mm' beside 'target_mm' in the heading" in refused(both)
+    sheet = "dro_mm,measured_mm\n0.001,0\n25.003,25\n50.004,50\n49.994,50\n24.99,25\n-0.01,0\n"
+    assert read(sheet.replace("measured", "block")).readings == read(sheet).readings
 
 
 def test_what_was_understood_is_one_line() -> None:

@@ -16,9 +16,9 @@ from gateway.metrology.lead import (
     aliased_warning,
     is_aliased,
     lead_warnings,
+    may_be_more,
     periods_of,
     shown_by,
-    unknown_lead,
     unseen,
 )
 from gateway.metrology.process import ANALYTIC, Kind, Samples, fitted
@@ -83,39 +83,104 @@ def test_the_warning_names_what_to_measure() -> None:
     assert "the targets lie 10 mm apart, a multiple, or near one, of lead 5 and half of lead 5" in said
     assert "--from 150 --to 160 --step 0.625" in said
     assert "--spread 5" in said
-    told = unknown_lead(targets, "mm")
-    assert told is not None
-    assert "every 10, 5, 3.33333… mm" in told
-    assert unknown_lead(RANDOM_TARGETS, "mm") is None
+    (told,) = lead_warnings(targets, (), Units.MM)
+    assert "the targets lie 10 mm apart: an error that repeats every 10, 5, 3.33333… mm" in told
+    assert lead_warnings(RANDOM_TARGETS, (), Units.MM) == []
 
 
 def test_an_even_grid_may_show_a_turn_as_a_slower_wave() -> None:
     """A step of 6 mm is 1.2 turns of 5 mm: the angle comes back after five steps, a wave of 30 mm."""
     targets = [6.0 * index for index in range(67)]
     assert not is_aliased(targets, 5.0)
-    (said,) = lead_warnings(targets, [Period(5.0, "lead 5")], "mm")
+    (said,) = lead_warnings(targets, [Period(5.0, "lead 5")], Units.MM)
     assert "lead 5 like one of 30 mm" in said
     assert "--spread 5" in said
-    assert [each.name for each in unseen(targets, periods_of(5.0))] == ["lead 5"]
+    assert [each.name for each in unseen(targets, periods_of(5.0), Units.MM)] == ["lead 5"]
     # 7 mm are 1.4 turns of 5 and 2.8 of 2.5: the second looks like a wave of five steps.
-    assert [each.name for each in unseen([7.0 * index for index in range(50)], periods_of(5.0))] == [
-        "half of lead 5"
-    ]
+    assert [
+        each.name for each in unseen([7.0 * index for index in range(50)], periods_of(5.0), Units.MM)
+    ] == ["half of lead 5"]
     # Steps of a quarter turn, and random targets, leave nothing open.
-    assert unseen([0.625 * index for index in range(50)], periods_of(5.0)) == ()
-    assert unseen(RANDOM_TARGETS, periods_of(5.0)) == ()
+    assert unseen([0.625 * index for index in range(50)], periods_of(5.0), Units.MM) == ()
+    assert unseen(RANDOM_TARGETS, periods_of(5.0), Units.MM) == ()
 
 
-def test_what_such_a_grid_hides_is_told_beside_the_prediction() -> None:
-    """The error of the issue comes and goes along the screw: its table leaves more than the bounds say."""
+def test_targets_beside_an_even_grid_are_one_too() -> None:
+    """Stops up to 0.2 mm beside a grid of 20 mm, as a DRO shows them: a turn of 5 mm does not show."""
+    beside = (0.1, -0.2, 0.0, 0.15, -0.1, 0.2, -0.05, 0.05)
+    targets = [20.0 * index + beside[index % 8] for index in range(17)]
+    assert [each.length for each in unseen(targets, periods_of(5.0), Units.MM)] == [5.0, 2.5]
+    (hidden,) = unseen(targets, (), Units.MM)
+    assert hidden.length == pytest.approx(20.0, abs=0.02)
+    assert "about 20 mm apart" in lead_warnings(targets, (), Units.MM)[0]
+    # The same beside a grid of 6 mm, of which one target is missing.
+    slow = [6.0 * index + beside[index % 8] for index in range(40) if index != 7]
+    assert [each.name for each in unseen(slow, periods_of(5.0), Units.MM)] == ["lead 5"]
+
+
+@pytest.mark.parametrize("spread", [2.0, 4.5])
+def test_random_targets_that_leave_a_turn_as_long_as_their_step_half_hidden_are_near_a_grid(
+    spread: float,
+) -> None:
+    """21 targets 20 mm apart, on a lead of 20 mm that nobody told: 4.5 mm are no quarter of a turn."""
+    near = [float(x) for x in random_targets(0.0, 400.0, 21, seed=0, spread=spread)]
+    assert len(unseen(near, (), Units.MM)) == 1
+    assert unseen(near, periods_of(5.0), Units.MM) == ()
+    assert [each.length for each in unseen(near, periods_of(20.0), Units.MM)][:1] == [20.0]
+    wide = [float(x) for x in random_targets(0.0, 400.0, 21, seed=0, spread=9.0)]
+    assert unseen(wide, (), Units.MM) == ()
+
+
+def test_the_upper_bound_holds_a_turn_as_long_as_the_step_where_no_lead_is_told() -> None:
+    """81 targets 5 mm apart, moved by up to 1.5 mm as usual, on a screw of the lead 5 mm."""
+    kind = next(each for each in screws.KINDS if "issue, lead not told" in each.name)
+    screw, random = screws.screw_of(kind, 0)
+    targets = [float(x) for x in random_targets(0.0, 400.0, 81, seed=0)]
+    chosen = screws.built(screw.survey(targets, 0.4, random), kind, Fit.AUTO)
+    assert chosen.screw is not None
+    left_out = chosen.screw.left_out(chosen.table)
+    assert left_out.e is not None
+    assert left_out.high is not None
+    true = screw.leaves_um(chosen.table, targets[0], targets[-1]) / 1000
+    # Half of the turn is seen: the figure is too small, the bound is not.
+    assert 1.5 * left_out.e < true < left_out.high
+    assert may_be_more(targets, periods_of(5.0), Units.MM) == 1.0
+    # A mean vector of 0.86 leaves the square root of 1 - 0.74 to be seen.
+    assert may_be_more(targets, (), Units.MM) == pytest.approx(2.0, abs=0.3)
+
+
+def test_a_grid_too_fine_for_any_screw_hides_nothing_though_no_lead_is_told() -> None:
+    """On steps of 1.5 mm only turns of 2 mm and less look like a wave of four steps and more."""
+    assert unseen([1.5 * index for index in range(50)], (), Units.MM) == ()
+    assert len(unseen([1.6 * index for index in range(50)], (), Units.MM)) == 1
+    assert unseen([0.059 * index for index in range(50)], (), Units.INCH) == ()
+    assert len(unseen([0.06 * index for index in range(50)], (), Units.INCH)) == 1
+    # An angle says nothing of that kind.
+    assert len(unseen([0.5 * index for index in range(50)], (), Units.DEGREE)) == 1
+
+
+@pytest.mark.parametrize("step", [5.0, 10.0])
+def test_a_fine_run_of_two_turns_shows_the_turn_beside_however_long_a_grid(step: float) -> None:
+    targets = sorted({*(step * index for index in range(201)), *(500 + 0.625 * index for index in range(17))})
+    assert not is_aliased(targets, 5.0)
+    assert unseen(targets, periods_of(5.0), Units.MM) == ()
+
+
+@pytest.mark.parametrize("step", [20.0, 6.0, 5.0])
+def test_what_a_grid_hides_makes_the_prediction_unknown(step: float) -> None:
+    """The error of the issue comes and goes along the screw; of steps of 20 mm 0.5 µm would be said."""
     kind = next(each for each in screws.KINDS if "lead 5 told" in each.name)
     screw = screws.screw_of(kind, 2)[0]
-    targets = [6.0 * index for index in range(67)]
+    targets = [step * index for index in range(int(400 / step) + 1)]
     chosen = screws.built(screw.survey(targets, 0.4, Random(2)), kind, Fit.AUTO)
     assert chosen.screw is not None
     left_out = chosen.screw.left_out(chosen.table)
-    assert screw.leaves_um(chosen.table, 0.0, targets[-1]) > 1000 * left_out.high
-    assert [each.name for each in left_out.unseen] == ["lead 5"]
+    assert (left_out.e, left_out.high) == (None, None)
+    assert 0 < left_out.low < screw.leaves_um(chosen.table, 0.0, targets[-1]) / 1000
+    assert "lead 5" in [each.name for each in left_out.unseen]
+    assert left_out.unknown.startswith(
+        "not known from these readings: their targets do not tell what repeats"
+    )
 
 
 @pytest.mark.parametrize("lead", [0.0, -5.0, float("nan"), float("inf")])
@@ -298,6 +363,8 @@ def test_the_bounds_of_a_prediction_hold_it_and_lie_a_factor_apart() -> None:
     found = screw_of(survey(RANDOM_TARGETS, lambda x: 0.003 * sin(x / 40)).readings, Units.MM)
     nothing = make_table([0.0, 300.0], [0.0, 0.0], [0.0, 0.0], Units.MM)
     left_out = found.left_out(nothing)
+    assert left_out.e is not None
+    assert left_out.high is not None
     assert left_out.e == found.leaves(nothing)
     assert left_out.low <= left_out.e / 1.5
     assert left_out.high >= left_out.e * 1.5
@@ -311,5 +378,12 @@ def test_a_table_leaves_what_it_says_and_no_more_than_the_best(kind: screws.Kind
     sys_out = [screws.row([each]) for each in found]
     print("\n".join(sys_out))  # noqa: T201
     assert all(each.is_good for each in found)
-    assert sum(each.is_near for each in found) >= 3
     assert sum(each.is_within for each in found) >= 3
+    told = [each for each in found if each.predicted is not None]
+    assert sum(each.is_near for each in told) >= len(told) - 1
+    # At even targets, where no lead is told or the lead is hidden, there is no figure; nor where few random
+    # ones happen to lie near a grid.
+    if kind.is_even and kind.length > 200:
+        assert told == []
+    else:
+        assert len(told) >= 3

@@ -25,14 +25,15 @@ def test_a_customer_reads_what_it_was_and_what_it_is() -> None:
 
 def test_a_prediction_is_called_one() -> None:
     # Without a ratio: the readings that a table was made of vanish in its prediction.
-    words = "Axis x was accurate to 21.7 µm and is predicted to be accurate to 2.2 µm."
+    words = "Axis x was accurate to 21.7 µm and is predicted to be accurate to 2.2 µm at the targets."
     assert said(is_predicted=True) == words
 
 
 @pytest.mark.parametrize("is_predicted", [True, False])
 def test_nothing_left_is_not_so_many_times_better(is_predicted: bool) -> None:
     now = "is predicted to be" if is_predicted else "is now"
-    words = f"Axis x was accurate to 21.7 µm and {now} accurate to 0.00 µm."
+    where = " at the targets" if is_predicted else ""
+    words = f"Axis x was accurate to 21.7 µm and {now} accurate to 0.00 µm{where}."
     assert said(after=survey(1e-13), is_predicted=is_predicted) == words
 
 

@@ -147,7 +147,7 @@ def test_it_tells_everything_that_was_given(page: Page) -> None:
 
 def test_a_prediction_is_marked_wherever_it_stands() -> None:
     predicted = Page(report(story(is_predicted=True)))
-    assert predicted.tables[0][0] == ["quantity", "before", "after, predicted", "left over"]
+    assert predicted.tables[0][0] == ["quantity", "before", "after, predicted at the targets", "left over"]
     for words in (
         "After (predicted): 2 targets",
         "Residue after compensation, magnified (predicted)",

@@ -184,6 +184,43 @@ def test_l6_two_rows_with_digits_exchanged() -> None:
     assert "the others lead to 0.01435 there" in found[0].message  # half way from 0.0071 to 0.0216
 
 
+@pytest.mark.parametrize("count", [12, 18, 19, 31])
+def test_l6_names_two_slips_in_one_curve_where_one_is_ten_times_the_other(count: int) -> None:
+    """A bow that bends by 0.2 µm; one value is 0.1 mm too high, another 0.01 mm too low."""
+    bow = [0.0001 * index * index for index in range(count)]
+    back = [c - 0.012 for c in bow]
+    slipped = list(bow)
+    slipped[3] += 0.1
+    slipped[8] -= 0.01
+    found = [lint for lint in microns(slipped, back).lints if lint.code == "L6"]
+    assert sorted(lint.message.split(" mm ")[0].split(" at ")[1] for lint in found) == ["30", "80"]
+    assert {lint.line for lint in found} == {9, 14}
+    # So are two side by side.
+    slipped = list(bow)
+    slipped[5] += 0.03
+    slipped[6] -= 0.04
+    found = [lint for lint in microns(slipped, back).lints if lint.code == "L6"]
+    assert {lint.line for lint in found} == {11, 12}
+
+
+def test_l6_of_a_rough_curve_names_its_worst_point_alone() -> None:
+    """Six points of thirty, two and two side by side, of which one lies higher than the others."""
+    rough = [0.0] * 30
+    for index in (5, 6, 12, 13, 19, 20):
+        rough[index] = 0.01
+    rough[12] = 0.03
+    found = [lint for lint in microns(rough, [c - 0.012 for c in rough]).lints if lint.code == "L6"]
+    assert [lint.line for lint in found] == [18, 18]  # of both directions
+
+
+def test_l15_is_silent_of_a_screw_that_is_worn_in_one_place() -> None:
+    """12 µm, and up to 20 µm more in the middle of thirty points; readings scatter by half a micron."""
+    bump = {11: 2, 12: 6, 13: 12, 14: 18, 15: 20, 16: 18, 17: 12, 18: 6, 19: 2}
+    back = [(0.0, -0.0004, 0.0004, 0.0001)[index % 4] for index in range(30)]
+    worn = [(12 + bump.get(index, 0) + (0.0, 0.5, -0.5)[index % 3]) / 1000 for index in range(30)]
+    assert not {"L6", "L15"} & codes(microns(worn, back))
+
+
 @pytest.mark.parametrize("count", [5, 6, 7])
 def test_l6_sees_a_slip_in_five_points_and_none_in_a_bow(count: int) -> None:
     bow = [0.0005 * index * index for index in range(count)]

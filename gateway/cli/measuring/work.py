@@ -131,7 +131,7 @@ class _Work:
             self._place, seen, left, instrument.title, Pace(self._wish.scale.dwell_s, self._wish.speed)
         ):
             typer.echo(text, err=True)
-        for warning in lead_warnings(plan.targets, self._periods, self._units.value):
+        for warning in lead_warnings(plan.targets, self._periods, self._units):
             typer.echo(f"  lead          {warning}", err=True)
         self._ask()
         showing = self._showing(instrument)

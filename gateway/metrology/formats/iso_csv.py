@@ -5,13 +5,16 @@ Grammar (ours; the standard prescribes no file)::
     file    := comment* heading line*
     comment := "#" key ":" fact                        a fact about the measurement; "axis" is the axis
     heading := names, separated by a tab, a semicolon or a comma, in any order
-    names   := "target_" UNIT, "direction", "run", and one of "measured_" UNIT, "deviation_" SMALL_UNIT
+    names   := "target_" UNIT or "dro_" UNIT, "direction", "run", and one of "measured_" UNIT,
+               "block_" UNIT, "deviation_" SMALL_UNIT
     UNIT    := "mm" | "inch" | "deg"
     SMALL_UNIT := UNIT | "um" (with mm) | "tenth" (0.0001 inch) | "arcsec" (with deg)
     line    := as many cells as the heading has names
 
-``measured`` is where the instrument saw the nut, ``deviation`` that less the target. ``direction`` is the way
-in which the target was approached: forward, up, + or backward, down, -. ``run`` counts from 1. A name
+``measured`` is where the instrument saw the nut, ``deviation`` that less the target. Over gauge blocks the
+DRO is where the control went (``dro``), and the block, at which the dial shows 0, is where the nut stands
+(``block``). ``direction`` is the way in which the target was approached: forward, up, + or backward, down, -.
+``run`` counts from 1. A name
 without its unit needs the units told. ``temperature_c``, that of the screw, may stand beside them; ``time``
 and ``note`` too, which are not read.
 """
@@ -48,6 +51,7 @@ _DIRECTIONS: Final = {
     "-": Direction.BACKWARD,
 }
 _NAMES: Final = ("target", "direction", "run", "measured", "deviation", "temperature", "time", "note")
+_OVER_BLOCKS: Final = {"dro": "target", "block": "measured"}
 _MAX_RUN: Final = 1000
 COLDEST_C: Final = -20.0
 WARMEST_C: Final = 80.0
@@ -59,11 +63,10 @@ def recognise(source: SourceText) -> bool:
     cells = [words(cell) for cell in found[0].text.split(found[1])] if found else []
     names = {name for cell in cells for name in cell}
     # "run 1" is one of several columns.
-    return (
-        "target" in names
-        and "dro" not in names
-        and (not names.isdisjoint({"direction", "measured", "deviation"}) or ("run",) in cells)
-    )
+    is_listed = "direction" in names or ("run",) in cells
+    if "dro" in names:
+        return is_listed
+    return "target" in names and (is_listed or not names.isdisjoint({"measured", "deviation"}))
 
 
 def read(source: SourceText, context: ReadingsContext) -> Survey:
@@ -98,6 +101,14 @@ def _places(source: SourceText, sheet: Sheet) -> dict[str, int]:
     for index, name in enumerate(sheet.names):
         parts = words(name)
         what = parts[0] if parts else ""
+        if what in _OVER_BLOCKS:
+            if (other := _OVER_BLOCKS[what]) in places:
+                raise source.error(
+                    f"{shown(name)} beside {shown(sheet.names[places[other]])} in the heading",
+                    "the DRO as dro_mm, and the gauge block, or what the instrument shows, as block_mm",
+                    line=sheet.heading.number,
+                )
+            what = other
         if what not in _NAMES or what in places:
             twice = "a second " if what in places else ""
             raise source.error(f"{twice}{shown(name)} in the heading", HEADING, line=sheet.heading.number)

@@ -3,8 +3,8 @@
 Grammar::
 
     file    := comment* heading line*
-    heading := a name with "DRO" in it, one with "measured", and perhaps one with "correction"; separated by
-               a tab, a semicolon or a comma; a unit in any of them is that of the file
+    heading := a name with "DRO" in it, one with "measured" or "block", and perhaps one with "correction";
+               separated by a tab, a semicolon or a comma; a unit in any of them is that of the file
     line    := as many numbers as the heading has names
 
 The DRO shows where the control believes the axis to be, the instrument measures where it is. The order of the
@@ -33,9 +33,11 @@ _COLUMNS: Final = ("dro", "measured", "correction")
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the heading has a DRO in it."""
+    """Whether the heading has a DRO in it, and no directions."""
     found = heading_of(source)
-    return found is not None and any("dro" in words(cell) for cell in found[0].text.split(found[1]))
+    cells = [words(cell) for cell in found[0].text.split(found[1])] if found else []
+    names = {name for cell in cells for name in cell}
+    return "dro" in names and "direction" not in names and ("run",) not in cells
 
 
 def read(source: SourceText, context: ReadingsContext) -> Survey:
@@ -63,7 +65,8 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
 def _places(source: SourceText, sheet: Sheet) -> dict[str, int]:
     places: dict[str, int] = {}
     for index, name in enumerate(sheet.names):
-        found = [what for what in _COLUMNS if what in words(name)]
+        parts = ["measured" if part == "block" else part for part in words(name)]
+        found = [what for what in _COLUMNS if what in parts]
         if len(found) != 1 or found[0] in places:
             raise source.error(f"{shown(name)} in the heading", HEADING, line=sheet.heading.number)
         unit = unit_of(name)

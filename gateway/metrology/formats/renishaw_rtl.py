@@ -67,6 +67,7 @@ class _File:
     deviations: list[tuple[int, int, int, float]] = field(default_factory=list)
     """Line, run, target, deviation in µm."""
     facts: dict[str, str] = field(default_factory=dict)
+    last_section: str = ""
 
 
 def recognise(source: SourceText) -> bool:
@@ -83,6 +84,7 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
             twice, runs whose direction nothing proves.
     """
     file = _parse(source)
+    unfinished = _check_end(source, file)
     count = len(file.targets)
     _check_count(source, "Target-count", file.target_count, count, "targets")
     runs = _runs(source, file)
@@ -97,7 +99,7 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
             rows.append(Row(line, position, ways[number], run, position + deviation * _MM_PER_UM))
     units = settled_units(source, context, Units.MM)
     axis = settled_axis(source, context, file.facts.get("Axis"))
-    return to_survey(source, rows, units, axis=axis, facts=file.facts, remarks=remark)
+    return to_survey(source, rows, units, axis=axis, facts=file.facts, remarks=(*unfinished, *remark))
 
 
 def _parse(source: SourceText) -> _File:
@@ -136,7 +138,28 @@ def _parse(source: SourceText) -> _File:
             file.deviations.append(_deviation(source, line))
         else:
             raise source.error(f"{shown(line.text)} in section {section or 'none'}", TITLE, line=line.number)
+    file.last_section = section
     return file
+
+
+def _check_end(source: SourceText, file: _File) -> list[str]:
+    """Return what is to be said of a file without its end mark.
+
+    Raises:
+        TabFileError: it ends among the deviations, so that digits of the last one may be lost.
+    """
+    if file.last_section == "EOF":
+        return []
+    if file.last_section == "DEVIATIONS":
+        raise source.error(
+            "the end of the file among the deviations",
+            "EOF:: as the last line: the file is cut short, and digits of its last number may be lost; copy "
+            "it again, or end it so where you know that it is whole",
+            line=source.last_line,
+        )
+    return [
+        f"{source.name}: no EOF:: at its end, so it was cut short: behind the readings, which are all there"
+    ]
 
 
 def _target_line(source: SourceText, file: _File, line: Line, *, in_targets: bool) -> bool:

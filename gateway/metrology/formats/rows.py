@@ -10,6 +10,8 @@ from typing import Final, NamedTuple
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.readings import APPROACHES, NEAR, Reading, Survey
+from gateway.tabfile.csv_text import MAX_PROBLEMS
+from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.text import SourceText
 
 FAR: Final = 0.5
@@ -19,6 +21,10 @@ LEAST_BLOCKS: Final = 3
 """Fewer sizes may come back by chance."""
 TOGETHER: Final = 0.03
 """Of the way to the next block: readings of one block lie as near to each other."""
+MOST_ASTRAY: Final = 2
+"""More stops that lie beside those of their block are no slips."""
+LEAST_STOPS: Final = 3
+"""Of two sizes for one block nobody can tell which is wrong."""
 _MOST_DECIMALS: Final = 9
 
 
@@ -50,7 +56,7 @@ def to_survey(
     """
     if not rows:
         raise source.error("no reading", "a line for each stop: target, direction, run, reading")
-    rows, grouped = _at_blocks(rows)
+    rows, grouped = _at_blocks(source, rows)
     if grouped:
         remarks = (*remarks, f"{source.name}: {grouped}")
     _check_spelling(source, rows)
@@ -69,7 +75,7 @@ def to_survey(
     )
 
 
-def _at_blocks(rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
+def _at_blocks(source: SourceText, rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
     """Put readings over gauge blocks at their blocks, where no run stopped at quite the same number.
 
     Whoever brings a gauge to 0 at each block and writes down the DRO has other targets in each run and always
@@ -77,6 +83,9 @@ def _at_blocks(rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
     has as many stops as there are blocks, and what belongs to one lies together, far from all others. The
     deviation stays what it is; it belongs to the block instead of to a place a few micrometres beside it.
     Returns what was done, in words; empty where nothing was.
+
+    Raises:
+        TabFileError: but for one or two stops it would be so.
     """
     stops = Counter((row.direction, row.run) for row in rows)
     count = max(stops.values())
@@ -87,8 +96,12 @@ def _at_blocks(rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
     between = min(after[0] - before[-1] for before, after in pairwise(groups))
     varying = sum(len(group) > 1 for group in groups)
     # Where few of them vary, numbers were mistyped.
-    if 2 * varying < count or max(group[-1] - group[0] for group in groups) > TOGETHER * between:
+    if 2 * varying < count:
         return rows, ""
+    if max(group[-1] - group[0] for group in groups) > TOGETHER * between:
+        _check_astray(source, rows, groups, TOGETHER * between)
+        return rows, ""
+    _check_sizes(source, rows, groups, TOGETHER * between)
     blocks = {}
     for group in groups:
         read = [row.measured for row in rows if group[0] <= row.target <= group[-1]]
@@ -107,6 +120,52 @@ def _at_blocks(rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
     if starts[0] < starts[-1]:
         said += f"; the runs begin at {starts[0]:.9g} to {starts[-1]:.9g}, which counts as scatter"
     return moved, said
+
+
+def _check_astray(
+    source: SourceText, rows: Sequence[Row], groups: Sequence[Sequence[float]], reach: float
+) -> None:
+    """Name the stops without which those of each block lie together, where they are few."""
+    problems: list[Problem] = []
+    for group in groups:
+        stops = [row for row in rows if group[0] <= row.target <= group[-1]]
+        middle = median(row.target for row in stops)
+        sound = [row.target for row in stops if abs(row.target - middle) <= reach]
+        if max(sound) - min(sound) > reach:
+            return
+        problems.extend(
+            source.problem(
+                f"{row.target:.9g}, where the other stops at this block lie at {min(sound):.9g} to "
+                f"{max(sound):.9g}",
+                "stops of one block near together: a digit slipped, or it is another block's",
+                line=row.line,
+            )
+            for row in stops
+            if abs(row.target - middle) > reach
+        )
+    if 0 < len(problems) <= MOST_ASTRAY:
+        raise TabFileError(*problems)
+
+
+def _check_sizes(
+    source: SourceText, rows: Sequence[Row], groups: Sequence[Sequence[float]], reach: float
+) -> None:
+    """Name a block that is said to be another than at its other stops."""
+    problems: list[Problem] = []
+    for group in groups:
+        stops = [row for row in rows if group[0] <= row.target <= group[-1]]
+        usual = median(row.measured for row in stops)
+        problems.extend(
+            source.problem(
+                f"{row.measured:.9g} at a stop at {row.target:.9g}, where the others say {usual:.9g}",
+                "one size for one block",
+                line=row.line,
+            )
+            for row in stops
+            if len(stops) >= LEAST_STOPS and abs(row.measured - usual) > reach
+        )
+    if problems:
+        raise TabFileError(*problems[:MAX_PROBLEMS])
 
 
 def _nearest(targets: Sequence[float], count: int) -> list[Sequence[float]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from gateway.metrology.evaluation import Approach, Evaluation
 from gateway.report.envelope import thinned
 from gateway.report.figures.panel import Panel, curve, dress, legend
-from gateway.report.findings import Findings, about_readings
+from gateway.report.findings import Findings, count_of_readings
 from gateway.report.ink import BACKWARD, BACKWARD_STYLE, FORWARD, FORWARD_STYLE
 
 if TYPE_CHECKING:
@@ -45,10 +45,10 @@ def _panel(
         legend(axes)
 
     if when == "after" and found.before is not None:
-        about = f"The same after compensation, on the same scale: {about_readings(evaluation)}."
+        about = f"The same after compensation, on the same scale: {count_of_readings(evaluation)}."
     else:
         about = (
-            f"Deviation of the nut from each target: {about_readings(evaluation)}. Positive: the nut went "
+            f"Deviation of the nut from each target: {count_of_readings(evaluation)}. Positive: the nut went "
             "too far. Dots are single readings, the line is their mean"
         )
         about += ", the band two standard deviations (2s) to either side." if _has_bands(evaluation) else "."
