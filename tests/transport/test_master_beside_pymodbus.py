@@ -1,4 +1,4 @@
-"""What the master of the tools has to keep, tried on pymodbus's client and on our own (decision 30).
+"""What the master of the tools has to keep, tried on pymodbus's client and on our own (decision 32).
 
 Each test lets both ask the same drive, over real sockets and pseudo terminals. Where one of those that show a
 fault of pymodbus fails with a newer release, the decision wants to be looked at again.
