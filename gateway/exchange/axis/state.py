@@ -494,7 +494,7 @@ class AxisState:
     def _holds_target(self, number: int) -> bool:
         """Whether the words of a command field are the last accepted target, in both frames.
 
-        Not those of a distance, of a position written where it means nothing, or of which a word was replaced.
+        Not those of a distance, of a position written where it means nothing, or with a word replaced.
         """
         accepted, image, field_ = self.compensation.accepted, self.fields[number], self.plan.command[number]
         if accepted is None or image.nominal_words is None or image.corrected_words is None:
