@@ -667,8 +667,12 @@ class LineExchange:
             self._answer_for_dead(each, now_ns)
 
     def _send_once_more(self, stop: Transaction, now_ns: int) -> None:
-        """End a stop that left early and was not answered; its controller waits for the next one."""
-        self._waiting.add_again(stop.once_more())
+        """End a stop that left early and was not answered; its controller waits for the next one.
+
+        Where that has given up on it and the same stop waits already, that one is the next.
+        """
+        if not (stop.is_orphan and any(each.is_same_stop(stop) for each in self._waiting)):
+            self._waiting.add_again(stop.once_more())
         self._ends.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
 
     def _start(self, transaction: Transaction, now_ns: int) -> None:

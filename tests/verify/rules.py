@@ -499,7 +499,7 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     low, high = sorted(_branches(world, aim.nominal_counts, aim))
     beside = world.design.beside_counts
     for way in (axis.stopped, axis.run):
-        if way is not None and (way is axis.stopped or way.is_set_out):
+        if way is not None and (way is axis.stopped or (way.is_set_out and way.is_told)):
             _judge_side(world, axis, way, aim)
     if not any(low - beside <= each <= high + beside for each in (aim.from_counts, axis.stands_counts)):
         raise BrokenRuleError(
