@@ -257,7 +257,6 @@ class Transaction:
 
     def begin_anew(self) -> None:
         """Something else goes first: what it needs is found out anew when its turn comes, and read again."""
-        self.added = None
         self.known = Known()
 
     def carry(self, path: FastPath, target: SteadyTarget) -> None:

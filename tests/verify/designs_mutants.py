@@ -5,7 +5,7 @@ from typing import Final
 
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, ModePlan, MotionPlan, TriggerPlan
-from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
+from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.staged_bench import ALARM_BIT, BITS, COMMANDED, DEEDS, MODE, RUN, TRIGGER
 from tests.verify.designs_frames import SERIAL
@@ -304,22 +304,20 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
         ),
         small_staged(
             "s-two-stops",
-            "two axes and two controllers: the stop of one goes before what the other one needs first",
+            "two axes: the stop of one goes before what a trigger of the other needs first",
             staged(),
             staged(name="y", unit_id=2),
             menu=("to", "run", "stop"),
             targets=(9007,),
-            controllers=(
-                ControllerPlan("cnc", timeout_ms=float(TICK_MS)),
-                ControllerPlan("pendant", timeout_ms=float(TICK_MS)),
-            ),
+            is_serial=False,
+            most_asked=2,
             happenings=("arrive",),
             checks_way_back=False,
             ways=(
                 (
                     *ask("to", 0),
                     ("ask", 0, "run", 0),
-                    ("ask", 1, "stop", 1),
+                    ("ask", 0, "stop", 1),
                     SETTLE,
                 ),
             ),
