@@ -71,23 +71,17 @@ def test_m1_writing_the_speed_runs_the_target_that_stands_there() -> None:
 
 
 def test_m1_it_runs_a_target_of_which_one_word_came_where_the_drive_holds_it_right() -> None:
-    """65 520 is 0x0000_FFF0, told 0x0000_FFFA; 0x0001 before it makes 131 056, told 131 066: 0x0001_FFFA."""
+    """70 000, 0x0001_1170, is told 0x0001_117A; 135 536, 0x0002_1170, is told 0x0002_117A."""
     bench = starting_bench()
-    bench.ask(write(TARGET, 65_520))
-    bench.memory.put(ACTUAL, 65_530)  # coming down it is told 65 510, and then up again
+    bench.ask(write(TARGET, 70_000))
+    bench.memory.put(ACTUAL, 70_010)
     bench.wait(1000)
-    bench.ask(write(TARGET, 60_000))
-    bench.memory.put(ACTUAL, 59_990)
-    bench.wait(1000)
-    bench.ask(write(TARGET, 65_520))
-    assert bench.memory.get(TARGET) == 65_530
-    high = bytes.fromhex("06 9900 0001")
-    bench.ask(high)
+    bench.ask(HIGH_WORD)
     bench.seen.clear()
     assert bench.ask(SPEED_ALONE) == SPEED_ALONE[:5]
     assert writes(bench) == [SPEED_ALONE]
-    assert bench.memory.get(TARGET) == 131_066
-    assert told(bench) == (131_056, 131_066)
+    assert bench.memory.get(TARGET) == 135_546
+    assert told(bench) == (135_536, 135_546)
 
 
 def test_m2_the_relative_flag_counts_for_one_move_only() -> None:
@@ -126,7 +120,7 @@ def test_m3_a_starting_word_after_a_lost_one_is_refused() -> None:
     assert bench.ask(bytes.fromhex("10 9904 0002 04 0000 1388")) == bytes.fromhex("90 04")
 
 
-# --- what the gateway adds starts nothing (M2, W8) ----------------------------------------------------------
+# --- what the gateway adds starts nothing (M2, W5) ----------------------------------------------------------
 
 
 def arrived_bench(**changes: object) -> Bench:
